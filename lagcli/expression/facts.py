@@ -1,0 +1,208 @@
+"""What can be said about an expression before any dynamics: its value if constant, what it depends on, its degree.
+
+This is one more algebra for `evaluate`. It finds what is wrong with a formula and where: a name that is not
+known or not allowed, a constant that is not finite, a differential that enters nonlinearly.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any, Literal
+
+from lagcli.expression import evaluate, tree
+from lagcli.expression.tree import ExpressionError
+
+Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mass", "result"]
+
+NONLINEAR = 9
+
+NOTHING: frozenset[Flag] = frozenset()
+PLACE: frozenset[Flag] = frozenset(("position", "time"))
+POSITION: frozenset[Flag] = PLACE | {"cartesian"}
+MOTION: frozenset[Flag] = POSITION | {"velocity"}
+FORCE: frozenset[Flag] = MOTION | {"mass"}
+DIFFERENTIAL: frozenset[Flag] = MOTION | {"differential"}
+OUTPUT: frozenset[Flag] = MOTION | {"result"}
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Facts:
+    """About a scalar: `value` if it depends on parameters only, what it `reads`, and its lowest and highest
+    degree in differentials and velocities (`low`, `high`)."""
+
+    value: float | None = None
+    reads: frozenset[Flag] = NOTHING
+    low: int = 0
+    high: int = 0
+
+
+FLAG_ERRORS: dict[str, tuple[str, str]] = {
+    "position": ("position-not-allowed", "may not depend on positions or coordinates"),
+    "cartesian": ("position-not-allowed", "may not depend on the positions of Cartesian particles"),
+    "velocity": ("velocity-not-allowed", "may not depend on velocities or rates"),
+    "time": ("time-not-allowed", "may not depend on the time `t`"),
+    "differential": ("differential-not-allowed", "may not hold differentials"),
+    "mass": ("name-not-allowed", "may not use the particle's own mass"),
+    "result": ("result-not-allowed", "may not depend on multipliers, reactions or energies"),
+}
+
+
+class FactsAlgebra:
+    """Facts as an algebra.
+
+    lookup: gives the facts of a name; allowed: what the expression may read; subject: how the error calls
+    the expression ("a potential"); linear: whether degrees above one in differentials are errors.
+    """
+
+    def __init__(
+        self,
+        lookup: Callable[[tree.Node], Any],
+        allowed: frozenset[Flag],
+        subject: str,
+        linear: bool = False,
+    ) -> None:
+        self._lookup = lookup
+        self._allowed = allowed
+        self._subject = subject
+        self._linear = linear
+
+    def number(self, node: tree.Number) -> Facts:
+        return Facts(self._finite(node, float(node.text)))
+
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
+        return self._leaf(node, self._lookup(node))
+
+    def special(self, node: tree.Call) -> Any:
+        if node.function == "d":
+            return self._differential(node)
+        return self._leaf(node, self._lookup(node))
+
+    def _leaf(self, node: tree.Node, value: Any) -> Any:
+        parts = value if isinstance(value, tuple) else (value,)
+        for part in parts:
+            self.check_allowed(node, part)
+        return value
+
+    def check_allowed(self, node: tree.Node, fact: Facts) -> None:
+        """Raise the error for the first thing `fact` reads and the expression may not."""
+        for flag, (code, words) in FLAG_ERRORS.items():
+            if flag in fact.reads and flag not in self._allowed:
+                raise ExpressionError(code, f"{self._subject} {words}", node.start, node.end, self._way_out(flag))
+        self._check_degree(node, fact)
+
+    def _way_out(self, flag: str) -> str:
+        if flag == "velocity" and self._subject.startswith("a holonomic"):
+            return "a law in velocities belongs under `differential`"
+        if flag == "velocity" and self._subject.startswith("a potential"):
+            return "a force that depends on velocities is declared with `to:` and `force:`"
+        if flag == "differential":
+            return "differentials belong under `differential`"
+        return ""
+
+    def _check_degree(self, node: tree.Node, fact: Facts) -> None:
+        if self._linear and fact.high > 1:
+            raise self._nonlinear(node)
+
+    @staticmethod
+    def _nonlinear(node: tree.Node) -> ExpressionError:
+        return ExpressionError(
+            "nonlinear-differential",
+            "a differential constraint must be linear in the differentials or velocities,"
+            " with coefficients of positions, coordinates and time only",
+            node.start, node.end,
+        )  # fmt: skip
+
+    def _differential(self, node: tree.Call) -> Any:
+        argument = node.arguments[0]
+        inner = FactsAlgebra(self._lookup, POSITION, "a differential `d(...)` is of positions and time; it")
+        value = evaluate.evaluate(argument, inner)
+        reads: frozenset[Flag] = frozenset(("differential",))
+        form = lambda part: Facts(None, part.reads | reads, 1, 1)
+        result = tuple(map(form, value)) if isinstance(value, tuple) else form(value)
+        return self._leaf(node, result)
+
+    def add(self, node: tree.Node, left: Facts, sign: int, right: Facts) -> Facts:
+        if left.value is not None and right.value is not None:
+            return Facts(self._finite(node, left.value + sign * right.value))
+        if left.value == 0.0:
+            return right
+        if right.value == 0.0:
+            return left
+        return Facts(None, left.reads | right.reads, min(left.low, right.low), max(left.high, right.high))
+
+    def negate(self, node: tree.Node, value: Facts) -> Facts:
+        return value if value.value is None else Facts(-value.value)
+
+    def multiply(self, node: tree.Node, left: Facts, right: Facts) -> Facts:
+        if left.value is not None and right.value is not None:
+            return Facts(self._finite(node, left.value * right.value))
+        low, high = left.low + right.low, min(NONLINEAR, left.high + right.high)
+        return self._checked(node, Facts(None, left.reads | right.reads, low, high))
+
+    def divide(self, node: tree.Node, left: Facts, right: Facts) -> Facts:
+        if right.value == 0.0:
+            raise ExpressionError("not-finite", "this divides by zero", node.start, node.end)
+        if left.value is not None and right.value is not None:
+            return Facts(self._finite(node, left.value / right.value))
+        high = NONLINEAR if right.high else left.high
+        return self._checked(node, Facts(None, left.reads | right.reads, left.low, high))
+
+    def power(self, node: tree.Node, base: Facts, exponent: Facts) -> Facts:
+        if base.value is not None and exponent.value is not None:
+            return Facts(self._constant(node, "**", lambda: _power(base.value, exponent.value)))
+        reads = base.reads | exponent.reads
+        if not base.high and not exponent.high:
+            return Facts(None, reads)
+        whole = exponent.value is not None and exponent.value == round(exponent.value) and exponent.value >= 0
+        if not whole or exponent.value is None:
+            return self._checked(node, Facts(None, reads, base.low, NONLINEAR))
+        times = min(round(exponent.value), NONLINEAR)
+        return self._checked(node, Facts(None, reads, base.low * times, min(NONLINEAR, base.high * times)))
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[Facts, ...]) -> Facts:
+        values = [a.value for a in arguments]
+        if all(v is not None for v in values):
+            return Facts(self._constant(node, name, lambda: FLOAT_FUNCTIONS[name](*values)))
+        reads = frozenset[Flag]().union(*(a.reads for a in arguments))
+        high = NONLINEAR if any(a.high for a in arguments) else 0
+        return self._checked(node, Facts(None, reads, 0, high))
+
+    def _checked(self, node: tree.Node, fact: Facts) -> Facts:
+        self._check_degree(node, fact)
+        return fact
+
+    def _constant(self, node: tree.Node, name: str, compute: Callable[[], float]) -> float:
+        try:
+            value = compute()
+        except (ValueError, ZeroDivisionError):
+            message = f"`{name}` is not defined for this value"
+            raise ExpressionError("not-finite", message, node.start, node.end) from None
+        except OverflowError:
+            value = math.inf
+        return self._finite(node, value)
+
+    @staticmethod
+    def _finite(node: tree.Node, value: float) -> float:
+        if not math.isfinite(value):
+            message = "this constant is not finite: it is larger than 1.8e308 or not a number"
+            raise ExpressionError("not-finite", message, node.start, node.end)
+        return value
+
+
+def _power(base: float | None, exponent: float | None) -> float:
+    return math.pow(base or 0.0, exponent or 0.0)
+
+
+def _sign(value: float) -> float:
+    return math.copysign(1.0, value) if value else 0.0
+
+
+FLOAT_FUNCTIONS: dict[str, Callable[..., float]] = {
+    **{name: getattr(math, name) for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt".split()},
+    "abs": abs,
+    "sign": _sign,
+    "min": lambda *values: min(values),
+    "max": lambda *values: max(values),
+}

@@ -1,0 +1,114 @@
+"""Scalars of the document -> checked expressions. The only place where an expression's trouble becomes a diagnostic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from lagcli import diagnostics, source
+from lagcli.expression import evaluate, facts, parser, tree
+from lagcli.expression.facts import FactsAlgebra, Flag
+from lagcli.expression.tree import ExpressionError
+from lagcli.model import Expression, VectorExpression
+from lagcli.reader import scope as scopes
+
+Lookup = Callable[[tree.Node], Any]
+
+
+class Formulas:
+    """Reads expressions in a scope; what is wrong goes to the collector and the answer is None."""
+
+    def __init__(self, scope: scopes.Scope, found: diagnostics.Collector) -> None:
+        self.scope = scope
+        self.found = found
+
+    def report(self, node: source.AnyNode, code: str, message: str, hint: str = "") -> None:
+        """An error at a node of the document."""
+        self.found.add(diagnostics.Diagnostic(code, message, node.location, hint))
+
+    def warn(self, location: diagnostics.Location, code: str, message: str, hint: str = "") -> None:
+        """A warning."""
+        self.found.add(diagnostics.Diagnostic(code, message, location, hint, "warning"))
+
+    def trouble(self, origin: source.Scalar, error: ExpressionError) -> None:
+        """An error inside an expression."""
+        if error.code != scopes.BROKEN:
+            location = origin.locate(error.start, error.end)
+            self.found.add(diagnostics.Diagnostic(error.code, error.message, location, error.hint))
+
+    def parse(self, node: source.AnyNode, read: Callable[[str], tree.Node]) -> Expression | None:
+        """The expression written in `node`."""
+        if not isinstance(node, source.Scalar):
+            shape = "list" if isinstance(node, source.Sequence) else "mapping"
+            hint = "an equation that begins with `[` needs quotes" if shape == "list" else ""
+            self.report(node, "not-an-expression", f"an expression is needed here, and this is a {shape}", hint)
+            return None
+        if source.is_empty(node):
+            self.report(node, "missing-value", "an expression is missing")
+            return None
+        try:
+            return Expression(read(node.value), node)
+        except ExpressionError as error:
+            self.trouble(node, error)
+            return None
+
+    def facts(
+        self,
+        expression: Expression,
+        allowed: frozenset[Flag],
+        subject: str,
+        lookup: Lookup | None = None,
+        shape: str = "scalar",
+    ) -> Any:
+        """Facts of a checked expression, or None where it is wrong. `shape`: scalar, vector or either."""
+        algebra = FactsAlgebra(lookup or self.scope.lookup, allowed, subject)
+        how = {"scalar": evaluate.scalar, "vector": evaluate.vector, "either": evaluate.evaluate}[shape]
+        try:
+            return how(expression.tree, algebra)
+        except ExpressionError as error:
+            self.trouble(expression.origin, error)
+            return None
+
+    def scalar(self, node: source.AnyNode, allowed: frozenset[Flag], subject: str) -> Expression | None:
+        """A checked scalar expression."""
+        expression = self.parse(node, parser.parse)
+        if expression is None or self.facts(expression, allowed, subject) is None:
+            return None
+        return expression
+
+    def constant(self, node: source.AnyNode, subject: str) -> float | None:
+        """The value of an expression of parameters."""
+        expression = self.parse(node, parser.parse)
+        if expression is None:
+            return None
+        found = self.facts(expression, facts.NOTHING, subject)
+        return None if found is None else found.value
+
+    def vector_expression(self, node: source.AnyNode) -> VectorExpression | None:
+        """A list of three expressions or one vector expression, parsed."""
+        if not isinstance(node, source.Sequence):
+            expression = self.parse(node, parser.parse)
+            return None if expression is None else VectorExpression((expression,))
+        if len(node.items) != 3:
+            message = f"a vector has three components, and this one has {len(node.items)}"
+            self.report(node, "vector-length", message)
+            return None
+        parts = [self.parse(item, parser.parse) for item in node.items]
+        if any(part is None for part in parts):
+            return None
+        return VectorExpression(tuple(part for part in parts if part is not None))
+
+    def vector_facts(
+        self, vector: VectorExpression, allowed: frozenset[Flag], subject: str, lookup: Lookup | None = None
+    ) -> Any:
+        """Facts of the three components, or None."""
+        if len(vector.parts) == 1:
+            return self.facts(vector.parts[0], allowed, subject, lookup, "vector")
+        found = [self.facts(part, allowed, subject, lookup) for part in vector.parts]
+        return None if any(part is None for part in found) else tuple(found)
+
+    def constant_vector(self, node: source.AnyNode, subject: str) -> tuple[float, float, float] | None:
+        """The value of a vector of parameters."""
+        vector = self.vector_expression(node)
+        found = None if vector is None else self.vector_facts(vector, facts.NOTHING, subject)
+        return None if found is None else (found[0].value, found[1].value, found[2].value)

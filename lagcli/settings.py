@@ -1,0 +1,34 @@
+"""The settings of a run and their bounds, the same for the file, the command line and Python."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from lagcli.model import Simulation
+
+METHODS = ("auto", "dop853")
+MAX_ROWS = 10**9
+
+
+def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
+    """Pairs (key, sentence) of everything that is out of bounds."""
+    if not math.isfinite(settings.start):
+        yield "start", "the start must be a finite time"
+    if not (math.isfinite(settings.duration) and settings.duration >= 0):
+        yield "duration", "the duration must be finite and not negative"
+    if not 2 <= settings.samples <= MAX_ROWS:
+        yield "samples", f"samples must be between 2 and {MAX_ROWS}: both ends are counted"
+    step = settings.output_step
+    if step is not None and not (math.isfinite(step) and step > 0):
+        yield "output_step", "the output step must be positive"
+    elif step is not None and settings.duration / step > MAX_ROWS:
+        yield "output_step", f"that makes more than {MAX_ROWS} rows"
+    elif step is not None and settings.start + step == settings.start:
+        yield "output_step", "the output step is below the rounding of the time"
+    if settings.method not in METHODS:
+        yield "method", f"there is no method `{settings.method}`; there are {', '.join(METHODS)}"
+    if not 1e-15 <= settings.rtol <= 0.1:
+        yield "rtol", "rtol must be between 1e-15 and 0.1"
+    if not (math.isfinite(settings.atol) and settings.atol > 0):
+        yield "atol", "atol must be positive"
