@@ -1,0 +1,97 @@
+"""Degrees of freedom, Lagrange multipliers and constraint forces of constrained mechanical systems.
+
+    import lagcli
+    model = lagcli.load("models/pendulum.yaml")
+    lagcli.dof(model).configuration_dof
+    run = lagcli.simulate(model, duration=10)
+    run.t, run["lambda.rod"], run.reaction("a")
+
+Nothing heavy is loaded before it is needed: importing this package loads neither SymPy, SciPy, matplotlib nor
+the numeric engine.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lagcli.diagnostics import ModelError
+    from lagcli.degrees_of_freedom import DofCount
+    from lagcli.model import Model
+    from lagcli.reader.overrides import OverrideError
+    from lagcli.report import Report
+    from lagcli.trajectory import SimulationStopped, Trajectory
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "DofCount",
+    "Model",
+    "ModelError",
+    "OverrideError",
+    "Report",
+    "SimulationStopped",
+    "Trajectory",
+    "check",
+    "dof",
+    "load",
+    "loads",
+    "simulate",
+]
+
+_HOMES = {
+    "DofCount": "degrees_of_freedom",
+    "Model": "model",
+    "ModelError": "diagnostics",
+    "OverrideError": "reader.overrides",
+    "Report": "report",
+    "SimulationStopped": "trajectory",
+    "Trajectory": "trajectory",
+}
+
+
+def load(path: str | os.PathLike[str], parameters: Mapping[str, object] | None = None) -> Model:
+    """The model in a file (`-` for standard input).
+
+    `parameters` overrides parameters and initial values, `{"m": 2, "theta.value": "pi/3"}`.
+    Raises `ModelError` with every error of the file, `OverrideError`, `OSError`.
+    """
+    return _pipeline().load(path, parameters)
+
+
+def loads(text: str, parameters: Mapping[str, object] | None = None) -> Model:
+    """The model in a text; otherwise as `load`."""
+    return _pipeline().loads(text, parameters)
+
+
+def dof(model: Model) -> DofCount:
+    """The count of degrees of freedom; `configuration_dof` is None where it is undecided, with the `reason`."""
+    return _pipeline().count(model)
+
+
+def check(model: Model) -> Report:
+    """Verdicts, count, redundancy and consistency: the object behind `lagcli check --json`."""
+    return _pipeline().check(model)
+
+
+def simulate(model: Model, **options: Any) -> Trajectory:
+    """Integrate m a = F + sum lambda_i B_i (D.24) and return the table.
+
+    Options: start, duration, samples, output_step, method, rtol, atol, assemble, keep; defaults are the
+    model's. Raises `ModelError` where the start is inconsistent, `ValueError` for bad options,
+    `SimulationStopped` where the integration cannot go on.
+    """
+    return _pipeline().simulate(model, **options)
+
+
+def _pipeline() -> Any:
+    return importlib.import_module("lagcli.pipeline")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(f"lagcli.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'lagcli' has no attribute {name!r}")

@@ -1,0 +1,42 @@
+"""Choice of table columns by name, as in ``--columns 't,lambda.*,R.a.*'``."""
+
+import difflib
+import fnmatch
+import re
+from collections.abc import Sequence
+
+
+class UnknownColumn(ValueError):  # noqa: N818 (named by what is wrong)
+    """A pattern matches no column; ``nearest`` holds the known names most like it."""
+
+    def __init__(self, pattern: str, nearest: Sequence[str]) -> None:
+        self.pattern = pattern
+        self.nearest = tuple(nearest)
+        hint = f"; nearest: {', '.join(self.nearest)}" if self.nearest else ""
+        super().__init__(f'no column matches "{pattern}"{hint}')
+
+
+def select(columns: Sequence[str], patterns: str) -> list[int]:
+    """Indices into ``columns`` of the names that the comma-separated ``patterns`` choose.
+
+    ``*`` stands for any text and ``?`` for one character; everything else, square brackets too, stands for
+    itself. The order is that of the patterns, then of the table; a column is listed once. Raises
+    ``UnknownColumn`` for the first pattern without a match.
+    """
+    chosen: dict[int, None] = {}
+    for pattern in (part.strip() for part in patterns.split(",")):
+        # fnmatch reads "[...]" as a character set; "[[]" is its way to write a literal bracket.
+        matches = re.compile(fnmatch.translate(pattern.replace("[", "[[]"))).match
+        found = [index for index, name in enumerate(columns) if matches(name)]
+        if not found:
+            raise UnknownColumn(pattern, _nearest(columns, pattern))
+        chosen.update(dict.fromkeys(found))
+    return list(chosen)
+
+
+def _nearest(columns: Sequence[str], pattern: str) -> list[str]:
+    stem = re.sub(r"[*?]", "", pattern).casefold()
+    names: dict[str, str] = {}
+    for name in columns:
+        names.setdefault(name.casefold(), name)
+    return [names[key] for key in difflib.get_close_matches(stem, list(names), n=3, cutoff=0.5)]

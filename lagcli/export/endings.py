@@ -1,0 +1,24 @@
+"""The file endings that are written, so that a wrong one is refused before a long run and not after it."""
+
+from pathlib import Path
+
+TABLES = ("csv", "json", "npz", "parquet")
+FIGURES = ("png", "svg", "pdf")
+
+
+class UnknownFormat(ValueError):  # noqa: N818 (named by what is wrong)
+    """A file name ends in nothing that can be written."""
+
+    def __init__(self, name: str, known: tuple[str, ...]) -> None:
+        self.known = known
+        super().__init__(
+            f'"{name}": unknown format; known endings: {", ".join("." + ending for ending in known)}'
+        )
+
+
+def of(path: Path, known: tuple[str, ...]) -> str:
+    """The ending of ``path``, in lower case, without its dot; ``UnknownFormat`` if it is not in ``known``."""
+    ending = path.suffix.lower().removeprefix(".")
+    if ending not in known:
+        raise UnknownFormat(path.name, known)
+    return ending

@@ -1,0 +1,204 @@
+"""What a figure of a run shows: multipliers lambda_i(t) and constraint forces R_k(t), as panels of curves.
+
+R_k = sum_i lambda_i B_ik (D.13-D.22), so a multiplier has the unit of force times length over the unit of its
+f_i. That unit is not declared anywhere, and equations of one model may differ in it: multipliers share one
+panel only while their values are of like size.
+"""
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+_OVERLAID = 6
+_LIKE_SIZE = 30.0
+_MULTIPLIER_PANELS = 50
+_FORCE_PANELS = 12
+_NUMBERS = 100_000
+# Below this part of the largest value a curve is round-off.
+ROUND_OFF = 1e-12
+
+
+class Units(Protocol):
+    """Labels of the units of length, mass and time."""
+
+    @property
+    def length(self) -> str: ...
+    @property
+    def mass(self) -> str: ...
+    @property
+    def time(self) -> str: ...
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Curve:
+    """One quantity against time; ``t`` and ``values`` have one shape (k,)."""
+
+    label: str
+    t: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Panel:
+    """Curves on common axes."""
+
+    title: str
+    curves: tuple[Curve, ...]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Band:
+    """Panels of one kind of quantity; a ``family`` is one panel of many curves, told apart by their index."""
+
+    heading: str
+    label: str
+    panels: tuple[Panel, ...]
+    family: bool = False
+    note: str = ""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Table:
+    places: dict[str, int]
+    rows: NDArray[np.float64]
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        return self.rows[:, self.places[name]]
+
+    def curve(self, label: str, values: NDArray[np.float64], of: int) -> Curve:
+        """The curve, thinned for a figure that shows ``of`` of them."""
+        kept = thinned(values, min(4000, max(200, _NUMBERS // of)))
+        return Curve(label, self.column("t")[kept], values[kept])
+
+
+def bands(columns: Sequence[str], rows: NDArray[np.float64], units: Units) -> list[Band]:
+    """The bands of the figure of a run, from top to bottom.
+
+    ``rows`` has shape (T, len(columns)). Every ``lambda.NAME`` is shown, zero or not; of the particles
+    (columns ``R.NAME.x``, ``.y``, ``.z``) and coordinates (``R.NAME``) those whose force is not zero
+    throughout. Raises ValueError where the column ``t`` is missing.
+    """
+    if "t" not in columns:
+        raise ValueError('a figure needs the column "t"')
+    table = _Table({name: place for place, name in enumerate(columns)}, rows)
+    forces = [name.removeprefix("R.") for name in columns if name.startswith("R.")]
+    particles = [name.removesuffix(".x") for name in forces if name.endswith(".x")]
+    # Names hold no dot, so "R.theta" is a coordinate and "R.a.x" belongs to a particle.
+    coordinates = [name for name in forces if "." not in name]
+    found = [_multipliers(table, [name for name in columns if name.startswith("lambda.")], units)]
+    if particles:
+        found.append(_particle_forces(table, particles, units))
+    if coordinates:
+        found.append(_coordinate_forces(table, coordinates, units))
+    return found
+
+
+def thinned(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
+    """Indices of about ``most`` of ``values``, shape (T,): the ends and the extrema of every stretch."""
+    count = len(values)
+    if count <= most:
+        return np.arange(count)
+    stretches = max(1, most // 2)
+    width = -(-count // stretches)
+    index = np.arange(stretches * width).clip(max=count - 1).reshape(stretches, width)
+    stretch = np.arange(stretches)
+    lowest = index[stretch, values[index].argmin(axis=1)]
+    highest = index[stretch, values[index].argmax(axis=1)]
+    return np.unique(np.concatenate([lowest, highest, [0, count - 1]]))
+
+
+def force_unit(units: Units, length_power: int = 1) -> str:
+    """The label of mass length^p / time^2: a force for ``length_power`` 1, a force times a length for 2.
+
+    Newton where the labels are kg, m, s; empty where all labels are empty or "1".
+    """
+    labels = [units.mass.strip(), units.length.strip(), units.time.strip()]
+    if labels == ["kg", "m", "s"]:
+        return "N" if length_power == 1 else "N m"
+    # A label of more than one word is one unit here, so a power must not fall on its last letter only.
+    mass, length, time = (label if label.isalnum() or not label else f"({label})" for label in labels)
+    squared = "²" if length_power == 2 else ""
+    above = " ".join([mass] * (mass not in ("", "1")) + [length + squared] * (length not in ("", "1")))
+    if time in ("", "1"):
+        return above
+    return f"{above or '1'}/{time}²"
+
+
+def with_unit(quantity: str, unit: str) -> str:
+    """A label such as ``t  (s)``; the quantity alone where it has no unit."""
+    return f"{quantity}  ({unit})" if unit not in ("", "1") else quantity
+
+
+def _multipliers(table: _Table, names: list[str], units: Units) -> Band:
+    heading = "Multipliers λᵢ of the constraints"
+    unit = force_unit(units, length_power=2)
+    label = with_unit("λᵢ", f"{unit or '1'} / unit of fᵢ")
+    if not names:
+        return Band(heading, label, (), note="no constraints")
+    curves = [table.curve(name.removeprefix("lambda."), table.column(name), of=len(names)) for name in names]
+    if len(curves) > _MULTIPLIER_PANELS:
+        return Band(heading, label, (Panel("", tuple(curves)),), family=True)
+    if 1 < len(curves) <= _OVERLAID and _of_like_size(curves):
+        return Band(heading, label, (Panel("", tuple(curves)),))
+    return Band(heading, label, tuple(Panel(curve.label, (curve,)) for curve in curves))
+
+
+def _particle_forces(table: _Table, particles: list[str], units: Units) -> Band:
+    heading = "Constraint forces Rₖ on the particles"
+    forces = {
+        name: np.stack([table.column(f"R.{name}.{axis}") for axis in "xyz"], axis=1) for name in particles
+    }
+    shown, note = _acting({name: np.linalg.norm(force, axis=1) for name, force in forces.items()})
+    unit = force_unit(units)
+    if len(shown) > _FORCE_PANELS:
+        sizes = [table.curve(name, np.linalg.norm(forces[name], axis=1), of=len(shown)) for name in shown]
+        return Band(heading, with_unit("|Rₖ|", unit), (Panel("", tuple(sizes)),), family=True, note=note)
+    panels = [
+        Panel(
+            name,
+            tuple(
+                table.curve(f"{axis} component", forces[name][:, place], of=3 * len(shown))
+                for place, axis in enumerate("xyz")
+            ),
+        )
+        for name in shown
+    ]
+    return Band(heading, with_unit("Rₖ", unit), tuple(panels), note=note)
+
+
+def _coordinate_forces(table: _Table, coordinates: list[str], units: Units) -> Band:
+    heading = "Generalized constraint forces Qʹⱼ on the coordinates"
+    unit = force_unit(units, length_power=2)
+    label = with_unit("Qʹⱼ", f"{unit or '1'} / unit of qⱼ")
+    forces = {name: table.column(f"R.{name}") for name in coordinates}
+    shown, note = _acting(forces)
+    curves = [table.curve(name, forces[name], of=len(shown)) for name in shown]
+    if len(curves) > _FORCE_PANELS:
+        return Band(heading, label, (Panel("", tuple(curves)),), family=True, note=note)
+    return Band(heading, label, tuple(Panel(curve.label, (curve,)) for curve in curves), note=note)
+
+
+def _acting(forces: dict[str, NDArray[np.float64]]) -> tuple[list[str], str]:
+    """The names whose force is not zero throughout (but for round-off), and a note on the others."""
+    sizes = {name: _size(force) for name, force in forces.items()}
+    floor = ROUND_OFF * max(sizes.values())
+    shown = [name for name, size in sizes.items() if size > floor]
+    idle = [name for name, size in sizes.items() if size <= floor]
+    if not idle:
+        return shown, ""
+    if not shown:
+        return shown, "zero throughout"
+    names = ", ".join(idle) if len(idle) <= _FORCE_PANELS else f"{len(idle)} others"
+    return shown, f"zero throughout: {names}"
+
+
+def _of_like_size(curves: Iterable[Curve]) -> bool:
+    sizes = [size for size in (_size(curve.values) for curve in curves) if size > 0]
+    return not sizes or max(sizes) <= _LIKE_SIZE * min(sizes)
+
+
+def _size(values: NDArray[np.float64]) -> float:
+    return float(np.abs(values).max(initial=0.0))

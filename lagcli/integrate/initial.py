@@ -1,0 +1,237 @@
+"""The start of a run: finite, with inertia, independent rows, on the constraints; or refused, or assembled."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import diagnostics, rank
+from lagcli.compile import NumericSystem
+from lagcli.integrate import projection
+from lagcli.mechanics import system as mechanics
+from lagcli.mechanics.system import System
+
+Floats = npt.NDArray[np.float64]
+
+# Largest residual of a consistent start, as a part of the size of the coordinates (or speeds) in the row.
+CONSISTENT = 1e-9
+LEAST = 1e-3
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class State:
+    """t, q (n,), v (n,) and the parameters p that go with them."""
+
+    t: float
+    q: Floats
+    v: Floats
+    p: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Residuals:
+    """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed."""
+
+    position: Floats
+    velocity: Floats
+    position_limit: Floats
+    velocity_limit: Floats
+
+    @property
+    def consistent(self) -> bool:
+        """Whether every residual is within rounding of the declared values."""
+        return bool((self.position <= self.position_limit).all() and (self.velocity <= self.velocity_limit).all())
+
+
+def declared(system: System) -> State:
+    """The state a model declares."""
+    q, v = mechanics.start(system.model)
+    return State(system.model.simulation.start, q, v, mechanics.parameter_values(system.model, system.bodies))
+
+
+def inertia(system: System, numeric: NumericSystem, state: State) -> Floats:
+    """M (n, n) at a state. Raises `diagnostics.ModelError` where it is not positive definite, by name."""
+    M = np.array(numeric.inertia(state.t, state.q, state.v, state.p))
+    names = system.model.coordinate_names
+    if not np.isfinite(M).all():
+        raise _not_finite(system, "the kinetic energy")
+    without = [i for i in range(len(names)) if not M[i].any()]
+    if without:
+        raise diagnostics.ModelError(
+            diagnostics.Diagnostic(
+                "no-inertia",
+                f"the coordinate `{names[i]}` has no inertia: no kinetic energy depends on its rate",
+                _coordinate_location(system, names[i]),
+                "give it a mass, or write it as a function of other coordinates",
+            )
+            for i in without
+        )
+    try:
+        np.linalg.cholesky(M)
+    except np.linalg.LinAlgError:
+        eigenvalues, vectors = np.linalg.eigh(M)
+        i = int(np.argmax(np.abs(vectors[:, 0])))
+        message = (
+            f"the inertia matrix is not positive definite at the start (eigenvalue {eigenvalues[0]:.3g},"
+            f" mostly along `{names[i]}`)"
+        )
+        raise diagnostics.ModelError(
+            [diagnostics.Diagnostic("indefinite-inertia", message, _coordinate_location(system, names[i]))]
+        ) from None
+    return M
+
+
+def _coordinate_location(system: System, name: str) -> diagnostics.Location:
+    for coordinate in system.model.coordinates:
+        if coordinate.name == name:
+            return coordinate.location
+    particle = system.model.particle(name.partition(".")[0])
+    assert particle is not None
+    return particle.location
+
+
+def _not_finite(system: System, what: str) -> diagnostics.ModelError:
+    location = diagnostics.Location(system.model.path, 1, 1)
+    message = f"{what} is not finite at the start"
+    hint = "a function of the model has a pole or is not defined there"
+    return diagnostics.ModelError([diagnostics.Diagnostic("not-finite-at-start", message, location, hint)])
+
+
+def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals:
+    """How far a state is from the constraints. Raises `diagnostics.ModelError` where a row is not finite."""
+    f, _ = numeric.whole(state.t, state.q, state.p)
+    B, b = (np.array(part) for part in numeric.rows(state.t, state.q, state.v, state.p))
+    f, b = np.array(f).ravel(), b.ravel()
+    bad = [i for i in range(len(b)) if not (np.isfinite(B[i]).all() and np.isfinite(b[i]))]
+    bad += [i for i in range(len(f)) if not np.isfinite(f[i]) and i not in bad]
+    if bad:
+        row = system.rows.rows[min(bad)]
+        message = f"the constraint `{row.name}` or its gradient is not finite at the start"
+        hint = "move the start off the pole, or write the constraint without it (for example squared)"
+        raise diagnostics.ModelError(
+            [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
+        )
+    norms = np.linalg.norm(B, axis=1)
+    norms = np.where(norms > 0, norms, 1.0)
+    s = f.size
+    filled = B != 0
+    size = _sizes(filled[:s], state.q)
+    speed = np.maximum(_sizes(filled, state.v), np.abs(b) / norms)
+    return Residuals(
+        np.abs(f) / norms[:s],
+        np.abs(B @ state.v + b) / norms,
+        CONSISTENT * size,
+        CONSISTENT * speed,
+    )
+
+
+def _sizes(filled: npt.NDArray[np.bool_], values: Floats) -> Floats:
+    """The largest |value| a row touches, but no less than a small part of the largest of all: a coordinate near
+    zero carries the rounding of what it was computed from."""
+    touched = np.max(np.where(filled, np.abs(values), 0.0), axis=1, initial=0.0)
+    return np.maximum(touched, LEAST * np.abs(values).max(initial=0.0))
+
+
+def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagnostic]:
+    """One diagnostic for each row that the start violates."""
+    units = system.model.units
+    cartesian = not system.model.coordinates
+    length, speed = (f" {units.length}", f" {units.length}/{units.time}") if cartesian else ("", "")
+    report = []
+    hint = "mend the initial values, or use `--assemble` to move them to the nearest consistent state"
+    for i, row in enumerate(system.rows.rows):
+        if i < found.position.size and found.position[i] > found.position_limit[i]:
+            message = f"the initial positions violate `{row.name}` by {found.position[i]:.6g}{length}"
+        elif found.velocity[i] > found.velocity_limit[i]:
+            message = f"the initial velocities violate `{row.name}` by {found.velocity[i]:.6g}{speed}"
+        else:
+            continue
+        report.append(diagnostics.Diagnostic("inconsistent-start", message, row.location, hint))
+    return report
+
+
+def require_consistent(system: System, found: Residuals) -> None:
+    """Raise `diagnostics.ModelError` naming every row the start violates."""
+    report = inconsistencies(system, found)
+    if report:
+        raise diagnostics.ModelError(report)
+
+
+def require_independent(system: System, numeric: NumericSystem, state: State, M: Floats) -> None:
+    """Raise `diagnostics.ModelError` naming the rows that are dependent at a state."""
+    B = np.array(numeric.rows(state.t, state.q, state.v, state.p)[0])
+    found = rank.rank(rank.normalized(B, M))
+    if found.value == B.shape[0]:
+        return
+    report = []
+    for null_vector in found.dependences:
+        rows = [system.rows.rows[i] for i in rank.participants(null_vector)]
+        names = ", ".join(f"`{row.name}`" for row in rows)
+        message = (
+            f"the rows {names} are not independent at the start, so their multipliers are not unique"
+            if len(rows) > 1
+            else f"the row {names} has no direction at the start: its gradient vanishes there"
+        )
+        hint = "leave out a row that follows from the others"
+        report.append(diagnostics.Diagnostic("dependent-constraints", message, rows[-1].location, hint))
+    raise diagnostics.ModelError(report)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Assembly:
+    """A consistent state and how far it lies from the declared one, in the mass-weighted norm."""
+
+    state: State
+    moved: float
+    moved_velocity: float
+
+
+def held(system: System, keep: tuple[str, ...]) -> npt.NDArray[np.bool_]:
+    """Which of the n coordinates `keep` names (`theta`, `a`, `a.x`)."""
+    names = system.model.coordinate_names
+    return np.array([name in keep or name.partition(".")[0] in keep for name in names], dtype=bool)
+
+
+def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...]) -> Assembly:
+    """The nearest consistent state: positions first, then velocities, in the mass-weighted norm.
+
+    Kept coordinates hold their values and their rates. Raises `diagnostics.ModelError` where none is found.
+    """
+    M = inertia(system, numeric, state)
+    fixed = held(system, keep)
+    try:
+        q = projection.Surface(numeric, state.t, state.p, M, fixed).nearest(state.q)
+    except projection.NoConfiguration as failure:
+        raise no_configuration(system, numeric, dataclasses.replace(state, q=failure.q), keep) from None
+    there = dataclasses.replace(state, q=q)
+    M = inertia(system, numeric, there)
+    B, b = (np.array(part) for part in numeric.rows(state.t, q, state.v, state.p))
+    v = projection.velocity(state.v, B, b.ravel(), M, fixed)
+    there = dataclasses.replace(there, v=v)
+    left = residuals(system, numeric, there)
+    if not left.consistent:
+        raise no_configuration(system, numeric, there, keep)
+    dq, dv = q - state.q, v - state.v
+    return Assembly(there, float(np.sqrt(dq @ M @ dq)), float(np.sqrt(dv @ M @ dv)))
+
+
+def no_configuration(
+    system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...] = ()
+) -> diagnostics.ModelError:
+    """The error for constraints that no state near the start satisfies: the rows that remain violated."""
+    found = residuals(system, numeric, state)
+    broken = inconsistencies(system, found)
+    names = ", ".join(f"`{row.name}`" for i, row in enumerate(system.rows.rows) if _violated(found, i))
+    message = f"no state that satisfies all constraints was found near the start; {names or 'some'} remain violated"
+    hint = "the constraints may contradict each other, or the start may be too far away"
+    if keep:
+        hint += "; `keep` may hold too many coordinates"
+    location = broken[0].location if broken else diagnostics.Location(system.model.path, 1, 1)
+    return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location, hint)])
+
+
+def _violated(found: Residuals, i: int) -> bool:
+    position = i < found.position.size and found.position[i] > found.position_limit[i]
+    return bool(position or found.velocity[i] > found.velocity_limit[i])

@@ -1,0 +1,136 @@
+"""Moves a configuration or velocity onto the constraints, in the mass-weighted norm, also from far.
+
+Near the surface the integrator's own compiled projection does this at every step; this room serves the start
+(`--assemble`), and the walk over the surface on which degrees of freedom are counted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compile import NumericSystem
+
+Floats = npt.NDArray[np.float64]
+
+MAX_STEPS = 200
+MAX_HALVINGS = 30
+# Relative to the size of the configuration: where Newton's steps have reached rounding.
+CONVERGED = 1e-13
+NEAREST = 1e-12
+
+
+class NoConfiguration(Exception):
+    """No point that satisfies the constraints was found; `worst` is the largest remaining |f_i| / |B_i|."""
+
+    def __init__(self, q: Floats, worst: float) -> None:
+        super().__init__("no configuration satisfies the holonomic constraints near the start")
+        self.q, self.worst = q, worst
+
+
+class Surface:
+    """f = 0 at one time, with the metric M of one configuration; `held` coordinates (n,) do not move."""
+
+    def __init__(
+        self, numeric: NumericSystem, t: float, p: Floats, M: Floats, held: npt.NDArray[np.bool_] | None = None
+    ) -> None:
+        self._numeric, self._t, self._p = numeric, t, p
+        inverse = np.linalg.inv(M)
+        if held is not None and held.any():
+            free = ~held
+            inverse = np.zeros_like(M)
+            inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
+        self._inverse = inverse
+
+    def rows(self, q: Floats) -> tuple[Floats, Floats]:
+        """f (s,) and B (s, n)."""
+        f, B = self._numeric.whole(self._t, q, self._p)
+        return np.array(f).ravel(), np.array(B)
+
+    def residual(self, q: Floats) -> float:
+        """Largest |f_i| / |B_i|."""
+        f, B = self.rows(q)
+        if not (np.isfinite(f).all() and np.isfinite(B).all()):
+            return float("inf")
+        norms = np.linalg.norm(B, axis=1)
+        return float(np.max(np.abs(f) / np.where(norms > 0, norms, 1.0), initial=0.0))
+
+    def _newton(self, f: Floats, B: Floats) -> Floats:
+        """The smallest step in the metric that solves B step = -f in the least squares sense."""
+        norms = np.linalg.norm(B, axis=1)
+        scale = 1.0 / np.where(norms > 0, norms, 1.0)
+        A = B * scale[:, None]
+        S = A @ self._inverse @ A.T
+        return np.asarray(-self._inverse @ A.T @ np.linalg.lstsq(S, f * scale, rcond=1e-12)[0])
+
+    def feasible(self, q: Floats) -> Floats:
+        """A point of the surface by damped Newton steps. Raises `NoConfiguration`."""
+        size = float(np.abs(q).max(initial=0.0)) or 1.0
+        residual = self.residual(q)
+        for _ in range(MAX_STEPS):
+            if residual <= CONVERGED * size:
+                return q
+            f, B = self.rows(q)
+            if not (np.isfinite(f).all() and np.isfinite(B).all()):
+                break
+            step = self._newton(f, B)
+            factor, new = 1.0, q
+            for _ in range(MAX_HALVINGS):
+                new = q + factor * step
+                after = self.residual(new)
+                if after < residual:
+                    break
+                factor /= 2
+            else:
+                break
+            q, residual = new, after
+        # The last steps stall at rounding; that is as far as doubles go.
+        if residual <= 1e3 * CONVERGED * max(size, float(np.abs(q).max(initial=0.0))):
+            return q
+        raise NoConfiguration(q, residual)
+
+    def nearest(self, q0: Floats) -> Floats:
+        """The point of the surface nearest to q0 in the metric: q - q0 = -M^-1 B^T mu at the point itself.
+
+        Gauss-Newton on that condition from a feasible point; where it does not contract, the feasible point
+        with the smaller distance is kept.
+        """
+        best = self.feasible(q0)
+        q = best
+        size = float(np.abs(q0).max(initial=0.0)) or 1.0
+        for _ in range(MAX_STEPS):
+            f, B = self.rows(q)
+            step = self._newton(f + B @ (q0 - q), B)
+            try:
+                new = self.feasible(q0 + step)
+            except NoConfiguration:
+                break
+            if self._distance(new, q0) >= self._distance(best, q0) * (1 + 1e-12) + NEAREST * size:
+                break
+            moved = float(np.abs(new - q).max(initial=0.0))
+            best = q = new
+            if moved <= NEAREST * size:
+                break
+        return best
+
+    def _distance(self, q: Floats, q0: Floats) -> float:
+        """(q - q0) in the metric, over the coordinates that may move."""
+        d = q - q0
+        return float(np.sqrt(max(0.0, d @ np.linalg.pinv(self._inverse) @ d)))
+
+
+def velocity(v: Floats, B: Floats, b: Floats, M: Floats, held: npt.NDArray[np.bool_]) -> Floats:
+    """The nearest v with B v + b = 0 in the mass-weighted norm; `held` rates do not move.
+
+    Shapes (n,), (C, n), (C,), (n, n), (n,). Where the rows contradict each other the result leaves a residual.
+    """
+    free = ~held
+    inverse = np.zeros_like(M)
+    inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
+    norms = np.linalg.norm(B, axis=1)
+    scale = 1.0 / np.where(norms > 0, norms, 1.0)
+    A = B * scale[:, None]
+    S = A @ inverse @ A.T
+    for _ in range(2):  # the second pass removes the rounding of the first
+        v = v - inverse @ A.T @ np.linalg.lstsq(S, (B @ v + b) * scale, rcond=1e-12)[0]
+    return v

@@ -1,0 +1,80 @@
+"""CasADi scalars as an algebra for `expression.evaluate`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+
+from lagcli.expression import tree
+
+# Whole powers up to this size are products: exact derivatives everywhere, and faster than pow().
+MAX_PRODUCT_POWER = 12
+
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    **{name: getattr(ca, name) for name in "sin cos tan asin acos atan sinh cosh tanh exp log sqrt sign".split()},
+    "abs": ca.fabs,
+    "atan2": ca.atan2,
+}
+
+
+class SymbolicAlgebra:
+    """Scalars are SX expressions; what a name stands for comes from `atom` and `special`.
+
+    fixed: gives the number of an exponent that depends on parameters only (it is then built in), or None.
+    """
+
+    def __init__(
+        self,
+        atom: Callable[[tree.Node], Any],
+        special: Callable[[tree.Call], Any],
+        fixed: Callable[[Any], float | None],
+    ) -> None:
+        self.atom = atom
+        self.special = special
+        self._fixed = fixed
+
+    def number(self, node: tree.Number) -> Any:
+        return ca.SX(float(node.text))
+
+    def add(self, node: tree.Node, left: Any, sign: int, right: Any) -> Any:
+        return left + right if sign > 0 else left - right
+
+    def negate(self, node: tree.Node, value: Any) -> Any:
+        return -value
+
+    def multiply(self, node: tree.Node, left: Any, right: Any) -> Any:
+        return left * right
+
+    def divide(self, node: tree.Node, left: Any, right: Any) -> Any:
+        return left / right
+
+    def power(self, node: tree.Node, base: Any, exponent: Any) -> Any:
+        value = float(exponent) if exponent.is_constant() else self._fixed(exponent)
+        if value is None:
+            return base**exponent
+        if abs(value) == 0.5:
+            return ca.sqrt(base) if value > 0 else 1 / ca.sqrt(base)
+        if value == round(value) and abs(value) <= MAX_PRODUCT_POWER:
+            product = _product_power(base, abs(round(value)))
+            return product if value >= 0 else 1 / product
+        return base**value
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[Any, ...]) -> Any:
+        if name in ("min", "max"):
+            fold = ca.fmin if name == "min" else ca.fmax
+            result = arguments[0]
+            for argument in arguments[1:]:
+                result = fold(result, argument)
+            return result
+        return _FUNCTIONS[name](*arguments)
+
+
+def _product_power(base: Any, exponent: int) -> Any:
+    """base ** exponent by repeated squaring."""
+    if exponent == 0:
+        return ca.SX(1)
+    half = _product_power(base, exponent // 2)
+    square = half * half
+    return square * base if exponent % 2 else square

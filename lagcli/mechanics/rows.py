@@ -1,0 +1,102 @@
+"""The constraint rows in their order: holonomic, rigid, differential (D.5, D.6, D.7)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lagcli import diagnostics
+from lagcli import model as nouns
+from lagcli.mechanics import rigid
+from lagcli.mechanics.environment import Environment
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Row:
+    """A scalar row: its name, the constraint it belongs to, and where that stands."""
+
+    name: str
+    constraint: str
+    location: diagnostics.Location
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Rows:
+    """f (s): holonomic and rigid rows; w (C): all rows as B v + b (D.6), the holonomic ones differentiated."""
+
+    rows: tuple[Row, ...]
+    f: Any
+    B: Any
+    b: Any
+    gamma: Any
+
+
+def lay_down(
+    model: nouns.Model, environment: Environment, bodies: Sequence[tuple[rigid.Geometry, Sequence[Any]]]
+) -> Rows:
+    """All rows. `bodies`: for each rigid body its geometry and the symbols of its constants.
+
+    B (C, n), b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b').
+    Raises `diagnostics.ModelError` for a row without coordinates.
+    """
+    s = environment.symbols
+    names: list[Row] = []
+    f: list[Any] = []
+    for law in model.holonomic:
+        f += environment.equation(law.equation)
+        names += [Row(name, law.name, law.equation.location) for name in law.rows]
+    for body, (geometry, constants) in zip(model.rigid, bodies, strict=True):
+        values = _rigid_rows([environment.position(p) for p in body.particles], geometry, constants)
+        f += values
+        names += [Row(f"{body.name}.{i}", body.name, body.location) for i in range(1, len(values) + 1)]
+    w: list[Any] = []
+    for rule in model.differential:
+        w += environment.equation(rule.equation)
+        names += [Row(name, rule.name, rule.equation.location) for name in rule.rows]
+    whole, velocity = _stack(f), _stack(w)
+    B = ca.vertcat(ca.jacobian(whole, s.q), ca.jacobian(velocity, s.v))
+    b = ca.vertcat(ca.densify(ca.jacobian(whole, s.t)), ca.substitute(velocity, s.v, ca.SX.zeros(s.v.shape)))
+    everything = ca.vertcat(environment.rate(whole), velocity)
+    gamma = -environment.rate(everything)
+    B = ca.sparsify(B)
+    _refuse_empty(names, B)
+    return Rows(tuple(names), whole, B, ca.densify(b), ca.densify(gamma))
+
+
+def _stack(values: list[Any]) -> Any:
+    return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
+
+
+def _rigid_rows(
+    positions: Sequence[tuple[Any, Any, Any]], geometry: rigid.Geometry, constants: Sequence[Any]
+) -> list[Any]:
+    base = [positions[k] for k in geometry.base]
+    rows = []
+    for number, (i, j) in enumerate(geometry.pairs):
+        square = sum((x - y) ** 2 for x, y in zip(base[i], base[j], strict=True))
+        rows.append(ca.sqrt(square) - constants[number])
+    alpha = iter(constants[len(geometry.pairs) :])
+    for k in geometry.further:
+        weights = [next(alpha) for _ in base]
+        for axis in range(3):
+            rows.append(positions[k][axis] - sum(w * r[axis] for w, r in zip(weights, base, strict=True)))
+    return rows
+
+
+def _refuse_empty(names: Sequence[Row], B: Any) -> None:
+    """A row in which no coordinate enters says nothing about the motion, or can never hold."""
+    filled = np.bincount(np.asarray(B.sparsity().get_triplet()[0], dtype=int), minlength=len(names))
+    empty = [row for row, count in zip(names, filled, strict=True) if count == 0]
+    if empty:
+        raise diagnostics.ModelError(
+            diagnostics.Diagnostic(
+                "no-coordinates",
+                f"the constraint `{row.name}` involves no coordinate: it cannot act on the motion",
+                row.location,
+            )
+            for row in empty
+        )

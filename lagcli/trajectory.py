@@ -1,0 +1,80 @@
+"""What a run gives: a table with named columns, and the account of how it was made."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Stats:
+    """The account of a run, the object of `--stats`.
+
+    steps: accepted ones; evaluations: of the right-hand side; seconds of wall time; position_drift and
+    velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over all rows written; energy_imbalance:
+    largest deviation from the energy balance over all rows, as a part of the energies exchanged.
+    """
+
+    steps: int
+    rejected: int
+    evaluations: int
+    compile_seconds: float
+    solve_seconds: float
+    method: str
+    position_drift: float
+    velocity_drift: float
+    energy_imbalance: float
+
+    def as_json(self) -> dict[str, Any]:
+        """The object written by `--stats`."""
+        return dataclasses.asdict(self)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """The table of a run: `rows` (T, len(columns)), the first column `t`."""
+
+    columns: tuple[str, ...]
+    rows: Floats
+    stats: Stats
+
+    def __getitem__(self, column: str) -> Floats:
+        """A column (T,) by its name, such as `lambda.rod`. Raises `KeyError`."""
+        try:
+            return self.rows[:, self.columns.index(column)]
+        except ValueError:
+            raise KeyError(column) from None
+
+    @property
+    def t(self) -> Floats:
+        """The times (T,)."""
+        return self["t"]
+
+    def multiplier(self, constraint: str) -> Floats:
+        """lambda of a constraint, (T,); of a vector equation or a rigid body (T, rows)."""
+        return self._group(f"lambda.{constraint}")
+
+    def reaction(self, name: str) -> Floats:
+        """R of a particle, (T, 3); of a generalized coordinate (T,)."""
+        return self._group(f"R.{name}")
+
+    def _group(self, name: str) -> Floats:
+        if name in self.columns:
+            return self[name]
+        places = [i for i, column in enumerate(self.columns) if column.rpartition(".")[0] == name]
+        if not places:
+            raise KeyError(name)
+        return self.rows[:, places]
+
+
+class SimulationStopped(Exception):
+    """The integration ended before its end; `trajectory` holds the complete rows so far, `t` the time reached."""
+
+    def __init__(self, reason: str, t: float, trajectory: Trajectory) -> None:
+        super().__init__(reason)
+        self.reason, self.t, self.trajectory = reason, t, trajectory
