@@ -1,0 +1,172 @@
+"""Rigorous numbers: an interval that certainly holds the value of an expression at a rational point.
+
+The interval arithmetic (mpmath, 50 digits, rounded outward) carries its own error bound. An interval without
+zero is a proof that the expression is not identically zero; an interval with zero proves nothing.
+"""
+
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import sympy
+from mpmath.ctx_iv import MPIntervalContext
+from mpmath.libmp import ComplexResult
+
+DIGITS = 50
+POINTS = 12
+_SEED = 20240229
+_NO_VALUE = (ComplexResult, ArithmeticError, ValueError, NotImplementedError)
+_EXPONENT_LIMIT = 10_000
+_NEAR = [(0, 1), (-1, 1), (1, 3), (-3, 3), (0, 1), (-1, 0), (2, 9), (-9, 9)]
+_SCALES = [*_NEAR * 3, (10, 100), (-100, -10), (-100, 100), (100, 1000), (-1000, 1000)]
+
+Point = Mapping[sympy.Symbol, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class NonZero:
+    """A value proved to differ from zero: value, error bound and the rational point where it was taken."""
+
+    value: float
+    error: float
+    point: tuple[tuple[str, Fraction], ...]
+
+
+class NoValueError(Exception):
+    """The expression has no real value at the point, or holds a function that has no enclosure."""
+
+
+def points(symbols: Sequence[sympy.Symbol]) -> Iterator[dict[sympy.Symbol, Fraction]]:
+    """The fixed sequence of random rational test points.
+
+    Different scales, since the domains of log, sqrt and asin are not known beforehand. The same symbols
+    always get the same points.
+    """
+    generator = random.Random(_SEED)
+    ordered = sorted(symbols, key=lambda s: s.name)
+    for low, high in _SCALES:
+        yield {s: low + (high - low) * Fraction(generator.randrange(1, 997), 997) for s in ordered}
+
+
+def nonzero(expression: sympy.Expr) -> NonZero | None:
+    """A proof that `expression` is not identically zero, or None."""
+    tried = 0
+    for point in points(list(expression.free_symbols)):
+        try:
+            interval = Evaluator(point).value(expression)
+        except NoValueError:
+            continue
+        tried += 1
+        if not 0 in interval:  # noqa: E713 - mpmath intervals define `in` only
+            names = tuple((s.name, v) for s, v in sorted(point.items(), key=lambda item: item[0].name))
+            return NonZero(float(interval.mid), float(interval.delta), names)
+        # With |u| both sides of the kink should be met. Otherwise three zeros make it a case for the algebra.
+        if not point or tried >= (POINTS if expression.has(sympy.Abs) else POINTS // 4):
+            return None
+    return None
+
+
+def has_value(expression: sympy.Expr) -> bool:
+    """Whether the expression has a finite real value at one of the test points."""
+    for point in points(list(expression.free_symbols)):
+        try:
+            Evaluator(point).value(expression)
+        except NoValueError:
+            continue
+        return True
+    return False
+
+
+class Evaluator:
+    """Evaluates expressions at one point; shared subexpressions are computed once."""
+
+    def __init__(self, point: Point) -> None:
+        self._iv: Any = MPIntervalContext()
+        self._iv.dps = DIGITS
+        self._memo: dict[sympy.Basic, Any] = {}
+        for symbol, value in point.items():
+            self._memo[symbol] = self._iv.mpf(value.numerator) / value.denominator
+
+    def value(self, expression: sympy.Expr) -> Any:
+        """The interval of the value. Raises `NoValueError` at poles, off the real domain and for unknown
+        functions.
+        """
+        try:
+            interval = self._visit(expression)
+        except _NO_VALUE as error:
+            raise NoValueError(str(error)) from error
+        bounds = (float(interval.a), float(interval.b), float(interval.delta))
+        if any(b != b or b in (float("inf"), float("-inf")) for b in bounds):
+            raise NoValueError("not finite")
+        return interval
+
+    def _visit(self, e: sympy.Basic) -> Any:
+        known = self._memo.get(e)
+        if known is None:
+            known = self._compute(e)
+            self._memo[e] = known
+        return known
+
+    def _compute(self, e: sympy.Basic) -> Any:
+        iv = self._iv
+        if isinstance(e, sympy.Rational):
+            return iv.mpf(int(e.p)) / int(e.q)
+        if e is sympy.pi:
+            return +iv.pi
+        if e is sympy.E:
+            return +iv.e
+        if isinstance(e, sympy.Add):
+            total = iv.mpf(0)
+            for term in e.args:
+                total = total + self._visit(term)
+            return total
+        if isinstance(e, sympy.Mul):
+            product = iv.mpf(1)
+            for factor in e.args:
+                product = product * self._visit(factor)
+            return product
+        if isinstance(e, sympy.Pow):
+            return self._power(e)
+        return self._function(e)
+
+    def _power(self, e: sympy.Pow) -> Any:
+        iv, exponent = self._iv, e.exp
+        base = self._visit(e.base)
+        if isinstance(exponent, sympy.Integer):
+            n = int(exponent)
+            if abs(n) > _EXPONENT_LIMIT:
+                raise NoValueError("exponent too large")
+            if n < 0 and 0 in base:
+                raise NoValueError("pole")
+            return base**n
+        if exponent == sympy.Rational(1, 2):
+            return iv.sqrt(base)
+        if not base.a > 0:
+            raise NoValueError("power of a negative number")
+        return iv.exp(self._visit(exponent) * iv.log(base))
+
+    def _function(self, e: sympy.Basic) -> Any:
+        iv = self._iv
+        u = [self._visit(a) for a in e.args] if e.args else []
+        if isinstance(e, (sympy.exp, sympy.sinh, sympy.cosh, sympy.tanh)):
+            grown = iv.exp(u[0])
+            shrunk = 1 / grown
+            values = {sympy.exp: grown, sympy.sinh: (grown - shrunk) / 2, sympy.cosh: (grown + shrunk) / 2}
+            return values[type(e)] if type(e) in values else (grown - shrunk) / (grown + shrunk)
+        if isinstance(e, (sympy.sin, sympy.cos, sympy.tan, sympy.log)):
+            if isinstance(e, sympy.log) and not u[0].a > 0:
+                raise NoValueError("logarithm of a number that is not positive")
+            return getattr(iv, type(e).__name__)(u[0])
+        if isinstance(e, sympy.atan):
+            return iv.atan2(u[0], iv.mpf(1))
+        if isinstance(e, sympy.asin):
+            return iv.atan2(u[0], iv.sqrt(1 - u[0] ** 2))
+        if isinstance(e, sympy.acos):
+            return iv.atan2(iv.sqrt(1 - u[0] ** 2), u[0])
+        if isinstance(e, sympy.atan2):
+            return iv.atan2(u[0], u[1])
+        if isinstance(e, sympy.Abs):
+            return abs(u[0])
+        raise NoValueError(f"no enclosure of {e.func.__name__}")

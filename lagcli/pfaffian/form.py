@@ -1,0 +1,76 @@
+"""A Pfaffian form omega = sum_k A_k dx_k, the left side of one differential constraint (D.2), with its
+derivatives.
+
+The symbols are real. Where |u|, sign(u), min or max occur, the derivatives are those away from the kinks.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import sympy
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """omega = sum_k coefficients[k] d(variables[k]); both of shape (n,).
+
+    `variables` are the coordinates of the system, and time last where it occurs; `parameters` are constants
+    of unknown value. Raises ValueError where the lengths differ, a name occurs twice or a coefficient holds
+    a symbol that is neither a variable nor a parameter.
+    """
+
+    name: str
+    variables: tuple[sympy.Symbol, ...]
+    coefficients: tuple[sympy.Expr, ...]
+    parameters: tuple[sympy.Symbol, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.variables) != len(self.coefficients):
+            raise ValueError(
+                f"{self.name}: {len(self.coefficients)} coefficients for {len(self.variables)} variables"
+            )
+        names = [symbol.name for symbol in (*self.variables, *self.parameters)]
+        if len(set(names)) != len(names):
+            raise ValueError(f"{self.name}: two symbols have one name")
+        known = {*self.variables, *self.parameters}
+        strange = sorted({s.name for a in self.coefficients for s in a.free_symbols - known})
+        if strange:
+            raise ValueError(f"{self.name}: unknown symbols {', '.join(strange)}")
+
+    def active(self) -> tuple[int, ...]:
+        """Indices of the variables that have a coefficient or occur in one."""
+        used: set[sympy.Basic] = set().union(*(a.free_symbols for a in self.coefficients))
+        return tuple(i for i, x in enumerate(self.variables) if x in used or self.coefficients[i] != 0)
+
+    def times(self, factor: sympy.Expr) -> "Form":
+        """The form factor * omega."""
+        return Form(self.name, self.variables, tuple(factor * a for a in self.coefficients), self.parameters)
+
+    def exterior(self) -> dict[tuple[int, int], sympy.Expr]:
+        """Components (d omega)_ij = dA_j/dx_i - dA_i/dx_j for i < j, not simplified."""
+        return {(i, j): self._curl(i, j) for i, j in combinations(range(len(self.variables)), 2)}
+
+    def wedge(self) -> dict[tuple[int, int, int], sympy.Expr]:
+        """All components (omega ^ d omega)_ijk for i < j < k, not simplified."""
+        triples = combinations(range(len(self.variables)), 3)
+        return {(i, j, k): self.wedge_component(i, j, k) for i, j, k in triples}
+
+    def wedge_component(self, i: int, j: int, k: int) -> sympy.Expr:
+        """(omega ^ d omega)_ijk = A_i (d omega)_jk + A_j (d omega)_ki + A_k (d omega)_ij; alternating in i,
+        j, k.
+        """
+        a = self.coefficients
+        return a[i] * self._curl(j, k) + a[j] * self._curl(k, i) + a[k] * self._curl(i, j)
+
+    def _curl(self, i: int, j: int) -> sympy.Expr:
+        x, a = self.variables, self.coefficients
+        return partial(a[j], x[i]) - partial(a[i], x[j])
+
+
+def partial(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
+    """The partial derivative away from kinks: d|u| = |u|/u du."""
+    derivative = sympy.diff(expression, x)
+    if derivative.has(sympy.sign, sympy.DiracDelta):
+        derivative = derivative.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
+        derivative = derivative.replace(sympy.sign, lambda u: sympy.Abs(u) / u)
+    return derivative

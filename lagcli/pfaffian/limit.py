@@ -1,0 +1,128 @@
+"""A hard time limit for computer algebra, on every platform and in every thread.
+
+SymPy's solvers and integrators may run for ever on small input. Signals work only in the main thread of a
+POSIX process, and a process of its own must import SymPy again (half a second) and has to copy the
+expressions there and back. So the work is done in a daemon thread, and a thread that is late is ended by
+raising an exception inside it (`PyThreadState_SetAsyncExc` of CPython). SymPy is pure Python: it meets that
+exception at its next bytecode.
+"""
+
+import ctypes
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import sympy
+from sympy.polys.polyerrors import BasePolynomialError
+
+Value = TypeVar("Value")
+
+FAILURES: tuple[type[Exception], ...] = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    BasePolynomialError,
+    LookupError,
+    NotImplementedError,
+    RecursionError,
+    TypeError,
+    ValueError,
+    sympy.SympifyError,
+)
+"""What SymPy's solvers raise on input they cannot treat. Their answer is then "none found", never a
+verdict.
+"""
+
+_STACK_BYTES = 64 * 1024 * 1024
+_KILL_INTERVAL = 0.02
+_KILL_PATIENCE = 1.0
+_local = threading.local()
+
+
+class TimeUpError(Exception):
+    """The time for a piece of work is over."""
+
+
+NO_ANSWER: tuple[type[Exception], ...] = (TimeUpError, *FAILURES)
+"""Failure or lateness of a proposal."""
+
+
+class _Interrupt(SystemExit):
+    """Raised inside a late worker. A SystemExit, because a thread may end by it without a printed
+    traceback.
+    """
+
+
+def after(seconds: float) -> float:
+    """The deadline (a value of the monotonic clock, s) that lies `seconds` ahead."""
+    return time.monotonic() + seconds
+
+
+def left(deadline: float) -> float:
+    """Seconds until `deadline`; negative when it has passed."""
+    return deadline - time.monotonic()
+
+
+def check(deadline: float) -> None:
+    """Raise `TimeUpError` when `deadline` has passed."""
+    if left(deadline) <= 0:
+        raise TimeUpError("no time left")
+
+
+def run(deadline: float, work: Callable[[], Value]) -> Value:
+    """The value of `work()`, computed before `deadline` (monotonic clock, s).
+
+    Exceptions of `work` are raised here. Raises `TimeUpError` at the deadline; the worker is ended. Inside a
+    limited piece of work a later or equal deadline costs nothing: the outer limit already holds.
+    """
+    check(deadline)
+    outer: float | None = getattr(_local, "deadline", None)
+    if outer is not None and deadline >= outer:
+        return work()
+    values: list[Value] = []
+    errors: list[Exception] = []
+
+    def worker() -> None:
+        _local.deadline = deadline
+        try:
+            values.append(work())
+        except Exception as error:  # noqa: BLE001 - handed on to the caller below, whatever it is
+            errors.append(error)
+        except _Interrupt:
+            return
+
+    thread = _start(worker)
+    thread.join(max(left(deadline), 0.0))
+    if thread.is_alive():
+        _end(thread)
+        raise TimeUpError("the time limit was reached")
+    if errors:
+        raise errors[0]
+    if not values:
+        raise TimeUpError("the time limit was reached")
+    return values[0]
+
+
+def _start(worker: Callable[[], None]) -> threading.Thread:
+    # Deep expressions recurse deeply; the default stack of a thread is half a megabyte on some systems.
+    before = threading.stack_size(_STACK_BYTES)
+    try:
+        thread = threading.Thread(target=worker, name="lagcli-algebra", daemon=True)
+        thread.start()
+    finally:
+        threading.stack_size(before)
+    return thread
+
+
+def _end(thread: threading.Thread) -> None:
+    """Interrupt the thread again and again: a `finally` or a bare `except` inside may swallow one
+    interrupt.
+    """
+    give_up = after(_KILL_PATIENCE)
+    while thread.is_alive() and left(give_up) > 0:
+        ident = thread.ident
+        if ident is None:
+            return
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(ident), ctypes.py_object(_Interrupt))
+        thread.join(_KILL_INTERVAL)

@@ -1,0 +1,307 @@
+"""Functions as algebra: expressions become rational functions of generators with polynomial relations.
+
+Generators are the symbols, sin b and cos b with cos^2 b = 1 - sin^2 b, exp b, q-th roots r with r^q = u, |u|
+with |u|^2 = u^2, and every other function of an argument as a letter of its own. The arguments b are chosen
+so that all multiples, halves and sums of angles or exponents that occur are integer combinations of them.
+The relations are a Groebner basis (their leading terms are powers of different generators), so that the
+remainder of a numerator by them is a normal form: remainder zero means the expression vanishes identically.
+
+The converse holds where the generators are algebraically independent up to the relations
+(`Tower.independent`). By the theorem of Ax (J. Ax, On Schanuel's conjectures, Ann. Math. 93, 1971) exp u_j,
+sin and cos of v_j and log w_j are so where u_j and i v_j are linearly independent over the rationals modulo
+constants and the w_j are multiplicatively so; only the arguments for which this is evident are counted:
+distinct monomials, and distinct irreducible w_j.
+"""
+
+from collections.abc import Iterable, Sequence
+from functools import reduce
+from math import gcd, lcm
+from typing import Any
+
+import sympy
+from sympy.polys.rings import PolyElement, ring
+
+MAX_MULTIPLE = 24
+MAX_ROOT = 12
+_CIRCULAR = (sympy.sin, sympy.cos, sympy.tan, sympy.cot, sympy.sec, sympy.csc)
+_HYPERBOLIC = (sympy.sinh, sympy.cosh, sympy.tanh)
+_OPAQUE = (sympy.log, sympy.asin, sympy.acos, sympy.atan, sympy.atan2)
+
+
+class NoNormalFormError(NotImplementedError):
+    """The expression holds something the algebra of generators cannot express; the text says what."""
+
+
+class Tower:
+    """The generators of the given expressions, and the normal form of rational expressions in them.
+
+    All expressions that are to be compared must be given at once, since the generators depend on all of
+    them. Raises `NoNormalFormError` for unknown functions and for multiple angles beyond `MAX_MULTIPLE`.
+    """
+
+    def __init__(self, expressions: Iterable[sympy.Expr]) -> None:
+        self.meaning: dict[sympy.Symbol, sympy.Expr] = {}
+        self.independent = True
+        self._relations: list[sympy.Expr] = []
+        self._known: dict[Any, sympy.Symbol] = {}
+        self._multiples: dict[tuple[str, sympy.Expr], list[sympy.Rational]] = {}
+        self._units: dict[tuple[str, sympy.Expr], sympy.Rational] = {}
+        self._written: dict[sympy.Expr, sympy.Expr] = {}
+        self._split_memo: dict[sympy.Expr, list[tuple[sympy.Rational, sympy.Expr]]] = {}
+        listed = [sympy.sympify(e) for e in expressions]
+        for e in listed:
+            self._collect(e)
+        written = [self._write(e) for e in listed]
+        self._check_roots()
+        letters = set().union(*(e.free_symbols for e in [*written, *self._relations]), set())
+        rank = {g: n for n, g in enumerate(self.meaning)}
+        # Later generators stand on earlier ones and come first: the relations lead with their powers.
+        order = sorted(letters, key=lambda s: (-rank.get(s, -1), s.name))
+        self.letters: tuple[sympy.Symbol, ...] = tuple(order) or (sympy.Dummy("one"),)
+        self.ring: Any = ring(self.letters, sympy.QQ)[0]
+        self.field: Any = self.ring.to_field()
+        self._ideal: list[PolyElement] = [self.ring.from_expr(r) for r in self._relations]
+
+    def element(self, expression: sympy.Expr) -> Any:
+        """The expression as a fraction of polynomials, the numerator reduced. `field` element.
+
+        Raises `NoNormalFormError` where the denominator vanishes identically, or where the expression is not
+        one of those the tower was built for (or a rational combination of their parts).
+        """
+        known = len(self.meaning)
+        written = self._write(sympy.sympify(expression))
+        if len(self.meaning) != known:
+            raise NoNormalFormError(f"{expression} was not known when the tower was built")
+        try:
+            fraction = self.field.from_expr(written)
+        except (ValueError, ZeroDivisionError) as error:
+            raise NoNormalFormError(f"{expression} is not rational in its generators") from error
+        return self.reduced(fraction)
+
+    def reduced(self, fraction: Any) -> Any:
+        """Numerator and denominator replaced by their remainders."""
+        denominator = self.remainder(fraction.denom)
+        if not denominator:
+            raise NoNormalFormError("a denominator vanishes identically")
+        return self.field(self.remainder(fraction.numer)) / self.field(denominator)
+
+    def remainder(self, polynomial: Any) -> Any:
+        """The normal form of a `ring` element modulo the relations."""
+        return polynomial.rem(self._ideal) if self._ideal and polynomial else polynomial
+
+    def expression(self, element: Any) -> sympy.Expr:
+        """The SymPy expression of a `ring` or `field` element."""
+        return self.spoken(element.as_expr())
+
+    def spoken(self, written: sympy.Expr) -> sympy.Expr:
+        """An expression in generators in terms of the functions they stand for."""
+        for letter in reversed(self.meaning):
+            written = written.xreplace({letter: self.meaning[letter]})
+        return written
+
+    # First pass: which multiples of which angles and exponents occur.
+
+    def _collect(self, e: sympy.Expr) -> None:
+        for part in sympy.preorder_traversal(e):
+            if isinstance(part, _CIRCULAR):
+                self._note("circle", part.args[0])
+            elif isinstance(part, (sympy.exp, *_HYPERBOLIC)):
+                self._note("exp", part.args[0])
+
+    def _note(self, kind: str, argument: sympy.Expr) -> None:
+        for coefficient, base in self._split(argument):
+            multiples = self._multiples.setdefault((kind, base), [])
+            if coefficient not in multiples:
+                multiples.append(coefficient)
+
+    def _split(self, argument: sympy.Expr) -> list[tuple[sympy.Rational, sympy.Expr]]:
+        """The argument as a sum of rational multiples of signless terms."""
+        if argument not in self._split_memo:
+            terms = sympy.Add.make_args(sympy.expand(sympy.cancel(argument)))
+            self._split_memo[argument] = [term.as_coeff_Mul(rational=True) for term in terms if term != 0]
+        return self._split_memo[argument]
+
+    def _count(self, kind: str, coefficient: sympy.Rational, base: sympy.Expr) -> tuple[int, sympy.Rational]:
+        """(n, unit) with coefficient = n * unit, where the unit is the greatest that all multiples have in
+        common.
+        """
+        key = (kind, base)
+        if key not in self._units:
+            found = self._multiples.get(key, [coefficient])
+            above, below = (int(c.p) for c in found), (int(c.q) for c in found)
+            self._units[key] = sympy.Rational(reduce(gcd, above), reduce(lcm, below))
+        n = coefficient / self._units[key]
+        if not n.is_Integer or abs(n) > MAX_MULTIPLE:
+            raise NoNormalFormError(f"the multiples of {base} are too far apart")
+        return int(n), self._units[key]
+
+    # Second pass: expressions in generators.
+
+    def _write(self, e: sympy.Expr) -> sympy.Expr:
+        if e not in self._written:
+            self._written[e] = self._translate(e)
+        return self._written[e]
+
+    def _translate(self, e: sympy.Expr) -> sympy.Expr:
+        if e.is_Rational or e.is_Symbol:
+            return e
+        if isinstance(e, (sympy.Add, sympy.Mul)):
+            return e.func(*(self._write(a) for a in e.args))
+        if isinstance(e, sympy.Pow):
+            return self._power(e)
+        if e is sympy.pi:
+            return self._letter(("pi",), e)
+        if e is sympy.E:
+            return self._exponential(sympy.Integer(1))
+        if isinstance(e, (*_CIRCULAR, *_HYPERBOLIC, sympy.exp)):
+            return self._elementary(e)
+        if isinstance(e, sympy.Abs):
+            return self._absolute(e)
+        if isinstance(e, _OPAQUE):
+            return self._opaque(e)
+        raise NoNormalFormError(f"{getattr(e.func, '__name__', e)} has no algebraic treatment")
+
+    def _letter(self, key: Any, meaning: sympy.Expr) -> sympy.Symbol:
+        if key not in self._known:
+            letter = sympy.Dummy(f"g{len(self._known)}")
+            self._known[key] = letter
+            self.meaning[letter] = meaning
+        return self._known[key]
+
+    def _elementary(self, e: sympy.Expr) -> sympy.Expr:
+        if isinstance(e, sympy.exp):
+            return self._exponential(e.args[0])
+        if isinstance(e, _CIRCULAR):
+            c, s = self._circle(e.args[0])
+            values = {
+                sympy.sin: (s, 1), sympy.cos: (c, 1), sympy.tan: (s, c),
+                sympy.cot: (c, s), sympy.sec: (1, c), sympy.csc: (1, s),
+            }  # fmt: skip
+        else:
+            grown = self._exponential(e.args[0])
+            rise, fall = grown - 1 / grown, grown + 1 / grown
+            values = {sympy.sinh: (rise, 2), sympy.cosh: (fall, 2), sympy.tanh: (rise, fall)}
+        above, below = values[type(e)]
+        if below == 0:
+            raise NoNormalFormError(f"{e} has a pole")
+        return above / sympy.sympify(below)
+
+    def _circle(self, argument: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
+        """(cos, sin) of a sum of angles by the addition theorems."""
+        c: sympy.Expr = sympy.Integer(1)
+        s: sympy.Expr = sympy.Integer(0)
+        for coefficient, base in self._split(argument):
+            cn, sn = self._multiple_angle(coefficient, base)
+            c, s = sympy.expand(c * cn - s * sn), sympy.expand(s * cn + c * sn)
+        return c, s
+
+    def _multiple_angle(self, coefficient: sympy.Rational, base: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
+        if base is sympy.pi:
+            known = sympy.cos(coefficient * base), sympy.sin(coefficient * base)
+            if not any(value.has(*_CIRCULAR) for value in known):
+                return self._write(known[0]), self._write(known[1])
+        n, unit = self._count("circle", coefficient, base)
+        self._demand_monomial(base)
+        s1 = self._letter(("sin", base), sympy.sin(unit * base))
+        fresh = ("cos", base) not in self._known
+        c1 = self._letter(("cos", base), sympy.cos(unit * base))
+        if fresh:
+            self._relations.append(c1**2 + s1**2 - 1)
+        cn, sn = sympy.Integer(1), sympy.Integer(0)
+        for _ in range(abs(n)):
+            cn, sn = sympy.expand(cn * c1 - sn * s1), sympy.expand(sn * c1 + cn * s1)
+        return cn, sn if n > 0 else -sn
+
+    def _exponential(self, argument: sympy.Expr) -> sympy.Expr:
+        product: sympy.Expr = sympy.Integer(1)
+        for coefficient, base in self._split(argument):
+            n, unit = self._count("exp", coefficient, base)
+            self._demand_monomial(base)
+            product *= self._letter(("exp", base), sympy.exp(unit * base)) ** n
+        return product
+
+    def _demand_monomial(self, base: sympy.Expr) -> None:
+        """Distinct monomials in the symbols are linearly independent modulo constants; other terms may not
+        be.
+        """
+        powers = base.as_powers_dict()
+        if not base.free_symbols or not all(b.is_Symbol and n.is_Integer for b, n in powers.items()):
+            self.independent = False
+
+    def _power(self, e: sympy.Pow) -> sympy.Expr:
+        base, exponent = e.args
+        if exponent.is_Integer:
+            return self._write(base) ** exponent
+        if exponent.is_Rational:
+            whole, rest = divmod(int(exponent.p), int(exponent.q))
+            root = self._root(base, int(exponent.q), base ** sympy.Rational(1, exponent.q))
+            return self._write(base) ** whole * root**rest
+        # base**(k + 1) = base**k * base: the rational part of the exponent apart, the rest a letter a term.
+        self.independent = False
+        product: sympy.Expr = sympy.Integer(1)
+        for coefficient, term in self._split(exponent):
+            if term == 1:
+                product *= self._power(sympy.Pow(base, coefficient, evaluate=False)) if base != 1 else 1
+            elif coefficient.q == 1:
+                product *= self._letter(("power", base, term), base**term) ** int(coefficient)
+            else:
+                unit = term / coefficient.q
+                product *= self._letter(("power", base, unit), base**unit) ** int(coefficient.p)
+        return product
+
+    def _root(self, radicand: sympy.Expr, q: int, meaning: sympy.Expr) -> sympy.Expr:
+        """The q-th root of `radicand`, as a letter over a denominator, which keeps the relation a polynomial.
+
+        With radicand N/D the letter is D (N/D)^(1/q) and its q-th power N D^(q-1).
+        """
+        if q > MAX_ROOT:
+            raise NoNormalFormError(f"the root {meaning} is too high")
+        above, below = sympy.fraction(sympy.together(self._write(radicand)))
+        power = sympy.expand(above * below ** (q - 1))
+        if power.is_Rational and not (power.is_Integer and sympy.isprime(int(power))):
+            self.independent = False
+        return self._radical(("root", q, power, below), meaning) / below
+
+    def _absolute(self, e: sympy.Abs) -> sympy.Expr:
+        """|N/D| as a letter over D; its relation has two roots, so that only numbers can prove a
+        difference.
+        """
+        self.independent = False
+        above, below = sympy.fraction(sympy.together(self._write(e.args[0])))
+        return self._radical(("absolute", 2, sympy.expand(above**2), below), e) / below
+
+    def _radical(self, key: tuple[str, int, sympy.Expr, sympy.Expr], meaning: sympy.Expr) -> sympy.Symbol:
+        _, q, power, below = key
+        fresh = key not in self._known
+        letter = self._letter(key, self.spoken(below) * meaning)
+        if fresh:
+            self._relations.append(letter**q - power)
+        return letter
+
+    def _check_roots(self) -> None:
+        """Roots count as independent when no product of some radicands can be a power (else: not evident)."""
+        keys = [key for key in self._known if key[0] == "root"]
+        seen: set[sympy.Expr] = set()
+        for _, _, power, _ in keys:
+            plain = not (power.free_symbols & set(self.meaning))
+            factors = sympy.factor_list(power)[1] if plain else []
+            own = [f for f, n in factors if n == 1]
+            if power.is_Rational and len(keys) == 1:
+                continue
+            if len(own) != len(factors) or not own or seen & set(own):
+                self.independent = False
+                return
+            seen |= set(own)
+
+    def _opaque(self, e: sympy.Expr) -> sympy.Symbol:
+        same = e.func(*(sympy.cancel(a) for a in e.args))
+        if not isinstance(same, _OPAQUE):
+            raise NoNormalFormError(f"{e} changes its kind when its argument is simplified")
+        evident = isinstance(same, sympy.log) and same.args[0].is_Symbol
+        self.independent = self.independent and evident
+        return self._letter(("function", same), same)
+
+
+def elements(tower: Tower, expressions: Sequence[sympy.Expr]) -> list[Any]:
+    """`tower.element` of each expression."""
+    return [tower.element(e) for e in expressions]
