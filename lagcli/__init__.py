@@ -18,8 +18,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lagcli.diagnostics import ModelError
     from lagcli.degrees_of_freedom import DofCount
+    from lagcli.diagnostics import ModelError
     from lagcli.model import Model
     from lagcli.reader.overrides import OverrideError
     from lagcli.report import Report
@@ -59,22 +59,26 @@ def load(path: str | os.PathLike[str], parameters: Mapping[str, object] | None =
     `parameters` overrides parameters and initial values, `{"m": 2, "theta.value": "pi/3"}`.
     Raises `ModelError` with every error of the file, `OverrideError`, `OSError`.
     """
-    return _pipeline().load(path, parameters)
+    model: Model = _pipeline().load(path, parameters)
+    return model
 
 
 def loads(text: str, parameters: Mapping[str, object] | None = None) -> Model:
     """The model in a text; otherwise as `load`."""
-    return _pipeline().loads(text, parameters)
+    model: Model = _pipeline().loads(text, parameters)
+    return model
 
 
 def dof(model: Model) -> DofCount:
     """The count of degrees of freedom; `configuration_dof` is None where it is undecided, with the `reason`."""
-    return _pipeline().count(model)
+    counted: DofCount = _pipeline().count(model)
+    return counted
 
 
 def check(model: Model) -> Report:
     """Verdicts, count, redundancy and consistency: the object behind `lagcli check --json`."""
-    return _pipeline().check(model)
+    report: Report = _pipeline().check(model)
+    return report
 
 
 def simulate(model: Model, **options: Any) -> Trajectory:
@@ -84,7 +88,8 @@ def simulate(model: Model, **options: Any) -> Trajectory:
     model's. Raises `ModelError` where the start is inconsistent, `ValueError` for bad options,
     `SimulationStopped` where the integration cannot go on.
     """
-    return _pipeline().simulate(model, **options)
+    run: Trajectory = _pipeline().simulate(model, **options)
+    return run
 
 
 def _pipeline() -> Any:

@@ -53,9 +53,7 @@ def differential(model: nouns.Model, limit: float = DEFAULT_LIMIT) -> tuple[Verd
         found = alone.classify(form, deadline)
         integral = None if found.integral is None else translate.written(found.integral)
         factor = None if found.integrating_factor is None else translate.written(found.integrating_factor)
-        verdicts.append(
-            Verdict(row, "differential", found.kind, integral, factor, found.method, found.proof)
-        )
+        verdicts.append(Verdict(row, "differential", found.kind, integral, factor, found.method, found.proof))
     return tuple(verdicts)
 
 

@@ -122,7 +122,9 @@ def _highest(ranks: list[rank.Rank]) -> int:
 def _notes(ranks: _Ranks, total: int) -> tuple[str, ...]:
     at_start = ranks.everything[0].value
     if at_start is not None and at_start < total:
-        return (f"the start is a special configuration: the rows have rank {at_start} there and {total} nearby",)
+        return (
+            f"the start is a special configuration: the rows have rank {at_start} there and {total} nearby",
+        )
     return ()
 
 

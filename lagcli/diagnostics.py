@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import itertools
 from collections.abc import Iterable, Iterator
 from typing import Literal
 
@@ -49,23 +50,37 @@ class Diagnostic:
     def render(self) -> str:
         """`path:line:column: error[code]: message`, the source line, a caret under the spot, the hint."""
         at = self.location
-        lines = [f"{at.path}:{at.line}:{at.column}: {self.severity}[{self.code}]: {self.message}"]
-        if at.source_line.strip():
+        head = f"{at.path}:{at.line}:{at.column}: {self.severity}[{self.code}]: "
+        lines = [head + _shown(self.message)]
+        if at.source_line and not at.source_line.isspace():
             lines += ["    " + text for text in _excerpt(at)]
         if self.hint:
-            lines.append(f"  hint: {self.hint}")
+            lines.append(f"  hint: {_shown(self.hint)}")
         return "\n".join(lines)
 
 
+def printable(text: str) -> str:
+    """The text without characters that a terminal would act on; line breaks stay."""
+    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
 EXCERPT_WIDTH = 100
+SENTENCE_WIDTH = 600
+
+
+def _shown(sentence: str) -> str:
+    """A sentence that may quote a stranger's file: nothing in it steers the terminal or fills the screen."""
+    plain = "".join(c if c.isprintable() else "\ufffd" for c in sentence[:SENTENCE_WIDTH])
+    return plain + ("..." if len(sentence) > SENTENCE_WIDTH else "")
 
 
 def _excerpt(at: Location) -> tuple[str, str]:
     """The source line and the caret line, cut to a window around the spot where the line is long."""
-    line = "".join(c if c.isprintable() else " " for c in at.source_line)
-    start = max(0, at.column - 1 - EXCERPT_WIDTH // 2) if len(line) > EXCERPT_WIDTH else 0
-    window = line[start : start + EXCERPT_WIDTH]
-    before, after = ("..." if start else ""), ("..." if start + EXCERPT_WIDTH < len(line) else "")
+    size = len(at.source_line)
+    start = max(0, at.column - 1 - EXCERPT_WIDTH // 2) if size > EXCERPT_WIDTH else 0
+    window = at.source_line[start : start + EXCERPT_WIDTH]
+    window = "".join(c if c.isprintable() else " " for c in window)
+    before, after = ("..." if start else ""), ("..." if start + EXCERPT_WIDTH < size else "")
     indent = len(before) + at.column - 1 - start
     carets = max(1, min(at.length, len(window) - (at.column - 1 - start)))
     return before + window + after, " " * indent + "^" * carets
@@ -79,16 +94,30 @@ class ModelError(Exception):
         super().__init__("\n".join(d.render() for d in self.diagnostics))
 
 
+MAX_ERRORS = 1000
+
+
 class Collector:
-    """Gathers diagnostics so that all errors of a file are reported in one go."""
+    """Gathers diagnostics so that all errors of a file are reported in one go.
+
+    Beyond `MAX_ERRORS` errors no more are looked for.
+    """
 
     def __init__(self) -> None:
-        self._found: list[Diagnostic] = []
+        self._found: dict[Diagnostic, None] = {}
+        self._errors = 0
 
     def add(self, diagnostic: Diagnostic) -> None:
-        """Keep a diagnostic; the same one twice is kept once."""
-        if diagnostic not in self._found:
-            self._found.append(diagnostic)
+        """Keep a diagnostic; the same one twice is kept once. Raises `ModelError` at the last allowed."""
+        if diagnostic in self._found:
+            return
+        self._found[diagnostic] = None
+        self._errors += diagnostic.severity == "error"
+        if self._errors == MAX_ERRORS:
+            last = _in_file_order(self._found)[-1].location
+            message = f"these are the first {MAX_ERRORS} errors; no more were looked for"
+            self._found[Diagnostic("too-many-errors", message, last)] = None
+            self.raise_errors()
 
     def __iter__(self) -> Iterator[Diagnostic]:
         return iter(self._found)
@@ -96,7 +125,7 @@ class Collector:
     @property
     def has_errors(self) -> bool:
         """Whether anything worse than a warning was found."""
-        return any(d.severity == "error" for d in self._found)
+        return self._errors > 0
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
@@ -114,11 +143,20 @@ def _in_file_order(found: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(found, key=lambda d: (d.location.line, d.location.column))
 
 
+MAX_CANDIDATES = 300
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
     """A hint naming the known word nearest to `word`, or an empty text where none is near."""
-    candidates = sorted(set(known))
+    candidates = list(known)
+    if len(candidates) > MAX_CANDIDATES:
+        # Distances cost; among thousands of names only those that begin and end alike are looked at.
+        ends = (word[:1], word[-1:])
+        alike = (c for c in candidates if (c[:1], c[-1:]) == ends and abs(len(c) - len(word)) <= 2)
+        candidates = list(itertools.islice(alike, MAX_CANDIDATES))
+    candidates = sorted(set(candidates))
     folded = {c.casefold(): c for c in candidates}
     if word.casefold() in folded:
         return f"did you mean `{folded[word.casefold()]}`?"
-    close = difflib.get_close_matches(word, candidates, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(word[:100], candidates, n=1, cutoff=0.6)
     return f"did you mean `{close[0]}`?" if close else ""

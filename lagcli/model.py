@@ -209,7 +209,7 @@ class Simulation:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Model:
-    """A valid model. `fingerprint` tells models of different text apart; values of parameters do not enter it."""
+    """A valid model. `fingerprint` tells models of different text apart; changed values do not enter it."""
 
     path: str
     fingerprint: str
@@ -232,7 +232,7 @@ class Model:
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
-        """The n coordinates of the system: components of the Cartesian particles, then the generalized ones."""
+        """The n coordinates of the system: components of Cartesian particles, then the generalized ones."""
         cartesian = (f"{p.name}.{axis}" for p in self.particles if not p.is_dependent for axis in "xyz")
         return (*cartesian, *(q.name for q in self.coordinates))
 

@@ -9,12 +9,14 @@ reads it, never by YAML's own typing.
 from __future__ import annotations
 
 import bisect
+import codecs
 import dataclasses
 import os
 import pathlib
 import re
 import sys
 from collections.abc import Iterator
+from typing import Literal
 
 import yaml
 
@@ -25,25 +27,29 @@ MAX_DEPTH = 16
 MAX_NODES = 2_000_000
 
 LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+ESCAPE = re.compile(r"\\(?:x..|u.{4}|U.{8}|[^\r\n])")
+NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 
 _Loader: type = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Text:
-    """The whole text of a file with its name, able to locate an offset."""
+    """The whole text of a file with its name, able to locate an offset.
+
+    `lines` are without their breaks; all locations of one line share its text, however long it is.
+    """
 
     path: str
     content: str
     line_starts: tuple[int, ...]
+    lines: tuple[str, ...]
 
     def locate(self, start: int, end: int | None = None) -> diagnostics.Location:
         """Line and column of characters `start` to `end` (offsets in the text)."""
         start = min(start, len(self.content))
         row = bisect.bisect_right(self.line_starts, start) - 1
-        begin = self.line_starts[row]
-        after = self.line_starts[row + 1] if row + 1 < len(self.line_starts) else len(self.content)
-        line = self.content[begin:after].rstrip("\r\n\x85\u2028\u2029")
+        begin, line = self.line_starts[row], self.lines[row]
         length = max(1, min((end or start + 1), begin + len(line)) - start)
         return diagnostics.Location(self.path, row + 1, start - begin + 1, length, line)
 
@@ -62,41 +68,50 @@ class Node:
         return self.text.locate(self.start, self.end)
 
 
+Style = Literal["plain", "'", '"', "|", ">"]
+_STYLES: dict[str | None, Style] = {"'": "'", '"': '"', "|": "|", ">": ">"}
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class Scalar(Node):
-    """A text, as written (escapes and folding resolved)."""
+    """A text, with escapes and folding resolved; `style` is the sign it was written with."""
 
     value: str
-    quoted: bool = False
+    style: Style = "plain"
 
     def locate(self, start: int, end: int) -> diagnostics.Location:
         """Location of characters `start` to `end` of `value` in the file."""
-        origin = self._origins(max(start, end - 1) + 1)
-        if not origin:
+        if not self.value:
             return self.location
-        first = origin[min(start, len(origin) - 1)] + (1 if start >= len(origin) else 0)
-        last = origin[min(max(end - 1, start), len(origin) - 1)]
-        return self.text.locate(first, max(last, first) + 1)
+        beyond = start >= len(self.value)
+        start = min(start, len(self.value) - 1)
+        last = min(max(end - 1, start), len(self.value) - 1)
+        origins = self._origins(last + 1)
+        first = origins[start] + beyond
+        return self.text.locate(first, max(origins[last], first) + 1)
 
-    def _origins(self, count: int) -> list[int]:
+    def _origins(self, count: int) -> range | list[int]:
         """Offsets in the file of the first `count` characters of `value`.
 
         Where the scalar is written plainly the characters follow one another. Folding, block indents and
         escapes are walked over by looking for each character of the value in turn.
         """
-        raw, value = self.text.content, self.value
-        begin = self.start + (1 if self.quoted else 0)
-        if raw.startswith(value, begin):
-            return list(range(begin, begin + min(count, len(value))))
+        raw = self.text.content
+        begin = self.start + (self.style in ("'", '"'))
+        if self.style in ("|", ">"):
+            # The line of the sign holds no text of the scalar.
+            begin = min(self.end, self.text.line_starts[self.text.locate(self.start).line])
+        if raw.startswith(self.value, begin):
+            return range(begin, begin + count)
         found: list[int] = []
         at = begin
-        for character in value[:count]:
-            if character.isspace():
-                while at < self.end and not raw[at].isspace():
-                    at += 1
-            else:
-                next_at = raw.find(character, at, self.end)
-                at = next_at if next_at >= 0 else at
+        for character in self.value[:count]:
+            if self.style == '"' and raw[at] == "\\" and (escape := ESCAPE.match(raw, at)):
+                found.append(at)
+                at = escape.end()
+                continue
+            if not character.isspace():
+                at = max(raw.find(character, at, self.end), at)
             found.append(min(at, self.end))
             at += 1
         return found
@@ -134,7 +149,7 @@ def is_empty(node: AnyNode) -> bool:
     """Whether nothing was written: `key:` with no value, `{}` or `[]`."""
     match node:
         case Scalar():
-            return node.value == "" and not node.quoted
+            return node.value == "" and node.style == "plain"
         case Sequence():
             return not node.items
         case Mapping():
@@ -143,7 +158,11 @@ def is_empty(node: AnyNode) -> bool:
 
 def as_text(content: str, path: str) -> Text:
     """A text of which single stretches are to be located (command-line values, expressions in tests)."""
-    return Text(path, content, (0, *(match.end() for match in LINE_BREAK.finditer(content))))
+    starts, lines = [0], []
+    for found in LINE_BREAK.finditer(content):
+        lines.append(content[starts[-1] : found.start()])
+        starts.append(found.end())
+    return Text(path, content, tuple(starts), (*lines, content[starts[-1] :]))
 
 
 def scalar(content: str, path: str) -> Scalar:
@@ -161,7 +180,8 @@ def read(path: str | os.PathLike[str]) -> bytes:
     if name == "-":
         return sys.stdin.buffer.read(MAX_BYTES + 1)
     if pathlib.Path(name).is_dir():
-        raise _refused("not-a-file", "this is a directory, not a model file", as_text("", name))
+        at = as_text("", name).locate(0)
+        raise _refused("not-a-file", "this is a directory, not a model file", at)
     with open(name, "rb") as file:
         return file.read(MAX_BYTES + 1)
 
@@ -174,51 +194,46 @@ def parse(data: bytes | str, path: str) -> Mapping:
         root = _Builder(text, found).build()
     except yaml.YAMLError as error:
         raise diagnostics.ModelError([_yaml_error(error, text)]) from None
+    hint = "a model begins with the line `lagcli: 1`"
     if root is None or (isinstance(root, Scalar) and is_empty(root)):
-        raise _refused("empty-model", "the file holds no model", text, "a model begins with the line `lagcli: 1`")
+        raise _refused("empty-model", "the file holds no model", text.locate(0), hint)
     if not isinstance(root, Mapping):
-        raise diagnostics.ModelError(
-            [
-                diagnostics.Diagnostic(
-                    "not-a-mapping", "a model file is a mapping of sections", root.location,
-                    "it begins with the line `lagcli: 1`",
-                )
-            ]
-        )  # fmt: skip
+        raise _refused("not-a-mapping", "a model file is a mapping of sections", root.location, hint)
     found.raise_errors()
     return root
 
 
-def _refused(code: str, message: str, text: Text, hint: str = "") -> diagnostics.ModelError:
-    return diagnostics.ModelError([diagnostics.Diagnostic(code, message, text.locate(0), hint)])
+def _refused(code: str, message: str, at: diagnostics.Location, hint: str = "") -> diagnostics.ModelError:
+    return diagnostics.ModelError([diagnostics.Diagnostic(code, message, at, hint)])
 
 
 def _decode(data: bytes | str, path: str) -> str:
-    nothing = as_text("", path)
     if len(data) > MAX_BYTES:
-        raise _refused("too-large", f"the file is larger than {MAX_BYTES // 2**20} MiB", nothing)
+        message = f"the file is larger than {MAX_BYTES // 2**20} MiB"
+        raise _refused("too-large", message, as_text("", path).locate(0))
     if isinstance(data, str):
         content = data
     else:
+        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            raise _not_text("the file is UTF-16 text, not UTF-8", "", path)
         try:
-            content = data.decode("utf-8-sig")
+            content = data.decode("utf-8")
         except UnicodeDecodeError as error:
-            good = as_text(data[: error.start].decode("utf-8-sig"), path)
-            at = good.locate(len(good.content))
             message = f"the file is not UTF-8 text (byte {error.start})"
-            raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("not-text", message, dataclasses.replace(at, source_line=""))]
-            ) from None
-    bad = next((i for i, c in enumerate(content) if c < " " and c not in "\t\n\r"), None) if (
-        "\0" in content or not content.isprintable()
-    ) else None  # fmt: skip
-    if bad is not None:
-        at = as_text(content, path).locate(bad)
-        message = f"the file is not text: it holds the control character {content[bad]!r}"
-        raise diagnostics.ModelError(
-            [diagnostics.Diagnostic("not-text", message, dataclasses.replace(at, source_line=""))]
-        )
+            raise _not_text(message, data[: error.start].decode("utf-8"), path) from None
+    content = content.removeprefix("\ufeff")
+    bad = NOT_TEXT.search(content)
+    if bad:
+        message = f"the file is not text: it holds the character {bad.group()!a}"
+        raise _not_text(message, content[: bad.start()], path)
     return content
+
+
+def _not_text(message: str, good: str, path: str) -> diagnostics.ModelError:
+    """The refusal of a file that is text only as far as `good`."""
+    at = as_text(good.removeprefix("\ufeff"), path)
+    location = dataclasses.replace(at.locate(len(at.content)), source_line="")
+    return _refused("not-text", message, location, "save the model as plain text in UTF-8")
 
 
 def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
@@ -230,10 +245,16 @@ def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
     location = text.locate(offset)
     hint = ""
     if any(sign in location.source_line for sign in "{["):
-        hint = "in `{ }` and `[ ]` a text with brackets or commas needs quotes: \"a[1], b\""
+        hint = 'in `{ }` and `[ ]` a text with brackets or commas needs quotes: "a[1], b"'
     elif ": " in location.source_line or "\t" in location.source_line:
         hint = "a text that holds `: ` or ` #` needs quotes, and indents are spaces, never tabs"
     return diagnostics.Diagnostic("yaml-syntax", message, location, hint)
+
+
+def _span(event: yaml.Event) -> tuple[int, int]:
+    """Offsets of an event; a parser of text always marks them."""
+    start, end = event.start_mark, event.end_mark
+    return (start.index, end.index) if start is not None and end is not None else (0, 0)
 
 
 @dataclasses.dataclass(slots=True)
@@ -265,7 +286,9 @@ class _Builder:
                     if documents > 1:
                         self._refuse(event, "several-documents", "a model file holds one YAML document")
                 case yaml.AliasEvent():
-                    self._refuse(event, "yaml-alias", "YAML aliases (`*name`) are not allowed in a model file")
+                    message = "YAML aliases (`*name`) are not allowed in a model file"
+                    hint = "a text that begins with `*` needs quotes"
+                    self._refuse(event, "yaml-alias", message, hint)
                 case yaml.NodeEvent():
                     self._node(event)
                 case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
@@ -273,24 +296,23 @@ class _Builder:
         return self._root
 
     def _refuse(self, event: yaml.Event, code: str, message: str, hint: str = "") -> None:
-        location = self._text.locate(event.start_mark.index, event.end_mark.index)
-        raise diagnostics.ModelError([diagnostics.Diagnostic(code, message, location, hint)])
+        raise _refused(code, message, self._text.locate(*_span(event)), hint)
 
     def _node(self, event: yaml.NodeEvent) -> None:
         self._count += 1
         if self._count > MAX_NODES:
             self._refuse(event, "too-large", f"the file holds more than {MAX_NODES} entries")
         if event.anchor is not None:
-            self._refuse(event, "yaml-alias", "YAML anchors (`&name`) are not allowed in a model file")
-        if event.tag is not None:
-            self._refuse(
-                event, "yaml-tag", f"YAML tags (`{event.tag}`) are not allowed in a model file",
-                "a text that begins with `!` needs quotes",
-            )  # fmt: skip
-        start, end = event.start_mark.index, event.end_mark.index
+            message = "YAML anchors (`&name`) are not allowed in a model file"
+            self._refuse(event, "yaml-alias", message, "a text that begins with `&` needs quotes")
+        # Every event of this kind has a tag; the type stubs know it of some only.
+        tag: str | None = getattr(event, "tag", None)
+        if tag is not None:
+            message = f"YAML tags (`{tag}`) are not allowed in a model file"
+            self._refuse(event, "yaml-tag", message, "a text that begins with `!` needs quotes")
+        start, end = _span(event)
         if isinstance(event, yaml.ScalarEvent):
-            quoted = event.style in ("'", '"')
-            self._add(Scalar(self._text, start, end, event.value, quoted))
+            self._add(Scalar(self._text, start, end, event.value, _STYLES.get(event.style, "plain")))
             return
         if len(self._stack) >= MAX_DEPTH:
             self._refuse(event, "too-deep", f"brackets or indents nest deeper than {MAX_DEPTH} levels")
@@ -298,7 +320,7 @@ class _Builder:
 
     def _close(self, event: yaml.Event) -> None:
         ended = self._stack.pop()
-        end = event.end_mark.index
+        _, end = _span(event)
         if ended.is_mapping:
             self._add(Mapping(self._text, ended.start, end, self._entries(ended.items)))
         else:
@@ -317,7 +339,8 @@ class _Builder:
                 self._report("bad-key", "a key must be a plain text", key)
             elif key.value in entries:
                 first = entries[key.value][0].location.line
-                self._report("duplicate-key", f"the key `{key.value}` stands twice (first on line {first})", key)
+                message = f"the key `{key.value}` stands twice (first on line {first})"
+                self._report("duplicate-key", message, key)
             else:
                 entries[key.value] = (key, value)
         return tuple(entries.values())

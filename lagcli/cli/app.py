@@ -24,7 +24,9 @@ app = typer.Typer(
 ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="model file; - for standard input")]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=EXPR", help="another parameter or initial value (theta.value); repeatable"),
+    typer.Option(
+        "--set", metavar="NAME=EXPR", help="another parameter or initial value (theta.value); repeatable"
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output")]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="only errors on standard error")]
@@ -84,11 +86,15 @@ def dof(
 @app.command()
 @exits.command
 def check(
-    models: Annotated[list[str], typer.Argument(metavar="MODEL...", help="model files; - for standard input")],
+    models: Annotated[
+        list[str], typer.Argument(metavar="MODEL...", help="model files; - for standard input")
+    ],
     changes: SetOption = None,
     as_json: JsonOption = False,
     strict: Annotated[bool, typer.Option("--strict", help="exit 1 on warnings")] = False,
-    limit: Annotated[float, typer.Option("--limit", metavar="SECONDS", min=0.0, help="time for proofs")] = 20.0,
+    limit: Annotated[
+        float, typer.Option("--limit", metavar="SECONDS", min=0.0, help="time for proofs")
+    ] = 20.0,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     debug: DebugOption = False,
@@ -125,9 +131,12 @@ def check(
 def simulate(
     model: ModelArgument,
     output: Annotated[
-        str | None, typer.Option("-o", "--output", metavar="FILE", help=".csv, .json, .npz, .parquet; - for stdout")
+        str | None,
+        typer.Option("-o", "--output", metavar="FILE", help=".csv, .json, .npz, .parquet; - for stdout"),
     ] = None,
-    plot: Annotated[str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")] = None,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
+    ] = None,
     duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
     output_step: Annotated[float | None, typer.Option("--output-step", help="time between rows")] = None,
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
@@ -167,7 +176,9 @@ def simulate(
 @app.command()
 @exits.command
 def explain(
-    code: Annotated[str | None, typer.Argument(metavar="CODE", help="the word in brackets of a message")] = None,
+    code: Annotated[
+        str | None, typer.Argument(metavar="CODE", help="the word in brackets of a message")
+    ] = None,
     debug: DebugOption = False,
 ) -> None:
     """Say what an error or warning means, why, with an example and the cure; without CODE list all."""

@@ -80,7 +80,11 @@ class _Bar(Progress):
             from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 
             self._shown = Progress(
-                BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), console=Console(stderr=True), transient=True
+                BarColumn(),
+                TaskProgressColumn(),
+                TimeRemainingColumn(),
+                console=Console(stderr=True),
+                transient=True,
             )
             self._shown.start()
             self._task = self._shown.add_task("", total=1.0)

@@ -19,7 +19,7 @@ DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN = 0, 1, 2, 3, 4, 70, 
 PIPE_CLOSED = 141
 
 
-class Exit(Exception):  # noqa: N818 (named by what it does)
+class Exit(Exception):
     """Ends the command with a code; everything there is to say has been said."""
 
     def __init__(self, code: int) -> None:

@@ -82,7 +82,9 @@ def _tell_start(ready: pipeline.Running, wishes: Wishes) -> None:
         )
     if wishes.verbose:
         stats = ready.stats
-        exits.say(f"compiled in {stats.compile_seconds:.3f} s; {ready.grid.count} rows of {len(ready.columns)} columns")
+        exits.say(
+            f"compiled in {stats.compile_seconds:.3f} s; {ready.grid.count} rows of {len(ready.columns)} columns"
+        )
 
 
 def _write_rows(
@@ -90,7 +92,10 @@ def _write_rows(
 ) -> driver.Stopped | None:
     """Pass the blocks on as they come; the reason if the run stopped before its end."""
     names = [ready.columns[i] for i in picked]
-    with _sink(wishes, names) as sink, console.progress(ready.grid.start, ready.grid.end, wishes.quiet) as bar:
+    with (
+        _sink(wishes, names) as sink,
+        console.progress(ready.grid.start, ready.grid.end, wishes.quiet) as bar,
+    ):
         try:
             for block in ready.blocks():
                 with signals.shielded():
@@ -129,9 +134,7 @@ def _keep_partial(sink: tables.Sink) -> None:
         exits.say(f"lagcli: interrupted; the complete rows are in {path}")
 
 
-def _finish(
-    ready: pipeline.Running, wishes: Wishes, kept: list[Any], stopped: driver.Stopped | None
-) -> None:
+def _finish(ready: pipeline.Running, wishes: Wishes, kept: list[Any], stopped: driver.Stopped | None) -> None:
     stats = ready.stats
     if wishes.plot is not None and kept:
         # matplotlib takes a third of a second to load: only where a figure is asked for.
@@ -139,7 +142,11 @@ def _finish(
 
         title = ready.model.title or pathlib.Path(ready.model.path).stem
         figure.draw(
-            pathlib.Path(wishes.plot), ready.columns, np.concatenate(kept), title=title, units=ready.model.units
+            pathlib.Path(wishes.plot),
+            ready.columns,
+            np.concatenate(kept),
+            title=title,
+            units=ready.model.units,
         )
     if wishes.stats is not None:
         _write_json(wishes.stats, stats.as_json())

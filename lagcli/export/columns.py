@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 
-class UnknownColumn(ValueError):  # noqa: N818 (named by what is wrong)
+class UnknownColumn(ValueError):
     """A pattern matches no column; ``nearest`` holds the known names most like it."""
 
     def __init__(self, pattern: str, nearest: Sequence[str]) -> None:

@@ -6,7 +6,7 @@ TABLES = ("csv", "json", "npz", "parquet")
 FIGURES = ("png", "svg", "pdf")
 
 
-class UnknownFormat(ValueError):  # noqa: N818 (named by what is wrong)
+class UnknownFormat(ValueError):
     """A file name ends in nothing that can be written."""
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lagcli.export import aside, csv_table, endings, json_table, npz_table
 
 
-class MissingExtra(RuntimeError):  # noqa: N818 (named by what is wrong)
+class MissingExtra(RuntimeError):
     """A format needs a package that is not installed; the message says how to install it."""
 
 

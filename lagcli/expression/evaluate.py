@@ -1,4 +1,4 @@
-"""The walk over a tree with any algebra: floats, CasADi symbols, SymPy symbols, or the facts about an expression.
+"""The walk over a tree with any algebra: floats, CasADi or SymPy symbols, or the facts about an expression.
 
 A value is a scalar of the algebra or a vector, a tuple of three scalars. Vector operations are written out
 here once, in terms of the algebra's scalar operations.
@@ -6,6 +6,8 @@ here once, in terms of the algebra's scalar operations.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from lagcli import diagnostics
@@ -15,11 +17,10 @@ from lagcli.expression.tree import ExpressionError
 S = TypeVar("S")
 
 SCALAR_FUNCTIONS: dict[str, int] = {
-    **dict.fromkeys(
-        "sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign".split(), 1
-    ),  # name: number of arguments
+    **dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan"), 1),
+    **dict.fromkeys(("sinh", "cosh", "tanh", "exp", "log", "sqrt", "abs", "sign"), 1),
     "atan2": 2,
-}
+}  # name: number of arguments
 MANY_ARGUMENT_FUNCTIONS = ("min", "max")
 VECTOR_FUNCTIONS: dict[str, int] = {"dot": 2, "cross": 2, "norm": 1, "distance": 2}
 SPECIAL_FUNCTIONS = ("rate", "d", "multiplier", "reaction")
@@ -67,7 +68,8 @@ def evaluate(node: tree.Node, algebra: Algebra[S]) -> Any:
 
 def scalar(node: tree.Node, algebra: Algebra[S]) -> S:
     """The value of a tree that must be a scalar."""
-    return _Walk(algebra).scalar(node)
+    value: S = _Walk(algebra).scalar(node)
+    return value
 
 
 def vector(node: tree.Node, algebra: Algebra[S]) -> tuple[S, S, S]:
@@ -91,7 +93,8 @@ def component(node: tree.Node, value: Any, member: str, owner: str) -> Any:
     """`.x`, `.y` or `.z` of a vector."""
     if member not in COMPONENTS:
         message = f"`{owner}` has no component `{member}`"
-        raise ExpressionError("unknown-component", message, node.start, node.end, "components are `.x` `.y` `.z`")
+        hint = "components are `.x` `.y` `.z`"
+        raise ExpressionError("unknown-component", message, node.start, node.end, hint)
     if not isinstance(value, tuple):
         message = f"`{owner}` is a scalar and has no component `{member}`"
         raise ExpressionError("not-a-vector", message, node.start, node.end)
@@ -105,25 +108,28 @@ def _is_zero(node: tree.Node) -> bool:
 class _Walk:
     def __init__(self, algebra: Algebra[Any]) -> None:
         self._algebra = algebra
+        self._by_node: dict[type[tree.Node], Callable[[Any], Any]] = {
+            tree.Number: algebra.number,
+            tree.Name: algebra.atom,
+            tree.Member: algebra.atom,
+            tree.Index: algebra.atom,
+            tree.Sum: self._sum,
+            tree.Product: self._product,
+            tree.Power: self._power,
+            tree.Vector: self._vector_literal,
+            tree.Call: self._call,
+            tree.Relation: self._relation,
+        }
 
     def value(self, node: tree.Node) -> Any:
-        match node:
-            case tree.Number():
-                return self._algebra.number(node)
-            case tree.Name() | tree.Member() | tree.Index():
-                return self._algebra.atom(node)
-            case tree.Sum():
-                return self._sum(node)
-            case tree.Product():
-                return self._product(node)
-            case tree.Power():
-                return self._algebra.power(node, self.scalar(node.base), self.scalar(node.exponent))
-            case tree.Vector():
-                return self._vector_literal(node)
-            case tree.Call():
-                return self._call(node)
-            case _:
-                raise ExpressionError("syntax", "an equation has no value", node.start, node.end)
+        return self._by_node[type(node)](node)
+
+    @staticmethod
+    def _relation(node: tree.Relation) -> Any:
+        raise ExpressionError("syntax", "an equation has no value", node.start, node.end)
+
+    def _power(self, node: tree.Power) -> Any:
+        return self._algebra.power(node, self.scalar(node.base), self.scalar(node.exponent))
 
     def scalar(self, node: tree.Node) -> Any:
         value = self.value(node)
@@ -137,14 +143,16 @@ class _Walk:
         value = self.value(node)
         if not isinstance(value, tuple):
             message = "a vector is needed here, and this is a scalar"
-            raise ExpressionError("not-a-vector", message, node.start, node.end, "a vector is written `[x, y, z]`")
+            hint = "a vector is written `[x, y, z]`"
+            raise ExpressionError("not-a-vector", message, node.start, node.end, hint)
         return value[0], value[1], value[2]
 
     def add(self, node: tree.Node, left: Any, sign: int, right: Any) -> Any:
         algebra = self._algebra
         if isinstance(left, tuple) != isinstance(right, tuple):
             message = "a vector and a scalar cannot be added"
-            raise ExpressionError("vector-mismatch", message, node.start, node.end, "a vector is written `[x, y, z]`")
+            hint = "a vector is written `[x, y, z]`"
+            raise ExpressionError("vector-mismatch", message, node.start, node.end, hint)
         if isinstance(left, tuple):
             return tuple(algebra.add(node, u, sign, w) for u, w in zip(left, right, strict=True))
         return algebra.add(node, left, sign, right)
@@ -157,27 +165,34 @@ class _Walk:
                 total = tuple(self._algebra.negate(node, u) for u in total)
             else:
                 total = self._algebra.negate(node, total)
-        for sign, term in node.terms[1:]:
-            total = self.add(tree.Node(node.start, term.end), total, sign, self.value(term))
+        by_node, plain = self._by_node, self._algebra.add
+        for sign, term in itertools.islice(node.terms, 1, None):
+            value = by_node[type(term)](term)
+            # A sum may be long, so that scalars are not sent through `add`. The spot is the added term.
+            if isinstance(total, tuple) or isinstance(value, tuple):
+                total = self.add(term, total, sign, value)
+            else:
+                total = plain(term, total, sign, value)
         return total
 
     def _product(self, node: tree.Product) -> Any:
+        algebra = self._algebra
         total = self.value(node.factors[0][1])
-        for exponent, factor in node.factors[1:]:
-            spot = tree.Node(node.start, factor.end)
+        last = node.factors[-1][1]
+        for exponent, factor in itertools.islice(node.factors, 1, None):
+            spot = node if factor is last else tree.Node(node.start, factor.end)
             value = self.value(factor)
-            if exponent < 0:
-                if isinstance(value, tuple):
-                    raise ExpressionError("vector-mismatch", "a division by a vector has no meaning", spot.start, spot.end)
-                total = self._scaled(spot, total, value, self._algebra.divide)
-            elif isinstance(value, tuple) and not isinstance(total, tuple):
-                total = self._scaled(spot, value, total, self._algebra.multiply)
-            elif isinstance(value, tuple):
-                hint = "write `dot(u, w)` or `cross(u, w)`"
+            if not isinstance(value, tuple):
+                total = self._scaled(spot, total, value, algebra.multiply if exponent > 0 else algebra.divide)
+            elif exponent < 0:
+                message = "a division by a vector has no meaning"
+                raise ExpressionError("vector-mismatch", message, spot.start, spot.end)
+            elif isinstance(total, tuple):
                 message = "a product of two vectors has two meanings"
+                hint = "write `dot(u, w)` or `cross(u, w)`"
                 raise ExpressionError("vector-mismatch", message, spot.start, spot.end, hint)
             else:
-                total = self._scaled(spot, total, value, self._algebra.multiply)
+                total = self._scaled(spot, value, total, algebra.multiply)
         return total
 
     @staticmethod
@@ -226,7 +241,10 @@ class _Walk:
             u = self.add(node, vectors[0], -1, vectors[1])
             return algebra.function(node, "sqrt", (self._dot(node, u, u),))
         (a, b, c), (x, y, z) = vectors
-        minor = lambda p, q, r, s: algebra.add(node, algebra.multiply(node, p, s), -1, algebra.multiply(node, q, r))
+
+        def minor(p: Any, q: Any, r: Any, s: Any) -> Any:
+            return algebra.add(node, algebra.multiply(node, p, s), -1, algebra.multiply(node, q, r))
+
         return minor(b, c, y, z), minor(c, a, z, x), minor(a, b, x, y)
 
     def _dot(self, node: tree.Node, u: tuple[Any, Any, Any], w: tuple[Any, Any, Any]) -> Any:
@@ -239,4 +257,5 @@ def unknown_function(node: tree.Call) -> ExpressionError:
     """The error for a function the format does not have."""
     end = node.start + len(node.function)
     hint = diagnostics.nearest(node.function, FUNCTION_NAMES)
-    return ExpressionError("unknown-function", f"there is no function `{node.function}`", node.start, end, hint)
+    message = f"there is no function `{node.function}`"
+    return ExpressionError("unknown-function", message, node.start, end, hint)

@@ -1,4 +1,4 @@
-"""What can be said about an expression before any dynamics: its value if constant, what it depends on, its degree.
+"""What can be said about an expression before any dynamics: its value if constant, what it reads, its degree.
 
 This is one more algebra for `evaluate`. It finds what is wrong with a formula and where: a name that is not
 known or not allowed, a constant that is not finite, a differential that enters nonlinearly.
@@ -27,10 +27,11 @@ DIFFERENTIAL: frozenset[Flag] = MOTION | {"differential"}
 OUTPUT: frozenset[Flag] = MOTION | {"result"}
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Facts:
     """About a scalar: `value` if it depends on parameters only, what it `reads`, and its lowest and highest
-    degree in differentials and velocities (`low`, `high`)."""
+    degree in differentials and velocities (`low`, `high`). Never changed once made (see `tree` on why it is
+    not declared frozen)."""
 
     value: float | None = None
     reads: frozenset[Flag] = NOTHING
@@ -67,9 +68,13 @@ class FactsAlgebra:
         self._allowed = allowed
         self._subject = subject
         self._linear = linear
+        self._numbers: dict[str, Facts] = {}
 
     def number(self, node: tree.Number) -> Facts:
-        return Facts(self._finite(node, float(node.text)))
+        known = self._numbers.get(node.text)
+        if known is None:
+            known = self._numbers[node.text] = Facts(self._finite(node, float(node.text)))
+        return known
 
     def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
         return self._leaf(node, self._lookup(node))
@@ -80,17 +85,18 @@ class FactsAlgebra:
         return self._leaf(node, self._lookup(node))
 
     def _leaf(self, node: tree.Node, value: Any) -> Any:
-        parts = value if isinstance(value, tuple) else (value,)
-        for part in parts:
-            self.check_allowed(node, part)
+        for part in value if isinstance(value, tuple) else (value,):
+            if part.high > 1 or not part.reads <= self._allowed:
+                self._refuse(node, part)
         return value
 
-    def check_allowed(self, node: tree.Node, fact: Facts) -> None:
+    def _refuse(self, node: tree.Node, fact: Facts) -> None:
         """Raise the error for the first thing `fact` reads and the expression may not."""
         for flag, (code, words) in FLAG_ERRORS.items():
             if flag in fact.reads and flag not in self._allowed:
-                raise ExpressionError(code, f"{self._subject} {words}", node.start, node.end, self._way_out(flag))
-        self._check_degree(node, fact)
+                message = f"{self._subject} {words}"
+                raise ExpressionError(code, message, node.start, node.end, self._way_out(flag))
+        self._checked(node, fact)
 
     def _way_out(self, flag: str) -> str:
         if flag == "velocity" and self._subject.startswith("a holonomic"):
@@ -101,36 +107,39 @@ class FactsAlgebra:
             return "differentials belong under `differential`"
         return ""
 
-    def _check_degree(self, node: tree.Node, fact: Facts) -> None:
-        if self._linear and fact.high > 1:
-            raise self._nonlinear(node)
-
-    @staticmethod
-    def _nonlinear(node: tree.Node) -> ExpressionError:
-        return ExpressionError(
-            "nonlinear-differential",
+    def _checked(self, node: tree.Node, fact: Facts) -> Facts:
+        """The fact itself, unless its degree in differentials and velocities is too high."""
+        if not self._linear or fact.high <= 1:
+            return fact
+        message = (
             "a differential constraint must be linear in the differentials or velocities,"
-            " with coefficients of positions, coordinates and time only",
-            node.start, node.end,
-        )  # fmt: skip
+            " with coefficients of positions, coordinates and time only"
+        )
+        mixed = fact.reads >= {"differential", "velocity"}
+        hint = "differentials and rates do not mix in one equation" if mixed else ""
+        raise ExpressionError("nonlinear-differential", message, node.start, node.end, hint)
 
     def _differential(self, node: tree.Call) -> Any:
         argument = node.arguments[0]
         inner = FactsAlgebra(self._lookup, POSITION, "a differential `d(...)` is of positions and time; it")
         value = evaluate.evaluate(argument, inner)
-        reads: frozenset[Flag] = frozenset(("differential",))
-        form = lambda part: Facts(None, part.reads | reads, 1, 1)
-        result = tuple(map(form, value)) if isinstance(value, tuple) else form(value)
-        return self._leaf(node, result)
+        if isinstance(value, tuple):
+            return self._leaf(node, tuple(_differential_of(part) for part in value))
+        return self._leaf(node, _differential_of(value))
 
     def add(self, node: tree.Node, left: Facts, sign: int, right: Facts) -> Facts:
-        if left.value is not None and right.value is not None:
-            return Facts(self._finite(node, left.value + sign * right.value))
-        if left.value == 0.0:
-            return right
-        if right.value == 0.0:
+        if left.value is not None:
+            if right.value is not None:
+                return Facts(self._finite(node, left.value + sign * right.value))
+            if left.value == 0.0:
+                return right
+        elif right.value == 0.0 or (left is right):
             return left
-        return Facts(None, left.reads | right.reads, min(left.low, right.low), max(left.high, right.high))
+        low = left.low if left.low < right.low else right.low
+        high = left.high if left.high > right.high else right.high
+        if left.reads is right.reads and left.value is None and left.low == low and left.high == high:
+            return left  # in a long sum one term is like the other
+        return Facts(None, left.reads | right.reads, low, high)
 
     def negate(self, node: tree.Node, value: Facts) -> Facts:
         return value if value.value is None else Facts(-value.value)
@@ -169,10 +178,6 @@ class FactsAlgebra:
         high = NONLINEAR if any(a.high for a in arguments) else 0
         return self._checked(node, Facts(None, reads, 0, high))
 
-    def _checked(self, node: tree.Node, fact: Facts) -> Facts:
-        self._check_degree(node, fact)
-        return fact
-
     def _constant(self, node: tree.Node, name: str, compute: Callable[[], float]) -> float:
         try:
             value = compute()
@@ -191,6 +196,10 @@ class FactsAlgebra:
         return value
 
 
+def _differential_of(part: Facts) -> Facts:
+    return Facts(None, part.reads | {"differential"}, 1, 1)
+
+
 def _power(base: float | None, exponent: float | None) -> float:
     return math.pow(base or 0.0, exponent or 0.0)
 
@@ -200,7 +209,19 @@ def _sign(value: float) -> float:
 
 
 FLOAT_FUNCTIONS: dict[str, Callable[..., float]] = {
-    **{name: getattr(math, name) for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt".split()},
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan,
+    "atan2": math.atan2,
+    "sinh": math.sinh,
+    "cosh": math.cosh,
+    "tanh": math.tanh,
+    "exp": math.exp,
+    "log": math.log,
+    "sqrt": math.sqrt,
     "abs": abs,
     "sign": _sign,
     "min": lambda *values: min(values),

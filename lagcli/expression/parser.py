@@ -1,6 +1,11 @@
-"""Tokens -> tree, by precedence: `+ -`, then `* /`, then unary `-`, then `**` (right to left, `-x**2` is -(x**2))."""
+"""Tokens -> tree, by precedence: `+ -`, then `* /`, then a sign, then `**`.
+
+Powers group from right to left, and `-x**2` is -(x**2).
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 from lagcli.expression import tokens, tree
 from lagcli.expression.tokens import Token
@@ -8,7 +13,8 @@ from lagcli.expression.tree import ExpressionError
 
 MAX_DEPTH = 40
 
-_STARTERS = ("number", "name", "(", "[", "+", "-")
+_LEAVES: dict[str, Callable[[int, int, str], tree.Node]] = {"number": tree.Number, "name": tree.Name}
+_AFTER_LEAF = frozenset(("+", "-", "*", "/", ")", "]", ",", "end"))
 
 
 def parse(text: str) -> tree.Node:
@@ -37,43 +43,25 @@ class _Parser:
 
     def __init__(self, text: str) -> None:
         self._tokens = tokens.tokenize(text)
+        self._kinds = self._tokens.kinds
+        self._texts = self._tokens.texts
+        self._starts = self._tokens.starts
         self._at = 0
         self._depth = 0
 
     def whole(self, relations: tuple[str, ...]) -> tree.Node:
         """The whole text: one expression, or two with one of `relations` between."""
-        if self._peek().kind == "end":
+        if self._kinds[0] == "end":
             raise ExpressionError("syntax", "an expression is missing", 0, 1)
         left = self._sum()
         node = left
-        if self._peek().kind in relations:
+        if self._kinds[self._at] in relations:
             relation = self._next().text
             right = self._sum()
             node = tree.Relation(left.start, right.end, left, relation, right)
-        rest = self._peek()
-        if rest.kind != "end":
-            raise self._surplus(rest, relations)
+        if self._kinds[self._at] != "end":
+            raise _surplus(self._peek(), relations)
         return node
-
-    def _surplus(self, token: Token, relations: tuple[str, ...]) -> ExpressionError:
-        def trouble(message: str, hint: str = "") -> ExpressionError:
-            return ExpressionError("syntax", message, token.start, token.end, hint)
-
-        if token.kind == "=":
-            message = "there is a second `=`" if "=" in relations else "an `=` has no place here"
-            return trouble(message)
-        if token.kind in (">=", "<=", "<", ">", "==", "!="):
-            hint = "an equation has one `=`; a one-sided condition belongs under `inequality`"
-            return trouble(f"`{token.text}` has no place here", hint)
-        if token.kind == ")":
-            return trouble("this `)` closes nothing")
-        if token.kind == "]":
-            return trouble("this `]` closes nothing")
-        if token.kind == ",":
-            return trouble("a comma has no place here", "a vector is written `[x, y, z]`")
-        if token.kind in ("number", "name", "(", "["):
-            return trouble(f"an operator is missing before `{token.text}`", "write `*` for a product")
-        return trouble(f"`{token.text}` has no place here")
 
     def _peek(self) -> Token:
         return self._tokens[self._at]
@@ -83,136 +71,187 @@ class _Parser:
         self._at += 1
         return token
 
-    def _expect(self, kind: str, opened: Token) -> Token:
+    def _end(self) -> int:
+        """Offset after the token before."""
+        return self._tokens[self._at - 1].end
+
+    def _expect(self, kind: str, opened: Token) -> None:
         token = self._peek()
-        if token.kind == kind:
-            return self._next()
         if token.kind == "end":
             raise ExpressionError("syntax", f"this `{opened.text}` is never closed", opened.start, opened.end)
-        raise self._surplus(token, ())
+        if token.kind != kind:
+            raise _surplus(token, ())
+        self._at += 1
 
     def _nested(self, token: Token) -> None:
         self._depth += 1
         if self._depth > MAX_DEPTH:
             message = f"the expression nests deeper than {MAX_DEPTH} levels"
-            raise ExpressionError("too-deep", message, token.start, token.end, "use `definitions` for the parts")
+            hint = "use `definitions` for the parts"
+            raise ExpressionError("too-deep", message, token.start, token.end, hint)
 
     def _sum(self) -> tree.Node:
-        terms = [(1, self._product())]
-        while self._peek().kind in ("+", "-"):
-            sign = 1 if self._next().kind == "+" else -1
-            terms.append((sign, self._product()))
-        if len(terms) == 1:
-            return terms[0][1]
-        return tree.Sum(terms[0][1].start, terms[-1][1].end, tuple(terms))
+        first = self._product()
+        kinds = self._kinds
+        kind = kinds[self._at]
+        if kind not in ("+", "-"):
+            return first
+        terms = [(1, first)]
+        while kind in ("+", "-"):
+            self._at += 1
+            terms.append((1 if kind == "+" else -1, self._product()))
+            kind = kinds[self._at]
+        return tree.Sum(first.start, terms[-1][1].end, tuple(terms))
 
     def _product(self) -> tree.Node:
-        factors = [(1, self._signed())]
-        while self._peek().kind in ("*", "/"):
-            exponent = 1 if self._next().kind == "*" else -1
-            factors.append((exponent, self._signed()))
-        if len(factors) == 1:
-            return factors[0][1]
-        return tree.Product(factors[0][1].start, factors[-1][1].end, tuple(factors))
+        first = self._factor()
+        kinds = self._kinds
+        kind = kinds[self._at]
+        if kind not in ("*", "/"):
+            return first
+        factors = [(1, first)]
+        while kind in ("*", "/"):
+            self._at += 1
+            factors.append((1 if kind == "*" else -1, self._factor()))
+            kind = kinds[self._at]
+        return tree.Product(first.start, factors[-1][1].end, tuple(factors))
+
+    def _factor(self) -> tree.Node:
+        """A power, or one with a sign before it."""
+        at = self._at
+        kind = self._kinds[at]
+        if kind in ("+", "-"):
+            return self._signed()
+        if kind in _LEAVES and self._kinds[at + 1] in _AFTER_LEAF:
+            # Most of a long formula is names and numbers that stand alone: no further call for them.
+            self._at = at + 1
+            text, start = self._texts[at], self._starts[at]
+            return _LEAVES[kind](start, start + len(text), text)
+        base = self._atom()
+        if self._kinds[self._at] != "**":
+            return base
+        self._nested(self._next())
+        exponent = self._factor()
+        self._depth -= 1
+        return tree.Power(base.start, exponent.end, base, exponent)
 
     def _signed(self) -> tree.Node:
-        if self._peek().kind not in ("+", "-"):
-            return self._power()
         token = self._next()
         self._nested(token)
-        inner = self._signed()
+        inner = self._factor()
         self._depth -= 1
         if token.kind == "+":
             return inner
         return tree.Sum(token.start, inner.end, ((-1, inner),))
 
-    def _power(self) -> tree.Node:
-        base = self._atom()
-        if self._peek().kind != "**":
-            return base
-        self._nested(self._next())
-        exponent = self._signed()
-        self._depth -= 1
-        return tree.Power(base.start, exponent.end, base, exponent)
-
     def _atom(self) -> tree.Node:
         token = self._peek()
-        if token.kind not in _STARTERS:
+        if token.kind == "name":
+            return self._named()
+        if token.kind not in ("number", "(", "["):
             raise self._missing(token)
-        self._next()
+        self._at += 1
         if token.kind == "number":
             return tree.Number(token.start, token.end, token.text)
-        if token.kind == "name":
-            return self._named(token)
         self._nested(token)
         if token.kind == "(":
             inner = self._sum()
             self._expect(")", token)
         else:
             items = self._items("]", token)
-            inner = tree.Vector(token.start, self._tokens[self._at - 1].end, items)
+            inner = tree.Vector(token.start, self._end(), items)
         self._depth -= 1
         return inner
 
     def _missing(self, token: Token) -> ExpressionError:
         if token.kind == "end":
-            last = self._tokens[max(0, self._at - 1)]
+            last = self._tokens[self._at - 1]
             return ExpressionError("syntax", f"the expression ends after `{last.text}`", last.start, last.end)
         hint = "write `**` for a power" if token.kind == "*" else ""
-        return ExpressionError(
-            "syntax", f"a number, name or bracket is missing before `{token.text}`", token.start, token.end, hint
-        )
+        message = f"a number, name or bracket is missing before `{token.text}`"
+        return ExpressionError("syntax", message, token.start, token.end, hint)
 
     def _items(self, closing: str, opened: Token) -> tuple[tree.Node, ...]:
+        """What stands between brackets, the opening one being read."""
         items: list[tree.Node] = []
-        if self._peek().kind == closing:
-            self._next()
+        if self._kinds[self._at] == closing:
+            self._at += 1
             return ()
         while True:
             items.append(self._sum())
-            if self._peek().kind != ",":
+            if self._kinds[self._at] != ",":
                 break
-            self._next()
+            self._at += 1
         self._expect(closing, opened)
         return tuple(items)
 
-    def _named(self, token: Token) -> tree.Node:
-        following = self._peek()
-        if following.kind == "(":
-            self._nested(following)
-            self._next()
-            arguments = self._items(")", following)
+    def _named(self) -> tree.Node:
+        """A name and what hangs on it: arguments, indices, a member."""
+        at = self._at
+        self._at = at + 1
+        name, start = self._texts[at], self._starts[at]
+        following = self._kinds[at + 1]
+        if following == "(":
+            opened = self._next()
+            self._nested(opened)
+            arguments = self._items(")", opened)
             self._depth -= 1
-            return tree.Call(token.start, self._tokens[self._at - 1].end, token.text, arguments)
+            return tree.Call(start, self._end(), name, arguments)
+        if following not in ("[", ".", "number"):
+            return tree.Name(start, start + len(name), name)
+        indices = self._indices()
+        member = self._member()
+        if indices:
+            return tree.Index(start, self._end(), name, indices, member)
+        if member:
+            return tree.Member(start, self._end(), name, member)
+        return tree.Name(start, start + len(name), name)
+
+    def _indices(self) -> tuple[tree.Node, ...]:
         indices: list[tree.Node] = []
-        while self._peek().kind == "[":
+        while self._kinds[self._at] == "[":
             opened = self._next()
             self._nested(opened)
             indices.append(self._sum())
             self._expect("]", opened)
             self._depth -= 1
-        end = self._tokens[self._at - 1].end
-        member = self._member(token)
-        if indices:
-            return tree.Index(token.start, max(end, self._tokens[self._at - 1].end), token.text, tuple(indices), member)
-        if member:
-            return tree.Member(token.start, self._tokens[self._at - 1].end, token.text, member)
-        return tree.Name(token.start, token.end, token.text)
+        return tuple(indices)
 
-    def _member(self, owner: Token) -> str:
+    def _member(self) -> str:
         """The part after a dot; `body.1` reads as a name and the number `.1`."""
         token = self._peek()
-        touching = token.start == self._tokens[self._at - 1].end
+        touching = token.start == self._end()
         if token.kind == "number" and touching and token.text[0] == "." and token.text[1:].isdigit():
-            return self._next().text[1:]
+            self._at += 1
+            return token.text[1:]
         if token.kind != ".":
             return ""
-        self._next()
-        part = self._next() if self._peek().kind == "name" else None
+        self._at += 1
+        part = self._next() if self._kinds[self._at] == "name" else None
         if part is None:
-            message = f"a component is missing after `{owner.text}.`"
+            message = f"a component is missing after `{self._tokens[self._at - 2].text}.`"
             raise ExpressionError("syntax", message, token.start, token.end, "for example `.x`")
-        if self._peek().kind == ".":
+        if self._kinds[self._at] == ".":
             extra = self._peek()
             raise ExpressionError("syntax", "only one dot may follow a name", extra.start, extra.end)
         return part.text
+
+
+def _surplus(token: Token, relations: tuple[str, ...]) -> ExpressionError:
+    """The error for a token that cannot go on from what stands before it."""
+    hint = ""
+    if token.kind == "=":
+        message = "there is a second `=`" if "=" in relations else "an `=` has no place here"
+    elif token.kind in (">=", "<=", "<", ">", "==", "!="):
+        message = f"`{token.text}` has no place here"
+        hint = "an equation has one `=`; a one-sided condition belongs under `inequality`"
+    elif token.kind in (")", "]"):
+        message = f"this `{token.text}` closes nothing"
+    elif token.kind == ",":
+        message, hint = "a comma has no place here", "a vector is written `[x, y, z]`"
+    elif token.kind in ("number", "name", "(", "["):
+        message = f"an operator is missing before `{token.text}`"
+        hint = "write `*` for a product"
+    else:
+        message = f"`{token.text}` has no place here"
+    return ExpressionError("syntax", message, token.start, token.end, hint)

@@ -1,21 +1,25 @@
-"""Text -> tokens. A name is a letter or `_`, then letters, digits 0-9 and `_`; Unicode letters stay as typed."""
+"""Text -> tokens. A name is a letter or `_`, then letters, digits 0-9 and `_`; letters stay as typed."""
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import re
-from collections.abc import Iterator
-from typing import NamedTuple
 
 from lagcli.expression.tree import ExpressionError
 
 MAX_LENGTH = 2**20
 
-_TOKEN = re.compile(
-    r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
-    r"|(?P<name>[^\W0-9]\w*)"
-    r"|(?P<sign>\*\*|>=|<=|==|!=|[-+*/()\[\],=<>.])"
-    r"|\s+"
+# Every character belongs to some match, so that the lengths of the matches add up to offsets.
+_WORD = re.compile(
+    r"""[^\W0-9]\w*
+    | (?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?
+    | \*\*|>=|<=|==|!=
+    | \s+
+    | .""",
+    re.VERBOSE | re.DOTALL,
 )
+_SIGNS = frozenset(("**", ">=", "<=", "==", "!=", *"-+*/()[],=<>."))
 
 HINTS = {
     "^": "write `**` for a power",
@@ -37,8 +41,9 @@ HINTS = {
 }
 
 
-class Token(NamedTuple):
-    """`kind` is `number`, `name`, `end` or the sign itself."""
+@dataclasses.dataclass(frozen=True, slots=True)
+class Token:
+    """One token. `kind` is `number`, `name`, `end` or the sign itself."""
 
     kind: str
     text: str
@@ -48,6 +53,18 @@ class Token(NamedTuple):
     def end(self) -> int:
         """Offset after the last character."""
         return self.start + len(self.text)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Tokens:
+    """All tokens of a text, column by column, with a final one of kind `end`."""
+
+    kinds: list[str]
+    texts: list[str]
+    starts: list[int]
+
+    def __getitem__(self, index: int) -> Token:
+        return Token(self.kinds[index], self.texts[index], self.starts[index])
 
 
 def is_name(text: str) -> bool:
@@ -61,25 +78,40 @@ def _is_letter(character: str) -> bool:
     return character == "_" or character.isalpha()
 
 
-def tokenize(text: str) -> list[Token]:
-    """All tokens with a final `end`. Raises `ExpressionError`."""
+def tokenize(text: str) -> Tokens:
+    """All tokens of a text. Raises `ExpressionError`."""
     if len(text) > MAX_LENGTH:
         message = f"the expression is longer than {MAX_LENGTH} characters"
-        raise ExpressionError("expression-too-long", message, 0, 1)
-    return [*_scan(text), Token("end", "", len(text))]
+        raise ExpressionError("expression-too-long", message, 0, 1, "use `definitions` for the parts")
+    words = _WORD.findall(text)
+    starts = [0, *itertools.accumulate(map(len, words))]
+    kind_of = {word: _kind(word) for word in set(words)}
+    if "" in kind_of.values():
+        index = next(i for i, word in enumerate(words) if not kind_of[word])
+        raise _unexpected(words[index], starts[index])
+    kinds = [kind_of[word] for word in words]
+    if "space" in kind_of.values():
+        kept = [kind != "space" for kind in kinds]
+        words = list(itertools.compress(words, kept))
+        starts = [*itertools.compress(starts, kept), len(text)]
+        kinds = list(itertools.compress(kinds, kept))
+    return Tokens([*kinds, "end"], [*words, ""], starts)
 
 
-def _scan(text: str) -> Iterator[Token]:
-    at = 0
-    while at < len(text):
-        match = _TOKEN.match(text, at)
-        word = match.group() if match else ""
-        if match is None or (match.lastgroup == "name" and not is_name(word)):
-            # `\w` takes digits of other scripts and marks; the first character that is no letter is shown.
-            bad = at + next((i for i, c in enumerate(word) if not is_name("_" + c)), 0)
-            character = text[bad]
-            message = f"the character {character!r} has no meaning here"
-            raise ExpressionError("unexpected-character", message, bad, bad + 1, HINTS.get(character, ""))
-        if match.lastgroup is not None:
-            yield Token(word if match.lastgroup == "sign" else match.lastgroup, word, at)
-        at = match.end()
+def _kind(word: str) -> str:
+    """The kind of a word; empty where it has no meaning."""
+    if word in _SIGNS:
+        return word
+    if word[0] in ".0123456789":
+        return "number"
+    if word.isspace():
+        return "space"
+    return "name" if is_name(word) else ""
+
+
+def _unexpected(word: str, start: int) -> ExpressionError:
+    # `\w` takes digits of other scripts too; the first character that is no part of a name is shown.
+    index = next((i for i, c in enumerate(word) if not is_name("_" + c)), 0)
+    character, at = word[index], start + index
+    message = f"the character {character!r} has no meaning here"
+    return ExpressionError("unexpected-character", message, at, at + 1, HINTS.get(character, ""))

@@ -1,7 +1,9 @@
 """The nodes of an expression.
 
-Sums and products hold any number of terms, so that a sum of a hundred thousand terms is one node and the depth
-of a tree is bounded by the depth of its parentheses. `start` and `end` are offsets in the expression's text.
+Sums and products hold any number of terms, so that a sum of a hundred thousand terms is one node and a tree
+is never deeper than its parentheses. `start` and `end` are offsets in the expression's text.
+Nodes are never changed once made. They are not declared frozen because making a frozen one costs three times
+as much, and that is most of the time in which a long sum is read.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ class ExpressionError(Exception):
         self.start, self.end = start, end
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Node:
     """Characters `start` to `end` of the expression."""
 
@@ -27,21 +29,21 @@ class Node:
     end: int
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Number(Node):
     """A decimal number; `text` keeps it exact for exact algebras."""
 
     text: str
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Name(Node):
     """A name that stands alone: parameter, coordinate, particle, definition, `t`, `pi` ..."""
 
     name: str
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Member(Node):
     """`owner.member`, such as `a.x` or `a.v`."""
 
@@ -49,7 +51,7 @@ class Member(Node):
     member: str
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Index(Node):
     """`owner[i][j]` or `owner[i].member`: a member of a family."""
 
@@ -58,7 +60,7 @@ class Index(Node):
     member: str
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Call(Node):
     """`function(arguments)`."""
 
@@ -66,21 +68,21 @@ class Call(Node):
     arguments: tuple[Node, ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Sum(Node):
     """Terms added (sign +1) or subtracted (sign -1); a single negative term is a negation."""
 
     terms: tuple[tuple[int, Node], ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Product(Node):
     """Factors multiplied (exponent +1) or divided by (exponent -1), from left to right."""
 
     factors: tuple[tuple[int, Node], ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Power(Node):
     """`base ** exponent`."""
 
@@ -88,14 +90,14 @@ class Power(Node):
     exponent: Node
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Vector(Node):
     """`[x, y, z]`."""
 
     components: tuple[Node, ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Relation(Node):
     """`left relation right`, where relation is `=`, `>=` or `<=`; only at the top of an entry."""
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compile import NumericSystem
-from lagcli.integrate import dop853
+from lagcli.integrate import dop853, tableau
 from lagcli.integrate.grid import Grid
 from lagcli.model import Simulation
 
@@ -73,11 +73,11 @@ class Call:
         self._buffer, self._trigger = function.buffer()
         self.results = []
         for i, array in enumerate(arguments):
-            self._buffer.set_arg(i, memoryview(array))
+            self._buffer.set_arg(i, memoryview(array.data))
         for i in range(function.n_out()):
             shape = (function.size1_out(i), function.size2_out(i))
             array = np.zeros(shape, order="F") if shape[1] > 1 else np.zeros(shape[0])
-            self._buffer.set_res(i, memoryview(array.T if array.ndim > 1 else array))
+            self._buffer.set_res(i, memoryview((array.T if array.ndim > 1 else array).data))
             self.results.append(array)
 
     def __call__(self) -> None:
@@ -179,7 +179,7 @@ class Run:
             last = t + h >= end or end - (t + h) < 1e-12 * h
             self._h[0] = end - t if last else h
             self._step()
-            self.account.evaluations += dop853.tableau.STAGES
+            self.account.evaluations += tableau.STAGES
             error, residual = float(outcome[0]), float(outcome[1])
             landed = residual <= LANDING * self._size()
             if error < 1.0 and landed and np.isfinite(self._step.results[1]).all():
@@ -188,12 +188,16 @@ class Run:
                 taken = float(self._h[0])
                 proposal = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1.0 / dop853.ORDER)))
                 # A step cut short by the end of the grid says nothing against the step it was cut from.
-                return max(h, proposal) if last else proposal
+                return float(max(h, proposal) if last else proposal)
             self.account.rejected += 1
             grow = 1.0
             # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
-            factor = SAFETY * error ** (-1.0 / dop853.ORDER) if math.isfinite(error) and error >= 1.0 and landed else 0.25
-            h = float(self._h[0]) * min(0.9, max(SHRINK, factor))
+            factor = (
+                SAFETY * error ** (-1.0 / dop853.ORDER)
+                if math.isfinite(error) and error >= 1.0 and landed
+                else 0.25
+            )
+            h = float(self._h[0]) * float(min(0.9, max(SHRINK, factor)))
             if t + h / 64 == t:
                 raise self._stopped(self._why(error, residual))
 
@@ -237,7 +241,7 @@ class Run:
         states[~inside] = self._step.results[0]
         if inside.any():
             self._dense()
-            self.account.evaluations += len(dop853.tableau.A_DENSE)
+            self.account.evaluations += len(tableau.A_DENSE)
             x = (times[inside] - t) / h
             states[inside] = dop853.interpolate(self._y, self._dense.results[0], x)
         for at, state in zip(times, states, strict=True):
@@ -272,8 +276,10 @@ class Run:
         t, span = float(self._t[0]), self._grid.end - self._grid.start
         y, k = self._y.copy(), self._k.copy()
         scale = self._tolerance[1] + np.abs(y) * self._tolerance[0]
-        use = slice(0, y.size - 1)
-        norm = lambda u: float(np.sqrt(np.mean((u[use] / scale[use]) ** 2))) if y.size > 1 else 0.0
+
+        def norm(u: Floats) -> float:
+            return float(np.sqrt(np.mean((u[:-1] / scale[:-1]) ** 2))) if u.size > 1 else 0.0
+
         d0, d1 = norm(y), norm(k)
         h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
         h0 = min(h0, span)
@@ -286,4 +292,4 @@ class Run:
             return 1e-6 * span
         steepest = max(d1, d2)
         h1 = max(1e-6 * span, h0 * 1e-3) if steepest <= 1e-15 else (0.01 / steepest) ** (1.0 / dop853.ORDER)
-        return min(100 * h0, h1, span)
+        return float(min(100 * h0, h1, span))

@@ -26,7 +26,7 @@ class Grid:
 
     def times(self, first: int, after: int) -> npt.NDArray[np.float64]:
         """Times of rows first <= i < after."""
-        t = self.start + np.arange(first, after) * self.step
+        t: npt.NDArray[np.float64] = self.start + np.arange(first, after, dtype=np.float64) * self.step
         if after == self.count and t.size:
             t[-1] = self.end
         return t

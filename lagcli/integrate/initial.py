@@ -42,7 +42,9 @@ class Residuals:
     @property
     def consistent(self) -> bool:
         """Whether every residual is within rounding of the declared values."""
-        return bool((self.position <= self.position_limit).all() and (self.velocity <= self.velocity_limit).all())
+        return bool(
+            (self.position <= self.position_limit).all() and (self.velocity <= self.velocity_limit).all()
+        )
 
 
 def declared(system: System) -> State:
@@ -131,7 +133,7 @@ def _sizes(filled: npt.NDArray[np.bool_], values: Floats) -> Floats:
     """The largest |value| a row touches, but no less than a small part of the largest of all: a coordinate near
     zero carries the rounding of what it was computed from."""
     touched = np.max(np.where(filled, np.abs(values), 0.0), axis=1, initial=0.0)
-    return np.maximum(touched, LEAST * np.abs(values).max(initial=0.0))
+    return np.asarray(np.maximum(touched, LEAST * np.abs(values).max(initial=0.0)))
 
 
 def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagnostic]:
@@ -224,7 +226,9 @@ def no_configuration(
     found = residuals(system, numeric, state)
     broken = inconsistencies(system, found)
     names = ", ".join(f"`{row.name}`" for i, row in enumerate(system.rows.rows) if _violated(found, i))
-    message = f"no state that satisfies all constraints was found near the start; {names or 'some'} remain violated"
+    message = (
+        f"no state that satisfies all constraints was found near the start; {names or 'some'} remain violated"
+    )
     hint = "the constraints may contradict each other, or the start may be too far away"
     if keep:
         hint += "; `keep` may hold too many coordinates"

@@ -32,7 +32,12 @@ class Surface:
     """f = 0 at one time, with the metric M of one configuration; `held` coordinates (n,) do not move."""
 
     def __init__(
-        self, numeric: NumericSystem, t: float, p: Floats, M: Floats, held: npt.NDArray[np.bool_] | None = None
+        self,
+        numeric: NumericSystem,
+        t: float,
+        p: Floats,
+        M: Floats,
+        held: npt.NDArray[np.bool_] | None = None,
     ) -> None:
         self._numeric, self._t, self._p = numeric, t, p
         inverse = np.linalg.inv(M)
@@ -116,7 +121,7 @@ class Surface:
     def _distance(self, q: Floats, q0: Floats) -> float:
         """(q - q0) in the metric, over the coordinates that may move."""
         d = q - q0
-        return float(np.sqrt(max(0.0, d @ np.linalg.pinv(self._inverse) @ d)))
+        return float(np.sqrt(max(0.0, float(d @ np.linalg.pinv(self._inverse) @ d))))
 
 
 def velocity(v: Floats, B: Floats, b: Floats, M: Floats, held: npt.NDArray[np.bool_]) -> Floats:

@@ -13,7 +13,10 @@ from lagcli.expression import tree
 MAX_PRODUCT_POWER = 12
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **{name: getattr(ca, name) for name in "sin cos tan asin acos atan sinh cosh tanh exp log sqrt sign".split()},
+    **{
+        name: getattr(ca, name)
+        for name in "sin cos tan asin acos atan sinh cosh tanh exp log sqrt sign".split()
+    },
     "abs": ca.fabs,
     "atan2": ca.atan2,
 }

@@ -166,7 +166,9 @@ def _applied(model: nouns.Model, s: Symbols, fixed: FixedExponents) -> dict[str,
             F[particle.name] += ca.vertcat(*force)
     true = Environment(model, s, fixed)
     symbols = [ca.vertcat(*part) for pair in free.values() for part in pair]
-    values = [ca.densify(ca.vertcat(*part)) for name in free for part in (true.position(name), true.velocity(name))]
+    values = [
+        ca.densify(ca.vertcat(*part)) for name in free for part in (true.position(name), true.velocity(name))
+    ]
     substituted = ca.substitute(list(F.values()), symbols, values)
     return {name: (f[0], f[1], f[2]) for name, f in zip(F, substituted, strict=True)}
 

@@ -182,7 +182,9 @@ class Environment:
         first = self.symbols.index[f"{name}.x"]
         return vector[first], vector[first + 1], vector[first + 2]
 
-    def _atom(self, node: tree.Node, own: Mapping[str, Any], results: Callable[[tree.Node], Any] | None) -> Any:
+    def _atom(
+        self, node: tree.Node, own: Mapping[str, Any], results: Callable[[tree.Node], Any] | None
+    ) -> Any:
         if isinstance(node, tree.Member):
             if node.owner in self._particles and node.owner not in own:
                 return self._particle_member(node)

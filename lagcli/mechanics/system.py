@@ -1,8 +1,8 @@
 """The unified system (D.24) of a model: the last stage that is symbols, and the only room with a sign before lambda.
 
-    M a = h + B^T lambda                (D.23 with Cartesian particles, D.53 with generalized coordinates)
-    B v + b = 0,  f = 0                 (D.6, D.2)
-    R = + B^T lambda                    (D.22)
+M a = h + B^T lambda                (D.23 with Cartesian particles, D.53 with generalized coordinates)
+B v + b = 0,  f = 0                 (D.6, D.2)
+R = + B^T lambda                    (D.22)
 """
 
 from __future__ import annotations
@@ -78,7 +78,9 @@ def build(model: nouns.Model) -> System:
     fixed = FixedExponents(model)
     env = Environment(model, s, fixed)
     bodies = geometries(model, s, env)
-    constants = [ca.SX.sym(f"body {body.name}", g.row_constants) for body, g in zip(model.rigid, bodies, strict=True)]
+    constants = [
+        ca.SX.sym(f"body {body.name}", g.row_constants) for body, g in zip(model.rigid, bodies, strict=True)
+    ]
     laid = rows.lay_down(model, env, [(g, ca.vertsplit(c)) for g, c in zip(bodies, constants, strict=True)])
     dynamics = energy.dynamics(model, env, fixed)
     lam, a = ca.SX.sym("lam", len(laid.rows)), ca.SX.sym("a", s.q.numel())
@@ -122,12 +124,15 @@ def with_values(built: System, model: nouns.Model) -> System | None:
 
 
 def _flat(triples: Sequence[Triple]) -> Any:
-    return ca.densify(ca.vertcat(*(part for triple in triples for part in triple))) if triples else ca.SX(0, 1)
+    return (
+        ca.densify(ca.vertcat(*(part for triple in triples for part in triple))) if triples else ca.SX(0, 1)
+    )
 
 
 def start(model: nouns.Model) -> tuple[Floats, Floats]:
     """Initial q and v, shape (n,) each."""
-    q, v = [], []
+    q: list[float] = []
+    v: list[float] = []
     for particle in model.particles:
         if particle.start is not None:
             q += particle.start

@@ -54,7 +54,7 @@ def forms(model: nouns.Model) -> dict[str, Form | TooLarge]:
 def _form(names: _Names, row: str, value: Any) -> Form:
     if _operations(value, MAX_OPERATIONS) > MAX_OPERATIONS:
         raise TooLarge(row)
-    at_rest = {d: 0 for d in (*names.differentials.values(), _DT)}
+    at_rest = dict.fromkeys((*names.differentials.values(), _DT), 0)
     coefficients = {x: sympy.diff(value, d) for x, d in names.differentials.items()}
     # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
     coefficients[TIME] = sympy.diff(value, _DT) + value.subs(at_rest)
@@ -179,7 +179,7 @@ def _parameter(parameter: nouns.Parameter) -> Any:
     return sympy.Symbol(parameter.name, real=True)
 
 
-class _Printer(StrPrinter):
+class _Printer(StrPrinter):  # type: ignore[misc] # SymPy has no types
     """Prints in the notation of the model format."""
 
     def _print_Abs(self, expression: Any) -> str:

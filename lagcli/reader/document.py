@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from lagcli import diagnostics, model, settings, source
-from lagcli.expression import facts, parser, tree
+from lagcli.expression import facts, parser, tokens, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.reader import keys, laws, overrides, scope, sections
 from lagcli.reader.formula import Formulas
 
 T = TypeVar("T")
+
+
+def _same(value: T) -> T:
+    return value
+
 
 _NAMING: tuple[tuple[str, scope.Kind], ...] = (
     ("parameters", "parameter"),
@@ -31,17 +37,19 @@ def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = No
     is wrong.
     """
     root = source.parse(data, path)
-    found = diagnostics.Collector()
-    return _Document(overrides.apply(root, changes or {}), found).read()
+    return _Document(root, overrides.apply(root, changes or {})).read()
 
 
 class _Document:
-    def __init__(self, root: source.Mapping, found: diagnostics.Collector) -> None:
+    """One reading: `file` is the document as written, `root` the one with the changes made."""
+
+    def __init__(self, file: source.Mapping, root: source.Mapping) -> None:
+        self._file = file
         self._root = root
-        self._found = found
+        self._found = diagnostics.Collector()
         self._scope = scope.Scope()
-        self._formulas = Formulas(self._scope, found)
-        self._values: dict[str, float | model.Vector3] = {}
+        self._formulas = Formulas(self._scope, self._found)
+        self._defined: dict[str, model.Expression] = {}
 
     def read(self) -> model.Model:
         self._check_sections()
@@ -52,16 +60,12 @@ class _Document:
         particles = self._particles()
         definitions = self._definitions()
         lagrangian = self._lagrangian()
-        forces = self._named("forces", lambda k, n: sections.force(self._formulas, k, n))
-        masses = {p.name: p.mass_value for p in particles}
-        for force in forces:
-            if isinstance(force, model.ParticleForce):
-                sections.warn_of_shadows(self._formulas, force.force, force.targets, masses)
-        holonomic = self._named("holonomic", lambda k, n: self._law(laws.holonomic, k, n, "holonomic"))
-        differential = self._named("differential", lambda k, n: self._law(laws.differential, k, n, "differential"))
+        forces = self._forces(particles)
+        holonomic = self._laws("holonomic", laws.holonomic)
+        differential = self._laws("differential", laws.differential)
         rigid = self._named("rigid", lambda k, n: sections.rigid(self._formulas, k, n))
-        for law in (*holonomic, *differential):
-            self._scope.constraints[law.name] = law.rows
+        self._scope.constraints.update({law.name: law.rows for law in holonomic})
+        self._scope.constraints.update({law.name: law.rows for law in differential})
         outputs = self._outputs()
         simulation = self._simulation(particles)
         if not particles and not coordinates and not self._found.has_errors:
@@ -115,14 +119,26 @@ class _Document:
             message = f"`{section}` is a mapping from names to {key.holds}"
             self._formulas.report(node, "not-a-mapping", message)
             return
-        yield from node
+        for name, value in node:
+            if not self._is_family(name, value):
+                yield name, value
+
+    def _is_family(self, name: source.Scalar, value: source.AnyNode) -> bool:
+        """Whether an entry stands for many, which is refused; its bare name is taken as broken."""
+        spot = name if "[" in name.value else value.key("for") if isinstance(value, source.Mapping) else None
+        if spot is None:
+            return False
+        self._formulas.report(spot, "not-supported-yet", "families `name[i]` are not supported yet")
+        return True
 
     def _declare_names(self) -> None:
         for section, kind in _NAMING:
-            for name, _ in self._entries(section):
-                if "[" in name.value:
-                    message = "families `name[i]` are not supported yet"
-                    self._formulas.report(name, "not-supported-yet", message)
+            node = self._root.get(section)
+            for name, value in node if isinstance(node, source.Mapping) else ():
+                if self._is_family(name, value):
+                    family = name.value.partition("[")[0].strip()
+                    self._scope.declare(family, kind)
+                    self._scope.define(family, lambda: None)
                     continue
                 trouble = self._scope.declare(name.value, kind)
                 if trouble:
@@ -133,35 +149,35 @@ class _Document:
         """Constraints have names of their own, told apart in the columns `lambda.NAME`."""
         taken: dict[str, str] = {}
         for section in ("holonomic", "rigid", "differential", "forces"):
-            for name, _ in self._entries(section):
-                if "[" in name.value:
-                    self._formulas.report(name, "not-supported-yet", "families `name[i]` are not supported yet")
-                elif not scope.tokens.is_name(name.value):
+            node = self._root.get(section)
+            for name, value in node if isinstance(node, source.Mapping) else ():
+                word = name.value
+                if self._is_family(name, value):
+                    self._scope.constraints[word.partition("[")[0].strip()] = None
+                elif not tokens.is_name(word):
                     message = "a name is a letter or `_`, then letters, digits and `_`"
                     self._formulas.report(name, "bad-name", message)
-                elif name.value in scope.RESERVED:
-                    self._formulas.report(name, "bad-name", f"`{name.value}` is reserved")
-                elif section != "forces" and name.value in taken:
-                    message = f"`{name.value}` is already a constraint under `{taken[name.value]}`"
+                elif word in scope.RESERVED:
+                    self._formulas.report(name, "bad-name", f"`{word}` is reserved")
+                elif section != "forces" and word in taken:
+                    message = f"`{word}` is already a constraint under `{taken[word]}`"
                     self._formulas.report(name, "duplicate-name", message, "two columns would have one name")
                 elif section != "forces":
-                    taken[name.value] = section
-                    self._scope.constraints[name.value] = () if section == "rigid" else None
+                    taken[word] = section
+                    self._scope.constraints[word] = () if section == "rigid" else None
 
-    def _named(
-        self, section: str, one: Callable[[source.Scalar, source.AnyNode], T | None]
-    ) -> tuple[T, ...]:
+    def _named(self, section: str, one: Callable[[source.Scalar, source.AnyNode], T | None]) -> tuple[T, ...]:
         read = [one(name, node) for name, node in self._entries(section)]
         return tuple(item for item in read if item is not None)
 
     def _parameters(self) -> tuple[model.Parameter, ...]:
         read = []
         for name, node in self._entries("parameters"):
-            value = sections.parameter(self._formulas, node)
-            self._scope.define(name.value, lambda value=value: value)
-            if value is not None:
-                numbers = tuple(part.value for part in value) if isinstance(value, tuple) else value.value
-                read.append(model.Parameter(name.value, numbers))
+            found = sections.parameter(self._formulas, node)
+            self._scope.define(name.value, functools.partial(_same, found))
+            if found is not None:
+                value = sections.values(found) if isinstance(found, tuple) else found.value
+                read.append(model.Parameter(name.value, value))
                 self._look(name.value)
         return tuple(read)
 
@@ -179,30 +195,38 @@ class _Document:
     def _particles(self) -> tuple[model.Particle, ...]:
         readers = {}
         for name, node in self._entries("particles"):
-            readers[name.value] = sections.ParticleReader(self._formulas, name, node)
-            self._scope.define(name.value, readers[name.value].find)
+            reader = readers[name.value] = sections.ParticleReader(self._formulas, name, node)
+            self._scope.define(name.value, reader.find, reader.uses)
         # Definitions must be known before positions are looked at: a position may use one.
         self._define_definitions()
         read = []
-        for name, reader in readers.items():
-            self._look(name)
-            read.append(reader.read())
+        for word, reader in readers.items():
+            self._look(word)
+            read.append(reader.read(self._position_in_file(word)))
         return tuple(particle for particle in read if particle is not None)
 
+    def _position_in_file(self, particle: str) -> source.AnyNode | None:
+        if self._file is self._root:
+            return None
+        node = self._file.get("particles")
+        entry = node.get(particle) if isinstance(node, source.Mapping) else None
+        return entry.get("position") if isinstance(entry, source.Mapping) else None
+
     def _define_definitions(self) -> None:
-        self._defined: dict[str, model.Expression] = {}
         order = {name.value: i for i, (name, _) in enumerate(self._entries("definitions"))}
         for name, node in self._entries("definitions"):
             expression = self._formulas.parse(node, parser.parse)
+            uses: set[str] = set()
             if expression is not None:
                 self._defined[name.value] = expression
-            self._scope.define(name.value, self._definition_finder(name.value, expression, order))
+                uses = tree.names(expression.tree)
+            self._scope.define(name.value, self._definition_finder(name.value, expression, order), uses)
 
     def _definition_finder(
         self, name: str, expression: model.Expression | None, order: Mapping[str, int]
     ) -> Callable[[], Any]:
         def lookup(node: tree.Node) -> Any:
-            used = getattr(node, "owner", getattr(node, "name", None))
+            used = str(getattr(node, "owner", getattr(node, "name", "")))
             if used in order and order[used] >= order[name]:
                 message = f"the definition `{used}` is used before it is declared"
                 raise ExpressionError("used-before-declared", message, node.start, node.end)
@@ -228,28 +252,35 @@ class _Document:
             return None
         return self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
 
-    def _law(
-        self,
-        law: Callable[[Formulas, str, source.AnyNode], T | None],
-        name: source.Scalar,
-        node: source.AnyNode,
-        section: str,
-    ) -> T | None:
-        """An equation, written shortly or as a mapping with `equation:`."""
-        if isinstance(node, source.Mapping):
-            fields = sections.fields(self._formulas, node, keys.FORMAT.key(section))
-            if fields is None or "equation" not in fields:
-                if fields is not None and not any(k.value in ("for", "if") for k, _ in node):
+    def _forces(self, particles: tuple[model.Particle, ...]) -> tuple[model.Force, ...]:
+        forces: tuple[model.Force, ...] = self._named(
+            "forces", functools.partial(sections.force, self._formulas)
+        )
+        masses = {p.name: p.mass_value for p in particles}
+        for force in forces:
+            if isinstance(force, model.ParticleForce):
+                sections.warn_of_shadows(self._formulas, force.force, force.targets, masses)
+        return forces
+
+    def _laws(self, section: str, law: Callable[[Formulas, str, source.AnyNode], T | None]) -> tuple[T, ...]:
+        """Equations, each written shortly or as a mapping with `equation:`."""
+
+        def one(name: source.Scalar, node: source.AnyNode) -> T | None:
+            if isinstance(node, source.Mapping):
+                fields = sections.fields(self._formulas, node, keys.FORMAT.key(section)) or {}
+                if "equation" not in fields:
                     self._formulas.report(node, "missing-key", "the key `equation` is missing")
-                return None
-            node = fields["equation"]
-        return law(self._formulas, name.value, node)
+                    return None
+                node = fields["equation"]
+            return law(self._formulas, name.value, node)
+
+        return self._named(section, one)
 
     def _outputs(self) -> tuple[model.Output, ...]:
         read = []
         for name, node in self._entries("outputs"):
             expression, value = sections.either(self._formulas, node, facts.OUTPUT, "an output")
-            self._scope.define(name.value, lambda value=value: value)
+            self._scope.define(name.value, functools.partial(_same, value))
             if value is not None:
                 read.append(model.Output(name.value, expression, isinstance(value, tuple)))
         return tuple(read)
@@ -309,12 +340,10 @@ class _Document:
         if names is None:
             return None
         cartesian = [p.name for p in particles if not p.is_dependent]
-        known = [
-            *self._scope.names("coordinate"), *cartesian, *(f"{p}.{axis}" for p in cartesian for axis in "xyz"),
-        ]  # fmt: skip
+        components = [f"{name}.{axis}" for name in cartesian for axis in "xyz"]
+        known = dict.fromkeys((*self._scope.names("coordinate"), *cartesian, *components))
         for name in names:
             if name.value not in known:
                 hint = diagnostics.nearest(name.value, known)
-                message = f"there is no coordinate `{name.value}`"
-                self._formulas.report(name, "unknown-name", message, hint)
+                self._formulas.report(name, "unknown-name", f"there is no coordinate `{name.value}`", hint)
         return tuple(name.value for name in names)

@@ -1,4 +1,4 @@
-"""Scalars of the document -> checked expressions. The only place where an expression's trouble becomes a diagnostic."""
+"""Scalars of the document -> checked expressions; here alone an expression's trouble becomes a diagnostic."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ class Formulas:
     def __init__(self, scope: scopes.Scope, found: diagnostics.Collector) -> None:
         self.scope = scope
         self.found = found
+        # A long model writes the same short texts again and again; trees hold offsets in their own text only.
+        self._parsed: dict[tuple[Callable[[str], tree.Node], str], tree.Node] = {}
 
     def report(self, node: source.AnyNode, code: str, message: str, hint: str = "") -> None:
         """An error at a node of the document."""
@@ -29,6 +31,10 @@ class Formulas:
     def warn(self, location: diagnostics.Location, code: str, message: str, hint: str = "") -> None:
         """A warning."""
         self.found.add(diagnostics.Diagnostic(code, message, location, hint, "warning"))
+
+    def silent(self) -> Formulas:
+        """The same scope with a collector of its own, for asking without reporting."""
+        return Formulas(self.scope, diagnostics.Collector())
 
     def trouble(self, origin: source.Scalar, error: ExpressionError) -> None:
         """An error inside an expression."""
@@ -41,16 +47,20 @@ class Formulas:
         if not isinstance(node, source.Scalar):
             shape = "list" if isinstance(node, source.Sequence) else "mapping"
             hint = "an equation that begins with `[` needs quotes" if shape == "list" else ""
-            self.report(node, "not-an-expression", f"an expression is needed here, and this is a {shape}", hint)
+            message = f"an expression is needed here, and this is a {shape}"
+            self.report(node, "not-an-expression", message, hint)
             return None
         if source.is_empty(node):
             self.report(node, "missing-value", "an expression is missing")
             return None
-        try:
-            return Expression(read(node.value), node)
-        except ExpressionError as error:
-            self.trouble(node, error)
-            return None
+        known = self._parsed.get((read, node.value))
+        if known is None:
+            try:
+                known = self._parsed[read, node.value] = read(node.value)
+            except ExpressionError as error:
+                self.trouble(node, error)
+                return None
+        return Expression(known, node)
 
     def facts(
         self,

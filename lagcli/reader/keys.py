@@ -1,4 +1,4 @@
-"""The keys of the model format, declared once: the reader, its hints and the reference page read this table."""
+"""The keys of the model format, declared once: reader, hints and reference page read this table."""
 
 from __future__ import annotations
 
@@ -58,7 +58,12 @@ FORMAT = Key(
                 Key("time", "text", "label of the unit of time", "s"),
             ),
         ),
-        Key("parameters", "number, expression or vector", "named constants, each of earlier ones", entries=True),
+        Key(
+            "parameters",
+            "number, expression or vector",
+            "named constants, each of earlier ones",
+            entries=True,
+        ),
         Key(
             "coordinates",
             "mapping",
@@ -83,7 +88,12 @@ FORMAT = Key(
                     "initial position; or x(q, t), where it refers to coordinates or to `t`",
                     required=True,
                 ),
-                Key("velocity", "vector of parameters", "initial velocity of a Cartesian particle", "[0, 0, 0]"),
+                Key(
+                    "velocity",
+                    "vector of parameters",
+                    "initial velocity of a Cartesian particle",
+                    "[0, 0, 0]",
+                ),
                 *_FAMILY,
             ),
         ),
@@ -127,7 +137,9 @@ FORMAT = Key(
                 Key("method", "`auto` or `dop853`", "the integration scheme", "auto"),
                 Key("rtol", "expression of parameters", "relative tolerance of a step", "1e-11"),
                 Key("atol", "expression of parameters", "absolute tolerance of a step", "1e-13"),
-                Key("assemble", "`true` or `false`", "move the start to the nearest consistent state", "false"),
+                Key(
+                    "assemble", "`true` or `false`", "move the start to the nearest consistent state", "false"
+                ),
                 Key("keep", "list of coordinates", "coordinates that assembly must not move"),
             ),
         ),

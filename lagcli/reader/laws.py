@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from lagcli import source
 from lagcli.expression import evaluate, facts, parser, tree
 from lagcli.expression.facts import Facts, FactsAlgebra
@@ -25,7 +27,8 @@ def differential(formulas: Formulas, name: str, node: source.AnyNode) -> Differe
     equation = formulas.parse(node, parser.parse_equation)
     if equation is None:
         return None
-    algebra = FactsAlgebra(formulas.scope.lookup, facts.DIFFERENTIAL, "a differential constraint", linear=True)
+    subject = "a differential constraint"
+    algebra = FactsAlgebra(formulas.scope.lookup, facts.DIFFERENTIAL, subject, linear=True)
     found = _difference(formulas, equation, algebra)
     if found is None:
         return None
@@ -34,7 +37,8 @@ def differential(formulas: Formulas, name: str, node: source.AnyNode) -> Differe
     except ExpressionError as error:
         formulas.trouble(equation.origin, error)
         return None
-    return Differential(name, equation, len(found) == 3, "differentials" if in_differentials else "velocities")
+    form: Literal["differentials", "velocities"] = "differentials" if in_differentials else "velocities"
+    return Differential(name, equation, len(found) == 3, form)
 
 
 def _difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra) -> tuple[Facts, ...] | None:

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
+from typing import SupportsFloat
 
 from lagcli import diagnostics, source
 
 _INITIAL = {"value": "coordinates", "rate": "coordinates", "position": "particles", "velocity": "particles"}
-_COMPONENTS = {"x": ("position", 0), "y": ("position", 1), "z": ("position", 2)} | {
-    "vx": ("velocity", 0), "vy": ("velocity", 1), "vz": ("velocity", 2),
-}  # fmt: skip
+_COMPONENTS: dict[str, tuple[str, int]] = {
+    "x": ("position", 0),
+    "y": ("position", 1),
+    "z": ("position", 2),
+    "vx": ("velocity", 0),
+    "vy": ("velocity", 1),
+    "vz": ("velocity", 2),
+}
 
 
 class OverrideError(Exception):
@@ -20,22 +27,28 @@ class OverrideError(Exception):
 def apply(root: source.Mapping, changes: Mapping[str, object]) -> source.Mapping:
     """The document with the changes written into it. Raises `OverrideError`."""
     for name, value in changes.items():
-        root = _apply(root, name, _node(name, value))
+        root = _apply(root, name, _node(f"--set {name}", value))
     return root
 
 
-def _node(name: str, value: object) -> source.AnyNode:
-    label = f"--set {name}"
+def _node(label: str, value: object) -> source.AnyNode:
+    """What a change says: a text, a number, or a list of three of them."""
     if isinstance(value, str):
-        if len(value) > source.MAX_BYTES or not value.strip():
+        if not value.strip():
             raise OverrideError(f"{label}: an expression is missing")
         return source.scalar(value, label)
-    if isinstance(value, (list, tuple)):
-        items = tuple(source.scalar(repr(float(part)), label) for part in value)
-        return source.Sequence(source.as_text("", label), 0, 0, items)
-    if isinstance(value, (int, float)) or hasattr(value, "__float__"):
-        return source.scalar(repr(float(value)), label)
-    raise OverrideError(f"{label}: a number, an expression or three numbers are needed, not {type(value).__name__}")
+    if isinstance(value, SupportsFloat) and not getattr(value, "shape", ()):
+        number = float(value)
+        if not math.isfinite(number):
+            raise OverrideError(f"{label}: {number} is not a finite number")
+        return source.scalar(repr(number), label)
+    if isinstance(value, Iterable) and not isinstance(value, (bytes, Mapping)):
+        parts = [_node(label, part) for part in value]
+        items = tuple(part for part in parts if isinstance(part, source.Scalar))
+        if len(items) == len(parts):
+            return source.Sequence(source.as_text("", label), 0, 0, items)
+    kind = type(value).__name__
+    raise OverrideError(f"{label}: a number, an expression or three numbers are needed, not {kind}")
 
 
 def _apply(root: source.Mapping, name: str, value: source.AnyNode) -> source.Mapping:
@@ -46,29 +59,29 @@ def _apply(root: source.Mapping, name: str, value: source.AnyNode) -> source.Map
             return _with(root, "parameters", _with(parameters, name, value))
         raise OverrideError(_unknown(root, name))
     if field in _INITIAL:
-        return _set_field(root, name, _INITIAL[field], (owner, field), value)
+        return _set_field(root, name, (_INITIAL[field], owner, field), value)
     if field in _COMPONENTS:
-        return _set_component(root, name, owner, _COMPONENTS[field], value)
+        return _set_component(root, name, owner, value)
     raise OverrideError(_unknown(root, name))
 
 
 def _set_field(
-    root: source.Mapping, name: str, section: str, path: tuple[str, str], value: source.AnyNode
+    root: source.Mapping, name: str, place: tuple[str, str, str], value: source.AnyNode
 ) -> source.Mapping:
-    owner, field = path
+    section, owner, field = place
     entries = root.get(section)
     entry = entries.get(owner) if isinstance(entries, source.Mapping) else None
-    if entries is None or entry is None or not isinstance(entries, source.Mapping):
+    if entry is None or not isinstance(entries, source.Mapping):
         raise OverrideError(_unknown(root, name))
-    if not isinstance(entry, source.Mapping):
+    if source.is_empty(entry):
         entry = source.Mapping(entry.text, entry.start, entry.end, ())
+    if not isinstance(entry, source.Mapping):
+        return root  # the entry is no mapping: an error of the file, reported where it stands
     return _with(root, section, _with(entries, owner, _with(entry, field, value)))
 
 
-def _set_component(
-    root: source.Mapping, name: str, owner: str, component: tuple[str, int], value: source.AnyNode
-) -> source.Mapping:
-    field, index = component
+def _set_component(root: source.Mapping, name: str, owner: str, value: source.AnyNode) -> source.Mapping:
+    field, index = _COMPONENTS[name.partition(".")[2]]
     particles = root.get("particles")
     entry = particles.get(owner) if isinstance(particles, source.Mapping) else None
     if not isinstance(entry, source.Mapping):
@@ -78,9 +91,12 @@ def _set_component(
         zero = source.scalar("0", f"--set {name}")
         old = source.Sequence(zero.text, 0, 0, (zero, zero, zero))
     if not isinstance(old, source.Sequence) or len(old.items) != 3:
-        raise OverrideError(f"--set {name}: the {field} of `{owner}` is one expression; set `{owner}.{field}` whole")
+        sentence = f"the {field} of `{owner}` is one expression; set `{owner}.{field}` whole"
+        raise OverrideError(f"--set {name}: {sentence}")
+    if not isinstance(value, source.Scalar):
+        raise OverrideError(f"--set {name}: a number or an expression is needed")
     items = tuple(value if i == index else item for i, item in enumerate(old.items))
-    return _set_field(root, name, "particles", (owner, field), dataclasses.replace(old, items=items))
+    return _set_field(root, name, ("particles", owner, field), dataclasses.replace(old, items=items))
 
 
 def _with(mapping: source.Mapping, key: str, value: source.AnyNode) -> source.Mapping:
@@ -93,10 +109,19 @@ def _with(mapping: source.Mapping, key: str, value: source.AnyNode) -> source.Ma
 
 
 def _unknown(root: source.Mapping, name: str) -> str:
-    known = []
-    for section, fields in (("parameters", ("",)), ("coordinates", (".value", ".rate"))):
+    """The sentence for a name that nothing has; the fields of what bears the name are offered first."""
+    known: list[str] = []
+    for section, fields in (
+        ("parameters", ("",)),
+        ("coordinates", (".value", ".rate")),
+        ("particles", (".position", ".velocity")),
+    ):
         node = root.get(section)
-        if isinstance(node, source.Mapping):
-            known += [key.value + field for key, _ in node for field in fields]
+        for key, _ in node if isinstance(node, source.Mapping) else ():
+            own = [key.value + field for field in fields]
+            if key.value == name.partition(".")[0]:
+                return f"--set {name}: write " + " or ".join(f"`{word}`" for word in own)
+            known += own
     hint = diagnostics.nearest(name, known)
-    return f"--set {name}: there is no parameter or initial value of that name" + (f"; {hint}" if hint else "")
+    sentence = f"--set {name}: there is no parameter or initial value of that name"
+    return f"{sentence}; {hint}" if hint else sentence

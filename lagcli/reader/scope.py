@@ -35,10 +35,12 @@ BROKEN = ""  # the code of an error that follows from one already reported
 
 @dataclasses.dataclass(slots=True)
 class Entry:
-    """A declared name. `find` computes its facts once; a name that is not reached yet has none."""
+    """A declared name. `find` computes its facts once, from those of the names it `uses`; a name that is not
+    reached yet has none."""
 
     kind: Kind
     find: Callable[[], Any] | None = None
+    uses: frozenset[str] = frozenset()
     value: Any = None
     searching: bool = False
 
@@ -48,6 +50,7 @@ class Scope:
 
     def __init__(self) -> None:
         self._entries: dict[str, Entry] = {}
+        self._hints: dict[str, str] = {}
         # name -> its row names; none yet for a rigid body, None for a constraint that is broken
         self.constraints: dict[str, tuple[str, ...] | None] = {}
 
@@ -67,10 +70,11 @@ class Scope:
         self._entries[name] = Entry(kind)
         return ""
 
-    def define(self, name: str, find: Callable[[], Any]) -> None:
+    def define(self, name: str, find: Callable[[], Any], uses: Iterable[str] = ()) -> None:
         """Say how the facts of a declared name are found; from here on it may be used."""
-        if name in self._entries:
-            self._entries[name].find = find
+        entry = self._entries.get(name)
+        if entry is not None and entry.find is None:
+            entry.find, entry.uses = find, frozenset(uses)
 
     def kind(self, name: str) -> Kind | None:
         """What the name was declared as."""
@@ -98,9 +102,8 @@ class Scope:
             case tree.Call():
                 return self._special(node)
             case tree.Index():
-                raise ExpressionError(
-                    "not-supported-yet", "families `name[i]` are not supported yet", node.start, node.end
-                )
+                message = "families `name[i]` are not supported yet"
+                raise ExpressionError("not-supported-yet", message, node.start, node.end)
             case _:
                 raise TypeError(node)
 
@@ -128,26 +131,44 @@ class Scope:
             if entry.searching:
                 message = f"`{name}` depends on itself"
                 raise ExpressionError("circular", message, node.start, node.end)
-            entry.searching = True
-            entry.value = entry.find()
-            entry.searching = False
-            if entry.value is None:
-                entry.value = BROKEN
-        if entry.value == BROKEN:
+            self._settle(name)
+        if entry.value is BROKEN:
             raise ExpressionError(BROKEN, "", node.start, node.end)
         return entry.value
+
+    def _settle(self, name: str) -> None:
+        """Find the facts of a name, those of all it uses before: a long chain needs no deep stack."""
+        waiting = [name]
+        while waiting:
+            entry = self._entries[waiting[-1]]
+            if entry.value is None and not entry.searching:
+                entry.searching = True
+                waiting += sorted(used for used in entry.uses if self._is_open(used))
+                continue
+            waiting.pop()
+            if entry.value is None and entry.find is not None:
+                found = entry.find()
+                entry.value = BROKEN if found is None else found
+                entry.searching = False
+
+    def _is_open(self, name: str) -> bool:
+        entry = self._entries.get(name)
+        return entry is not None and entry.find is not None and entry.value is None and not entry.searching
 
     def _unknown(self, node: tree.Node, name: str, known: Iterable[str]) -> ExpressionError:
         if name in evaluate.FUNCTION_NAMES:
             hint = f"`{name}` is a function: write `{name}(...)`"
-        elif name == "g" and "g" not in self._entries:
+        elif name == "g":
             hint = "declare it under `parameters`, for example `g: 9.81`"
         else:
-            hint = diagnostics.nearest(name, known)
+            if name not in self._hints:
+                self._hints[name] = diagnostics.nearest(name, known)
+            hint = self._hints[name]
         return ExpressionError("unknown-name", f"the name `{name}` is not known", node.start, node.end, hint)
 
     def _member(self, node: tree.Member, own: bool) -> Any:
-        owner = self._name(tree.Name(node.start, node.start + len(node.owner), node.owner), node.owner, own)
+        spot = tree.Name(node.start, node.start + len(node.owner), node.owner)
+        owner = self._name(spot, node.owner, own)
         if self.kind(node.owner) == "particle" and not (own and node.owner in OWN):
             if node.member == "v":
                 return (VELOCITY,) * 3

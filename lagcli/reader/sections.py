@@ -1,4 +1,4 @@
-"""The entries of the sections: one function for each kind of entry, node -> noun or None with the error reported."""
+"""The entries of the sections, one function for each kind: node -> noun, or None with the error reported."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lagcli.reader.formula import Formulas
 
 
 def fields(formulas: Formulas, node: source.AnyNode, key: keys.Key) -> dict[str, source.AnyNode] | None:
-    """The fields of a mapping whose keys are those of `key`; unknown, unsupported and missing ones are reported."""
+    """The fields of a mapping by the keys of `key`; unknown, unsupported and missing ones are reported."""
     if not isinstance(node, source.Mapping):
         known = ", ".join(f"`{k.name}`" for k in key.keys if k.supported)
         formulas.report(node, "not-a-mapping", f"a mapping is needed here, with the keys {known}")
@@ -34,7 +34,7 @@ def fields(formulas: Formulas, node: source.AnyNode, key: keys.Key) -> dict[str,
 
 
 def text(formulas: Formulas, node: source.AnyNode) -> str:
-    """A free text."""
+    """A text that is free in content."""
     if not isinstance(node, source.Scalar):
         formulas.report(node, "not-a-text", "a text is needed here")
         return ""
@@ -73,15 +73,19 @@ class ParticleReader:
     def __init__(self, formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> None:
         self._formulas = formulas
         self._name = name
-        self._fields = fields(formulas, node, keys.FORMAT.key("particles"))
-        self._position: model.VectorExpression | None = None
+        self._fields = fields(formulas, node, keys.FORMAT.key("particles")) or {}
+        place = self._fields.get("position")
+        self._position = None if place is None else formulas.vector_expression(place)
+        self._facts: tuple[facts.Facts, ...] | None = None
+
+    @property
+    def uses(self) -> frozenset[str]:
+        """The names the position refers to."""
+        parts = self._position.parts if self._position is not None else ()
+        return frozenset[str]().union(*(tree.names(part.tree) for part in parts))
 
     def find(self) -> Any:
         """Facts of the position as others see it: coordinates of its own, or functions of q and t."""
-        node = (self._fields or {}).get("position")
-        if node is None:
-            return None
-        self._position = self._formulas.vector_expression(node)
         if self._position is None:
             return None
         self._facts = self._formulas.vector_facts(self._position, facts.PLACE, "the position of a particle")
@@ -91,37 +95,65 @@ class ParticleReader:
             return tuple(facts.Facts(None, part.reads) for part in self._facts)
         return (facts.Facts(None, frozenset(("position", "cartesian"))),) * 3
 
-    def read(self) -> model.Particle | None:
-        """The particle, once its facts are found."""
+    def read(self, file_position: source.AnyNode | None) -> model.Particle | None:
+        """The particle, once its facts are found. `file_position` is the position without changes made."""
         formulas = self._formulas
-        if self._fields is None:
-            return None
         mass, value = self._mass()
         velocity = self._fields.get("velocity")
-        moving = formulas.constant_vector(velocity, "an initial velocity") if velocity is not None else (0.0,) * 3
+        moving: model.Vector3 | None = (0.0, 0.0, 0.0)
+        if velocity is not None:
+            moving = formulas.constant_vector(velocity, "an initial velocity")
         if self._position is None or self._facts is None or mass is None or moving is None:
             return None
         dependent = bool(scope.reads(self._facts))
+        if not self._keeps_kind(dependent, file_position):
+            return None
         if dependent and velocity is not None:
             message = "a particle whose position depends on coordinates or time has no velocity of its own"
-            formulas.report(velocity, "velocity-of-dependent", message, "its velocity follows from the `rate`s")
+            hint = "its velocity follows from the `rate`s"
+            formulas.report(velocity, "velocity-of-dependent", message, hint)
             return None
-        start = None if dependent else tuple(part.value for part in self._facts)
-        return model.Particle(self._name.value, mass, value, self._position, start, moving, self._name.location)
+        start = None if dependent else values(self._facts)
+        name, at = self._name.value, self._name.location
+        return model.Particle(name, mass, value, self._position, start, moving, at)
+
+    def _keeps_kind(self, dependent: bool, file_position: source.AnyNode | None) -> bool:
+        """Whether a changed position is still an initial value, or still a function; else it is refused."""
+        place = self._fields.get("position")
+        if place is None or file_position is None or place is file_position:
+            return True
+        before = self._formulas.silent().vector_expression(file_position)
+        found = self._formulas.silent().vector_facts(before, facts.PLACE, "") if before is not None else None
+        if found is None or bool(scope.reads(found)) == dependent:
+            return True
+        if dependent:
+            message = "an initial position is a constant, and this one depends on coordinates or time"
+        else:
+            message = (
+                "the position of this particle is a function of coordinates or time, not an initial value"
+            )
+        self._formulas.report(place, "not-an-initial-value", message, "change the file instead")
+        return False
 
     def _mass(self) -> tuple[model.Expression | None, float]:
-        node = (self._fields or {}).get("mass")
+        node = self._fields.get("mass")
         if node is None:
             return None, 0.0
-        expression = self._formulas.scalar(node, facts.NOTHING, "a mass")
-        if expression is None:
+        expression = self._formulas.parse(node, parser.parse)
+        found = None if expression is None else self._formulas.facts(expression, facts.NOTHING, "a mass")
+        if found is None:
             return None, 0.0
-        found = self._formulas.facts(expression, facts.NOTHING, "a mass")
         if found.value <= 0.0:
             message = f"a mass must be positive, and this one is {found.value:g}"
             self._formulas.report(node, "mass-not-positive", message)
             return None, 0.0
         return expression, found.value
+
+
+def values(parts: tuple[facts.Facts, ...]) -> model.Vector3:
+    """The values of three constants."""
+    x, y, z = (part.value for part in parts if part.value is not None)
+    return x, y, z
 
 
 def force(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> model.Force | None:
@@ -165,10 +197,9 @@ def _targets(formulas: Formulas, node: source.AnyNode) -> tuple[str, ...] | None
             formulas.report(node, "no-particles", "there are no particles for `all` to stand for")
             return None
         return particles
-    known = formulas.scope.names("particle", "coordinate")
-    bad = [n for n in names if n.value not in known]
+    bad = [n for n in names if formulas.scope.kind(n.value) not in ("particle", "coordinate")]
     for name in bad:
-        hint = diagnostics.nearest(name.value, [*known, "all"])
+        hint = diagnostics.nearest(name.value, [*formulas.scope.names("particle", "coordinate"), "all"])
         formulas.report(name, "unknown-name", f"there is no particle or coordinate `{name.value}`", hint)
     return None if bad or not names else tuple(dict.fromkeys(n.value for n in names))
 
@@ -208,12 +239,14 @@ def warn_of_shadows(
         used = tree.names(part.tree) & scope.OWN.keys()
         for name in sorted(used):
             kind = formulas.scope.kind(name)
-            same = name == "m" and kind == "parameter" and {masses.get(t) for t in targets} == {
-                formulas.scope.constant("m")
-            }  # fmt: skip
-            if kind is not None and not same:
+            own = {masses.get(target) for target in targets} if name == "m" else set()
+            same = kind == "parameter" and own == {formulas.scope.constant(name)}
+            # An output cannot be used in a force at all, so it is not shadowed there.
+            if kind not in (None, "output") and not same:
                 message = f"`{name}` is the particle's own {_OWN_WORDS[name]} here, not the {kind} `{name}`"
-                formulas.warn(part.location, "shadowed-name", message, f"rename the {kind} to use it in a force")
+                formulas.warn(
+                    part.location, "shadowed-name", message, f"rename the {kind} to use it in a force"
+                )
 
 
 _OWN_WORDS = {"m": "mass", "r": "position", "v": "velocity"}
@@ -227,12 +260,11 @@ def rigid(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> mode
     names = name_list(formulas, node)
     if names is None:
         return None
-    known = formulas.scope.names("particle")
     good = True
     seen: set[str] = set()
     for item in names:
-        if item.value not in known:
-            hint = diagnostics.nearest(item.value, known)
+        if formulas.scope.kind(item.value) != "particle":
+            hint = diagnostics.nearest(item.value, formulas.scope.names("particle"))
             formulas.report(item, "unknown-name", f"there is no particle `{item.value}`", hint)
             good = False
         elif item.value in seen:
@@ -245,17 +277,9 @@ def rigid(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> mode
     return model.RigidBody(name.value, tuple(n.value for n in names), name.location) if good else None
 
 
-def output(formulas: Formulas, name: source.Scalar, expression: model.Expression) -> model.Output | None:
-    """An extra recorded quantity; its facts are found through the scope, so that later outputs may use it."""
-    value = formulas.scope.lookup(tree.Name(0, 0, name.value))
-    return model.Output(name.value, expression, isinstance(value, tuple))
-
-
 def either(formulas: Formulas, node: source.AnyNode, allowed: frozenset[facts.Flag], subject: str) -> Any:
     """Expression and facts of a scalar or vector, or a pair of None."""
     expression = formulas.parse(node, parser.parse)
     if expression is None:
         return None, None
     return expression, formulas.facts(expression, allowed, subject, shape="either")
-
-
