@@ -6,16 +6,15 @@ import sys
 
 
 def main() -> None:
-    """The entry point of the command line."""
-    from lagcli.cli import app, signals
+    """The entry point of the command line; it ends in `SystemExit`."""
+    from lagcli.cli import signals
 
-    signals.install()
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            # Names and titles may hold any letter; a terminal that cannot show one gets an escape, no failure.
-            stream.reconfigure(encoding="utf-8", errors="backslashreplace")
     try:
-        app.app(prog_name="lagcli")
+        signals.install()
+        # Loaded under the signal handlers: an interrupt at start-up is an interrupt and no traceback.
+        from lagcli.cli import door
+
+        sys.exit(door.run())
     except signals.Interrupted as interrupt:
         sys.exit(128 + interrupt.number)
 

@@ -1,8 +1,10 @@
 """Rows and their ranks -> the count of degrees of freedom, with names (3N - s; n - s with generalized coordinates).
 
-The rank of the holonomic rows is taken at several points of the constraint surface that a walk from the start
-reaches, and at points beside it. Where it is higher beside the surface than on it (three collinear particles
-with all their distances), the rank on the surface proves nothing, and the count is undecided.
+Where the rank of the holonomic rows at the start is the rank they have at any point beside the surface, it is
+constant nearby, and the constraints cut out a smooth surface of dimension n - rank. Where it is lower, a walk
+over the surface looks for points where it is not: then the start is a special configuration, a crossing. Where
+the rank stays lower wherever the constraints hold (three collinear particles with all their distances), the
+rank proves nothing, and the count is undecided.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ Proof = Literal["symbolic", "numeric", "none"]
 
 POINTS = 4  # on the surface, besides the start
 WALK_STEPS = 3
-STEP, ASIDE = 0.12, 0.05  # of the size of the configuration
+STEP, ASIDE = 0.2, 0.05  # of the size of the configuration
+# Shorter steps would be within rounding of a singular surface, where the rank cannot be seen.
+MAX_HALVINGS = 11
 SEED = 20061
 
 
@@ -70,11 +74,20 @@ class DofCount:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class _Ranks:
-    """Ranks over points: of the rows that count as holonomic on the surface and beside it, and of all rows."""
+    """Ranks of the rows that count as holonomic and of all rows, over points on the surface and beside it."""
 
     whole: list[rank.Rank]
-    aside: list[rank.Rank]
     everything: list[rank.Rank]
+
+    @property
+    def highest(self) -> tuple[int, int]:
+        """The ranks at generic points: the highest that are certain."""
+        return max(r.low for r in self.whole), max(r.low for r in self.everything)
+
+    @property
+    def possible(self) -> tuple[int, int]:
+        """The highest ranks that cannot be excluded."""
+        return max(r.high for r in self.whole), max(r.high for r in self.everything)
 
 
 def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) -> DofCount:
@@ -89,60 +102,56 @@ def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) ->
     s = system.holonomic_count
     integrable = [i for i in range(s, len(names)) if alone[names[i]] in ("exact", "integrable")]
     whole = [*range(s), *integrable]
-    points = _walk(numeric, state, whole)
-    ranks = _ranks(numeric, state, points, whole)
-    on, total = _highest(ranks.whole), _highest(ranks.everything)
-    reason = _undecided_rank(ranks, on) or _undecided_rows(system, numeric, alone, points, state)
-    n = system.symbols.q.numel()
-    flags = _redundant(numeric, points[-1], state)
-    redundant_rows = tuple(name for name, flag in zip(names, flags, strict=True) if flag)
+    points = [state]
+    on, beside = _ranks(numeric, points, whole), _ranks(numeric, _beside(system, state), whole)
+    if not (_is_regular(numeric, state) and on.possible == on.highest == beside.possible):
+        points = _walk(numeric, state, whole)
+        on = _ranks(numeric, points, whole)
+    doubt = _undecided_rank(on, beside)
+    reason = doubt or _undecided_rows(system, alone, points)
+    generic = max(range(len(points)), key=lambda i: on.everything[i].low)
+    flags = rank.redundant(_normalized_rows(numeric, points[generic]))
+    n, (held, total) = system.symbols.q.numel(), on.highest
     decided = reason == ""
     return DofCount(
         particles=len(system.model.particles),
         coordinates=n,
-        holonomic=on if decided else None,
-        nonholonomic=total - on if decided else None,
+        holonomic=held if decided else None,
+        nonholonomic=total - held if decided else None,
         redundant=len(names) - total if decided else None,
-        configuration_dof=n - on if decided else None,
+        configuration_dof=n - held if decided else None,
         velocity_dof=n - total if decided else None,
         proof="numeric" if decided else "none",
-        bounds=(max(0, n - max(total, _highest(ranks.aside))), n - on),
+        # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither
+        # does the number of rows.
+        bounds=(0, n - on.whole[0].low) if doubt else (n - total, n - held),
         reason=reason,
-        redundant_rows=redundant_rows,
-        start_rank=ranks.everything[0].value,
-        notes=_notes(ranks, total),
+        redundant_rows=tuple(name for name, flag in zip(names, flags, strict=True) if flag),
+        start_rank=on.everything[0].value,
+        notes=() if doubt else _notes(on),
     )
 
 
-def _highest(ranks: list[rank.Rank]) -> int:
-    """The rank at generic points: the highest that is certain."""
-    return max((r.low for r in ranks), default=0)
-
-
-def _notes(ranks: _Ranks, total: int) -> tuple[str, ...]:
-    at_start = ranks.everything[0].value
-    if at_start is not None and at_start < total:
-        return (
-            f"the start is a special configuration: the rows have rank {at_start} there and {total} nearby",
-        )
+def _notes(on: _Ranks) -> tuple[str, ...]:
+    here, total = on.everything[0].value, on.highest[1]
+    if here is not None and here < total:
+        return (f"the start is a special configuration: the rows have rank {here} there and {total} nearby",)
     return ()
 
 
-def _undecided_rank(ranks: _Ranks, on: int) -> str:
-    if any(r.high > _highest(group) for group in (ranks.whole, ranks.everything) for r in group):
+def _undecided_rank(on: _Ranks, beside: _Ranks) -> str:
+    if on.possible != on.highest:
         return "no gap in the singular values of the constraint rows decides their rank"
-    off = max((r.high for r in ranks.aside), default=0)
-    if off > on:
-        return (
-            f"the rows have rank {on} wherever the constraints hold and {off} beside it,"
-            " so the rank does not prove the dimension"
-        )
+    for found, possible in zip(on.highest, beside.possible, strict=True):
+        if possible > found:
+            return (
+                f"the rows have rank {found} wherever the constraints hold and {possible} beside it,"
+                " so the rank does not prove the dimension"
+            )
     return ""
 
 
-def _undecided_rows(
-    system: System, numeric: NumericSystem, alone: Mapping[str, Alone], points: list[State], state: State
-) -> str:
+def _undecided_rows(system: System, alone: Mapping[str, Alone], points: list[State]) -> str:
     """Why the differential rows leave the count open, or nothing."""
     open_rows = [name for name, verdict in alone.items() if verdict == "undecided"]
     if open_rows:
@@ -179,76 +188,89 @@ def _obstructed(system: System, points: list[State]) -> bool:
     return False
 
 
-def _scales(system_size: int, q: Floats) -> Floats:
-    """How far coordinates may be moved to stay near: the size of the configuration, or 1 at zero."""
-    largest = float(np.abs(q).max(initial=0.0))
-    return np.full(system_size, largest if largest > 0 else 1.0)
+def _is_regular(numeric: NumericSystem, state: State) -> bool:
+    """Whether Newton's method squares the residual at the start, as it does where the rank is constant."""
+    return _surface(numeric, state).nearby(state.q) is not None
+
+
+def _surface(numeric: NumericSystem, state: State) -> projection.Surface:
+    return projection.Surface(numeric, state.t, state.p, np.eye(state.q.size))
 
 
 def _walk(numeric: NumericSystem, state: State, whole: list[int]) -> list[State]:
-    """Points of the surface that a walk from the start reaches: random tangent steps, each projected back."""
+    """The start, and points of the surface that random tangent steps reach, each projected back."""
     random = np.random.default_rng(SEED)
     points = [state]
-    scale = _scales(state.q.size, state.q)
     for _ in range(POINTS):
-        here = points[-1]
+        here: State | None = points[-1]
         for _ in range(WALK_STEPS):
-            here = _tangent_step(numeric, here, whole, scale, random) or here
+            here = None if here is None else _tangent_step(numeric, here, whole, random)
+        if here is None:
+            break
         points.append(here)
     return points
 
 
 def _tangent_step(
-    numeric: NumericSystem, here: State, whole: list[int], scale: Floats, random: np.random.Generator
+    numeric: NumericSystem, here: State, whole: list[int], random: np.random.Generator
 ) -> State | None:
-    M = np.array(numeric.inertia(here.t, here.q, here.v, here.p))
+    """The point after one random step along the kernel of the rows, as long as the curvature allows."""
     B = np.array(numeric.rows(here.t, here.q, here.v, here.p)[0])[whole]
-    if not (np.isfinite(M).all() and np.isfinite(B).all()):
-        return None
-    tangent = rank.null_basis(rank.normalized(B, np.eye(B.shape[1])))
+    tangent = rank.null_basis(rank.unit(B))
     if tangent.shape[1] == 0:
-        return None
+        return here
     direction = tangent @ random.standard_normal(tangent.shape[1])
-    step = STEP * scale * direction / np.linalg.norm(direction) * np.sqrt(direction.size / 3)
-    try:
-        q = projection.Surface(numeric, here.t, here.p, np.eye(here.q.size)).feasible(here.q + step)
-    except projection.NoConfiguration:
-        return None
-    return dataclasses.replace(here, q=q)
+    step = STEP * _size(here.q) * direction / np.abs(direction).max()
+    surface = _surface(numeric, here)
+    for halvings in range(MAX_HALVINGS):
+        there = surface.nearby(here.q + step / 2**halvings)
+        if there is not None and _is_finite(numeric, dataclasses.replace(here, q=there)):
+            return dataclasses.replace(here, q=there)
+    return None
 
 
-def _ranks(numeric: NumericSystem, state: State, points: list[State], whole: list[int]) -> _Ranks:
+def _size(q: Floats) -> float:
+    """How large the configuration is, or 1 where all of it is at zero."""
+    return float(np.abs(q).max(initial=0.0)) or 1.0
+
+
+def _beside(system: System, state: State) -> list[State]:
+    """Points near the start that satisfy nothing, in time too, for the rank at generic points."""
     random = np.random.default_rng(SEED + 1)
-    scale = _scales(state.q.size, state.q)
-    found = _Ranks([], [], [])
-    for point in points:
-        rows = _normalized_rows(numeric, point)
-        if rows is None:
-            continue
-        found.whole.append(rank.rank(rows[whole]))
-        found.everything.append(rank.rank(rows))
-        beside = dataclasses.replace(point, q=point.q + ASIDE * scale * random.standard_normal(point.q.size))
-        rows = _normalized_rows(numeric, beside)
-        if rows is not None:
-            found.aside.append(rank.rank(rows[whole]))
+    aside = ASIDE * _size(state.q)
+    later = ASIDE * (system.model.simulation.duration or 1.0)
+    found = [state]
+    for _ in range(POINTS):
+        q = state.q + aside * random.standard_normal(state.q.size)
+        found.append(dataclasses.replace(state, q=q, t=state.t + later * random.random()))
     return found
 
 
-def _normalized_rows(numeric: NumericSystem, point: State) -> Floats | None:
-    """Rows at a point, or None where they or the inertia are not finite or not definite there."""
+def _ranks(numeric: NumericSystem, points: list[State], whole: list[int]) -> _Ranks:
+    """Ranks at the points, of which the first is known to be finite."""
+    found = _Ranks([], [])
+    for point in points:
+        if _is_finite(numeric, point):
+            rows = _normalized_rows(numeric, point)
+            found.whole.append(rank.rank(rows[whole]))
+            found.everything.append(rank.rank(rows))
+    return found
+
+
+def _is_finite(numeric: NumericSystem, point: State) -> bool:
+    """Whether rows and inertia are finite, and the inertia definite, at a point."""
     B = np.array(numeric.rows(point.t, point.q, point.v, point.p)[0])
     M = np.array(numeric.inertia(point.t, point.q, point.v, point.p))
     if not (np.isfinite(B).all() and np.isfinite(M).all()):
-        return None
-    try:
-        return rank.normalized(B, M)
-    except np.linalg.LinAlgError:
-        return None
+        return False
+    return (
+        bool((np.linalg.eigvalsh(M) > 0).all())
+        if np.any(M - np.diag(np.diag(M)))
+        else bool((np.diag(M) > 0).all())
+    )
 
 
-def _redundant(numeric: NumericSystem, point: State, state: State) -> npt.NDArray[np.bool_]:
-    rows = _normalized_rows(numeric, point)
-    if rows is None:
-        rows = _normalized_rows(numeric, state)
-    assert rows is not None  # the start was checked to be finite
-    return rank.redundant(rows)
+def _normalized_rows(numeric: NumericSystem, point: State) -> Floats:
+    B = np.array(numeric.rows(point.t, point.q, point.v, point.p)[0])
+    M = np.array(numeric.inertia(point.t, point.q, point.v, point.p))
+    return rank.normalized(B, M)

@@ -209,7 +209,11 @@ class Simulation:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Model:
-    """A valid model. `fingerprint` tells models of different text apart; changed values do not enter it."""
+    """A valid model. `fingerprint` tells models of different text apart; changed values do not enter it.
+
+    `order` names particles and definitions, each after all it uses: evaluated so, a chain of any length needs
+    no deep stack.
+    """
 
     path: str
     fingerprint: str
@@ -229,6 +233,7 @@ class Model:
     outputs: tuple[Output, ...]
     simulation: Simulation
     warnings: tuple[diagnostics.Diagnostic, ...]
+    order: tuple[str, ...]
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

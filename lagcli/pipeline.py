@@ -141,6 +141,7 @@ class Running:
             start = self.assembly.state
         else:
             initial.require_consistent(built, residuals)
+        initial.require_finite(built, numeric, start)
         initial.require_independent(built, numeric, start, M)
         self.model = model
         self.warnings = (*model.warnings, *built.warnings)

@@ -14,7 +14,9 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 # Singular values of normalized rows: above LARGE they count, below SMALL they are rounding, between is undecided.
-LARGE, SMALL = 1e-6, 1e-9
+# The start is on the surface to rounding, 1e-16, and where rows are dependent on a surface but not beside it the
+# rest they show is its square root.
+LARGE, SMALL = 3e-6, 1e-7
 # A row takes part in a dependence if its weight in the null vector is above this.
 WEIGHT = 1e-6
 
@@ -35,16 +37,19 @@ class Rank:
 
 
 def normalized(B: Floats, M: Floats) -> Floats:
-    """Rows of B M^-1/2 of length one; a row that vanishes stays zero. Shapes (C, n), (n, n)."""
+    """Rows of B M^-1/2 of length one. Shapes (C, n), (n, n). Raises `LinAlgError` where M is not definite."""
     if np.count_nonzero(M - np.diag(np.diag(M))):
-        L = np.linalg.cholesky(M)
-        rows = np.linalg.solve(L, B.T).T
-    else:
-        rows = B / np.sqrt(np.diag(M))
+        return unit(np.linalg.solve(np.linalg.cholesky(M), B.T).T)
+    masses = np.diag(M)
+    if not (masses > 0).all():
+        raise np.linalg.LinAlgError("a mass is not positive")
+    return unit(B / np.sqrt(masses))
+
+
+def unit(rows: Floats) -> Floats:
+    """Rows of length one; a row that vanishes stays zero."""
     lengths = np.linalg.norm(rows, axis=1)
-    # A gradient that has vanished to rounding has no direction left.
-    vanishing = lengths <= 1e-12 * lengths.max(initial=0.0)
-    return np.where(vanishing[:, None], 0.0, rows / np.where(vanishing, 1.0, lengths)[:, None])
+    return np.asarray(rows / np.where(lengths > 0, lengths, 1.0)[:, None])
 
 
 def rank(rows: Floats) -> Rank:

@@ -26,6 +26,9 @@ MAX_BYTES = 32 * 2**20
 MAX_DEPTH = 16
 MAX_NODES = 2_000_000
 
+QUOTES = "in `{ }` and `[ ]` a text with brackets or commas needs quotes"
+NEAR = 100  # characters looked at around a text that may have been cut
+
 LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 ESCAPE = re.compile(r"\\(?:x..|u.{4}|U.{8}|[^\r\n])")
 NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
@@ -79,6 +82,14 @@ class Scalar(Node):
     value: str
     style: Style = "plain"
 
+    @property
+    def is_torn(self) -> bool:
+        """Whether this looks like part of an unquoted text that a comma in `{ }` or `[ ]` has cut in pieces."""
+        if self.style != "plain" or self.value.count("(") == self.value.count(")"):
+            return False
+        near = self.text.content[max(0, self.start - NEAR) : self.start].rstrip()
+        return near.endswith(",") or self.text.content[self.end : self.end + NEAR].lstrip().startswith(",")
+
     def locate(self, start: int, end: int) -> diagnostics.Location:
         """Location of characters `start` to `end` of `value` in the file."""
         if not self.value:
@@ -106,7 +117,7 @@ class Scalar(Node):
         found: list[int] = []
         at = begin
         for character in self.value[:count]:
-            if self.style == '"' and raw[at] == "\\" and (escape := ESCAPE.match(raw, at)):
+            if self.style == '"' and (escape := ESCAPE.match(raw, at)):
                 found.append(at)
                 at = escape.end()
                 continue
@@ -237,18 +248,31 @@ def _not_text(message: str, good: str, path: str) -> diagnostics.ModelError:
 
 
 def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "this is not YAML"
-    context = getattr(error, "context", None)
-    offset = mark.index if mark is not None else getattr(error, "position", 0)
+    mark = getattr(error, "problem_mark", None)
+    begun = getattr(error, "context_mark", None)
+    problem = getattr(error, "problem", None) or "this is not YAML"
+    context = getattr(error, "context", None) or ""
+    offset: int = mark.index if mark is not None else 0
+    if begun is not None and not text.content[offset:].strip():
+        offset = begun.index  # what is never closed is shown where it begins
     message = f"not YAML: {problem}" + (f" {context}" if context else "")
     location = text.locate(offset)
-    hint = ""
-    if any(sign in location.source_line for sign in "{["):
-        hint = 'in `{ }` and `[ ]` a text with brackets or commas needs quotes: "a[1], b"'
-    elif ": " in location.source_line or "\t" in location.source_line:
-        hint = "a text that holds `: ` or ` #` needs quotes, and indents are spaces, never tabs"
+    if begun is not None and begun.line + 1 != location.line:
+        message += f" that begins on line {begun.line + 1}"
+    hint = _yaml_hint(problem, context, text.content[offset : offset + 1])
     return diagnostics.Diagnostic("yaml-syntax", message, location, hint)
+
+
+def _yaml_hint(problem: str, context: str, sign: str) -> str:
+    if "quoted" in context:
+        return "a quote is never closed"
+    if "flow" in context:
+        return f"a bracket is not closed, or a quote is missing: {QUOTES}"
+    if sign == "\t":
+        return "indents are spaces, never tabs"
+    if "cannot start any token" in problem:
+        return f"a text that begins with `{sign}` needs quotes"
+    return "a text that holds `: ` or ` #` needs quotes, and entries of one level have one indent"
 
 
 def _span(event: yaml.Event) -> tuple[int, int]:
@@ -342,7 +366,12 @@ class _Builder:
                 message = f"the key `{key.value}` stands twice (first on line {first})"
                 self._report("duplicate-key", message, key)
             else:
-                entries[key.value] = (key, value)
+                # What is not there is shown at its key, wherever the parser takes its place to be.
+                nothing = isinstance(value, Scalar) and is_empty(value)
+                entries[key.value] = (
+                    key,
+                    dataclasses.replace(key, value="", style="plain") if nothing else value,
+                )
         return tuple(entries.values())
 
     def _report(self, code: str, message: str, node: AnyNode) -> None:

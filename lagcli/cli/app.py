@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from typing import Annotated, Any
+import collections
+import os
+import time
+from collections.abc import Callable
+from typing import Annotated, Any, TypeVar
 
 import typer
 
 from lagcli import diagnostics
 from lagcli import model as nouns
-from lagcli.cli import exits
+from lagcli.cli import exits, machine
 
 app = typer.Typer(
     name="lagcli",
     help="Degrees of freedom, Lagrange multipliers and constraint forces of constrained mechanical systems.",
+    epilog="MODEL is a YAML file; - reads it from standard input.",
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -25,10 +29,13 @@ ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="model file;
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="NAME=EXPR", help="another parameter or initial value (theta.value); repeatable"
+        "--set",
+        metavar="NAME=EXPR",
+        help="another value for a parameter (m=2) or a start (theta.value=pi/3, a.z=-1); repeatable",
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output")]
+JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, errors too")]
+LimitOption = Annotated[float, typer.Option("--limit", metavar="SECONDS", min=0.0, help="time for proofs")]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="only errors on standard error")]
 VerboseOption = Annotated[bool, typer.Option("-v", "--verbose", help="more on standard error")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="a traceback where lagcli itself fails")]
@@ -38,7 +45,7 @@ def _version(wanted: bool) -> None:
     if wanted:
         from lagcli import __version__
 
-        print(f"lagcli {__version__}")
+        print(f"lagcli {__version__}", flush=True)
         raise typer.Exit()
 
 
@@ -51,7 +58,7 @@ def main(
     """Degrees of freedom, Lagrange multipliers and constraint forces of constrained mechanical systems."""
 
 
-@app.command()
+@app.command(short_help="Print the number of degrees of freedom.")
 @exits.command
 def dof(
     model: ModelArgument,
@@ -62,28 +69,33 @@ def dof(
     verbose: VerboseOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Print the number of degrees of freedom, 3N - s (n - s with generalized coordinates)."""
+    """Print the number of degrees of freedom, 3N - s (n - s with generalized coordinates).
+
+    Exit 4 and nothing on standard output where it is not decided.
+    """
     from lagcli import pipeline
+    from lagcli.cli import tellings
 
-    counted = _reported(lambda: pipeline.count(_load(model, changes)), as_json)
+    read = _reported(lambda: _load(model, changes), as_json)
+    counted = _reported(lambda: pipeline.count(read), as_json)
     if as_json:
-        print(json.dumps(counted.as_json()))
+        print(machine.text(counted.as_json()))
     elif explain:
-        from lagcli.cli import tellings
-
         print("\n".join(tellings.count(counted)))
     elif counted.configuration_dof is not None:
         print(counted.configuration_dof)
-    if not quiet:
-        for note in counted.notes:
-            exits.say(f"note: {note}")
+    if not quiet and not explain:
+        exits.say_all(f"note: {note}" for note in counted.notes)
+    if verbose:
+        exits.say_all(warning.render() for warning in read.warnings)
+        exits.say_all(() if explain else tellings.count(counted))
     if counted.configuration_dof is None:
         low, high = counted.bounds
         exits.say(f"lagcli: undecided, between {low} and {high}: {counted.reason}")
         raise exits.Exit(exits.UNDECIDED)
 
 
-@app.command()
+@app.command(short_help="Classify the constraints, count, check the start.")
 @exits.command
 def check(
     models: Annotated[
@@ -92,41 +104,44 @@ def check(
     changes: SetOption = None,
     as_json: JsonOption = False,
     strict: Annotated[bool, typer.Option("--strict", help="exit 1 on warnings")] = False,
-    limit: Annotated[
-        float, typer.Option("--limit", metavar="SECONDS", min=0.0, help="time for proofs")
-    ] = 20.0,
+    limit: LimitOption = 20.0,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Classify the constraints, count the degrees of freedom, check the initial values."""
+    """Classify the constraints, count the degrees of freedom, check the initial values.
+
+    With --json one object for one MODEL, and a list of them in the order of the MODELs for several.
+    """
     from lagcli import pipeline
     from lagcli.cli import tellings
 
-    objects: list[dict[str, Any]] = []
-    worst = exits.DONE
+    _require_files(models)
+    answers: list[dict[str, Any]] = []
+    codes: list[int] = []
     for path in models:
+        began = time.perf_counter()
         try:
             report = pipeline.check(_load(path, changes), limit)
         except diagnostics.ModelError as error:
-            worst = exits.INVALID
-            objects.append(json.loads(exits.errors_as_json(error)))
+            codes.append(exits.of(error))
+            answers.append(machine.errors(error))
             if not as_json:
                 exits.say(str(error))
             continue
-        objects.append(report.as_json())
+        answers.append(report.as_json())
+        codes.append(exits.INVALID if strict and report.warnings else exits.DONE)
         if not as_json:
             tellings.report(report, heading=len(models) > 1)
-            for warning in () if quiet else report.warnings:
-                exits.say(warning.render())
-        if strict and report.warnings:
-            worst = exits.INVALID
+            exits.say_all(() if quiet else (warning.render() for warning in report.warnings))
+        if verbose:
+            exits.say(f"{report.path}: checked in {time.perf_counter() - began:.3f} s")
     if as_json:
-        print(json.dumps(objects[0] if len(objects) == 1 else objects, ensure_ascii=False))
-    raise exits.Exit(worst)
+        print(machine.text(answers[0] if len(answers) == 1 else answers))
+    raise exits.Exit(max(codes))
 
 
-@app.command()
+@app.command(short_help="Integrate and write the table of the motion.")
 @exits.command
 def simulate(
     model: ModelArgument,
@@ -140,9 +155,9 @@ def simulate(
     duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
     output_step: Annotated[float | None, typer.Option("--output-step", help="time between rows")] = None,
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance of a step")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance of a step")] = None,
-    method: Annotated[str | None, typer.Option(help="auto or dop853")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
+    method: Annotated[str | None, typer.Option(metavar="NAME", help="auto or dop853")] = None,
     assemble: Annotated[
         bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
     ] = False,
@@ -151,17 +166,24 @@ def simulate(
     ] = None,
     stats: Annotated[str | None, typer.Option(metavar="FILE", help="the account of the run as JSON")] = None,
     changes: SetOption = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="errors, and the account if stdout is free, as JSON on stdout")
+    ] = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Integrate m a = F + sum lambda_i B_i and write t, r, v, lambda, R, energy as a table."""
+    """Integrate m a = F + sum lambda_i B_i and write t, r, v, lambda, R, energy as a table.
+
+    CSV on standard output without -o and --plot. Exit 3 where the integration stops before its end: the rows
+    so far are written.
+    """
     from lagcli import pipeline
     from lagcli.cli import running
 
-    wishes = running.Wishes(output, plot, stats, columns, quiet, verbose)
-    wishes.check()
-    read = _load(model, changes)
+    wishes = running.Wishes(output, plot, stats, columns, as_json, quiet, verbose)
+    wishes.check(model)
+    read = _reported(lambda: _load(model, changes), as_json)
     given = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "method": method, "assemble": True if assemble else None,
@@ -170,10 +192,10 @@ def simulate(
         chosen = pipeline.run_settings(read, given)
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
-    running.run(read, chosen, wishes)
+    running.run(_reported(lambda: pipeline.Running(read, chosen), as_json), wishes)
 
 
-@app.command()
+@app.command(short_help="Say what an error or warning means and how to cure it.")
 @exits.command
 def explain(
     code: Annotated[
@@ -189,9 +211,19 @@ def explain(
         return
     page = catalogue.page(code)
     if page is None:
-        hint = diagnostics.nearest(code, catalogue.codes())
-        raise exits.UsageError(f"there is no message `{code}`" + (f"; {hint}" if hint else ""))
+        hint = diagnostics.nearest(code, catalogue.codes()) or "`lagcli explain` lists them all"
+        raise exits.UsageError(f"there is no message `{code}`; {hint}")
     print(catalogue.render(page))
+
+
+def _require_files(paths: list[str]) -> None:
+    """One MODEL that does not exist is told before the others are worked on."""
+    for path in paths:
+        if path != "-" and not os.path.exists(path):
+            raise exits.UsageError(f"there is no file {path}")
+    for path, times in collections.Counter(paths).items():
+        if path == "-" and times > 1:
+            raise exits.UsageError("standard input can be read once only")
 
 
 def _load(path: str, changes: list[str] | None) -> nouns.Model:
@@ -211,12 +243,15 @@ def _load(path: str, changes: list[str] | None) -> nouns.Model:
         raise exits.UsageError(f"cannot read {path}: {error.strerror}") from None
 
 
-def _reported(compute: Any, as_json: bool) -> Any:
-    """The value of `compute`; an invalid model is reported on stdout too where JSON was asked for."""
+T = TypeVar("T")
+
+
+def _reported(compute: Callable[[], T], as_json: bool) -> T:
+    """The value of `compute`; an invalid model is reported on stdout where JSON was asked for."""
     try:
         return compute()
     except diagnostics.ModelError as error:
         if as_json:
-            print(exits.errors_as_json(error))
-            raise exits.Exit(exits.INVALID) from None
+            print(machine.text(machine.errors(error)))
+            raise exits.Exit(exits.of(error)) from None
         raise

@@ -1,16 +1,32 @@
-"""Tables and the progress bar: the only file that uses rich. User texts go in as `Text`, never as markup."""
+"""Tables, folded text and the progress bar: the only file that uses rich.
+
+User texts go in as `Text`, never as markup. Nothing is ever cut: on a terminal cells are folded, elsewhere the
+columns are as wide as their texts.
+"""
 
 from __future__ import annotations
 
 import os
+import shutil
 import sys
-from collections.abc import Iterator, Sequence
+import textwrap
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from lagcli import diagnostics
 
-UNCUT = 10_000  # columns of a "terminal" that is none: tables are never cut when piped
+if TYPE_CHECKING:
+    from rich import progress as rich_progress
+    from rich.console import Console
+    from rich.table import Table
+
+UNCUT = 10_000  # columns of a "terminal" that is none
+NARROWEST = 20
+HEIGHT = 25  # rich takes a width only together with a height; nothing here depends on it
+
+Rows = Sequence[Sequence[str]]
 
 
 def is_plain(stream: TextIO) -> bool:
@@ -18,29 +34,61 @@ def is_plain(stream: TextIO) -> bool:
     return not stream.isatty() or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
 
 
-def table(headers: Sequence[str], rows: Sequence[Sequence[str]], colours: dict[str, str]) -> None:
+def width() -> int:
+    """Columns of stdout."""
+    return max(NARROWEST, shutil.get_terminal_size().columns) if sys.stdout.isatty() else UNCUT
+
+
+def table(headers: Sequence[str], rows: Rows, colours: Mapping[str, str]) -> None:
     """A table on stdout; cells that are a key of `colours` get that style on a terminal."""
-    from rich import box
+    _console().print(_table(headers, rows, colours))
+
+
+def fits(headers: Sequence[str], rows: Rows) -> bool:
+    """Whether a table shows on stdout without folded cells."""
+    console = _console()
+    # Measured as if there were room: rich bounds the measure by the width it is given.
+    roomy = console.options.update(width=UNCUT)
+    return console.measure(_table(headers, rows, {}), options=roomy).maximum <= width()
+
+
+def paragraph(text: str, indent: str) -> None:
+    """Sentences on stdout, folded between words on a terminal; `indent` goes before all lines but the first."""
+    plain = diagnostics.printable(text)
+    if sys.stdout.isatty():
+        plain = textwrap.fill(plain, width(), subsequent_indent=indent, break_on_hyphens=False)
+    print(plain)
+
+
+def _console() -> Console:
     from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
 
     terminal = sys.stdout.isatty()
-    console = Console(
+    return Console(
         file=sys.stdout,
-        no_color=is_plain(sys.stdout),
-        width=None if terminal else UNCUT,
+        force_terminal=terminal,
+        color_system=None if is_plain(sys.stdout) else "auto",
+        width=width(),
+        height=HEIGHT,
         highlight=False,
         emoji=False,
         markup=False,
     )
-    # Without a terminal the columns are as wide as their texts: nothing is folded or cut.
+
+
+def _table(headers: Sequence[str], rows: Rows, colours: Mapping[str, str]) -> Table:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    terminal = sys.stdout.isatty()
+    # A line below the headers only where someone looks: for a program a row is a line.
     grid = Table(box=box.SIMPLE_HEAD if terminal else None, pad_edge=False, show_edge=False)
     for header in headers:
         grid.add_column(Text(header), overflow="fold", no_wrap=not terminal)
     for row in rows:
         grid.add_row(*(Text(diagnostics.printable(cell), style=colours.get(cell, "")) for cell in row))
-    console.print(grid, soft_wrap=False)
+    return grid
 
 
 class Progress:
@@ -67,31 +115,35 @@ class _Bar(Progress):
     DELAY = 1.0
 
     def __init__(self, start: float, end: float) -> None:
-        import time
-
         self._start, self._span = start, (end - start) or 1.0
-        self._clock = time.monotonic
         self._began = time.monotonic()
-        self._shown = None
+        self._shown: rich_progress.Progress | None = None
+        self._task: rich_progress.TaskID | None = None
 
     def at(self, t: float) -> None:
-        if self._shown is None and self._clock() - self._began > self.DELAY:
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
-
-            self._shown = Progress(
-                BarColumn(),
-                TaskProgressColumn(),
-                TimeRemainingColumn(),
-                console=Console(stderr=True),
-                transient=True,
-            )
-            self._shown.start()
-            self._task = self._shown.add_task("", total=1.0)
-        if self._shown is not None:
+        if self._shown is None and time.monotonic() - self._began > self.DELAY:
+            self._shown = self._show()
+        if self._shown is not None and self._task is not None:
             self._shown.update(self._task, completed=(t - self._start) / self._span)
 
+    def _show(self) -> rich_progress.Progress:
+        from rich import progress as rich_progress
+        from rich.console import Console
+
+        shown = rich_progress.Progress(
+            rich_progress.BarColumn(),
+            rich_progress.TaskProgressColumn(),
+            rich_progress.TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
+        self._task = shown.add_task("", total=1.0)
+        shown.start()
+        return shown
+
     def close(self) -> None:
-        """Take the bar off the screen."""
+        """Take the bar off the terminal."""
         if self._shown is not None:
             self._shown.stop()

@@ -1,22 +1,21 @@
-"""Exit codes of the specification, and the one place where a failure becomes one."""
+"""Exit codes of the command line, and the one place where a failure becomes one."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
-import json
 import os
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 from lagcli import diagnostics
 from lagcli.cli import signals
 from lagcli.reader.overrides import OverrideError
 
-DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN = 0, 1, 2, 3, 4, 70, 74
-PIPE_CLOSED = 141
+DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141
 
 
 class Exit(Exception):
@@ -36,9 +35,21 @@ class WriteError(Exception):
 
 
 def say(text: str) -> None:
-    """A line on stderr. A closed stderr is no reason to fail."""
+    """Lines on stderr. A closed stderr is no reason to fail."""
     with contextlib.suppress(OSError, ValueError):
         print(diagnostics.printable(text), file=sys.stderr)
+
+
+def say_all(texts: Iterable[str]) -> None:
+    """Each text on stderr."""
+    for text in texts:
+        say(text)
+
+
+def of(error: diagnostics.ModelError) -> int:
+    """The code for an invalid model; where all that is wrong stands in `--set`, it is the command line's."""
+    ours = all(found.location.path.startswith("--set ") for found in error.diagnostics)
+    return USAGE if ours else INVALID
 
 
 Command = TypeVar("Command", bound=Callable[..., None])
@@ -58,64 +69,85 @@ def command(function: Command) -> Command:
 def guarded(run: Callable[[], None], debug: bool = False) -> int:
     """Run a command and return its exit code; say on stderr what went wrong."""
     try:
-        run()
+        code = _outcome(run)
+        # What was printed is written now, while a failure still has an exit code.
         sys.stdout.flush()
-    except Exit as exit_:
-        return _flushed(exit_.code)
+        return code
+    except signals.Interrupted as error:
+        # Whoever reads stdout may have stopped to: nothing more is written.
+        _drop_stdout()
+        return 128 + error.number
+    except BrokenPipeError:
+        code = PIPE_CLOSED
+    except WriteError as error:
+        say(f"lagcli: {error}")
+        code = NOT_WRITTEN
+    except OSError as error:
+        name = error.filename or "standard output"
+        say(f"lagcli: cannot write {name}: {error.strerror or error}")
+        code = NOT_WRITTEN
+    except Exception as error:  # noqa: BLE001 - the last resort: any other failure is a bug, reported as such
+        code = _bug(error, debug)
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+    _drop_stdout()
+    return code
+
+
+def _outcome(run: Callable[[], None]) -> int:
+    """The code of a command that ended as commands may; any other exception passes."""
+    try:
+        run()
+    except Exit as end:
+        return end.code
     except (UsageError, OverrideError) as error:
         say(f"lagcli: {error}")
         return USAGE
     except diagnostics.ModelError as error:
         say(str(error))
-        return INVALID
-    except signals.Interrupted as error:
-        return 128 + error.number
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:
-        _close_stdout()
-        return PIPE_CLOSED
-    except WriteError as error:
-        say(f"lagcli: {error}")
-        return NOT_WRITTEN
-    except OSError as error:
-        say(f"lagcli: {_os_message(error)}")
-        return NOT_WRITTEN
-    except Exception as error:  # noqa: BLE001 - the last resort: any other failure is a bug, reported as such
-        return _bug(error, debug)
+        return of(error)
     return DONE
 
 
-def _flushed(code: int) -> int:
+@contextlib.contextmanager
+def writing(name: str) -> Iterator[None]:
+    """What fails inside is the writing of `name`. A closed pipe stays what it is. Raises `WriteError`."""
     try:
-        sys.stdout.flush()
+        yield
     except BrokenPipeError:
-        _close_stdout()
-        return PIPE_CLOSED
-    return code
+        raise
+    except OSError as error:
+        raise WriteError(f"cannot write {name}: {error.strerror or error}") from error
 
 
-def _os_message(error: OSError) -> str:
-    name = f" {error.filename}" if error.filename else ""
-    return f"cannot write{name}: {error.strerror or error}"
+def check_writable(name: str) -> None:
+    """Refuse a file that cannot be made, before a long run and not after it. Raises `WriteError`."""
+    target = os.path.realpath(name)
+    # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
+    in_place = os.path.exists(target) and not os.path.isfile(target)
+    place, rights = (target, os.W_OK) if in_place else (os.path.dirname(target), os.W_OK | os.X_OK)
+    with writing(name):
+        if os.path.isdir(target):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        os.stat(place)
+        if not os.access(place, rights):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
-def _close_stdout() -> None:
-    """Point stdout at nothing, so that the interpreter does not complain of the closed pipe at its end."""
+def _drop_stdout() -> None:
+    """Point stdout at nothing: what is left in its buffer would fail again at the interpreter's end."""
     with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, sys.stdout.fileno())
+        os.close(nothing)
 
 
 def _bug(error: Exception, debug: bool) -> int:
     if debug:
         traceback.print_exc()
+    first = str(error).partition("\n")[0]
     say(
-        f"lagcli: this is a bug in lagcli ({type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''});"
+        f"lagcli: this is a bug in lagcli ({type(error).__name__}: {first});"
         " please report it with the model file and the output of the same command with --debug"
     )
     return BUG
-
-
-def errors_as_json(error: diagnostics.ModelError) -> str:
-    """The object of `--json` for an invalid model."""
-    return json.dumps({"errors": [d.as_json() for d in error.diagnostics]}, ensure_ascii=False)

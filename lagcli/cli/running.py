@@ -5,19 +5,22 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
+import os
 import pathlib
 import sys
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lagcli import pipeline
-from lagcli.cli import console, exits, signals
+from lagcli.cli import console, exits, machine, signals
 from lagcli.export import aside, columns, endings, tables
 from lagcli.integrate import driver
-from lagcli.model import Model, Simulation
 from lagcli.trajectory import Stats
+
+Floats = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -28,37 +31,60 @@ class Wishes:
     plot: str | None
     stats: str | None
     columns: str | None
+    as_json: bool
     quiet: bool
     verbose: bool
 
-    def check(self) -> None:
-        """Refuse what cannot be written before anything is computed. Raises `exits.UsageError`."""
+    @property
+    def to_stdout(self) -> bool:
+        """Whether the table goes to standard output."""
+        return self.output == "-" or (self.output is None and self.plot is None)
+
+    @property
+    def file(self) -> str | None:
+        """The file of the table, if it goes to one."""
+        return None if self.output == "-" else self.output
+
+    def check(self, model: str) -> None:
+        """Refuse what cannot be written before anything is computed.
+
+        Raises `exits.UsageError`, and `exits.WriteError` for a folder that is missing or closed.
+        """
         try:
-            if self.output not in (None, "-"):
-                endings.of(pathlib.Path(str(self.output)), endings.TABLES)
+            if self.file is not None:
+                endings.of(pathlib.Path(self.file), endings.TABLES)
             if self.plot is not None:
                 endings.of(pathlib.Path(self.plot), endings.FIGURES)
         except endings.UnknownFormat as error:
             raise exits.UsageError(str(error)) from None
+        if self.stats == "-":
+            raise exits.UsageError("--stats: a file name is needed; --json prints the account")
+        taken = {} if model == "-" else {os.path.realpath(model): "MODEL"}
+        for option, name in (("--output", self.file), ("--plot", self.plot), ("--stats", self.stats)):
+            if name is None:
+                continue
+            other = taken.setdefault(os.path.realpath(name), option)
+            if other != option:
+                raise exits.UsageError(f"{option} {name}: that is the file of {other}")
+            exits.check_writable(name)
 
-    @property
-    def table(self) -> Any:
-        """Where the table goes: a path, stdout, or None."""
-        if self.output == "-" or (self.output is None and self.plot is None):
-            return sys.stdout.buffer
-        return None if self.output is None else pathlib.Path(self.output)
 
-
-def run(model: Model, chosen: Simulation, wishes: Wishes) -> None:
+def run(ready: pipeline.Running, wishes: Wishes) -> None:
     """Integrate and write. Raises `exits.Exit` with 3 where the run stopped before its end."""
-    ready = pipeline.Running(model, chosen)
     picked = _picked(ready.columns, wishes)
     for warning in () if wishes.quiet else ready.warnings:
         exits.say(warning.render())
     _tell_start(ready, wishes)
-    kept: list[Any] = []
+    kept: list[Floats] = []
     stopped = _write_rows(ready, wishes, picked, kept)
-    _finish(ready, wishes, kept, stopped)
+    try:
+        _finish(ready, wishes, kept)
+    except signals.Interrupted:
+        if wishes.file is not None:
+            exits.say(f"lagcli: interrupted; {wishes.file} is complete")
+        raise
+    if not wishes.quiet:
+        _tell_account(ready.stats, stopped is None)
     if stopped is not None:
         exits.say(f"lagcli: {stopped.stop.reason}")
         raise exits.Exit(exits.STOPPED)
@@ -68,7 +94,7 @@ def _picked(names: tuple[str, ...], wishes: Wishes) -> list[int]:
     try:
         return list(range(len(names))) if wishes.columns is None else columns.select(names, wishes.columns)
     except columns.UnknownColumn as error:
-        raise exits.UsageError(str(error)) from None
+        raise exits.UsageError(f"--columns: {error}") from None
 
 
 def _tell_start(ready: pipeline.Running, wishes: Wishes) -> None:
@@ -78,86 +104,102 @@ def _tell_start(ready: pipeline.Running, wishes: Wishes) -> None:
         units = ready.model.units
         exits.say(
             f"assembled: moved by {ready.assembly.moved:.6g} sqrt({units.mass}) {units.length}, velocities by"
-            f" {ready.assembly.moved_velocity:.6g} sqrt({units.mass}) {units.length}/{units.time} (mass-weighted norm)"
+            f" {ready.assembly.moved_velocity:.6g} sqrt({units.mass}) {units.length}/{units.time}"
+            " (mass-weighted norm)"
         )
     if wishes.verbose:
-        stats = ready.stats
+        chosen = ready.model.simulation
         exits.say(
-            f"compiled in {stats.compile_seconds:.3f} s; {ready.grid.count} rows of {len(ready.columns)} columns"
+            f"compiled in {ready.stats.compile_seconds:.3f} s; {ready.grid.count} rows of"
+            f" {len(ready.columns)} columns from t = {ready.grid.start:g} to {ready.grid.end:g};"
+            f" rtol {chosen.rtol:g}, atol {chosen.atol:g}"
         )
 
 
 def _write_rows(
-    ready: pipeline.Running, wishes: Wishes, picked: list[int], kept: list[Any]
+    ready: pipeline.Running, wishes: Wishes, picked: list[int], kept: list[Floats]
 ) -> driver.Stopped | None:
     """Pass the blocks on as they come; the reason if the run stopped before its end."""
     names = [ready.columns[i] for i in picked]
-    with (
-        _sink(wishes, names) as sink,
-        console.progress(ready.grid.start, ready.grid.end, wishes.quiet) as bar,
-    ):
+    stopped = None
+    with _sink(wishes, names) as sink:
         try:
-            for block in ready.blocks():
-                with signals.shielded():
-                    if sink is not None:
-                        sink.write(block[:, picked])
-                    if wishes.plot is not None:
-                        kept.append(block)
-                bar.at(ready.t)
-        except driver.Stopped as stopped:
-            return stopped
+            with _progress(ready, wishes) as bar:
+                for block in ready.blocks():
+                    with signals.shielded():
+                        if sink is not None:
+                            sink.write(block[:, picked])
+                        if wishes.plot is not None:
+                            kept.append(block)
+                    bar.at(ready.t)
+        except driver.Stopped as stop:
+            stopped = stop
         except signals.Interrupted:
-            if sink is not None:
-                _keep_partial(sink)
+            _keep_partial(sink)
             raise
-    return None
+        with signals.shielded():
+            if sink is not None:
+                sink.commit()
+    return stopped
+
+
+def _progress(ready: pipeline.Running, wishes: Wishes) -> contextlib.AbstractContextManager[console.Progress]:
+    # Rows and a bar on one terminal would overwrite each other.
+    silent = wishes.quiet or (wishes.to_stdout and sys.stdout.isatty())
+    return console.progress(ready.grid.start, ready.grid.end, silent)
 
 
 @contextlib.contextmanager
 def _sink(wishes: Wishes, names: list[str]) -> Iterator[tables.Sink | None]:
-    """The sink of the table. Trouble with a file is told as such; a closed pipe stays what it is."""
-    if wishes.table is None:
+    """The sink of the table; trouble with it is told with its name."""
+    if wishes.file is None and not wishes.to_stdout:
         yield None
         return
-    try:
-        sink = tables.open_sink(wishes.table, names)
-    except tables.MissingExtra as error:
-        raise exits.UsageError(str(error)) from None
-    with sink:
-        yield sink
+    target = sys.stdout.buffer if wishes.file is None else pathlib.Path(wishes.file)
+    with exits.writing(wishes.file or "standard output"):
+        try:
+            sink = tables.open_sink(target, names)
+        except tables.MissingExtra as error:
+            raise exits.UsageError(str(error)) from None
+        with sink:
+            yield sink
 
 
-def _keep_partial(sink: tables.Sink) -> None:
+def _keep_partial(sink: tables.Sink | None) -> None:
     with signals.shielded():
-        path = sink.keep_partial()
-    if path is not None:
-        exits.say(f"lagcli: interrupted; the complete rows are in {path}")
+        path = None if sink is None else sink.keep_partial()
+        if path is not None:
+            exits.say(f"lagcli: interrupted; the complete rows are in {path}")
 
 
-def _finish(ready: pipeline.Running, wishes: Wishes, kept: list[Any], stopped: driver.Stopped | None) -> None:
-    stats = ready.stats
+def _finish(ready: pipeline.Running, wishes: Wishes, kept: list[Floats]) -> None:
+    """The figure and the account."""
+    account = ready.stats.as_json()
     if wishes.plot is not None and kept:
         # matplotlib takes a third of a second to load: only where a figure is asked for.
         from lagcli.export import figure
 
         title = ready.model.title or pathlib.Path(ready.model.path).stem
-        figure.draw(
-            pathlib.Path(wishes.plot),
-            ready.columns,
-            np.concatenate(kept),
-            title=title,
-            units=ready.model.units,
-        )
+        with exits.writing(wishes.plot):
+            figure.draw(
+                pathlib.Path(wishes.plot),
+                ready.columns,
+                np.concatenate(kept),
+                title=title,
+                units=ready.model.units,
+            )
     if wishes.stats is not None:
-        _write_json(wishes.stats, stats.as_json())
-    if not wishes.quiet:
-        _tell_account(stats, stopped is None)
+        with exits.writing(wishes.stats):
+            _write_json(wishes.stats, account)
+    if wishes.as_json and not wishes.to_stdout:
+        print(machine.text(account))
 
 
 def _write_json(path: str, value: dict[str, Any]) -> None:
     file = aside.Aside(pathlib.Path(path))
     try:
-        file.path.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
+        text = json.dumps(value, indent=2, allow_nan=False)
+        file.path.write_text(text + "\n", encoding="utf-8")
     except BaseException:
         file.discard()
         raise

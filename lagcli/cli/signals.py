@@ -31,15 +31,17 @@ def install() -> None:
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
-    if _shielded:
+    # A second one does not wait: what is shielded may be stuck, in a pipe that nobody reads.
+    if _shielded and not _pending:
         _pending.append(number)
         return
+    _pending.clear()
     raise Interrupted(number)
 
 
 @contextlib.contextmanager
 def shielded() -> Iterator[None]:
-    """Hold interrupts back inside the block, and raise the first of them at its end."""
+    """Hold an interrupt back inside the block, and raise it at the end."""
     global _shielded
     _shielded += 1
     try:
@@ -47,4 +49,4 @@ def shielded() -> Iterator[None]:
     finally:
         _shielded -= 1
     if _pending and not _shielded:
-        raise Interrupted(_pending.pop(0))
+        raise Interrupted(_pending.pop())

@@ -2,63 +2,104 @@
 
 from __future__ import annotations
 
+import sys
+
 from lagcli import diagnostics
 from lagcli.cli import console
 from lagcli.degrees_of_freedom import DofCount
-from lagcli.report import Report
+from lagcli.report import ConstraintReport, Report
 
+ALWAYS, FORMULAS = ("constraint", "declared", "verdict"), ("integral", "factor")
+NARROW = 60  # columns of a terminal below which a table is folded beyond reading
 COLOURS = {"nonholonomic": "yellow", "undecided": "red", "yes": "red"}
 
 
 def report(found: Report, heading: bool) -> None:
-    """The report of `check` on stdout."""
+    """The report of `check` on stdout; `heading`: it is one of several."""
     title = found.title or found.path
-    print(diagnostics.printable(f"{found.path}: {title}" if heading and found.title else title))
+    console.paragraph(f"{found.path}: {title}" if heading and found.title else title, "")
     print()
     if found.constraints:
-        rows = []
-        for constraint in found.constraints:
-            verdict = constraint.verdict
-            rows.append(
-                [
-                    verdict.row,
-                    verdict.declared,
-                    verdict.kind,
-                    "" if verdict.integral is None else f"{verdict.integral} = const",
-                    "" if verdict.integrating_factor in (None, "1") else str(verdict.integrating_factor),
-                    "yes" if constraint.redundant else "",
-                    verdict.method,
-                ]
-            )
-        headers = ["constraint", "declared", "verdict", "integral", "factor", "redundant", "reason"]
-        keep = [i for i, _ in enumerate(headers) if i < 3 or any(row[i] for row in rows)]
-        console.table([headers[i] for i in keep], [[row[i] for i in keep] for row in rows], COLOURS)
+        _constraints(found.constraints)
         print()
-    print("\n".join(count(found.dof)))
+    for line in count(found.dof):
+        console.paragraph(line, "    ")
     print()
-    print(_start(found))
+    console.paragraph(_start(found), "    ")
+    if heading:
+        print()
+    # A long list of models is read as it comes.
+    sys.stdout.flush()
+
+
+def _constraints(constraints: tuple[ConstraintReport, ...]) -> None:
+    """The table, and below it what needs a whole line: reasons, and formulas too long for the terminal."""
+    rows = [_cells(constraint) for constraint in constraints]
+    shown = [name for name in rows[0] if name in ALWAYS or any(row[name] for row in rows)]
+    narrow = console.width() < NARROW
+    formulas = narrow or not console.fits(shown, _picked(rows, shown))
+    if narrow:
+        for row in rows:
+            redundant = ", redundant" if row["redundant"] else ""
+            console.paragraph(f"{row['constraint']}: {row['verdict']}{redundant}", "    ")
+    else:
+        shown = [name for name in shown if not (formulas and name in FORMULAS)]
+        console.table(shown, _picked(rows, shown), COLOURS)
+    below = []
+    for row, constraint in zip(rows, constraints, strict=True):
+        verdict = constraint.verdict
+        below += [(verdict.row, f"{name} {row[name]}") for name in FORMULAS if formulas and row[name]]
+        # A row that is what it was declared to be needs no reason.
+        below += [(verdict.row, verdict.method)] if verdict.declared != verdict.kind else []
+    if below:
+        print()
+    for name, sentence in below:
+        console.paragraph(f"{name}: {sentence}", "    ")
+
+
+def _picked(rows: list[dict[str, str]], shown: list[str]) -> list[list[str]]:
+    return [[row[name] for name in shown] for row in rows]
+
+
+def _cells(constraint: ConstraintReport) -> dict[str, str]:
+    verdict = constraint.verdict
+    return {
+        "constraint": verdict.row,
+        "declared": verdict.declared,
+        "verdict": verdict.kind,
+        "integral": "" if verdict.integral is None else f"{verdict.integral} = const",
+        "factor": "" if verdict.integrating_factor in (None, "1") else str(verdict.integrating_factor),
+        "redundant": "yes" if constraint.redundant else "",
+    }
 
 
 def count(found: DofCount) -> list[str]:
     """The count, line by line."""
-    plain = found.coordinates == 3 * found.particles
-    label = "3N" if plain else "n"
-    lines = [f"{found.particles} particles, {found.coordinates} coordinates ({label} = {found.coordinates})"]
+    label = "3N" if found.coordinates == 3 * found.particles else "n"
+    lines = [
+        f"{_number(found.particles, 'particle')}, {_number(found.coordinates, 'coordinate')}"
+        f" ({label} = {found.coordinates})"
+    ]
     if found.configuration_dof is None:
         low, high = found.bounds
-        return [*lines, f"degrees of freedom: undecided, between {low} and {high}", f"  {found.reason}"]
-    s, m = found.holonomic, found.nonholonomic
-    lines.append(f"s = {s} independent holonomic constraints")
+        return [*lines, f"degrees of freedom: undecided, between {low} and {high}: {found.reason}"]
+    s, m = found.holonomic or 0, found.nonholonomic or 0
+    lines.append(f"s = {_number(s, 'independent holonomic constraint')}")
     if found.redundant:
-        lines.append(f"    {found.redundant} redundant row(s) left out: {', '.join(found.redundant_rows)}")
+        rows = ", ".join(found.redundant_rows)
+        lines.append(f"left out as redundant: {_number(found.redundant, 'row')}: {rows}")
     lines.append(f"degrees of freedom: {label} - s = {found.coordinates} - {s} = {found.configuration_dof}")
     if m:
-        lines.append(f"m = {m} independent nonholonomic constraints")
+        lines.append(f"m = {_number(m, 'independent nonholonomic constraint')}")
         total = f"{found.coordinates} - {s} - {m} = {found.velocity_dof}"
         lines.append(f"freedoms of the velocities: {label} - s - m = {total}")
     lines += [f"note: {note}" for note in found.notes]
     lines.append(f"proof: {found.proof}")
-    return lines
+    return [diagnostics.printable(line) for line in lines]
+
+
+def _number(count: int, thing: str) -> str:
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
 def _start(found: Report) -> str:

@@ -45,7 +45,6 @@ FLAG_ERRORS: dict[str, tuple[str, str]] = {
     "velocity": ("velocity-not-allowed", "may not depend on velocities or rates"),
     "time": ("time-not-allowed", "may not depend on the time `t`"),
     "differential": ("differential-not-allowed", "may not hold differentials"),
-    "mass": ("name-not-allowed", "may not use the particle's own mass"),
     "result": ("result-not-allowed", "may not depend on multipliers, reactions or energies"),
 }
 
@@ -120,6 +119,8 @@ class FactsAlgebra:
         raise ExpressionError("nonlinear-differential", message, node.start, node.end, hint)
 
     def _differential(self, node: tree.Call) -> Any:
+        if "differential" not in self._allowed:
+            self._refuse(node, _differential_of(Facts()))
         argument = node.arguments[0]
         inner = FactsAlgebra(self._lookup, POSITION, "a differential `d(...)` is of positions and time; it")
         value = evaluate.evaluate(argument, inner)

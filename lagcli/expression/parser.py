@@ -73,7 +73,7 @@ class _Parser:
 
     def _end(self) -> int:
         """Offset after the token before."""
-        return self._tokens[self._at - 1].end
+        return self._starts[self._at - 1] + len(self._texts[self._at - 1])
 
     def _expect(self, kind: str, opened: Token) -> None:
         token = self._peek()
@@ -91,6 +91,7 @@ class _Parser:
             raise ExpressionError("too-deep", message, token.start, token.end, hint)
 
     def _sum(self) -> tree.Node:
+        start = self._starts[self._at]
         first = self._product()
         kinds = self._kinds
         kind = kinds[self._at]
@@ -101,9 +102,10 @@ class _Parser:
             self._at += 1
             terms.append((1 if kind == "+" else -1, self._product()))
             kind = kinds[self._at]
-        return tree.Sum(first.start, terms[-1][1].end, tuple(terms))
+        return tree.Sum(start, self._end(), tuple(terms))
 
     def _product(self) -> tree.Node:
+        start = self._starts[self._at]
         first = self._factor()
         kinds = self._kinds
         kind = kinds[self._at]
@@ -114,7 +116,7 @@ class _Parser:
             self._at += 1
             factors.append((1 if kind == "*" else -1, self._factor()))
             kind = kinds[self._at]
-        return tree.Product(first.start, factors[-1][1].end, tuple(factors))
+        return tree.Product(start, self._end(), tuple(factors))
 
     def _factor(self) -> tree.Node:
         """A power, or one with a sign before it."""
@@ -133,7 +135,7 @@ class _Parser:
         self._nested(self._next())
         exponent = self._factor()
         self._depth -= 1
-        return tree.Power(base.start, exponent.end, base, exponent)
+        return tree.Power(self._starts[at], self._end(), base, exponent)
 
     def _signed(self) -> tree.Node:
         token = self._next()
@@ -142,7 +144,7 @@ class _Parser:
         self._depth -= 1
         if token.kind == "+":
             return inner
-        return tree.Sum(token.start, inner.end, ((-1, inner),))
+        return tree.Sum(token.start, self._end(), ((-1, inner),))
 
     def _atom(self) -> tree.Node:
         token = self._peek()

@@ -37,7 +37,8 @@ HINTS = {
     "}": "only round brackets group; `[x, y, z]` is a vector",
     "≥": "write `>=`",
     "≤": "write `<=`",
-    "'": "write `rate(x)` for a time derivative",
+    "'": "a time derivative is written `rate(x)`; quoted texts have no place here",
+    '"': "quoted texts have no place here",
 }
 
 

@@ -58,7 +58,8 @@ def inertia(system: System, numeric: NumericSystem, state: State) -> Floats:
     M = np.array(numeric.inertia(state.t, state.q, state.v, state.p))
     names = system.model.coordinate_names
     if not np.isfinite(M).all():
-        raise _not_finite(system, "the kinetic energy")
+        name = names[int(np.flatnonzero(~np.isfinite(M).all(axis=1))[0])]
+        raise _not_finite(_coordinate_location(system, name), f"the inertia of `{name}`")
     without = [i for i in range(len(names)) if not M[i].any()]
     if without:
         raise diagnostics.ModelError(
@@ -94,11 +95,19 @@ def _coordinate_location(system: System, name: str) -> diagnostics.Location:
     return particle.location
 
 
-def _not_finite(system: System, what: str) -> diagnostics.ModelError:
-    location = diagnostics.Location(system.model.path, 1, 1)
+def _not_finite(location: diagnostics.Location, what: str) -> diagnostics.ModelError:
     message = f"{what} is not finite at the start"
     hint = "a function of the model has a pole or is not defined there"
     return diagnostics.ModelError([diagnostics.Diagnostic("not-finite-at-start", message, location, hint)])
+
+
+def require_finite(system: System, numeric: NumericSystem, state: State) -> None:
+    """Raise `diagnostics.ModelError` where a force is not finite at a state, naming the coordinate."""
+    h, _ = numeric.force(state.t, state.q, state.v, state.p)
+    bad = np.flatnonzero(~np.isfinite(np.array(h).ravel()))
+    if bad.size:
+        name = system.model.coordinate_names[int(bad[0])]
+        raise _not_finite(_coordinate_location(system, name), f"the force along `{name}`")
 
 
 def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals:

@@ -18,6 +18,8 @@ MAX_HALVINGS = 30
 # Relative to the size of the configuration: where Newton's steps have reached rounding.
 CONVERGED = 1e-13
 NEAREST = 1e-12
+# Where the rows are independent, Newton's steps from nearby square the residual: a few of them reach rounding.
+NEARBY_STEPS, SQUARED = 8, 0.02
 
 
 class NoConfiguration(Exception):
@@ -93,6 +95,24 @@ class Surface:
         if residual <= 1e3 * CONVERGED * max(size, float(np.abs(q).max(initial=0.0))):
             return q
         raise NoConfiguration(q, residual)
+
+    def nearby(self, q: Floats) -> Floats | None:
+        """The point of the surface that a few full Newton steps reach, each squaring a small residual, or None.
+
+        None from nearby shows that the surface is singular there: its rows are dependent on it and independent
+        beside it, and Newton's steps only halve the distance.
+        """
+        size = float(np.abs(q).max(initial=0.0)) or 1.0
+        before = residual = self.residual(q)
+        for _ in range(NEARBY_STEPS):
+            if residual <= CONVERGED * size and (residual <= SQUARED * before or before <= CONVERGED * size):
+                return q
+            f, B = self.rows(q)
+            if not (np.isfinite(f).all() and np.isfinite(B).all()):
+                return None
+            q = q + self._newton(f, B)
+            before, residual = residual, self.residual(q)
+        return None
 
     def nearest(self, q0: Floats) -> Floats:
         """The point of the surface nearest to q0 in the metric: q - q0 = -M^-1 B^T mu at the point itself.

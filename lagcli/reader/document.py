@@ -28,6 +28,7 @@ _NAMING: tuple[tuple[str, scope.Kind], ...] = (
     ("definitions", "definition"),
     ("outputs", "output"),
 )
+_NAMED = (*(section for section, _ in _NAMING), "forces", "holonomic", "differential", "rigid")
 
 
 def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = None) -> model.Model:
@@ -53,6 +54,8 @@ class _Document:
 
     def read(self) -> model.Model:
         self._check_sections()
+        texts = {section: self._text(section) for section in ("title", "description", "source")}
+        units = self._units()
         self._declare_names()
         self._take_constraint_names()
         parameters = self._parameters()
@@ -64,21 +67,34 @@ class _Document:
         holonomic = self._laws("holonomic", laws.holonomic)
         differential = self._laws("differential", laws.differential)
         rigid = self._named("rigid", lambda k, n: sections.rigid(self._formulas, k, n))
-        self._scope.constraints.update({law.name: law.rows for law in holonomic})
-        self._scope.constraints.update({law.name: law.rows for law in differential})
+        rows = {law.name: law.rows for law in holonomic} | {law.name: law.rows for law in differential}
+        self._take_rows(rows)
         outputs = self._outputs()
         simulation = self._simulation(particles)
         if not particles and not coordinates and not self._found.has_errors:
             message = "the model has no particles and no coordinates"
             self._formulas.report(self._root, "nothing-to-move", message)
         self._found.raise_errors()
+        read = (
+            parameters,
+            coordinates,
+            particles,
+            definitions,
+            forces,
+            holonomic,
+            differential,
+            rigid,
+            outputs,
+        )
+        # Nothing may be left out in silence: without an error every entry has become a noun.
+        assert sum(map(len, read)) == sum(1 for section in _NAMED for _ in self._entries(section))
         return model.Model(
             path=self._root.text.path,
             fingerprint=hashlib.sha256(self._root.text.content.encode()).hexdigest(),
-            title=self._text("title"),
-            description=self._text("description"),
-            source=self._text("source"),
-            units=self._units(),
+            title=texts["title"],
+            description=texts["description"],
+            source=texts["source"],
+            units=units,
             parameters=parameters,
             coordinates=coordinates,
             particles=particles,
@@ -91,6 +107,7 @@ class _Document:
             outputs=outputs,
             simulation=simulation,
             warnings=self._found.warnings,
+            order=self._scope.order("particle", "definition"),
         )
 
     def _check_sections(self) -> None:
@@ -136,14 +153,13 @@ class _Document:
             node = self._root.get(section)
             for name, value in node if isinstance(node, source.Mapping) else ():
                 if self._is_family(name, value):
-                    family = name.value.partition("[")[0].strip()
-                    self._scope.declare(family, kind)
-                    self._scope.define(family, lambda: None)
+                    self._scope.spoil(name.value.partition("[")[0].strip(), kind)
                     continue
                 trouble = self._scope.declare(name.value, kind)
                 if trouble:
                     code = "duplicate-name" if name.value in self._scope else "bad-name"
                     self._formulas.report(name, code, trouble)
+                    self._scope.spoil(name.value, kind)
 
     def _take_constraint_names(self) -> None:
         """Constraints have names of their own, told apart in the columns `lambda.NAME`."""
@@ -164,7 +180,14 @@ class _Document:
                     self._formulas.report(name, "duplicate-name", message, "two columns would have one name")
                 elif section != "forces":
                     taken[word] = section
-                    self._scope.constraints[word] = () if section == "rigid" else None
+                    # Before the laws are read, what matters is that the name is a constraint's.
+                    self._scope.constraints[word] = () if section == "rigid" else (word,)
+
+    def _take_rows(self, rows: Mapping[str, tuple[str, ...]]) -> None:
+        """The rows of the laws that were read; those that could not be are broken from here on."""
+        for section in ("holonomic", "differential"):
+            for name, _ in self._entries(section):
+                self._scope.constraints[name.value] = rows.get(name.value)
 
     def _named(self, section: str, one: Callable[[source.Scalar, source.AnyNode], T | None]) -> tuple[T, ...]:
         read = [one(name, node) for name, node in self._entries(section)]

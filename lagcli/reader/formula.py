@@ -26,6 +26,8 @@ class Formulas:
 
     def report(self, node: source.AnyNode, code: str, message: str, hint: str = "") -> None:
         """An error at a node of the document."""
+        if isinstance(node, source.Scalar) and node.is_torn:
+            hint = source.QUOTES
         self.found.add(diagnostics.Diagnostic(code, message, node.location, hint))
 
     def warn(self, location: diagnostics.Location, code: str, message: str, hint: str = "") -> None:
@@ -40,13 +42,14 @@ class Formulas:
         """An error inside an expression."""
         if error.code != scopes.BROKEN:
             location = origin.locate(error.start, error.end)
-            self.found.add(diagnostics.Diagnostic(error.code, error.message, location, error.hint))
+            hint = source.QUOTES if origin.is_torn else error.hint
+            self.found.add(diagnostics.Diagnostic(error.code, error.message, location, hint))
 
     def parse(self, node: source.AnyNode, read: Callable[[str], tree.Node]) -> Expression | None:
         """The expression written in `node`."""
         if not isinstance(node, source.Scalar):
             shape = "list" if isinstance(node, source.Sequence) else "mapping"
-            hint = "an equation that begins with `[` needs quotes" if shape == "list" else ""
+            hint = "an expression that begins with `[` needs quotes" if shape == "list" else ""
             message = f"an expression is needed here, and this is a {shape}"
             self.report(node, "not-an-expression", message, hint)
             return None
@@ -77,7 +80,22 @@ class Formulas:
             return how(expression.tree, algebra)
         except ExpressionError as error:
             self.trouble(expression.origin, error)
+            self.unknown_names(expression, lookup or self.scope.lookup)
             return None
+
+    def unknown_names(self, expression: Expression, lookup: Lookup) -> None:
+        """Report the names nothing declares in an expression of which one error has been found."""
+        waiting = [expression.tree]
+        while waiting:
+            node = waiting.pop()
+            if isinstance(node, (tree.Name, tree.Member)):
+                try:
+                    lookup(node)
+                except ExpressionError as error:
+                    if error.code == "unknown-name":
+                        self.trouble(expression.origin, error)
+            elif not (isinstance(node, tree.Call) and node.function in ("rate", "multiplier", "reaction")):
+                waiting += tree.children(node)
 
     def scalar(self, node: source.AnyNode, allowed: frozenset[Flag], subject: str) -> Expression | None:
         """A checked scalar expression."""
@@ -101,7 +119,8 @@ class Formulas:
             return None if expression is None else VectorExpression((expression,))
         if len(node.items) != 3:
             message = f"a vector has three components, and this one has {len(node.items)}"
-            self.report(node, "vector-length", message)
+            torn = any(isinstance(item, source.Scalar) and item.is_torn for item in node.items)
+            self.report(node, "vector-length", message, source.QUOTES if torn else "")
             return None
         parts = [self.parse(item, parser.parse) for item in node.items]
         if any(part is None for part in parts):

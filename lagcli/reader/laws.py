@@ -47,6 +47,7 @@ def _difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra)
         return evaluate.difference(equation.tree, algebra)
     except ExpressionError as error:
         formulas.trouble(equation.origin, error)
+        formulas.unknown_names(equation, formulas.scope.lookup)
         return None
 
 

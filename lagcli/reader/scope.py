@@ -45,12 +45,17 @@ class Entry:
     searching: bool = False
 
 
+def _article(kind: Kind) -> str:
+    return f"an {kind}" if kind == "output" else f"a {kind}"
+
+
 class Scope:
     """The namespace of one model."""
 
     def __init__(self) -> None:
         self._entries: dict[str, Entry] = {}
         self._hints: dict[str, str] = {}
+        self._settled: list[str] = []
         # name -> its row names; none yet for a rigid body, None for a constraint that is broken
         self.constraints: dict[str, tuple[str, ...] | None] = {}
 
@@ -64,11 +69,15 @@ class Scope:
         if name in RESERVED:
             return f"`{name}` is reserved"
         if kind in ("particle", "coordinate", "output") and name in NOT_FOR_COLUMNS:
-            return f"a {kind} may not be called `{name}`: columns of the table use that word"
+            return f"{_article(kind)} may not be called `{name}`: columns of the table use that word"
         if name in self._entries:
-            return f"`{name}` is already the name of a {self._entries[name].kind}"
+            return f"`{name}` is already the name of {_article(self._entries[name].kind)}"
         self._entries[name] = Entry(kind)
         return ""
+
+    def spoil(self, name: str, kind: Kind) -> None:
+        """Take a name whose declaration has been refused, so that its uses are not refused too."""
+        self._entries.setdefault(name, Entry(kind, value=BROKEN))
 
     def define(self, name: str, find: Callable[[], Any], uses: Iterable[str] = ()) -> None:
         """Say how the facts of a declared name are found; from here on it may be used."""
@@ -84,6 +93,10 @@ class Scope:
     def names(self, *kinds: Kind) -> list[str]:
         """All declared names of these kinds, in order."""
         return [name for name, entry in self._entries.items() if entry.kind in kinds]
+
+    def order(self, *kinds: Kind) -> tuple[str, ...]:
+        """The names of these kinds, each after all that it uses."""
+        return tuple(name for name in self._settled if self._entries[name].kind in kinds)
 
     def constant(self, name: str) -> Any:
         """Value of a parameter: a float, a tuple of three, or None while it is broken."""
@@ -124,7 +137,7 @@ class Scope:
         entry = self._entries.get(name)
         if entry is None:
             raise self._unknown(node, name, [*self._entries, *RESERVED])
-        if entry.find is None:
+        if entry.find is None and entry.value is None:
             message = f"the {entry.kind} `{name}` is used before it is declared"
             raise ExpressionError("used-before-declared", message, node.start, node.end)
         if entry.value is None:
@@ -140,7 +153,8 @@ class Scope:
         """Find the facts of a name, those of all it uses before: a long chain needs no deep stack."""
         waiting = [name]
         while waiting:
-            entry = self._entries[waiting[-1]]
+            name = waiting[-1]
+            entry = self._entries[name]
             if entry.value is None and not entry.searching:
                 entry.searching = True
                 waiting += sorted(used for used in entry.uses if self._is_open(used))
@@ -150,6 +164,7 @@ class Scope:
                 found = entry.find()
                 entry.value = BROKEN if found is None else found
                 entry.searching = False
+                self._settled.append(name)
 
     def _is_open(self, name: str) -> bool:
         entry = self._entries.get(name)

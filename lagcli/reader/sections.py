@@ -86,11 +86,13 @@ class ParticleReader:
 
     def find(self) -> Any:
         """Facts of the position as others see it: coordinates of its own, or functions of q and t."""
-        if self._position is None:
-            return None
-        self._facts = self._formulas.vector_facts(self._position, facts.PLACE, "the position of a particle")
+        if self._position is not None:
+            self._facts = self._formulas.vector_facts(
+                self._position, facts.PLACE, "the position of a particle"
+            )
         if self._facts is None:
-            return None
+            # What is wrong has been reported; what others say about this particle can still be checked.
+            return (facts.Facts(None, frozenset(("position",))),) * 3
         if scope.reads(self._facts):
             return tuple(facts.Facts(None, part.reads) for part in self._facts)
         return (facts.Facts(None, frozenset(("position", "cartesian"))),) * 3
@@ -132,7 +134,9 @@ class ParticleReader:
             message = (
                 "the position of this particle is a function of coordinates or time, not an initial value"
             )
-        self._formulas.report(place, "not-an-initial-value", message, "change the file instead")
+        items = place.items if isinstance(place, source.Sequence) else ()
+        changed = next((item for item in items if item.text is not file_position.text), place)
+        self._formulas.report(changed, "not-an-initial-value", message, "change the file instead")
         return False
 
     def _mass(self) -> tuple[model.Expression | None, float]:

@@ -1,0 +1,45 @@
+"""What each diagnostic code means, why it is given, an example and the cure: the pages of `lagcli explain`.
+
+One file for each family of codes; the sentence that names the spot in a user's file stands where it is found.
+"""
+
+from __future__ import annotations
+
+import textwrap
+
+from lagcli.catalogue import entries, formulas, names, outer, start
+from lagcli.catalogue.page import Page
+
+_PAGES: dict[str, Page] = {
+    page.code: page
+    for page in sorted(
+        (*outer.PAGES, *entries.PAGES, *names.PAGES, *formulas.PAGES, *start.PAGES),
+        key=lambda page: page.code,
+    )
+}
+
+WIDTH = 100
+
+
+def page(code: str) -> Page | None:
+    """The page of a code, or None where there is no such code."""
+    return _PAGES.get(code)
+
+
+def codes() -> tuple[str, ...]:
+    """All codes, in the order of the alphabet."""
+    return tuple(_PAGES)
+
+
+def render(page: Page) -> str:
+    """A page as plain text."""
+    parts = [
+        f"{page.severity}[{page.code}]",
+        textwrap.fill(page.meaning, WIDTH),
+        "Why:\n" + textwrap.fill(page.why, WIDTH, initial_indent="  ", subsequent_indent="  "),
+        "Example:\n" + textwrap.indent(page.example.rstrip() or "(an empty file)", "    "),
+        "Cure:\n" + textwrap.fill(page.cure, WIDTH, initial_indent="  ", subsequent_indent="  "),
+    ]
+    if page.mended_lines:
+        parts.append(textwrap.indent("\n".join(page.mended_lines), "    "))
+    return "\n\n".join(parts)

@@ -1,0 +1,208 @@
+"""The shape of the package: imports point down, one door for each library, functions one can hold in the head."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "lagcli"
+
+# Bottom first. A room imports only from rooms below it; files of one room may import each other, in no circle.
+ROOMS = (
+    "diagnostics",
+    "catalogue",
+    "source",
+    "expression",
+    "model",
+    "settings",
+    "reader",
+    "mechanics",
+    "compile",
+    "rank",
+    "integrate",
+    "pfaffian",
+    "classification",
+    "degrees_of_freedom",
+    "report",
+    "trajectory",
+    "export",
+    "pipeline",
+    "cli",
+    "__main__",
+)
+
+DOORS = {
+    "yaml": ("lagcli.source",),
+    "typer": ("lagcli.cli.",),
+    "rich": ("lagcli.cli.console",),
+    "matplotlib": ("lagcli.export.figure",),
+    "pyarrow": ("lagcli.export.parquet_table",),
+    "sympy": ("lagcli.pfaffian.",),
+    "mpmath": ("lagcli.pfaffian.",),
+    "casadi": (
+        "lagcli.mechanics.",
+        "lagcli.compile",
+        "lagcli.integrate.dop853",
+        "lagcli.degrees_of_freedom",
+    ),
+    "scipy": (),
+}
+
+LINES, PARAMETERS = 70, 6
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts).removesuffix(".__init__")
+
+
+FILES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
+
+
+def imported(name: str) -> Iterator[str]:
+    """Every module that a file imports anywhere, in functions and for types alone too."""
+    for node in ast.walk(TREES[name]):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}: a relative import"
+            assert node.module is not None
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                yield whole if whole in FILES or node.module == "lagcli" else node.module
+
+
+def room(module: str) -> str:
+    return module.split(".")[1]
+
+
+def inside(module: str) -> set[str]:
+    """The files of the package that a file imports."""
+    names = {name for name in imported(module) if name.startswith("lagcli.")}
+    return names - {"lagcli.__version__"}
+
+
+def test_every_room_has_its_place_in_the_order() -> None:
+    assert {room(name) for name in FILES if name != "lagcli"} == set(ROOMS)
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name != "lagcli"])
+def test_imports_point_down(name: str) -> None:
+    here = ROOMS.index(room(name))
+    up = [other for other in inside(name) if ROOMS.index(room(other)) > here]
+    assert not up
+
+
+def test_the_files_of_a_room_import_each_other_in_no_circle() -> None:
+    graph = {name: inside(name) & FILES.keys() for name in FILES if name != "lagcli"}
+    while graph:
+        free = [name for name, needs in graph.items() if not needs & graph.keys() - {name}]
+        assert free, f"a circle among {sorted(graph)}"
+        for name in free:
+            del graph[name]
+
+
+@pytest.mark.parametrize("library", DOORS)
+def test_a_library_has_one_door(library: str) -> None:
+    doors = DOORS[library]
+    users = {name for name in FILES if any(i.split(".")[0] == library for i in imported(name))}
+    through = {
+        n for n in users if any(n == door or (door[-1] == "." and n.startswith(door)) for door in doors)
+    }
+    assert users == through
+    assert not doors or users, f"{library} is used nowhere"
+
+
+def test_what_runs_at_import_is_not_loaded_by_name() -> None:
+    """Imports are written as imports, where the tests of this file see them; the package's root is lazy."""
+    for name, tree in TREES.items():
+        used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        used |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        assert not used & {"__import__"}, name
+        assert name == "lagcli" or "import_module" not in used, name
+
+
+def test_no_text_is_executed() -> None:
+    for name, tree in TREES.items():
+        calls = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
+        called = {func.id for func in calls if isinstance(func, ast.Name)}
+        called |= {func.attr for func in calls if isinstance(func, ast.Attribute)}
+        # "compile" alone is the name of a room.
+        assert not called & {
+            "eval",
+            "exec",
+            "parse_expr",
+            "literal_eval",
+            "lambdify",
+            "load_all",
+        }, name
+
+
+def test_no_room_is_a_drawer() -> None:
+    for name in FILES:
+        assert not {"utils", "util", "common", "helpers", "helper", "types", "misc"} & set(name.split("."))
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                yield name, node
+
+
+def test_functions_fit_a_head() -> None:
+    long = []
+    for name, node in functions():
+        assert node.end_lineno is not None
+        lines = node.end_lineno - node.lineno + 1
+        if lines > LINES:
+            long.append(f"{name}.{node.name}: {lines} lines")
+    assert not long
+
+
+def test_functions_take_few_parameters() -> None:
+    many = []
+    for name, node in functions():
+        a = node.args
+        names = [
+            arg.arg for arg in (*a.posonlyargs, *a.args, *a.kwonlyargs) if arg.arg not in ("self", "cls")
+        ]
+        # The commands have one parameter for each option of the command line.
+        if len(names) > PARAMETERS and name != "lagcli.cli.app":
+            many.append(f"{name}.{node.name}: {len(names)}")
+    assert not many
+
+
+def texts() -> Iterator[tuple[Path, str]]:
+    """All texts of the repository."""
+    folders = [ROOT / name for name in ("lagcli", "tests", "models", "docs", ".ci")]
+    assert all(folder.is_dir() for folder in folders)
+    files = [path for path in ROOT.iterdir() if path.is_file()]
+    files += [path for folder in folders for path in folder.rglob("*") if path.is_file()]
+    for path in files:
+        if "__pycache__" not in path.parts and path.suffix not in (
+            ".png",
+            ".pdf",
+            ".npz",
+            ".parquet",
+            ".pyc",
+        ):
+            yield path, path.read_text(encoding="utf-8")
+
+
+def test_nothing_points_out_of_the_repository() -> None:
+    machine = r"(?<![\w.~/])/(?:work|root|home|Users|mnt|opt|srv)/"
+    above = r"\.\./\.\./\.\./|\.\./" + "shared"
+    index = "|".join(r"pypi\.org pythonhosted index-url find-links".split())
+    forbidden = re.compile(f"{machine}|{above}|{index}")
+    found = [
+        f"{path.relative_to(ROOT)}: {match.group()}"
+        for path, text in texts()
+        if path != Path(__file__)
+        for match in forbidden.finditer(text)
+    ]
+    assert not found

@@ -1,0 +1,137 @@
+"""The pages of `lagcli explain`: every code has one, and every example gives what its page says."""
+
+from __future__ import annotations
+
+import ast
+import pathlib
+from collections.abc import Callable
+
+import pytest
+
+import lagcli
+from lagcli import catalogue, diagnostics, pipeline, source
+from lagcli.catalogue.page import Page
+from lagcli.expression import facts
+from lagcli.reader import document
+
+PACKAGE = pathlib.Path(lagcli.__file__).parent
+PAGES = [page for code in catalogue.codes() if (page := catalogue.page(code)) is not None]
+BALL = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0]}\n"
+
+
+def _codes_in_source() -> set[str]:
+    """Codes as the source gives them: first argument of an error or diagnostic, and the table of flags."""
+    found = set()
+    places = {
+        "Diagnostic": 0,
+        "ExpressionError": 0,
+        "_refused": 0,
+        "report": 1,
+        "warn": 1,
+        "_refuse": 1,
+        "_report": 0,
+    }
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call):
+                name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+                index = places.get(name)
+                if index is not None and len(node.args) > index:
+                    found |= _words(node.args[index])
+    return found | {code for code, _ in facts.FLAG_ERRORS.values()}
+
+
+def _words(node: ast.AST) -> set[str]:
+    """The texts in an expression that can be codes."""
+    texts = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
+    return {text for text in texts if isinstance(text, str) and text and " " not in text}
+
+
+def _found(text: str, stage: str) -> list[diagnostics.Diagnostic]:
+    """All errors and warnings that a model gives up to a stage."""
+    try:
+        model = document.read(text, "model.yaml")
+        if stage == "read":
+            return list(model.warnings)
+        warnings = pipeline.check(model).warnings
+        pipeline.simulate(model, duration=0.01, samples=2)
+        return list(warnings)
+    except diagnostics.ModelError as error:
+        return list(error.diagnostics)
+
+
+def test_every_code_that_the_source_gives_has_a_page() -> None:
+    used = _codes_in_source()
+    assert {"syntax", "unknown-name", "velocity-not-allowed", "bad-name", "dependent-constraints"} <= used
+    assert used == set(catalogue.codes())
+
+
+def test_codes_are_listed_once_in_order() -> None:
+    assert list(catalogue.codes()) == sorted(set(catalogue.codes()))
+    assert catalogue.page("no-such-code") is None
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if p.stage != "input"], ids=lambda p: p.code)
+def test_an_example_gives_exactly_its_code_and_the_cure_removes_it(page: Page) -> None:
+    found = _found(page.example, page.stage)
+    assert {(d.code, d.severity) for d in found} == {(page.code, page.severity)}
+    assert page.mended != page.example
+    assert _found(page.mended, page.stage) == []
+
+
+def _of_a_directory(where: pathlib.Path) -> None:
+    source.read(where)
+
+
+def _of_a_large_file(where: pathlib.Path) -> None:
+    source.parse(b" " * (source.MAX_BYTES + 1), "big.yaml")
+
+
+def _of_binary(where: pathlib.Path) -> None:
+    source.parse(b"\x7fELF\x00\x01", "program")
+
+
+def _of_a_long_expression(where: pathlib.Path) -> None:
+    document.read(BALL + "outputs:\n  b: " + "a.x+" * 300_000 + "1\n", "long.yaml")
+
+
+def _of_many_errors(where: pathlib.Path) -> None:
+    lines = "".join(f"  b{i}: c{i}\n" for i in range(2 * diagnostics.MAX_ERRORS))
+    document.read(BALL + "outputs:\n" + lines, "many.yaml")
+
+
+def _of_another_law(where: pathlib.Path) -> None:
+    text = "lagcli: 1\ncoordinates: {s: {value: 0}}\nparticles: {a: {mass: 1, position: [s, 0, 0]}}\n"
+    document.read(text, "law.yaml", {"a.position": [1, 0, 0]})
+
+
+INPUTS: dict[str, Callable[[pathlib.Path], None]] = {
+    "not-a-file": _of_a_directory,
+    "too-large": _of_a_large_file,
+    "not-text": _of_binary,
+    "expression-too-long": _of_a_long_expression,
+    "too-many-errors": _of_many_errors,
+    "not-an-initial-value": _of_another_law,
+}
+
+
+def test_every_page_of_an_input_is_tried_here() -> None:
+    assert {p.code for p in PAGES if p.stage == "input"} == set(INPUTS)
+
+
+@pytest.mark.parametrize("code", INPUTS)
+def test_an_input_gives_the_code_of_its_page(code: str, tmp_path: pathlib.Path) -> None:
+    with pytest.raises(diagnostics.ModelError) as caught:
+        INPUTS[code](tmp_path)
+    assert code in {d.code for d in caught.value.diagnostics}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.code)
+def test_a_page_is_plain_text_with_all_its_parts(page: Page) -> None:
+    text = catalogue.render(page)
+    assert text.startswith(f"{page.severity}[{page.code}]\n")
+    for part in ("Why:", "Example:", "Cure:"):
+        assert part in text
+    assert all(line.strip() in text for line in page.example.splitlines())
+    assert all(line in text for line in page.mended_lines)
+    assert text == text.rstrip()

@@ -1,0 +1,287 @@
+"""The scheme, its dense output, the grid of rows, and runs that cannot go on."""
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.integrate import dop853, driver, tableau
+from lagcli.model import Simulation
+
+OSCILLATOR = "lagcli: 1\ncoordinates: {x: {value: 1}}\nlagrangian: rate(x)**2/2 - x**2/2\n"
+
+
+def square(rows, size):
+    """Rows left of the diagonal as a full matrix."""
+    A = np.zeros((len(rows), size))
+    for i, row in enumerate(rows):
+        A[i, : len(row)] = row
+    return A
+
+
+A = square(tableau.A, tableau.STAGES)
+B = np.array(tableau.B)
+C = np.array(tableau.C)
+c = C[: tableau.STAGES]
+
+
+# Coefficients.
+
+
+@pytest.mark.parametrize("k", range(8))
+def test_weights_integrate_powers_up_to_the_seventh(k):
+    assert B @ c**k == pytest.approx(1 / (k + 1), rel=0, abs=1e-14)
+
+
+def test_weights_do_not_integrate_the_eighth_power():
+    assert abs(B @ c**8 - 1 / 9) > 1e-5
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (B @ A @ c, 1 / 6),
+        (B * c @ A @ c, 1 / 8),
+        (B @ A @ c**2, 1 / 12),
+        (B @ A @ A @ c, 1 / 24),
+        (B @ A @ c**3, 1 / 20),
+        (B * c**2 @ A @ c**2, 1 / 15),
+        (B @ A @ A @ A @ c, 1 / 120),
+        (B @ A @ c**5, 1 / 42),
+        (B * c @ A @ c**5, 1 / 48),
+        (B @ A @ A @ c**5, 1 / 336),
+        (B @ A @ A @ A @ A @ A @ A @ c, 1 / 40320),
+    ],
+)
+def test_conditions_of_trees_up_to_order_eight(value, expected):
+    assert value == pytest.approx(expected, rel=0, abs=1e-13)
+
+
+def test_rows_of_the_table_sum_to_their_nodes():
+    assert np.allclose(A.sum(axis=1), c, rtol=0, atol=1e-13)
+    for row, node in zip(tableau.A_DENSE, C[tableau.STAGES + 1 :], strict=True):
+        assert sum(row) == pytest.approx(node, rel=0, abs=1e-13)
+
+
+@pytest.mark.parametrize(("weights", "order"), [("E5", 5), ("E3", 3)])
+def test_error_weights_vanish_up_to_their_order(weights, order):
+    E = np.array(getattr(tableau, weights))[: tableau.STAGES]
+    for k in range(order):
+        assert E @ c**k == pytest.approx(0, rel=0, abs=1e-13)
+    assert abs(E @ c**order) > 1e-6
+
+
+def test_order_of_the_step_is_eight():
+    """The error of one step of y' = y falls as h**9."""
+
+    def error(h):
+        k = np.zeros(tableau.STAGES)
+        for s in range(tableau.STAGES):
+            k[s] = 1 + h * A[s] @ k
+        return abs(1 + h * B @ k - np.exp(h))
+
+    assert np.log2(error(1.0) / error(0.5)) == pytest.approx(9, abs=0.4)
+
+
+# Dense output.
+
+
+def test_interpolation_meets_both_ends_of_a_step():
+    rng = np.random.default_rng(5)
+    y, rows = rng.normal(size=4), rng.normal(size=(4, dop853.DENSE_ROWS))
+    ends = dop853.interpolate(y, rows, np.array([0.0, 1.0]))
+    assert np.allclose(ends[0], y)
+    assert np.allclose(ends[1], y + rows[:, 0])
+
+
+def test_rows_between_steps_are_as_good_as_the_steps():
+    table = lagcli.simulate(lagcli.loads(OSCILLATOR), duration=20, samples=4001)
+    assert table.stats.steps < 1000
+    assert np.abs(table["x"] - np.cos(table.t)).max() <= 1e-10
+    assert np.abs(table["rate(x)"] + np.sin(table.t)).max() <= 1e-10
+
+
+def test_multipliers_and_constraints_between_steps():
+    text = "lagcli: 1\nparticles:\n  a: {mass: 2, position: [1.5, 0, 0], velocity: [0, 3, 0]}\nholonomic:\n  rod: norm(a) = 1.5\n"
+    table = lagcli.simulate(lagcli.loads(text), duration=5, samples=5001)
+    assert table.stats.steps < 1000
+    assert np.abs(table["lambda.rod"] + 12).max() <= 1e-12 * 12
+    radius = np.hypot(table["a.x"], table["a.y"])
+    assert np.abs(radius - 1.5).max() <= 1e-14
+    radial = table["a.x"] * table["a.vx"] + table["a.y"] * table["a.vy"]
+    assert np.abs(radial).max() <= 1e-13
+    assert np.abs(table["a.x"] - 1.5 * np.cos(2 * table.t)).max() <= 1e-10
+
+
+def test_more_rows_do_not_change_the_motion():
+    few, many = (lagcli.simulate(lagcli.loads(OSCILLATOR), duration=3, samples=n) for n in (4, 301))
+    assert few.stats.steps == many.stats.steps
+    assert np.array_equal(few.rows, many.rows[::100]) or np.abs(few.rows - many.rows[::100]).max() <= 1e-15
+
+
+def test_tighter_tolerance_gives_a_smaller_error():
+    def error(rtol):
+        table = lagcli.simulate(lagcli.loads(OSCILLATOR), duration=50, samples=51, rtol=rtol, atol=rtol / 100)
+        return np.abs(table["x"] - np.cos(table.t)).max()
+
+    coarse, middle, fine = error(1e-3), error(1e-6), error(1e-9)
+    assert coarse > 30 * middle
+    assert middle > 30 * fine
+    assert coarse <= 1e-2
+
+
+def test_step_tolerance_is_tighter_than_the_asked_but_not_below_rounding():
+    assert driver.step_tolerance(Simulation(rtol=1e-8, atol=1e-10)) == pytest.approx([1e-10, 1e-12])
+    assert driver.step_tolerance(Simulation(rtol=1e-13, atol=1e-15)) == pytest.approx([1e-14, 1e-16])
+
+
+# Where the rows stand.
+
+
+@pytest.mark.parametrize(
+    ("start", "duration", "step", "expected"),
+    [
+        (0, 1, 0.25, [0, 0.25, 0.5, 0.75, 1]),
+        (0, 1, 0.3, [0, 0.3, 0.6, 0.9, 1]),
+        (2, 1, 0.4, [2, 2.4, 2.8, 3]),
+        (-1, 0.5, 0.7, [-1, -0.5]),
+        (0, 0.7, 0.1, [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),
+        (0, 0.5, 0.5, [0, 0.5]),
+    ],
+)
+def test_rows_stand_at_the_output_step_and_the_last_at_the_end(start, duration, step, expected):
+    table = lagcli.simulate(lagcli.loads(OSCILLATOR), start=start, duration=duration, output_step=step)
+    assert table.t == pytest.approx(expected, rel=1e-15, abs=1e-16)
+    assert table.t[-1] == start + duration
+    assert np.abs(table["x"] - np.cos(table.t - start)).max() <= 1e-12
+
+
+@pytest.mark.parametrize(("start", "duration"), [(0, 0.1), (0.1, 0.2), (1e3, 1 / 3), (-0.7, 2.3)])
+@pytest.mark.parametrize("samples", [2, 3, 7, 1001])
+def test_last_row_stands_at_start_plus_duration_exactly(start, duration, samples):
+    table = lagcli.simulate(lagcli.loads(OSCILLATOR), start=start, duration=duration, samples=samples)
+    assert table.t[0] == start
+    assert table.t[-1] == start + duration
+    assert table.t.size == samples
+    assert np.all(np.diff(table.t) > 0)
+
+
+def test_duration_of_zero_is_the_start_alone():
+    table = lagcli.simulate(lagcli.loads(OSCILLATOR), duration=0)
+    assert table.rows.shape == (1, len(table.columns))
+    assert (table.t[0], table["x"][0], table.stats.steps) == (0, 1, 0)
+
+
+def test_model_without_coordinates_that_move_stays():
+    text = 'lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 2, 3]}\nholonomic:\n  pin: "a = [1, 2, 3]"\n'
+    table = lagcli.simulate(lagcli.loads(text), duration=100, samples=3)
+    assert np.array_equal(table["a.z"], [3, 3, 3])
+    assert not table.multiplier("pin").any()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"duration": -1},
+        {"duration": float("nan")},
+        {"samples": 1},
+        {"output_step": 0},
+        {"output_step": 1e-300},
+        {"rtol": 0},
+        {"atol": 0},
+        {"atol": float("inf")},
+        {"method": "euler"},
+        {"samples": 3, "output_step": 0.1},
+    ],
+    ids=str,
+)
+def test_settings_out_of_bounds_are_refused(options):
+    with pytest.raises(ValueError, match=next(iter(options))):
+        lagcli.simulate(lagcli.loads(OSCILLATOR), **options)
+
+
+# Runs that cannot go on.
+
+
+def stopped(text, **options):
+    with pytest.raises(lagcli.SimulationStopped) as caught:
+        lagcli.simulate(lagcli.loads(text), **options)
+    stop = caught.value
+    assert np.isfinite(stop.trajectory.rows).all()
+    assert f"{stop.t:.9g}" in str(stop)
+    return stop
+
+
+def test_fall_into_a_centre_stops_with_the_rows_so_far():
+    text = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0]}\nforces:\n  pull: {to: a, force: -r/norm(r)**3}\n"
+    stop = stopped(text, duration=5, samples=501)
+    # Free fall from rest at 1 under 1/x^2 takes pi/(2 sqrt(2)).
+    assert stop.t == pytest.approx(np.pi / np.sqrt(8), abs=1e-6)
+    table = stop.trajectory
+    assert table.t.size == 112
+    assert table.t[-1] <= stop.t
+    assert np.abs(table["a.vx"] ** 2 / 2 - 1 / table["a.x"] + 1).max() <= 1e-6 * (1 / table["a.x"]).max()
+    assert "after row 112 of 501" in str(stop)
+
+
+def test_pole_of_a_force_in_time_stops_before_it():
+    text = (
+        "lagcli: 1\ncoordinates: {x: {}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 1/(1 - t)}\n"
+    )
+    stop = stopped(text, duration=2, samples=21)
+    assert 0.99 < stop.t <= 1
+    assert stop.trajectory.t[-1] < 1
+    t = stop.trajectory.t
+    assert np.abs(stop.trajectory["rate(x)"] + np.log(1 - t)).max() <= 1e-8
+
+
+def test_domain_of_a_function_that_ends_stops_the_run():
+    text = "lagcli: 1\ncoordinates: {x: {value: 1, rate: -1}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 0*log(x)}\n"
+    stop = stopped(text, duration=2, samples=21)
+    assert stop.t == pytest.approx(1, abs=1e-2)
+    assert np.abs(stop.trajectory["x"] - 1 + stop.trajectory.t).max() <= 1e-12
+
+
+def test_constraints_that_become_dependent_stop_the_run():
+    # The crank of a slider that reaches the end of its reach: at u = 0 both rods lie on the line of the slider.
+    text = """
+lagcli: 1
+parameters: {u0: 0.7}
+coordinates: {u: {value: u0, rate: -1}, x: {value: 0}}
+lagrangian: (rate(u)**2 + rate(x)**2)/2
+holonomic:
+  surface: x = 0
+  touching: x + u**2*sin(t - 0.7)*0 + (t - 0.7)**2 - u**2 = 0
+"""
+    stop = stopped(text, duration=2, samples=201)
+    assert stop.t == pytest.approx(0.7, abs=0.02)
+    assert stop.trajectory.t[-1] <= 0.7
+
+
+def test_surface_that_ends_stops_the_run():
+    # A ring that shrinks to a point at t = 1.
+    text = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0], velocity: [-0.5, 1, 0]}\nholonomic:\n  ring: dot(a, a) = 1 - t\n  flat: a.z = 0\n"
+    stop = stopped(text, duration=2, samples=21)
+    assert 0.9 < stop.t <= 1
+    assert stop.trajectory.t[-1] <= 1
+
+
+def test_output_that_is_not_finite_stops_instead_of_writing_nan():
+    stop = stopped(OSCILLATOR + "outputs: {bad: sqrt(0.5 - t)}\n", duration=1, samples=11)
+    assert stop.trajectory.t[-1] == 0.5
+    assert stop.trajectory["bad"][-1] == 0
+    assert "not finite" in str(stop)
+
+
+def test_acceleration_that_is_not_finite_at_the_start_stops_at_once():
+    text = "lagcli: 1\ncoordinates: {x: {value: 0}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 1/x}\n"
+    stop = stopped(text, duration=1)
+    assert (stop.t, len(stop.trajectory.rows)) == (0, 0)
+
+
+def test_escape_in_finite_time_ends_promptly():
+    text = "lagcli: 1\ncoordinates: {x: {value: 1, rate: 1}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 2*x**3}\n"
+    # x = 1/(1 - t).
+    stop = stopped(text, duration=3, samples=31)
+    assert stop.t == pytest.approx(1, abs=1e-6)
+    assert np.abs(stop.trajectory["x"] * (1 - stop.trajectory.t) - 1).max() <= 1e-8
+    assert stop.trajectory.stats.steps < 20000
