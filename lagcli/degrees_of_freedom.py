@@ -23,6 +23,7 @@ from lagcli.compile import NumericSystem
 from lagcli.integrate import initial, projection
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
+from lagcli.metric import Metric, NotDefiniteError
 
 Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
@@ -181,7 +182,7 @@ def _obstructed(system: System, points: list[State]) -> bool:
     curvature = ca.Function("curvature", [s.t, s.q, s.v, system.p], [J - J.T, everything])
     for point in points:
         Omega, rows = (np.array(part) for part in curvature(point.t, point.q, point.v, point.p))
-        basis = rank.null_basis(rank.normalized(rows, np.eye(rows.shape[1])))
+        basis = rank.null_basis(rank.unit(rows))
         value = np.abs(basis.T @ Omega @ basis).max(initial=0.0)
         if value > rank.LARGE * max(1e-300, np.abs(Omega).max(initial=0.0)):
             return True
@@ -194,7 +195,7 @@ def _is_regular(numeric: NumericSystem, state: State) -> bool:
 
 
 def _surface(numeric: NumericSystem, state: State) -> projection.Surface:
-    return projection.Surface(numeric, state.t, state.p, np.eye(state.q.size))
+    return projection.Surface(numeric, state.t, state.p, _metric(numeric, state))
 
 
 def _walk(numeric: NumericSystem, state: State, whole: list[int]) -> list[State]:
@@ -259,18 +260,21 @@ def _ranks(numeric: NumericSystem, points: list[State], whole: list[int]) -> _Ra
 
 def _is_finite(numeric: NumericSystem, point: State) -> bool:
     """Whether rows and inertia are finite, and the inertia definite, at a point."""
-    B = np.array(numeric.rows(point.t, point.q, point.v, point.p)[0])
-    M = np.array(numeric.inertia(point.t, point.q, point.v, point.p))
-    if not (np.isfinite(B).all() and np.isfinite(M).all()):
+    B = numeric.rows(point.t, point.q, point.v, point.p)[0]
+    M = numeric.inertia(point.t, point.q, point.v, point.p)
+    if not (np.isfinite(B.nonzeros()).all() and np.isfinite(M.nonzeros()).all()):
         return False
-    return (
-        bool((np.linalg.eigvalsh(M) > 0).all())
-        if np.any(M - np.diag(np.diag(M)))
-        else bool((np.diag(M) > 0).all())
-    )
+    try:
+        Metric(M)
+    except NotDefiniteError:
+        return False
+    return True
+
+
+def _metric(numeric: NumericSystem, point: State) -> Metric:
+    return Metric(numeric.inertia(point.t, point.q, point.v, point.p))
 
 
 def _normalized_rows(numeric: NumericSystem, point: State) -> Floats:
     B = np.array(numeric.rows(point.t, point.q, point.v, point.p)[0])
-    M = np.array(numeric.inertia(point.t, point.q, point.v, point.p))
-    return rank.normalized(B, M)
+    return rank.normalized(B, _metric(numeric, point))

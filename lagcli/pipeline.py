@@ -133,7 +133,7 @@ class Running:
         ready = compiled(model)
         built, numeric = ready.system, ready.numeric
         start = initial.declared(built)
-        M = initial.inertia(built, numeric, start)
+        metric = initial.inertia(built, numeric, start)
         self.assembly: initial.Assembly | None = None
         residuals = initial.residuals(built, numeric, start)
         if chosen.assemble:
@@ -142,7 +142,7 @@ class Running:
         else:
             initial.require_consistent(built, residuals)
         initial.require_finite(built, numeric, start)
-        initial.require_independent(built, numeric, start, M)
+        initial.require_independent(built, numeric, start, metric)
         self.model = model
         self.warnings = (*model.warnings, *built.warnings)
         self.columns = ("t", *built.columns)

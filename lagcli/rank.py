@@ -11,6 +11,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.metric import Metric
+
 Floats = npt.NDArray[np.float64]
 
 # Singular values of normalized rows: above LARGE they count, below SMALL they are rounding, between is undecided.
@@ -36,14 +38,9 @@ class Rank:
         return self.low if self.low == self.high else None
 
 
-def normalized(B: Floats, M: Floats) -> Floats:
-    """Rows of B M^-1/2 of length one. Shapes (C, n), (n, n). Raises `LinAlgError` where M is not definite."""
-    if np.count_nonzero(M - np.diag(np.diag(M))):
-        return unit(np.linalg.solve(np.linalg.cholesky(M), B.T).T)
-    masses = np.diag(M)
-    if not (masses > 0).all():
-        raise np.linalg.LinAlgError("a mass is not positive")
-    return unit(B / np.sqrt(masses))
+def normalized(B: Floats, metric: Metric) -> Floats:
+    """Rows of B M^-1/2 of length one; shape (C, n)."""
+    return unit(metric.whitened(B))
 
 
 def unit(rows: Floats) -> Floats:
@@ -56,11 +53,13 @@ def rank(rows: Floats) -> Rank:
     """Rank of normalized rows (C, n)."""
     if rows.shape[0] == 0:
         return Rank(0, 0, np.zeros(0), np.zeros((0, 0)))
-    U, sigma, _ = np.linalg.svd(rows, full_matrices=True)
     padded = np.zeros(rows.shape[0])
+    sigma = np.linalg.svd(rows, compute_uv=False)
     padded[: sigma.size] = sigma
     large, small = int((padded > LARGE).sum()), int((padded > SMALL).sum())
-    return Rank(large, small, padded, U.T[large:])
+    if large == rows.shape[0]:
+        return Rank(large, small, padded, np.zeros((0, rows.shape[0])))
+    return Rank(large, small, padded, np.linalg.svd(rows)[0].T[large:])
 
 
 def redundant(rows: Floats) -> npt.NDArray[np.bool_]:

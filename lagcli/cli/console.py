@@ -122,11 +122,11 @@ class _Bar(Progress):
 
     def at(self, t: float) -> None:
         if self._shown is None and time.monotonic() - self._began > self.DELAY:
-            self._shown = self._show()
+            self._show()
         if self._shown is not None and self._task is not None:
             self._shown.update(self._task, completed=(t - self._start) / self._span)
 
-    def _show(self) -> rich_progress.Progress:
+    def _show(self) -> None:
         from rich import progress as rich_progress
         from rich.console import Console
 
@@ -140,8 +140,9 @@ class _Bar(Progress):
             redirect_stderr=False,
         )
         self._task = shown.add_task("", total=1.0)
+        # Known before it starts: an interrupt in between finds it and gives the terminal its cursor back.
+        self._shown = shown
         shown.start()
-        return shown
 
     def close(self) -> None:
         """Take the bar off the terminal."""

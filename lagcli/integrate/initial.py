@@ -12,6 +12,7 @@ from lagcli.compile import NumericSystem
 from lagcli.integrate import projection
 from lagcli.mechanics import system as mechanics
 from lagcli.mechanics.system import System
+from lagcli.metric import Metric, NotDefiniteError
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,15 +54,18 @@ def declared(system: System) -> State:
     return State(system.model.simulation.start, q, v, mechanics.parameter_values(system.model, system.bodies))
 
 
-def inertia(system: System, numeric: NumericSystem, state: State) -> Floats:
-    """M (n, n) at a state. Raises `diagnostics.ModelError` where it is not positive definite, by name."""
-    M = np.array(numeric.inertia(state.t, state.q, state.v, state.p))
+def inertia(
+    system: System, numeric: NumericSystem, state: State, held: npt.NDArray[np.bool_] | None = None
+) -> Metric:
+    """The mass metric at a state. Raises `diagnostics.ModelError`, by name, where M is not positive definite."""
+    M = numeric.inertia(state.t, state.q, state.v, state.p)
     names = system.model.coordinate_names
-    if not np.isfinite(M).all():
-        name = names[int(np.flatnonzero(~np.isfinite(M).all(axis=1))[0])]
-        raise _not_finite(_coordinate_location(system, name), f"the inertia of `{name}`")
-    without = [i for i in range(len(names)) if not M[i].any()]
-    if without:
+    rows, values = np.asarray(M.sparsity().row(), dtype=int), np.array(M.nonzeros(), dtype=float)
+    for i in rows[~np.isfinite(values)][:1]:
+        raise _not_finite(_coordinate_location(system, names[i]), f"the inertia of `{names[i]}`")
+    moving = np.bincount(rows, weights=np.abs(values), minlength=len(names))
+    without = np.flatnonzero(moving == 0)
+    if without.size:
         raise diagnostics.ModelError(
             diagnostics.Diagnostic(
                 "no-inertia",
@@ -72,18 +76,16 @@ def inertia(system: System, numeric: NumericSystem, state: State) -> Floats:
             for i in without
         )
     try:
-        np.linalg.cholesky(M)
-    except np.linalg.LinAlgError:
-        eigenvalues, vectors = np.linalg.eigh(M)
-        i = int(np.argmax(np.abs(vectors[:, 0])))
+        return Metric(M, held)
+    except NotDefiniteError as error:
+        name = names[error.along]
         message = (
-            f"the inertia matrix is not positive definite at the start (eigenvalue {eigenvalues[0]:.3g},"
-            f" mostly along `{names[i]}`)"
+            f"the inertia matrix is not positive definite at the start (eigenvalue {error.value:.3g},"
+            f" mostly along `{name}`)"
         )
         raise diagnostics.ModelError(
-            [diagnostics.Diagnostic("indefinite-inertia", message, _coordinate_location(system, names[i]))]
+            [diagnostics.Diagnostic("indefinite-inertia", message, _coordinate_location(system, name))]
         ) from None
-    return M
 
 
 def _coordinate_location(system: System, name: str) -> diagnostics.Location:
@@ -170,10 +172,10 @@ def require_consistent(system: System, found: Residuals) -> None:
         raise diagnostics.ModelError(report)
 
 
-def require_independent(system: System, numeric: NumericSystem, state: State, M: Floats) -> None:
+def require_independent(system: System, numeric: NumericSystem, state: State, metric: Metric) -> None:
     """Raise `diagnostics.ModelError` naming the rows that are dependent at a state."""
     B = np.array(numeric.rows(state.t, state.q, state.v, state.p)[0])
-    found = rank.rank(rank.normalized(B, M))
+    found = rank.rank(rank.normalized(B, metric))
     if found.value == B.shape[0]:
         return
     report = []
@@ -210,22 +212,21 @@ def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[s
 
     Kept coordinates hold their values and their rates. Raises `diagnostics.ModelError` where none is found.
     """
-    M = inertia(system, numeric, state)
     fixed = held(system, keep)
+    metric = inertia(system, numeric, state, fixed)
     try:
-        q = projection.Surface(numeric, state.t, state.p, M, fixed).nearest(state.q)
+        q = projection.Surface(numeric, state.t, state.p, metric).nearest(state.q)
     except projection.NoConfiguration as failure:
         raise no_configuration(system, numeric, dataclasses.replace(state, q=failure.q), keep) from None
     there = dataclasses.replace(state, q=q)
-    M = inertia(system, numeric, there)
+    metric = inertia(system, numeric, there, fixed)
     B, b = (np.array(part) for part in numeric.rows(state.t, q, state.v, state.p))
-    v = projection.velocity(state.v, B, b.ravel(), M, fixed)
+    v = projection.velocity(state.v, B, b.ravel(), metric)
     there = dataclasses.replace(there, v=v)
     left = residuals(system, numeric, there)
     if not left.consistent:
         raise no_configuration(system, numeric, there, keep)
-    dq, dv = q - state.q, v - state.v
-    return Assembly(there, float(np.sqrt(dq @ M @ dq)), float(np.sqrt(dv @ M @ dv)))
+    return Assembly(there, metric.length(q - state.q), metric.length(v - state.v))
 
 
 def no_configuration(

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compile import NumericSystem
+from lagcli.metric import Metric
 
 Floats = npt.NDArray[np.float64]
 
@@ -31,23 +32,10 @@ class NoConfiguration(Exception):
 
 
 class Surface:
-    """f = 0 at one time, with the metric M of one configuration; `held` coordinates (n,) do not move."""
+    """f = 0 at one time, with the metric of one configuration."""
 
-    def __init__(
-        self,
-        numeric: NumericSystem,
-        t: float,
-        p: Floats,
-        M: Floats,
-        held: npt.NDArray[np.bool_] | None = None,
-    ) -> None:
-        self._numeric, self._t, self._p = numeric, t, p
-        inverse = np.linalg.inv(M)
-        if held is not None and held.any():
-            free = ~held
-            inverse = np.zeros_like(M)
-            inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
-        self._inverse = inverse
+    def __init__(self, numeric: NumericSystem, t: float, p: Floats, metric: Metric) -> None:
+        self._numeric, self._t, self._p, self._metric = numeric, t, p, metric
 
     def rows(self, q: Floats) -> tuple[Floats, Floats]:
         """f (s,) and B (s, n)."""
@@ -64,11 +52,7 @@ class Surface:
 
     def _newton(self, f: Floats, B: Floats) -> Floats:
         """The smallest step in the metric that solves B step = -f in the least squares sense."""
-        norms = np.linalg.norm(B, axis=1)
-        scale = 1.0 / np.where(norms > 0, norms, 1.0)
-        A = B * scale[:, None]
-        S = A @ self._inverse @ A.T
-        return np.asarray(-self._inverse @ A.T @ np.linalg.lstsq(S, f * scale, rcond=1e-12)[0])
+        return _correction(self._metric, B, f)
 
     def feasible(self, q: Floats) -> Floats:
         """A point of the surface by damped Newton steps. Raises `NoConfiguration`."""
@@ -130,7 +114,7 @@ class Surface:
                 new = self.feasible(q0 + step)
             except NoConfiguration:
                 break
-            if self._distance(new, q0) >= self._distance(best, q0) * (1 + 1e-12) + NEAREST * size:
+            if self._metric.length(new - q0) >= self._metric.length(best - q0) * (1 + 1e-12) + NEAREST * size:
                 break
             moved = float(np.abs(new - q).max(initial=0.0))
             best = q = new
@@ -138,24 +122,21 @@ class Surface:
                 break
         return best
 
-    def _distance(self, q: Floats, q0: Floats) -> float:
-        """(q - q0) in the metric, over the coordinates that may move."""
-        d = q - q0
-        return float(np.sqrt(max(0.0, float(d @ np.linalg.pinv(self._inverse) @ d))))
 
+def velocity(v: Floats, B: Floats, b: Floats, metric: Metric) -> Floats:
+    """The nearest v with B v + b = 0 in the metric. Shapes (n,), (C, n), (C,).
 
-def velocity(v: Floats, B: Floats, b: Floats, M: Floats, held: npt.NDArray[np.bool_]) -> Floats:
-    """The nearest v with B v + b = 0 in the mass-weighted norm; `held` rates do not move.
-
-    Shapes (n,), (C, n), (C,), (n, n), (n,). Where the rows contradict each other the result leaves a residual.
+    Where the rows contradict each other the result leaves a residual.
     """
-    free = ~held
-    inverse = np.zeros_like(M)
-    inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
+    for _ in range(2):  # the second pass removes the rounding of the first
+        v = v + _correction(metric, B, B @ v + b)
+    return v
+
+
+def _correction(metric: Metric, B: Floats, residual: Floats) -> Floats:
+    """The smallest step in the metric that solves B step = -residual, in the least squares sense."""
     norms = np.linalg.norm(B, axis=1)
     scale = 1.0 / np.where(norms > 0, norms, 1.0)
     A = B * scale[:, None]
-    S = A @ inverse @ A.T
-    for _ in range(2):  # the second pass removes the rounding of the first
-        v = v - inverse @ A.T @ np.linalg.lstsq(S, (B @ v + b) * scale, rcond=1e-12)[0]
-    return v
+    S = A @ metric.solve(A.T)
+    return np.asarray(-metric.solve(A.T @ np.linalg.lstsq(S, residual * scale, rcond=1e-12)[0]))

@@ -1,0 +1,66 @@
+"""The mass metric: lengths and nearest points are taken with M, and only coordinates that are free may move.
+
+A model of Cartesian particles has a diagonal M, and nothing of size n x n is built for it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+class NotDefiniteError(ValueError):
+    """M is not positive definite; `along` is the coordinate that shows it most, `value` the eigenvalue."""
+
+    def __init__(self, along: int, value: float) -> None:
+        super().__init__(f"eigenvalue {value:.3g}")
+        self.along, self.value = along, value
+
+
+class Metric:
+    """M (n, n) restricted to the coordinates that are not `held` (n,). Raises `NotDefiniteError`."""
+
+    def __init__(self, M: Any, held: Flags | None = None) -> None:
+        n = M.shape[0]
+        self._free = np.ones(n, dtype=bool) if held is None else ~held
+        self._masses: Floats | None = None
+        self._lower = np.zeros((0, 0))
+        if M.sparsity().is_diag() and M.nnz() == n:
+            self._masses = np.array(M.nonzeros(), dtype=float)
+            worst = int(np.argmin(self._masses)) if n else 0
+            if n and not self._masses[worst] > 0:
+                raise NotDefiniteError(worst, float(self._masses[worst]))
+            return
+        whole = np.array(M)
+        eigenvalues, vectors = np.linalg.eigh(whole)
+        # Rounding leaves the smallest eigenvalue of a singular M at eps times the largest.
+        if n and not eigenvalues[0] > n * np.finfo(float).eps * abs(eigenvalues[-1]):
+            raise NotDefiniteError(int(np.argmax(np.abs(vectors[:, 0]))), float(eigenvalues[0]))
+        self._whole = whole
+        self._lower = np.linalg.cholesky(whole[np.ix_(self._free, self._free)])
+
+    def solve(self, X: Floats) -> Floats:
+        """M^-1 X for X (n,) or (n, k); zero where a coordinate is held."""
+        if self._masses is not None:
+            weights = np.where(self._free, 1.0 / self._masses, 0.0)
+            return np.asarray(X * (weights if X.ndim == 1 else weights[:, None]))
+        result = np.zeros_like(X)
+        result[self._free] = np.linalg.solve(self._lower.T, np.linalg.solve(self._lower, X[self._free]))
+        return result
+
+    def whitened(self, B: Floats) -> Floats:
+        """B M^-1/2 (C, free): rows whose lengths and angles are those of the metric."""
+        if self._masses is not None:
+            return np.asarray((B / np.sqrt(self._masses))[:, self._free])
+        return np.asarray(np.linalg.solve(self._lower, B[:, self._free].T).T)
+
+    def length(self, step: Floats) -> float:
+        """sqrt(step^T M step)."""
+        if self._masses is not None:
+            return float(np.sqrt(np.sum(self._masses * step**2)))
+        return float(np.sqrt(max(0.0, float(step @ self._whole @ step))))
