@@ -114,6 +114,7 @@ class Environment:
         self._positions: dict[str, Triple] = {name: pair[0] for name, pair in (free or {}).items()}
         self._velocities: dict[str, Triple] = {name: pair[1] for name, pair in (free or {}).items()}
         self._values: dict[str, Any] = {}
+        self._is_filled = False
         self._algebra = self.algebra()
 
     def algebra(
@@ -155,6 +156,7 @@ class Environment:
 
     def position(self, name: str) -> Triple:
         """r of a particle."""
+        self._fill()
         if name not in self._positions:
             particle = self._particles[name]
             if particle.is_dependent:
@@ -162,6 +164,17 @@ class Environment:
             else:
                 self._positions[name] = self._own_components(name, self.symbols.q)
         return self._positions[name]
+
+    def _fill(self) -> None:
+        """Evaluate definitions and positions in an order in which each finds what it uses.
+
+        So a chain of any length needs no recursion.
+        """
+        if self._is_filled:
+            return
+        self._is_filled = True
+        for name in self._model.order:
+            self._named(tree.Name(0, 0, name), name, {}, None)
 
     def velocity(self, name: str) -> Triple:
         """v of a particle; of a dependent one the total time derivative of x(q, t)."""
@@ -215,6 +228,7 @@ class Environment:
         if name in self.symbols.index:
             return self.symbols.q[self.symbols.index[name]]
         if name in self._definitions:
+            self._fill()
             if name not in self._values:
                 self._values[name] = evaluate.evaluate(self._definitions[name].tree, self._algebra)
             return self._values[name]

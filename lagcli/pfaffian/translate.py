@@ -85,6 +85,10 @@ class _Names:
         self._particles = {p.name: p for p in model.particles}
         self._definitions = {d.name: d.expression.tree for d in model.definitions}
         self._values: dict[str, Any] = {}
+        self._positions: dict[str, Any] = {}
+        # In this order each finds what it uses: a chain of any length needs no recursion.
+        for name in model.order:
+            self._named(name)
         self.parameters = [
             s
             for value in self._parameters.values()
@@ -153,6 +157,11 @@ class _Names:
         return self._values[name]
 
     def _position(self, name: str) -> Any:
+        if name not in self._positions:
+            self._positions[name] = self._evaluated_position(name)
+        return self._positions[name]
+
+    def _evaluated_position(self, name: str) -> Any:
         particle = self._particles[name]
         if not particle.is_dependent:
             return tuple(self._coordinates[f"{name}.{axis}"] for axis in "xyz")
