@@ -21,8 +21,6 @@ import casadi as ca
 
 from lagcli.mechanics.system import System
 
-OPTIONS = {"cse": True}
-
 # Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
 # so that two quadratic steps reach rounding.
 NEWTON_STEPS = 2
@@ -37,7 +35,8 @@ class NumericSystem:
 
     rhs(t, y, p) -> y'                              (2n + 1,)
     position(t, y, p) -> y on f = 0                 one mass-weighted Newton step
-    land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, residual (largest |f_i| / |B_i|)
+    land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, and an outcome of two: the residual (largest
+                     |f_i| / |B_i| over the largest |q|) and the sum of y', finite only where all of y' is
     record(t, y, p) -> y projected, one row of the table without t, and (position drift, velocity drift,
                        Jacobi energy, T, V)
     whole(t, q, p) -> f (s,), B of the holonomic rows (s, n)
@@ -61,26 +60,52 @@ Solve = Callable[[Any], Any]
 
 def compile_system(system: System) -> NumericSystem:
     """All functions of a system."""
+    parts = _parts(system)
     t, q, v, p = system.symbols.t, system.symbols.q, system.symbols.v, system.p
-    W = ca.SX.sym("W")
-    y = ca.vertcat(q, v, W)
+    y = ca.vertcat(q, v, ca.SX.sym("W"))
     inputs = [t, y, p]
-    rhs = ca.Function("rhs", inputs, [_derivative(system)], OPTIONS)
-    position = ca.Function("position", inputs, [_position_step(system, y)], OPTIONS)
-    landing = ca.Function("landing", inputs, _landing(system, y), OPTIONS)
-    table = ca.Function("table", inputs, _table(system), OPTIONS)
-    B, f = system.rows.B, system.rows.f
-    s = system.holonomic_count
+    size, parameters = y.numel(), p.numel()
+    rhs = ca.Function("rhs", inputs, [_derivative(parts)])
+    position = ca.Function("position", inputs, [_position_step(parts, y)])
+    landing = ca.Function("landing", inputs, _landing(parts, y))
+    table = _table(system, parts, y)
+    s = parts.f.numel()
     return NumericSystem(
         n=q.numel(),
         rhs=rhs,
-        land=_land(position, landing, y.numel(), p.numel()),
-        record=_record(position, landing, table, y.numel(), p.numel()),
-        whole=ca.Function("whole", [t, q, p], [f, B[:s, :]]),
-        rows=ca.Function("rows", [t, q, v, p], [B, system.rows.b]),
-        inertia=ca.Function("inertia", [t, q, v, p], [system.dynamics.M]),
-        force=ca.Function("force", [t, q, v, p], [system.dynamics.h, system.rows.gamma]),
+        land=_land(position, landing, size, parameters),
+        record=_record(position, landing, table, size, parameters),
+        whole=ca.Function("whole", [t, q, p], [parts.f, parts.B[:s, :]]),
+        rows=ca.Function("rows", [t, q, v, p], [parts.B, parts.b]),
+        inertia=ca.Function("inertia", [t, q, v, p], [parts.M]),
+        force=ca.Function("force", [t, q, v, p], [parts.h, parts.gamma]),
     )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Parts:
+    """The expressions of (D.24) with their common subexpressions shared, and the reaction B^T lambda."""
+
+    v: Any
+    f: Any
+    B: Any
+    b: Any
+    gamma: Any
+    M: Any
+    h: Any
+    power: Any
+    reaction: Callable[[Any], Any]
+
+
+def _parts(system: System) -> _Parts:
+    rows, dynamics = system.rows, system.dynamics
+    # Shared here, before the factorizations, which are large and have nothing left to share.
+    f, B, b, gamma, M, h, power, Q_R = ca.cse(
+        [rows.f, rows.B, rows.b, rows.gamma, dynamics.M, dynamics.h, dynamics.power, system.Q_R]
+    )
+    return _Parts(
+        system.symbols.v, f, B, b, gamma, M, h, power, lambda lam: ca.substitute(Q_R, system.lam, lam)
+    )  # fmt: skip
 
 
 def _solver(matrix: Any) -> Solve:
@@ -95,96 +120,110 @@ def _solver(matrix: Any) -> Solve:
     return lambda right: ca.ldl_solve(right, D, LT, order)
 
 
-def _schur(B: Any, solve_M: Solve) -> Solve:
-    """The solver of S = B M^-1 B^T."""
-    return _solver(B @ solve_M(B.T))
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Factors:
+    """The solvers of M and of S = B M^-1 B^T."""
+
+    inertia: Solve
+    schur: Solve
 
 
-def _derivative(system: System) -> Any:
-    """y' = (v, a, power - lambda . b)."""
-    a, lam = _acceleration(system, _solver(system.dynamics.M))
-    return _state_rate(system, a, lam)
+def _factors(M: Any, B: Any) -> _Factors:
+    solve_M = _solver(M)
+    return _Factors(solve_M, _solver(B @ solve_M(B.T)))
 
 
-def _state_rate(system: System, a: Any, lam: Any) -> Any:
-    power = system.dynamics.power - ca.dot(lam, system.rows.b)
-    return ca.densify(ca.vertcat(system.symbols.v, a, power))
-
-
-def _acceleration(system: System, solve_M: Solve, solve_S: Solve | None = None) -> tuple[Any, Any]:
+def _acceleration(parts: _Parts, factors: _Factors) -> tuple[Any, Any]:
     """a and lambda of (D.24)."""
-    rows, h = system.rows, system.dynamics.h
-    if solve_S is None:
-        solve_S = _schur(rows.B, solve_M)
-    free = solve_M(h)
-    lam = solve_S(rows.gamma - rows.B @ free)
-    a = solve_M(h + ca.substitute(system.Q_R, system.lam, lam)) if rows.B.shape[0] else free
-    return a, ca.densify(lam)
+    free = factors.inertia(parts.h)
+    if parts.B.shape[0] == 0:
+        return free, ca.SX(0, 1)
+    lam = ca.densify(factors.schur(parts.gamma - parts.B @ free))
+    return factors.inertia(parts.h + parts.reaction(lam)), lam
 
 
-def _position_step(system: System, y: Any) -> Any:
+def _state_rate(parts: _Parts, a: Any, lam: Any) -> Any:
+    """y' = (v, a, power - lambda . b)."""
+    return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b)))
+
+
+def _derivative(parts: _Parts) -> Any:
+    return _state_rate(parts, *_acceleration(parts, _factors(parts.M, parts.B)))
+
+
+def _position_step(parts: _Parts, y: Any) -> Any:
     """One Newton step onto f = 0 along M^-1 B^T: the nearest point in the mass-weighted norm."""
-    f = system.rows.f
-    if f.numel() == 0:
+    s, n = parts.f.numel(), parts.v.numel()
+    if s == 0:
         return y
-    B = system.rows.B[: system.holonomic_count, :]
-    solve_M = _solver(system.dynamics.M)
-    q = system.symbols.q - solve_M(B.T @ _schur(B, solve_M)(f))
-    return ca.densify(ca.vertcat(q, y[q.numel() :]))
+    B = parts.B[:s, :]
+    factors = _factors(parts.M, B)
+    q = y[:n] - factors.inertia(B.T @ factors.schur(parts.f))
+    return ca.densify(ca.vertcat(q, y[n:]))
 
 
-def _landing(system: System, y: Any) -> list[Any]:
-    """Velocity projected onto B v + b = 0, y' there, and the position residual; one factorization for all."""
-    rows, v = system.rows, system.symbols.v
-    solve_M = _solver(system.dynamics.M)
-    solve_S = _schur(rows.B, solve_M)
-    n = v.numel()
-    landed = v
-    if rows.B.shape[0]:
-        landed = v - solve_M(rows.B.T @ solve_S(rows.B @ v + rows.b))
-    a, lam = _acceleration(system, solve_M, solve_S)
-    rate = _state_rate(system, a, lam)
-    new_v = ca.densify(landed)
-    # a and lambda are taken at the projected velocity; B and S do not depend on v.
-    rate = ca.substitute(rate, v, new_v)
-    return [ca.densify(ca.vertcat(y[:n], new_v, y[2 * n])), rate, _residual(system)]
+def _landing(parts: _Parts, y: Any) -> list[Any]:
+    """y with the velocity projected onto B v + b = 0, y' and lambda there, and the position residual.
+
+    One factorization serves all, unless M depends on the velocity that is projected.
+    """
+    n = parts.v.numel()
+    factors = _factors(parts.M, parts.B)
+    v = parts.v
+    if parts.B.shape[0]:
+        v = v - factors.inertia(parts.B.T @ factors.schur(parts.B @ v + parts.b))
+    v = ca.densify(v)
+    h, gamma, power = ca.substitute([parts.h, parts.gamma, parts.power], [parts.v], [v])
+    there = dataclasses.replace(parts, v=v, h=h, gamma=gamma, power=power)
+    if ca.depends_on(parts.M, parts.v):
+        M = ca.substitute(parts.M, parts.v, v)
+        there, factors = dataclasses.replace(there, M=M), _factors(M, parts.B)
+    a, lam = _acceleration(there, factors)
+    rate = _state_rate(there, a, lam)
+    return [ca.densify(ca.vertcat(y[:n], v, y[2 * n])), rate, lam, _residual(parts, y[:n])]
 
 
 def _row_norms(B: Any) -> Any:
     return ca.sqrt(ca.sum2(B * B)) + TINY
 
 
-def _residual(system: System) -> Any:
-    """Largest |f_i| / |B_i|: a length where q are lengths."""
-    f = system.rows.f
+def _residual(parts: _Parts, q: Any) -> Any:
+    """Largest |f_i| / |B_i|, a length where q are lengths."""
+    f = parts.f
     if f.numel() == 0:
         return ca.SX(0)
-    return ca.mmax(ca.fabs(f) / _row_norms(system.rows.B[: f.numel(), :]))
+    return ca.mmax(ca.fabs(f) / _row_norms(parts.B[: f.numel(), :]))
 
 
-def _velocity_residual(system: System) -> Any:
-    rows = system.rows
-    if rows.B.shape[0] == 0:
+def _velocity_residual(parts: _Parts) -> Any:
+    if parts.B.shape[0] == 0:
         return ca.SX(0)
-    return ca.mmax(ca.fabs(rows.B @ system.symbols.v + rows.b) / _row_norms(rows.B))
+    return ca.mmax(ca.fabs(parts.B @ parts.v + parts.b) / _row_norms(parts.B))
 
 
-def _table(system: System) -> list[Any]:
-    """One row of the table without t, and the figures the account is made of."""
-    a, lam = _acceleration(system, _solver(system.dynamics.M))
-    model, dynamics = system.model, system.dynamics
-    parts = []
+def _table(system: System, parts: _Parts, y: Any) -> Any:
+    """table(t, y, y', lambda, p) -> one row of the table without t, and the figures the account is made of."""
+    model, dynamics, symbols = system.model, system.dynamics, system.symbols
+    values = []
     for k in range(len(model.particles)):
-        parts += [system.r[3 * k : 3 * k + 3], system.r_dot[3 * k : 3 * k + 3]]
-    first = system.symbols.q.numel() - len(model.coordinates)
+        values += [system.r[3 * k : 3 * k + 3], system.r_dot[3 * k : 3 * k + 3]]
+    n = symbols.q.numel()
+    first = n - len(model.coordinates)
     for j in range(len(model.coordinates)):
-        parts += [system.symbols.q[first + j], system.symbols.v[first + j]]
-    parts += [system.lam, system.R, system.Q_R[first:], dynamics.energy, system.outputs]
-    row = ca.substitute([ca.densify(ca.vertcat(*parts))], [system.lam, system.a], [lam, ca.densify(a)])[0]
+        values += [symbols.q[first + j], symbols.v[first + j]]
+    values += [system.lam, system.R, system.Q_R[first:], dynamics.energy, system.outputs]
     account = ca.vertcat(
-        _residual(system), _velocity_residual(system), dynamics.jacobi, dynamics.kinetic, dynamics.potential
+        _residual(parts, symbols.q),
+        _velocity_residual(parts),
+        dynamics.jacobi,
+        dynamics.kinetic,
+        dynamics.potential,
     )
-    return [row, ca.densify(account)]
+    rate = ca.SX.sym("rate", y.numel())
+    row, account = ca.substitute(
+        [ca.densify(ca.vertcat(*values)), ca.densify(account)], [system.a], [rate[n : 2 * n]]
+    )
+    return ca.Function("table", [symbols.t, y, rate, system.lam, system.p], [row, account], {"cse": True})
 
 
 def _projected(position: Any, t: Any, y: Any, p: Any) -> Any:
@@ -195,11 +234,13 @@ def _projected(position: Any, t: Any, y: Any, p: Any) -> Any:
 
 def _land(position: Any, landing: Any, size: int, parameters: int) -> Any:
     t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
-    return ca.Function("land", [t, y, p], list(landing(t, _projected(position, t, y, p), p)))
+    landed, rate, _, residual = landing(t, _projected(position, t, y, p), p)
+    outcome = ca.vertcat(residual / (ca.norm_inf(landed[: size // 2]) + TINY), ca.sum1(rate))
+    return ca.Function("land", [t, y, p], [landed, rate, outcome])
 
 
 def _record(position: Any, landing: Any, table: Any, size: int, parameters: int) -> Any:
     t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
-    landed = landing(t, _projected(position, t, y, p), p)[0]
-    row, account = table(t, landed, p)
+    landed, rate, lam, _ = landing(t, _projected(position, t, y, p), p)
+    row, account = table(t, landed, rate, lam, p)
     return ca.Function("record", [t, y, p], [landed, row, account])

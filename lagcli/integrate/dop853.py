@@ -28,7 +28,7 @@ DENSE_ROWS = 7
 class Scheme:
     """Compiled step and dense output.
 
-    step(t, h, y, k, tolerance, p) -> y new, k new, (error, residual), stages (2n + 1, 12)
+    step(t, h, y, k, tolerance, p) -> y new, k new, (error, outcome of `land`), stages (2n + 1, 12)
     dense(t, h, y, y new, k new, stages, p) -> coefficients (2n + 1, 7)
     with k = y'(t, y), tolerance = (rtol, atol), error < 1 where the step may be accepted.
     """
@@ -60,8 +60,8 @@ def _step(numeric: NumericSystem) -> Any:
         stages.append(numeric.rhs(t + tableau.C[s] * h, y + h * _mix(tableau.A[s], stages), p))
     new = y + h * _mix(tableau.B, stages)
     error = _error(y, new, h, stages, tolerance)
-    landed, k_new, residual = numeric.land(t + h, new, p)
-    outputs = [landed, k_new, ca.vertcat(error, residual), ca.horzcat(*stages)]
+    landed, k_new, outcome = numeric.land(t + h, new, p)
+    outputs = [landed, k_new, ca.vertcat(error, outcome), ca.horzcat(*stages)]
     return ca.Function("step", [t, h, y, k, tolerance, p], outputs)
 
 

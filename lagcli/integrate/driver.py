@@ -9,13 +9,15 @@ import dataclasses
 import math
 import time
 from collections.abc import Iterator
-from typing import Any
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compile import NumericSystem
 from lagcli.integrate import dop853, tableau
+from lagcli.integrate.account import Account
+from lagcli.integrate.call import Call
 from lagcli.integrate.grid import Grid
 from lagcli.model import Simulation
 
@@ -28,25 +30,7 @@ LANDING = 1e-9
 # Errors of steps add up over a run, and what is promised is about the result: the scheme is held to a hundredth
 # of the tolerance asked for, but not below where its error estimate is rounding.
 TIGHTENING, FINEST = 100.0, 1e-14
-
-
-@dataclasses.dataclass(slots=True)
-class Account:
-    """What a run reports, filled while it goes on.
-
-    position_drift and velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over the rows written.
-    energy_imbalance: largest |H(t) - H(start) - W(t)| over the rows written, as a part of the energies that
-    were exchanged (largest T plus largest change of V), with W the integrated power of everything that may
-    change the Jacobi energy H.
-    """
-
-    steps: int = 0
-    rejected: int = 0
-    evaluations: int = 0
-    position_drift: float = 0.0
-    velocity_drift: float = 0.0
-    energy_imbalance: float = 0.0
-    solve_seconds: float = 0.0
+EXPONENT = -1.0 / dop853.ORDER
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -63,25 +47,6 @@ class Stopped(Exception):
     def __init__(self, stop: Stop) -> None:
         super().__init__(stop.reason)
         self.stop = stop
-
-
-class Call:
-    """A CasADi function with fixed memory for its arguments and results: no allocation while stepping."""
-
-    def __init__(self, function: Any, arguments: list[Floats]) -> None:
-        self._function = function
-        self._buffer, self._trigger = function.buffer()
-        self.results = []
-        for i, array in enumerate(arguments):
-            self._buffer.set_arg(i, memoryview(array.data))
-        for i in range(function.n_out()):
-            shape = (function.size1_out(i), function.size2_out(i))
-            array = np.zeros(shape, order="F") if shape[1] > 1 else np.zeros(shape[0])
-            self._buffer.set_res(i, memoryview((array.T if array.ndim > 1 else array).data))
-            self.results.append(array)
-
-    def __call__(self) -> None:
-        self._trigger()
 
 
 def step_tolerance(settings: Simulation) -> Floats:
@@ -121,10 +86,9 @@ class Run:
         self._at, self._state = np.zeros(1), np.zeros(2 * n + 1)
         self._record = Call(numeric.record, [self._at, self._state, self._p])
         self._land = Call(numeric.land, [self._t, self._y, self._p])
-        self._jacobi: float | None = None
-        self._potential = 0.0
-        self._exchanged = [0.0, 0.0]
-        self._imbalance = 0.0
+        # Read at every step: plain floats, without numpy's conversion.
+        self._outcome = cast("memoryview[float]", memoryview(self._step.results[2].data))
+        self._h_cell = cast("memoryview[float]", memoryview(self._h.data))
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of complete rows, shape (k, 1 + columns), t first. Raises `Stopped` after the last good row."""
@@ -172,104 +136,77 @@ class Run:
 
     def _advance(self, h: float) -> float:
         """Find an acceptable step from the current state; return the proposal for the one after it."""
-        t, end = float(self._t[0]), self._grid.end
-        outcome = self._step.results[2]
+        t, end = self.t, self._grid.end
         grow = GROW
         while True:
             last = t + h >= end or end - (t + h) < 1e-12 * h
-            self._h[0] = end - t if last else h
-            self._step()
+            taken = end - t if last else h
+            self._h_cell[0] = taken
+            self._step.trigger()
             self.account.evaluations += tableau.STAGES
-            error, residual = float(outcome[0]), float(outcome[1])
-            landed = residual <= LANDING * self._size()
-            if error < 1.0 and landed and np.isfinite(self._step.results[1]).all():
+            error, residual, everything = self._outcome[0], self._outcome[1], self._outcome[2]
+            landed = residual <= LANDING
+            if error < 1.0 and landed and math.isfinite(everything):
                 self.account.steps += 1
                 self._reached = end if last else t + h
-                taken = float(self._h[0])
-                proposal = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1.0 / dop853.ORDER)))
+                proposal = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
                 # A step cut short by the end of the grid says nothing against the step it was cut from.
-                return float(max(h, proposal) if last else proposal)
+                return max(h, proposal) if last else proposal
             self.account.rejected += 1
             grow = 1.0
             # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
-            factor = (
-                SAFETY * error ** (-1.0 / dop853.ORDER)
-                if math.isfinite(error) and error >= 1.0 and landed
-                else 0.25
-            )
-            h = float(self._h[0]) * float(min(0.9, max(SHRINK, factor)))
+            known = math.isfinite(error) and error >= 1.0 and landed
+            h = taken * (min(0.9, max(SHRINK, SAFETY * error**EXPONENT)) if known else 0.25)
             if t + h / 64 == t:
                 raise self._stopped(self._why(error, residual))
 
-    def _size(self) -> float:
-        """How large the coordinates are, or become in this step."""
-        n = (self._y.size - 1) // 2
-        q, v = np.abs(self._y[:n]).max(initial=0.0), np.abs(self._y[n : 2 * n]).max(initial=0.0)
-        return float(q + self._h[0] * v) or 1.0
-
-    def _why(self, error: float, residual: float) -> str:
-        if not math.isfinite(error):
+    @staticmethod
+    def _why(error: float, residual: float) -> str:
+        if not math.isfinite(error) or not math.isfinite(residual):
             return (
                 "the accelerations or multipliers are not finite there: the constraints become dependent,"
                 " or a function of the model has a pole"
             )
-        if not residual <= LANDING * self._size():
+        if residual > LANDING:
             return "the constraints cannot be satisfied beyond: their surface ends there"
         return "the step needed for the tolerance is below the rounding of the time"
 
     def _stopped(self, reason: str) -> Stopped:
-        t = float(self._t[0])
         row = self._next_row
-        return Stopped(Stop(t, f"stopped at t = {t:.9g} (after row {row} of {self._grid.count}): {reason}"))
+        where = f"stopped at t = {self.t:.9g} (after row {row} of {self._grid.count})"
+        return Stopped(Stop(self.t, f"{where}: {reason}"))
 
     def _accept(self) -> None:
-        self._t[0] = self._reached
-        self.t = self._reached
+        self._t[0] = self.t = self._reached
         self._y[:], self._k[:] = self._step.results[0], self._step.results[1]
 
     def _fill(self) -> Iterator[Floats]:
         """Rows of the grid within the step just found, from its dense output."""
-        first, after = self._next_row, self._next_row
-        while after < self._grid.count and self._grid.time(after) <= self._reached:
-            after += 1
-        if first == after:
+        grid, reached = self._grid, self._reached
+        if grid.time(self._next_row) > reached:
             return
-        times = self._grid.times(first, after)
-        t, h = float(self._t[0]), float(self._h[0])
-        inside = times < self._reached
-        states = np.empty((times.size, self._y.size))
-        states[~inside] = self._step.results[0]
-        if inside.any():
-            self._dense()
-            self.account.evaluations += len(tableau.A_DENSE)
-            x = (times[inside] - t) / h
-            states[inside] = dop853.interpolate(self._y, self._dense.results[0], x)
-        for at, state in zip(times, states, strict=True):
-            row = self._row(float(at), state)
-            self._next_row += 1
-            yield row
+        self._dense.trigger()
+        self.account.evaluations += len(tableau.A_DENSE)
+        most = max(1, BLOCK_VALUES // self._y.size)
+        while self._next_row < grid.count and grid.time(self._next_row) <= reached:
+            times = grid.times(self._next_row, min(self._next_row + most, grid.count))
+            times = times[times <= reached]
+            x = (times - self.t) / self._h_cell[0]
+            states = dop853.interpolate(self._y, self._dense.results[0], x)
+            states[times == reached] = self._step.results[0]
+            for at, state in zip(times, states, strict=True):
+                row = self._row(at, state)
+                self._next_row += 1
+                yield row
 
     def _row(self, t: float, state: Floats) -> Floats:
         self._at[0], self._state[:] = t, state
-        self._record()
-        landed, row, account = self._record.results
-        if not (np.isfinite(row).all() and np.isfinite(account).all()):
+        self._record.trigger()
+        landed, row, figures = self._record.results
+        if not (np.isfinite(row).all() and np.isfinite(figures).all()):
             raise self._stopped(f"a quantity of the table is not finite at t = {t:.9g}")
-        self._keep_account(account, float(landed[-1]))
-        return np.concatenate([[t], row])
-
-    def _keep_account(self, figures: Floats, work: float) -> None:
-        position, velocity, jacobi, kinetic, potential = map(float, figures)
-        account = self.account
-        account.position_drift = max(account.position_drift, position)
-        account.velocity_drift = max(account.velocity_drift, velocity)
-        if self._jacobi is None:
-            self._jacobi, self._potential = jacobi, potential
-        self._imbalance = max(self._imbalance, abs(jacobi - self._jacobi - work))
-        self._exchanged[0] = max(self._exchanged[0], abs(kinetic))
-        self._exchanged[1] = max(self._exchanged[1], abs(potential - self._potential))
-        exchanged = sum(self._exchanged)
-        account.energy_imbalance = self._imbalance / exchanged if exchanged else self._imbalance
+        self.account.keep(figures, landed[-1])
+        return np.concatenate([self._at, row])
 
     def _first_step(self) -> float:
         """Hairer's starting step (Solving ODEs I, sec. II.4), from the sizes of y, y' and y''."""
