@@ -90,7 +90,7 @@ simulation: {duration: 2, samples: 41}
 """
 SHADOWED = PENDULUM.replace("forces:", "  m: {mass: 3, position: [0, 1, 0]}\nforces:").replace("{m: 1, ", "{")
 WARNED = PENDULUM.replace("velocity: [0, 0, -1]", "velocity: [1, 0, -1]")
-BROKEN = PENDULUM.replace("norm(a)", "norm(b)").replace("mass: m,", "mas: m,")
+BROKEN = PENDULUM.replace("norm(a)", "norm(b)").replace("velocity", "velocty")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,7 +177,7 @@ def test_an_invalid_model_exits_1_with_all_errors_and_writes_nothing(lagcli: Lag
     result = lagcli(command, file(BROKEN))
     assert result.code == 1
     assert result.out == ""
-    assert "model.yaml:5:7: error[unknown-key]: " in result.err
+    assert "model.yaml:5:37: error[unknown-key]: " in result.err
     assert "model.yaml:9:17: error[unknown-name]: " in result.err
     assert "      rod: L = norm(b)\n                    ^\n" in result.err
     assert "hint: " in result.err
@@ -306,7 +306,7 @@ def test_standard_input_is_a_model_called_stdin(lagcli: Lagcli) -> None:
     assert lagcli("dof", "-", stdin=PENDULUM) == Result(0, "1\n", "")
     result = lagcli("dof", "-", stdin=BROKEN)
     assert result.code == 1
-    assert result.err.startswith("<stdin>:5:7: error[unknown-key]: ")
+    assert result.err.startswith("<stdin>:5:37: error[unknown-key]: ")
     assert lagcli("check", "-", stdin="").err.startswith("<stdin>:1:1: error[empty-model]")
     assert len(table(lagcli("simulate", "-", stdin=PENDULUM).out)[1]) == 6
 
@@ -348,7 +348,7 @@ def test_every_command_has_help_on_stdout(lagcli: Lagcli, command: list[str], fl
     assert (result.code, result.err) == (0, "")
     assert result.out.startswith("Usage: lagcli")
     # A sentence that does not fit is cut by the library that lays out the help.
-    assert "..." not in result.out.replace("MODEL...", "")
+    assert "..." not in result.out.replace("MODEL...", "").replace("[ARGS]...", "")
     if command in (["dof"], ["check"], ["simulate"]):
         assert all(option in result.out for option in ("--set", "--json", "--quiet", "--verbose"))
 
@@ -428,12 +428,11 @@ def test_errors_as_json_go_to_stdout(lagcli: Lagcli, command: str) -> None:
     assert list(result.json) == ["errors"]
     errors = result.json["errors"]
     assert [(e["code"], e["line"], e["column"]) for e in errors] == [
-        ("missing-key", 5, 3),
-        ("unknown-key", 5, 7),
+        ("unknown-key", 5, 37),
         ("unknown-name", 9, 17),
     ]
     assert all(list(e) == ERROR_KEYS and e["path"] == "model.yaml" for e in errors)
-    assert errors[1]["hint"] == "did you mean `mass`?"
+    assert errors[0]["hint"] == "did you mean `velocity`?"
 
 
 def test_warnings_stand_in_the_json_of_check(lagcli: Lagcli) -> None:
@@ -504,7 +503,7 @@ def test_several_models_are_reported_under_their_names_and_the_worst_counts(lagc
     assert result.code == 1
     assert "a.yaml: A pendulum\n" in result.out
     assert "\nc.yaml\n" in result.out
-    assert "b.yaml:5:7: error[unknown-key]" in result.err
+    assert "b.yaml:5:37: error[unknown-key]" in result.err
 
 
 def test_piped_tables_are_never_cut_or_folded(lagcli: Lagcli) -> None:
@@ -707,7 +706,8 @@ def test_a_full_disk_exits_74_and_names_the_file(lagcli: Lagcli, ending: str) ->
     path.symlink_to("/dev/full")
     result = lagcli("simulate", file(PENDULUM), "-q", "-o", path)
     assert result.code == 74
-    assert result.err == f"lagcli: cannot write run.{ending}: {os.strerror(errno.ENOSPC)}\n"
+    assert result.err.startswith(f"lagcli: cannot write run.{ending}: ")
+    assert result.err.endswith(f"{os.strerror(errno.ENOSPC)}\n")
 
 
 def test_a_disk_that_fills_up_leaves_the_old_file(lagcli: Lagcli, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -805,7 +805,7 @@ def test_an_interrupted_run_keeps_its_rows_in_partial_and_leaves_the_file(
     path = tmp_path / f"run.{ending}"
     path.write_text("old")
     process = started("simulate", "m.yaml", "-o", path.name, cwd=tmp_path)
-    await_growth(tmp_path, process)
+    await_rows(tmp_path, process)
     process.send_signal(number)
     err = process.communicate()[1].decode()
     assert process.returncode == code
@@ -820,13 +820,14 @@ def test_an_interrupted_run_keeps_its_rows_in_partial_and_leaves_the_file(
     assert np.diff(rows[:, 0]) == pytest.approx(0.02)
 
 
-def await_growth(folder: Path, process: subprocess.Popen[bytes]) -> None:
-    """Wait until the run has written rows aside."""
+def await_rows(folder: Path, process: subprocess.Popen[bytes]) -> None:
+    """Wait until the run has begun to write aside, and then a while."""
     deadline = time.monotonic() + 20
-    while not any(path.stat().st_size > 20_000 for path in folder.glob(".run*.tmp")):
+    while not list(folder.glob(".run*.tmp")):
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)
+    time.sleep(1)
 
 
 def test_rows_found_between_two_blocks_are_kept(tmp_path: Path) -> None:
@@ -875,8 +876,8 @@ class Terminal(io.StringIO):
         return 2
 
 
-@pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    """Make stdout and stderr a terminal for the rest of the test."""
     stream = Terminal()
     for name in ("NO_COLOR", "FORCE_COLOR", "COLUMNS"):
         monkeypatch.delenv(name, raising=False)
@@ -884,7 +885,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
     monkeypatch.setattr(console._Bar, "DELAY", 0.0)
     monkeypatch.setattr(sys, "stderr", stream)
     monkeypatch.setattr(sys, "stdout", stream)
-    yield stream
+    return stream
 
 
 def some_progress(quiet: bool = False) -> None:
@@ -893,49 +894,49 @@ def some_progress(quiet: bool = False) -> None:
             bar.at(t)
 
 
-def test_a_bar_shows_on_a_terminal(terminal: Terminal) -> None:
+def test_a_bar_shows_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = terminal(monkeypatch)
     some_progress()
-    assert "100%" in terminal.getvalue()
-    assert terminal.getvalue().count("\x1b[?25l") == terminal.getvalue().count("\x1b[?25h") == 1
+    assert "100%" in stream.getvalue()
+    assert stream.getvalue().count("\x1b[?25l") == stream.getvalue().count("\x1b[?25h") == 1
 
 
-@pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb"), (None, None)])
-def test_no_bar_where_it_is_not_wanted(
-    terminal: Terminal, monkeypatch: pytest.MonkeyPatch, name: str | None, value: str | None
+@pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
+def test_no_bar_on_a_terminal_that_takes_none(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: str
 ) -> None:
-    if name is not None and value is not None:
-        monkeypatch.setenv(name, value)
-    some_progress(quiet=name is None)
-    assert terminal.getvalue() == ""
+    stream = terminal(monkeypatch)
+    monkeypatch.setenv(name, value)
+    some_progress()
+    assert stream.getvalue() == ""
 
 
-def test_no_bar_where_stderr_is_piped(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(terminal, "isatty", lambda: False)
+def test_no_bar_where_it_is_quiet_or_stderr_is_piped(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = terminal(monkeypatch)
+    some_progress(quiet=True)
+    monkeypatch.setattr(stream, "isatty", lambda: False)
     monkeypatch.setenv("FORCE_COLOR", "1")
     some_progress()
-    assert terminal.getvalue() == ""
+    assert stream.getvalue() == ""
 
 
-HEADERS = ["constraint", "declared", "verdict"]
-
-
-def test_tables_have_colour_on_a_terminal_only(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = [["[red]a[/red]", "differential", "nonholonomic"]]
-    console.table(HEADERS, rows, {"nonholonomic": "yellow"})
-    assert "\x1b[" in terminal.getvalue()
-    assert "[red]a[/red]" in terminal.getvalue()
-    for name, value in (("NO_COLOR", "1"), ("TERM", "dumb")):
-        terminal.truncate(0)
-        with monkeypatch.context() as patch:
+def shown_table(monkeypatch: pytest.MonkeyPatch, tty: bool = True, **environment: str) -> str:
+    with monkeypatch.context() as patch:
+        stream = terminal(patch)
+        patch.setattr(stream, "isatty", lambda: tty)
+        for name, value in environment.items():
             patch.setenv(name, value)
-            console.table(HEADERS, rows, {"nonholonomic": "yellow"})
-        assert "nonholonomic" in terminal.getvalue()
-        assert "\x1b" not in terminal.getvalue()
-    terminal.truncate(0)
-    monkeypatch.setattr(terminal, "isatty", lambda: False)
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    console.table(HEADERS, rows, {"nonholonomic": "yellow"})
-    assert "\x1b" not in terminal.getvalue()
+        rows = [["[red]a[/red]", "differential", "nonholonomic"]]
+        console.table(["constraint", "declared", "verdict"], rows, {"nonholonomic": "yellow"})
+    assert "[red]a[/red]" in stream.getvalue()
+    return stream.getvalue()
+
+
+def test_tables_have_colour_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "\x1b[33mnonholonomic" in shown_table(monkeypatch)
+    assert "\x1b" not in shown_table(monkeypatch, NO_COLOR="1")
+    assert "\x1b" not in shown_table(monkeypatch, TERM="dumb")
+    assert "\x1b" not in shown_table(monkeypatch, tty=False, FORCE_COLOR="1")
 
 
 @pytest.mark.parametrize("columns", [30, 50, 80, 120])

@@ -78,7 +78,7 @@ def test_moving_constraint_asks_for_its_own_speed():
 def test_start_time_enters_the_constraints():
     text = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [6, 0, 0], velocity: [3, 0, 0]}\nholonomic:\n  f: a.x = 3*t\n"
     assert refused(text)
-    assert lagcli.simulate(lagcli.loads(text), start=2, duration=1)["a.x"][-1] == pytest.approx(9)
+    assert lagcli.simulate(lagcli.loads(text), start=2.0, duration=1)["a.x"][-1] == pytest.approx(9)
 
 
 @pytest.mark.parametrize(("error", "accepted"), [(1e-12, True), (1e-7, False)])

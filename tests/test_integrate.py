@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli import pipeline
 from lagcli.integrate import dop853, driver, tableau
 from lagcli.model import Simulation
 
@@ -140,12 +141,12 @@ def test_step_tolerance_is_tighter_than_the_asked_but_not_below_rounding():
 @pytest.mark.parametrize(
     ("start", "duration", "step", "expected"),
     [
-        (0, 1, 0.25, [0, 0.25, 0.5, 0.75, 1]),
-        (0, 1, 0.3, [0, 0.3, 0.6, 0.9, 1]),
-        (2, 1, 0.4, [2, 2.4, 2.8, 3]),
-        (-1, 0.5, 0.7, [-1, -0.5]),
-        (0, 0.7, 0.1, [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),
-        (0, 0.5, 0.5, [0, 0.5]),
+        (0.0, 1.0, 0.25, [0, 0.25, 0.5, 0.75, 1]),
+        (0.0, 1.0, 0.3, [0, 0.3, 0.6, 0.9, 1]),
+        (2.0, 1.0, 0.4, [2, 2.4, 2.8, 3]),
+        (-1.0, 0.5, 0.7, [-1, -0.5]),
+        (0.0, 0.7, 0.1, [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),
+        (0.0, 0.5, 0.5, [0, 0.5]),
     ],
 )
 def test_rows_stand_at_the_output_step_and_the_last_at_the_end(start, duration, step, expected):
@@ -155,7 +156,7 @@ def test_rows_stand_at_the_output_step_and_the_last_at_the_end(start, duration, 
     assert np.abs(table["x"] - np.cos(table.t - start)).max() <= 1e-12
 
 
-@pytest.mark.parametrize(("start", "duration"), [(0, 0.1), (0.1, 0.2), (1e3, 1 / 3), (-0.7, 2.3)])
+@pytest.mark.parametrize(("start", "duration"), [(0.0, 0.1), (0.1, 0.2), (1e3, 1 / 3), (-0.7, 2.3)])
 @pytest.mark.parametrize("samples", [2, 3, 7, 1001])
 def test_last_row_stands_at_start_plus_duration_exactly(start, duration, samples):
     table = lagcli.simulate(lagcli.loads(OSCILLATOR), start=start, duration=duration, samples=samples)
@@ -163,6 +164,15 @@ def test_last_row_stands_at_start_plus_duration_exactly(start, duration, samples
     assert table.t[-1] == start + duration
     assert table.t.size == samples
     assert np.all(np.diff(table.t) > 0)
+
+
+def test_start_may_be_a_whole_number():
+    text = "lagcli: 1\ncoordinates: {x: {}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 6*t}\n"
+    model = lagcli.loads(text)
+    # Looked at first: a clock of whole numbers would never advance, and the run never end.
+    assert isinstance(pipeline.run_settings(model, {"start": 2}).start, float)
+    table = lagcli.simulate(model, start=2, duration=1, samples=2)
+    assert table["rate(x)"][-1] == pytest.approx(3 * (3**2 - 2**2), rel=1e-12)
 
 
 def test_duration_of_zero_is_the_start_alone():

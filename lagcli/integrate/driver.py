@@ -151,7 +151,7 @@ class Run:
                 self._reached = end if last else t + h
                 proposal = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
                 # A step cut short by the end of the grid says nothing against the step it was cut from.
-                return max(h, proposal) if last else proposal
+                return float(max(h, proposal) if last else proposal)
             self.account.rejected += 1
             grow = 1.0
             # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
