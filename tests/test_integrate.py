@@ -45,7 +45,7 @@ def test_weights_do_not_integrate_the_eighth_power():
         (B @ A @ c**2, 1 / 12),
         (B @ A @ A @ c, 1 / 24),
         (B @ A @ c**3, 1 / 20),
-        (B * c**2 @ A @ c**2, 1 / 15),
+        (B * c**2 @ A @ c**2, 1 / 18),
         (B @ A @ A @ A @ c, 1 / 120),
         (B @ A @ c**5, 1 / 42),
         (B * c @ A @ c**5, 1 / 48),
@@ -80,7 +80,7 @@ def test_order_of_the_step_is_eight():
             k[s] = 1 + h * A[s] @ k
         return abs(1 + h * B @ k - np.exp(h))
 
-    assert np.log2(error(1.0) / error(0.5)) == pytest.approx(9, abs=0.4)
+    assert np.log2(error(0.5) / error(0.25)) == pytest.approx(9, abs=0.4)
 
 
 # Dense output.
@@ -240,31 +240,38 @@ def test_pole_of_a_force_in_time_stops_before_it():
     stop = stopped(text, duration=2, samples=21)
     assert 0.99 < stop.t <= 1
     assert stop.trajectory.t[-1] < 1
+    # Promptly: rounding of the time does not make it creep.
+    assert stop.trajectory.stats.steps < 20000
     t = stop.trajectory.t
     assert np.abs(stop.trajectory["rate(x)"] + np.log(1 - t)).max() <= 1e-8
 
 
 def test_domain_of_a_function_that_ends_stops_the_run():
-    text = "lagcli: 1\ncoordinates: {x: {value: 1, rate: -1}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 0*log(x)}\n"
-    stop = stopped(text, duration=2, samples=21)
-    assert stop.t == pytest.approx(1, abs=1e-2)
-    assert np.abs(stop.trajectory["x"] - 1 + stop.trajectory.t).max() <= 1e-12
+    text = "lagcli: 1\ncoordinates: {x: {value: 1, rate: -1}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 0.1*log(x)}\n"
+    stop = stopped(text, duration=2.0, samples=21)
+    x, v = stop.trajectory["x"], stop.trajectory["rate(x)"]
+    assert 0 < x[-1] < 0.15
+    # v^2/2 - 0.1 (x log x - x) stays.
+    assert np.abs(v**2 / 2 - 0.1 * (x * np.log(x) - x) - 0.6).max() <= 1e-10
 
 
 def test_constraints_that_become_dependent_stop_the_run():
-    # The crank of a slider that reaches the end of its reach: at u = 0 both rods lie on the line of the slider.
+    # Two rods of length one from a to hooks that part: at t = 1 they lie on one line.
     text = """
 lagcli: 1
-parameters: {u0: 0.7}
-coordinates: {u: {value: u0, rate: -1}, x: {value: 0}}
-lagrangian: (rate(u)**2 + rate(x)**2)/2
+particles:
+  a: {mass: 1, position: [0.5, sqrt(3)/2, 0], velocity: [0.5, -1/(2*sqrt(3)), 0]}
 holonomic:
-  surface: x = 0
-  touching: x + u**2*sin(t - 0.7)*0 + (t - 0.7)**2 - u**2 = 0
+  fixed: norm(a) = 1
+  moving: distance(a, [1 + t, 0, 0]) = 1
 """
-    stop = stopped(text, duration=2, samples=201)
-    assert stop.t == pytest.approx(0.7, abs=0.02)
-    assert stop.trajectory.t[-1] <= 0.7
+    stop = stopped(text, duration=2.0, samples=201)
+    assert stop.t == pytest.approx(1, abs=0.01)
+    table = stop.trajectory
+    assert table.t[-1] == pytest.approx(0.99, abs=0.011)
+    assert np.abs(table["a.x"] - (1 + table.t) / 2).max() <= 1e-12
+    late = table["lambda.fixed"][table.t > 0.9]
+    assert np.abs(late).max() > 10 * abs(table["lambda.fixed"][0])
 
 
 def test_surface_that_ends_stops_the_run():
@@ -282,10 +289,11 @@ def test_output_that_is_not_finite_stops_instead_of_writing_nan():
     assert "not finite" in str(stop)
 
 
-def test_acceleration_that_is_not_finite_at_the_start_stops_at_once():
+def test_acceleration_that_is_not_finite_at_the_start_is_refused():
     text = "lagcli: 1\ncoordinates: {x: {value: 0}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 1/x}\n"
-    stop = stopped(text, duration=1)
-    assert (stop.t, len(stop.trajectory.rows)) == (0, 0)
+    with pytest.raises(lagcli.ModelError) as caught:
+        lagcli.simulate(lagcli.loads(text), duration=1)
+    assert [d.code for d in caught.value.diagnostics] == ["not-finite-at-start"]
 
 
 def test_escape_in_finite_time_ends_promptly():
@@ -293,5 +301,6 @@ def test_escape_in_finite_time_ends_promptly():
     # x = 1/(1 - t).
     stop = stopped(text, duration=3, samples=31)
     assert stop.t == pytest.approx(1, abs=1e-6)
-    assert np.abs(stop.trajectory["x"] * (1 - stop.trajectory.t) - 1).max() <= 1e-8
+    before = stop.trajectory.t < 0.95
+    assert np.abs(stop.trajectory["x"] * (1 - stop.trajectory.t) - 1)[before].max() <= 1e-8
     assert stop.trajectory.stats.steps < 20000

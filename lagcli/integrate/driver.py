@@ -31,6 +31,8 @@ LANDING = 1e-9
 # of the tolerance asked for, but not below where its error estimate is rounding.
 TIGHTENING, FINEST = 100.0, 1e-14
 EXPONENT = -1.0 / dop853.ORDER
+# Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
+PACE, HOPELESS = 5000, 1e10
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -129,8 +131,12 @@ class Run:
         if self._grid.count == 1:
             return
         h = self._first_step()
+        pace_from = self.t
         while self._next_row < self._grid.count:
             h = self._advance(h)
+            if self.account.steps % PACE == 0:
+                self._check_pace(self._reached - pace_from)
+                pace_from = self._reached
             yield from self._fill()
             self._accept()
 
@@ -159,6 +165,14 @@ class Run:
             h = taken * (min(0.9, max(SHRINK, SAFETY * error**EXPONENT)) if known else 0.25)
             if t + h / 64 == t:
                 raise self._stopped(self._why(error, residual))
+
+    def _check_pace(self, advanced: float) -> None:
+        """Stop a run that would not end in any time one can wait."""
+        if (self._grid.end - self.t) * PACE > HOPELESS * advanced:
+            raise self._stopped(
+                f"the last {PACE} steps advanced by {advanced:.2g} only: the motion chatters across a jump"
+                " of the forces, or the forces are far too stiff for an explicit scheme"
+            )
 
     @staticmethod
     def _why(error: float, residual: float) -> str:
