@@ -20,6 +20,7 @@ import numpy.typing as npt
 from lagcli import rank
 from lagcli.classification import Alone
 from lagcli.compile import NumericSystem
+from lagcli.constraint_rows import MetricRows
 from lagcli.integrate import initial, projection
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
@@ -182,7 +183,7 @@ def _obstructed(system: System, points: list[State]) -> bool:
     curvature = ca.Function("curvature", [s.t, s.q, s.v, system.p], [J - J.T, everything])
     for point in points:
         Omega, rows = (np.array(part) for part in curvature(point.t, point.q, point.v, point.p))
-        basis = rank.null_basis(rank.unit(rows))
+        basis = rank.null_basis(_unit(rows))
         value = np.abs(basis.T @ Omega @ basis).max(initial=0.0)
         if value > rank.LARGE * max(1e-300, np.abs(Omega).max(initial=0.0)):
             return True
@@ -217,7 +218,7 @@ def _tangent_step(
 ) -> State | None:
     """The point after one random step along the kernel of the rows, as long as the curvature allows."""
     B = np.array(numeric.rows(here.t, here.q, here.v, here.p)[0])[whole]
-    tangent = rank.null_basis(rank.unit(B))
+    tangent = rank.null_basis(_unit(B))
     if tangent.shape[1] == 0:
         return here
     direction = tangent @ random.standard_normal(tangent.shape[1])
@@ -253,7 +254,7 @@ def _ranks(numeric: NumericSystem, points: list[State], whole: list[int]) -> _Ra
     for point in points:
         if _is_finite(numeric, point):
             rows = _normalized_rows(numeric, point)
-            found.whole.append(rank.rank(rows[whole]))
+            found.whole.append(rank.rank(rows.take(whole)))
             found.everything.append(rank.rank(rows))
     return found
 
@@ -275,6 +276,12 @@ def _metric(numeric: NumericSystem, point: State) -> Metric:
     return Metric(numeric.inertia(point.t, point.q, point.v, point.p))
 
 
-def _normalized_rows(numeric: NumericSystem, point: State) -> Floats:
-    B = np.array(numeric.rows(point.t, point.q, point.v, point.p)[0])
-    return rank.normalized(B, _metric(numeric, point))
+def _normalized_rows(numeric: NumericSystem, point: State) -> MetricRows:
+    B = numeric.rows(point.t, point.q, point.v, point.p)[0]
+    return MetricRows(B, _metric(numeric, point))
+
+
+def _unit(rows: Floats) -> Floats:
+    """Rows of length one; a row that vanishes stays zero."""
+    lengths = np.linalg.norm(rows, axis=1)
+    return np.asarray(rows / np.where(lengths > 0, lengths, 1.0)[:, None])

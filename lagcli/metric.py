@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -44,20 +45,21 @@ class Metric:
         self._whole = whole
         self._lower = np.linalg.cholesky(whole[np.ix_(self._free, self._free)])
 
-    def solve(self, X: Floats) -> Floats:
-        """M^-1 X for X (n,) or (n, k); zero where a coordinate is held."""
+    def whitened(self, B: Any) -> Any:
+        """B M^-1/2 (C, free), sparse: rows whose lengths and angles are those of the metric."""
+        free = np.flatnonzero(self._free).tolist()
         if self._masses is not None:
-            weights = np.where(self._free, 1.0 / self._masses, 0.0)
-            return np.asarray(X * (weights if X.ndim == 1 else weights[:, None]))
-        result = np.zeros_like(X)
-        result[self._free] = np.linalg.solve(self._lower.T, np.linalg.solve(self._lower, X[self._free]))
-        return result
+            return ca.mtimes(B[:, free], ca.diag(ca.DM(1.0 / np.sqrt(self._masses[free]))))
+        return ca.DM(np.linalg.solve(self._lower, np.array(B[:, free]).T).T)
 
-    def whitened(self, B: Floats) -> Floats:
-        """B M^-1/2 (C, free): rows whose lengths and angles are those of the metric."""
+    def unwhitened(self, u: Floats) -> Floats:
+        """M^-1/2 u (n,) for u (free,); zero where a coordinate is held."""
+        step = np.zeros(self._free.size)
         if self._masses is not None:
-            return np.asarray((B / np.sqrt(self._masses))[:, self._free])
-        return np.asarray(np.linalg.solve(self._lower, B[:, self._free].T).T)
+            step[self._free] = u / np.sqrt(self._masses[self._free])
+        else:
+            step[self._free] = np.linalg.solve(self._lower.T, u)
+        return step
 
     def length(self, step: Floats) -> float:
         """sqrt(step^T M step)."""

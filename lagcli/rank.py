@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.metric import Metric
+from lagcli.constraint_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
 
@@ -29,7 +29,6 @@ class Rank:
 
     low: int
     high: int
-    singular_values: Floats
     dependences: Floats
 
     @property
@@ -38,35 +37,26 @@ class Rank:
         return self.low if self.low == self.high else None
 
 
-def normalized(B: Floats, metric: Metric) -> Floats:
-    """Rows of B M^-1/2 of length one; shape (C, n)."""
-    return unit(metric.whitened(B))
+def rank(rows: MetricRows) -> Rank:
+    """Rank of C rows in the mass metric."""
+    if rows.are_independent:
+        return Rank(rows.count, rows.count, np.zeros((0, rows.count)))
+    sigma = np.zeros(rows.count)
+    found = np.linalg.svd(rows.dense, compute_uv=False)
+    sigma[: found.size] = found
+    large, small = int((sigma > LARGE).sum()), int((sigma > SMALL).sum())
+    if large == rows.count:
+        return Rank(large, small, np.zeros((0, rows.count)))
+    return Rank(large, small, np.linalg.svd(rows.dense)[0].T[large:])
 
 
-def unit(rows: Floats) -> Floats:
-    """Rows of length one; a row that vanishes stays zero."""
-    lengths = np.linalg.norm(rows, axis=1)
-    return np.asarray(rows / np.where(lengths > 0, lengths, 1.0)[:, None])
-
-
-def rank(rows: Floats) -> Rank:
-    """Rank of normalized rows (C, n)."""
-    if rows.shape[0] == 0:
-        return Rank(0, 0, np.zeros(0), np.zeros((0, 0)))
-    padded = np.zeros(rows.shape[0])
-    sigma = np.linalg.svd(rows, compute_uv=False)
-    padded[: sigma.size] = sigma
-    large, small = int((padded > LARGE).sum()), int((padded > SMALL).sum())
-    if large == rows.shape[0]:
-        return Rank(large, small, padded, np.zeros((0, rows.shape[0])))
-    return Rank(large, small, padded, np.linalg.svd(rows)[0].T[large:])
-
-
-def redundant(rows: Floats) -> npt.NDArray[np.bool_]:
+def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
     """Which rows depend on rows before them (Gram-Schmidt in their order, twice for rounding)."""
-    basis = np.zeros((0, rows.shape[1]))
-    flags = np.zeros(rows.shape[0], dtype=bool)
-    for i, row in enumerate(rows):
+    flags = np.zeros(rows.count, dtype=bool)
+    if rows.are_independent:
+        return flags
+    basis = np.zeros((0, rows.dense.shape[1]))
+    for i, row in enumerate(rows.dense):
         rest = row.copy()
         for _ in range(2):
             rest -= basis.T @ (basis @ rest)
@@ -78,7 +68,7 @@ def redundant(rows: Floats) -> npt.NDArray[np.bool_]:
 
 
 def null_basis(rows: Floats) -> Floats:
-    """An orthonormal basis of the kernel of the rows, shape (n, n - rank)."""
+    """An orthonormal basis of the kernel of rows (C, n) of about length one, shape (n, n - rank)."""
     if rows.shape[0] == 0:
         return np.eye(rows.shape[1])
     _, sigma, Vt = np.linalg.svd(rows, full_matrices=True)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lagcli import diagnostics, rank
 from lagcli.compile import NumericSystem
+from lagcli.constraint_rows import MetricRows, Rows
 from lagcli.integrate import projection
 from lagcli.mechanics import system as mechanics
 from lagcli.mechanics.system import System
@@ -114,37 +115,34 @@ def require_finite(system: System, numeric: NumericSystem, state: State) -> None
 
 def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals:
     """How far a state is from the constraints. Raises `diagnostics.ModelError` where a row is not finite."""
-    f, _ = numeric.whole(state.t, state.q, state.p)
-    B, b = (np.array(part) for part in numeric.rows(state.t, state.q, state.v, state.p))
-    f, b = np.array(f).ravel(), b.ravel()
-    bad = [i for i in range(len(b)) if not (np.isfinite(B[i]).all() and np.isfinite(b[i]))]
-    bad += [i for i in range(len(f)) if not np.isfinite(f[i]) and i not in bad]
-    if bad:
-        row = system.rows.rows[min(bad)]
+    f = np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
+    B, b = numeric.rows(state.t, state.q, state.v, state.p)
+    rows, b = Rows(B), np.array(b).ravel()
+    s = f.size
+    good = rows.are_finite() & np.isfinite(b)
+    good[:s] &= np.isfinite(f)
+    if not good.all():
+        row = system.rows.rows[int(np.argmin(good))]
         message = f"the constraint `{row.name}` or its gradient is not finite at the start"
         hint = "move the start off the pole, or write the constraint without it (for example squared)"
         raise diagnostics.ModelError(
             [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
         )
-    norms = np.linalg.norm(B, axis=1)
-    norms = np.where(norms > 0, norms, 1.0)
-    s = f.size
-    filled = B != 0
-    size = _sizes(filled[:s], state.q)
-    speed = np.maximum(_sizes(filled, state.v), np.abs(b) / norms)
+    norms = rows.divisors
+    speed = np.maximum(_sizes(rows, state.v), np.abs(b) / norms)
     return Residuals(
         np.abs(f) / norms[:s],
-        np.abs(B @ state.v + b) / norms,
-        CONSISTENT * size,
+        np.abs(rows.times(state.v) + b) / norms,
+        CONSISTENT * _sizes(rows, state.q)[:s],
         CONSISTENT * speed,
     )
 
 
-def _sizes(filled: npt.NDArray[np.bool_], values: Floats) -> Floats:
+def _sizes(rows: Rows, values: Floats) -> Floats:
     """The largest |value| a row touches, but no less than a small part of the largest of all: a coordinate near
     zero carries the rounding of what it was computed from."""
-    touched = np.max(np.where(filled, np.abs(values), 0.0), axis=1, initial=0.0)
-    return np.asarray(np.maximum(touched, LEAST * np.abs(values).max(initial=0.0)))
+    sizes = np.abs(values)
+    return np.asarray(np.maximum(rows.largest(sizes), LEAST * sizes.max(initial=0.0)))
 
 
 def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagnostic]:
@@ -174,8 +172,8 @@ def require_consistent(system: System, found: Residuals) -> None:
 
 def require_independent(system: System, numeric: NumericSystem, state: State, metric: Metric) -> None:
     """Raise `diagnostics.ModelError` naming the rows that are dependent at a state."""
-    B = np.array(numeric.rows(state.t, state.q, state.v, state.p)[0])
-    found = rank.rank(rank.normalized(B, metric))
+    B = numeric.rows(state.t, state.q, state.v, state.p)[0]
+    found = rank.rank(MetricRows(B, metric))
     if found.value == B.shape[0]:
         return
     report = []
@@ -220,8 +218,8 @@ def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[s
         raise no_configuration(system, numeric, dataclasses.replace(state, q=failure.q), keep) from None
     there = dataclasses.replace(state, q=q)
     metric = inertia(system, numeric, there, fixed)
-    B, b = (np.array(part) for part in numeric.rows(state.t, q, state.v, state.p))
-    v = projection.velocity(state.v, B, b.ravel(), metric)
+    B, b = numeric.rows(state.t, q, state.v, state.p)
+    v = projection.velocity(state.v, B, np.array(b).ravel(), metric)
     there = dataclasses.replace(there, v=v)
     left = residuals(system, numeric, there)
     if not left.consistent:

@@ -6,10 +6,13 @@ Near the surface the integrator's own compiled projection does this at every ste
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compile import NumericSystem
+from lagcli.constraint_rows import MetricRows, Rows
 from lagcli.metric import Metric
 
 Floats = npt.NDArray[np.float64]
@@ -37,22 +40,17 @@ class Surface:
     def __init__(self, numeric: NumericSystem, t: float, p: Floats, metric: Metric) -> None:
         self._numeric, self._t, self._p, self._metric = numeric, t, p, metric
 
-    def rows(self, q: Floats) -> tuple[Floats, Floats]:
-        """f (s,) and B (s, n)."""
+    def rows(self, q: Floats) -> tuple[Floats, Any]:
+        """f (s,) and B (s, n), sparse."""
         f, B = self._numeric.whole(self._t, q, self._p)
-        return np.array(f).ravel(), np.array(B)
+        return np.array(f).ravel(), B
 
     def residual(self, q: Floats) -> float:
         """Largest |f_i| / |B_i|."""
         f, B = self.rows(q)
-        if not (np.isfinite(f).all() and np.isfinite(B).all()):
+        if not _are_finite(f, B):
             return float("inf")
-        norms = np.linalg.norm(B, axis=1)
-        return float(np.max(np.abs(f) / np.where(norms > 0, norms, 1.0), initial=0.0))
-
-    def _newton(self, f: Floats, B: Floats) -> Floats:
-        """The smallest step in the metric that solves B step = -f in the least squares sense."""
-        return _correction(self._metric, B, f)
+        return float(np.max(np.abs(f) / Rows(B).divisors, initial=0.0))
 
     def feasible(self, q: Floats) -> Floats:
         """A point of the surface by damped Newton steps. Raises `NoConfiguration`."""
@@ -62,9 +60,9 @@ class Surface:
             if residual <= CONVERGED * size:
                 return q
             f, B = self.rows(q)
-            if not (np.isfinite(f).all() and np.isfinite(B).all()):
+            if not _are_finite(f, B):
                 break
-            step = self._newton(f, B)
+            step = MetricRows(B, self._metric).correction(f)
             factor, new = 1.0, q
             for _ in range(MAX_HALVINGS):
                 new = q + factor * step
@@ -92,9 +90,9 @@ class Surface:
             if residual <= CONVERGED * size and (residual <= SQUARED * before or before <= CONVERGED * size):
                 return q
             f, B = self.rows(q)
-            if not (np.isfinite(f).all() and np.isfinite(B).all()):
+            if not _are_finite(f, B):
                 return None
-            q = q + self._newton(f, B)
+            q = q + MetricRows(B, self._metric).correction(f)
             before, residual = residual, self.residual(q)
         return None
 
@@ -109,7 +107,7 @@ class Surface:
         size = float(np.abs(q0).max(initial=0.0)) or 1.0
         for _ in range(MAX_STEPS):
             f, B = self.rows(q)
-            step = self._newton(f + B @ (q0 - q), B)
+            step = MetricRows(B, self._metric).correction(f + Rows(B).times(q0 - q))
             try:
                 new = self.feasible(q0 + step)
             except NoConfiguration:
@@ -123,20 +121,16 @@ class Surface:
         return best
 
 
-def velocity(v: Floats, B: Floats, b: Floats, metric: Metric) -> Floats:
+def velocity(v: Floats, B: Any, b: Floats, metric: Metric) -> Floats:
     """The nearest v with B v + b = 0 in the metric. Shapes (n,), (C, n), (C,).
 
     Where the rows contradict each other the result leaves a residual.
     """
+    rows = MetricRows(B, metric)
     for _ in range(2):  # the second pass removes the rounding of the first
-        v = v + _correction(metric, B, B @ v + b)
+        v = v + rows.correction(Rows(B).times(v) + b)
     return v
 
 
-def _correction(metric: Metric, B: Floats, residual: Floats) -> Floats:
-    """The smallest step in the metric that solves B step = -residual, in the least squares sense."""
-    norms = np.linalg.norm(B, axis=1)
-    scale = 1.0 / np.where(norms > 0, norms, 1.0)
-    A = B * scale[:, None]
-    S = A @ metric.solve(A.T)
-    return np.asarray(-metric.solve(A.T @ np.linalg.lstsq(S, residual * scale, rcond=1e-12)[0]))
+def _are_finite(f: Floats, B: Any) -> bool:
+    return bool(np.isfinite(f).all() and np.isfinite(B.nonzeros()).all())

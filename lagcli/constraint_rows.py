@@ -1,0 +1,137 @@
+"""The constraint rows at one configuration: their size, their independence, and steps along them.
+
+B (C, n) stays sparse: what is asked of independent rows is answered with the sparse factors of their Gram
+matrix, and only rows that may be dependent are looked at densely.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.metric import Metric
+
+Floats = npt.NDArray[np.float64]
+
+# Inverse iterations for the smallest singular value; each gains at least a digit unless others lie close to it,
+# and then any of them will do.
+ITERATIONS = 12
+# Where the Gram matrix shows a smaller value than this, its own rounding is in the way.
+CERTAIN = 3e-5
+SHIFT = 1e-14
+
+
+class Rows:
+    """Rows B (C, n), a sparse CasADi matrix of numbers, by their entries."""
+
+    def __init__(self, B: Any) -> None:
+        self.B = B
+        rows, columns = B.sparsity().get_triplet()
+        self.row = np.asarray(rows, dtype=np.intp)
+        self.column = np.asarray(columns, dtype=np.intp)
+        self.values = np.array(B.nonzeros(), dtype=float)
+
+    @property
+    def count(self) -> int:
+        """C."""
+        return int(self.B.shape[0])
+
+    @property
+    def norms(self) -> Floats:
+        """|B_i|, (C,)."""
+        return np.sqrt(self._summed(self.values**2))
+
+    @property
+    def divisors(self) -> Floats:
+        """|B_i|, and 1 for a row that vanishes."""
+        return np.where(self.norms > 0, self.norms, 1.0)
+
+    def times(self, v: Floats) -> Floats:
+        """B v, (C,)."""
+        return self._summed(self.values * v[self.column])
+
+    def largest(self, sizes: Floats) -> Floats:
+        """The largest of the sizes (n,) that each row touches with an entry that is not zero, (C,)."""
+        found = np.zeros(self.count)
+        touching = self.values != 0
+        np.maximum.at(found, self.row[touching], sizes[self.column[touching]])
+        return found
+
+    def are_finite(self) -> npt.NDArray[np.bool_]:
+        """Whether all entries of a row are finite, (C,)."""
+        good = np.ones(self.count, dtype=bool)
+        good[self.row[~np.isfinite(self.values)]] = False
+        return good
+
+    def _summed(self, entries: Floats) -> Floats:
+        return np.asarray(np.bincount(self.row, weights=entries, minlength=self.count), dtype=float)
+
+
+class MetricRows:
+    """Rows in the mass metric, B M^-1/2, each of length one (a row that vanishes stays zero)."""
+
+    def __init__(self, B: Any, metric: Metric) -> None:
+        self._metric = metric
+        rows = Rows(metric.whitened(B))
+        self._lengths = rows.divisors
+        self._unit = ca.DM(rows.B.sparsity(), ca.DM(rows.values / self._lengths[rows.row]))
+        self.count = rows.count
+
+    def take(self, indices: list[int]) -> MetricRows:
+        """The same of some of the rows."""
+        part = object.__new__(MetricRows)
+        part._metric, part._lengths = self._metric, self._lengths[indices]
+        part._unit, part.count = self._unit[indices, :], len(indices)
+        return part
+
+    @cached_property
+    def dense(self) -> Floats:
+        """The rows as an array (C, free)."""
+        return np.array(self._unit)
+
+    @cached_property
+    def _gram(self) -> Any:
+        return ca.mtimes(self._unit, self._unit.T)
+
+    @cached_property
+    def _factors(self) -> Any:
+        return ca.Linsol("gram", "ldl", self._gram.sparsity())
+
+    @cached_property
+    def are_independent(self) -> bool:
+        """Whether the smallest singular value is certainly far above rounding.
+
+        Inverse iteration on the Gram matrix, whose smallest eigenvalue is the square of that value.
+        """
+        if self.count == 0:
+            return True
+        if self.count > self._unit.shape[1] or 0 in self._norms_of_units():
+            return False
+        # Exactly dependent rows would leave a zero to divide by; the shift is far below what is asked for.
+        shifted = self._gram + SHIFT * ca.DM.eye(self.count)
+        x = np.random.default_rng(0).standard_normal(self.count)
+        value = 0.0
+        for _ in range(ITERATIONS):
+            x = np.array(self._factors.solve(shifted, ca.DM(x))).ravel()
+            length = float(np.linalg.norm(x))
+            if not np.isfinite(length) or length == 0.0:
+                return False
+            value = 1.0 / length
+            x = x / length
+        return value > CERTAIN**2
+
+    def _norms_of_units(self) -> Floats:
+        return Rows(self._unit).norms
+
+    def correction(self, residual: Floats) -> Floats:
+        """The smallest step (n,) in the metric that solves B step = -residual, by least squares if it must."""
+        scaled = residual / self._lengths
+        if self.are_independent:
+            weights = np.array(self._factors.solve(self._gram, ca.DM(scaled))).ravel()
+        else:
+            weights = np.linalg.lstsq(np.array(self._gram), scaled, rcond=1e-12)[0]
+        return -self._metric.unwhitened(np.array(ca.mtimes(self._unit.T, ca.DM(weights))).ravel())
