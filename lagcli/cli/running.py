@@ -135,7 +135,8 @@ def _write_rows(
         except driver.Stopped as stop:
             stopped = stop
         except signals.Interrupted:
-            _keep_partial(sink)
+            if sink is not None and wishes.file is not None:
+                _keep_partial(sink)
             raise
         with signals.shielded():
             if sink is not None:
@@ -165,11 +166,10 @@ def _sink(wishes: Wishes, names: list[str]) -> Iterator[tables.Sink | None]:
             yield sink
 
 
-def _keep_partial(sink: tables.Sink | None) -> None:
+def _keep_partial(sink: tables.Sink) -> None:
     with signals.shielded():
-        path = None if sink is None else sink.keep_partial()
-        if path is not None:
-            exits.say(f"lagcli: interrupted; the complete rows are in {path}")
+        path = sink.keep_partial()
+        exits.say(f"lagcli: interrupted; the complete rows are in {path}")
 
 
 def _finish(ready: pipeline.Running, wishes: Wishes, kept: list[Floats]) -> None:

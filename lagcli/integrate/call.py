@@ -24,6 +24,8 @@ class Call:
         for i, array in enumerate(arguments):
             self._buffer.set_arg(i, memoryview(array.data))
         for i in range(function.n_out()):
+            # A buffer holds the entries of the pattern only: of a sparse result the places would be lost.
+            assert function.sparsity_out(i).is_dense(), (function.name(), i)
             shape = (function.size1_out(i), function.size2_out(i))
             array = np.zeros(shape, order="F") if shape[1] > 1 else np.zeros(shape[0])
             self._buffer.set_res(i, memoryview((array.T if array.ndim > 1 else array).data))

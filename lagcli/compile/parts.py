@@ -1,0 +1,79 @@
+"""The expressions that all compiled functions are made of, with their common subexpressions shared."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+
+from lagcli.mechanics.system import System
+
+# Below this a norm is taken as zero where it divides; B has no row without entries.
+TINY = 1e-300
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Parts:
+    """The expressions of (D.24) with their common subexpressions shared, and the reaction B^T lambda."""
+
+    t: Any
+    y: Any
+    p: Any
+    v: Any
+    f: Any
+    B: Any
+    b: Any
+    gamma: Any
+    M: Any
+    h: Any
+    power: Any
+    reaction: Callable[[Any], Any]
+
+    @property
+    def inputs(self) -> list[Any]:
+        """The arguments (t, y, p) of every function."""
+        return [self.t, self.y, self.p]
+
+    @property
+    def B_whole(self) -> Any:
+        """The rows of B that belong to f."""
+        return self.B[: self.f.numel(), :]
+
+
+def parts(system: System) -> Parts:
+    """The shared expressions of a system."""
+    rows, dynamics = system.rows, system.dynamics
+    t, v = system.symbols.t, system.symbols.v
+    y = ca.vertcat(system.symbols.q, v, ca.SX.sym("W"))
+    # Shared here, before the factorizations, which are large and have nothing left to share.
+    f, B, b, gamma, M, h, power, Q_R = ca.cse(
+        [rows.f, rows.B, rows.b, rows.gamma, dynamics.M, dynamics.h, dynamics.power, system.Q_R]
+    )
+    return Parts(
+        t, y, system.p, v, f, B, b, gamma, M, h, power, lambda lam: ca.substitute(Q_R, system.lam, lam)
+    )  # fmt: skip
+
+
+def state_rate(parts: Parts, a: Any, lam: Any) -> Any:
+    """y' = (v, a, power - lambda . b)."""
+    return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b)))
+
+
+def position_residual(parts: Parts) -> Any:
+    """Largest |f_i| / |B_i|, a length where q are lengths."""
+    if parts.f.numel() == 0:
+        return ca.SX(0)
+    return ca.mmax(ca.fabs(parts.f) / _row_norms(parts.B_whole))
+
+
+def velocity_residual(parts: Parts) -> Any:
+    """Largest |B_i v + b_i| / |B_i|."""
+    if parts.B.shape[0] == 0:
+        return ca.SX(0)
+    return ca.mmax(ca.fabs(parts.B @ parts.v + parts.b) / _row_norms(parts.B))
+
+
+def _row_norms(B: Any) -> Any:
+    return ca.sqrt(ca.sum2(B * B)) + TINY

@@ -1,0 +1,38 @@
+"""One row of the table at a landed state, and the figures the account of a run is made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from lagcli.compile import parts as shared
+from lagcli.compile.parts import Parts
+from lagcli.mechanics.system import System
+
+
+def table(system: System, parts: Parts) -> Any:
+    """table(t, y, y', lambda, p) -> one row of the table without t, and the figures the account is made of."""
+    model, dynamics, symbols = system.model, system.dynamics, system.symbols
+    values = []
+    for k in range(len(model.particles)):
+        values += [system.r[3 * k : 3 * k + 3], system.r_dot[3 * k : 3 * k + 3]]
+    n = symbols.q.numel()
+    first = n - len(model.coordinates)
+    for j in range(len(model.coordinates)):
+        values += [symbols.q[first + j], symbols.v[first + j]]
+    values += [system.lam, system.R, system.Q_R[first:], dynamics.energy, system.outputs]
+    account = ca.vertcat(
+        shared.position_residual(parts),
+        shared.velocity_residual(parts),
+        dynamics.jacobi,
+        dynamics.kinetic,
+        dynamics.potential,
+    )
+    rate = ca.SX.sym("rate", parts.y.numel())
+    row, account = ca.substitute(
+        [ca.densify(ca.vertcat(*values)), ca.densify(account)], [system.a], [rate[n : 2 * n]]
+    )
+    return ca.Function(
+        "table", [symbols.t, parts.y, rate, system.lam, system.p], [row, account], {"cse": True}
+    )
