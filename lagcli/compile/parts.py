@@ -12,6 +12,7 @@ from lagcli.mechanics.system import System
 
 # Below this a norm is taken as zero where it divides; B has no row without entries.
 TINY = 1e-300
+SHARED_ENTRIES = 2000
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -47,10 +48,12 @@ def parts(system: System) -> Parts:
     rows, dynamics = system.rows, system.dynamics
     t, v = system.symbols.t, system.symbols.v
     y = ca.vertcat(system.symbols.q, v, ca.SX.sym("W"))
-    # Shared here, before the factorizations, which are large and have nothing left to share.
-    f, B, b, gamma, M, h, power, Q_R = ca.cse(
-        [rows.f, rows.B, rows.b, rows.gamma, dynamics.M, dynamics.h, dynamics.power, system.Q_R]
-    )
+    expressions = [rows.f, rows.B, rows.b, rows.gamma, dynamics.M, dynamics.h, dynamics.power, system.Q_R]
+    # Shared here, before the factorizations, which are large and have nothing left to share. The search takes
+    # time that grows faster than the model, and large models repeat small parts that share nothing.
+    if rows.B.nnz() <= SHARED_ENTRIES:
+        expressions = ca.cse(expressions)
+    f, B, b, gamma, M, h, power, Q_R = expressions
     return Parts(
         t, y, system.p, v, f, B, b, gamma, M, h, power, lambda lam: ca.substitute(Q_R, system.lam, lam)
     )  # fmt: skip

@@ -18,8 +18,8 @@ def solver(matrix: Any) -> Solve:
     if n == 0:
         return lambda right: right
     if matrix.sparsity().is_diag():
-        diagonal = ca.diag(matrix)
-        return lambda right: right / ca.repmat(diagonal, 1, right.shape[1])
+        inverse = ca.diag(1 / ca.diag(matrix))
+        return lambda right: ca.mtimes(inverse, right)
     D, LT, order = ca.ldl(matrix)
     return lambda right: ca.ldl_solve(right, D, LT, order)
 
