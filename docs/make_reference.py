@@ -1,0 +1,116 @@
+"""Writes the generated parts of docs/reference from the tables of the code: `python docs/make_reference.py`.
+
+A part stands between `<!-- generated: NAME -->` and `<!-- end -->`; the text around it is written by hand.
+"""
+
+from __future__ import annotations
+
+import pathlib
+import re
+import sys
+import textwrap
+from collections.abc import Callable, Iterator
+
+from lagcli import catalogue
+from lagcli.expression import evaluate
+from lagcli.reader import keys, scope
+
+HERE = pathlib.Path(__file__).parent / "reference"
+PART = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def key_table() -> str:
+    """Every key of the format, one line each, with its path."""
+    lines = ["| key | holds | meaning | default |", "| --- | --- | --- | --- |"]
+    for path, key in _walk(keys.FORMAT, ""):
+        notes = ["required"] if key.required else []
+        notes += [] if key.supported else ["not supported yet"]
+        meaning = key.meaning + (f" ({', '.join(notes)})" if notes else "")
+        default = f"`{key.default}`" if key.default else ""
+        lines.append(f"| `{path}` | {key.holds} | {meaning} | {default} |")
+    return "\n".join(lines)
+
+
+def _walk(parent: keys.Key, prefix: str) -> Iterator[tuple[str, keys.Key]]:
+    for key in parent.keys:
+        path = prefix + key.name
+        yield (f"{path}.NAME" if key.entries else path), key
+        yield from _walk(key, f"{path}.NAME." if key.entries else f"{path}.")
+
+
+def reserved_names() -> str:
+    """Names that may not be taken."""
+    everywhere, columns = _listed(scope.RESERVED), _listed(scope.NOT_FOR_COLUMNS)
+    return (
+        f"Reserved everywhere: {everywhere}. Particles, coordinates and outputs may not be called {columns}."
+    )
+
+
+def function_table() -> str:
+    """The functions of expressions, by what they take."""
+    one = [name for name, count in evaluate.SCALAR_FUNCTIONS.items() if count == 1]
+    two = [name for name, count in evaluate.SCALAR_FUNCTIONS.items() if count == 2]
+    vectors = [f"{name}({', '.join('uw'[:count])})" for name, count in evaluate.VECTOR_FUNCTIONS.items()]
+    rows = [
+        ("a scalar", _listed(one)),
+        ("two scalars", _listed(two)),
+        ("two or more scalars", _listed(evaluate.MANY_ARGUMENT_FUNCTIONS)),
+        ("vectors", _listed(vectors)),
+    ]
+    return "\n".join(["| of | functions |", "| --- | --- |", *(f"| {of} | {names} |" for of, names in rows)])
+
+
+def error_pages() -> str:
+    """The catalogue of messages, one heading each."""
+    return "\n\n".join(_error_page(code) for code in catalogue.codes())
+
+
+def _error_page(code: str) -> str:
+    page = catalogue.page(code)
+    assert page is not None, code
+    example = page.example.rstrip() or "(an empty file)"
+    cure = [page.cure] + ([_indented("\n".join(page.mended_lines))] if page.mended_lines else [])
+    head = f"## {code}" if page.severity == "error" else f"## {code} ({page.severity})"
+    return "\n\n".join([head, f"{page.meaning} {page.why}", _indented(example), *cure])
+
+
+def _indented(text: str) -> str:
+    return textwrap.indent(text, "    ")
+
+
+def _listed(names: tuple[str, ...] | list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "keys": key_table,
+    "names": reserved_names,
+    "functions": function_table,
+    "errors": error_pages,
+}
+
+
+def pages() -> Iterator[pathlib.Path]:
+    """The pages that hold generated parts."""
+    for page in sorted(HERE.glob("*.md")):
+        if PART.search(page.read_text(encoding="utf-8")):
+            yield page
+
+
+def made(text: str) -> str:
+    """The text of a page with its parts made anew."""
+    return PART.sub(lambda match: f"{match[1]}{PARTS[match[2]]()}\n{match[3]}", text)
+
+
+def main() -> None:
+    """Write the pages that changed."""
+    for page in pages():
+        old = page.read_text(encoding="utf-8")
+        new = made(old)
+        if new != old:
+            page.write_text(new, encoding="utf-8")
+            sys.stdout.write(f"{page.name} written\n")
+
+
+if __name__ == "__main__":
+    main()
