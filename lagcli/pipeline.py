@@ -21,6 +21,7 @@ from lagcli.trajectory import SimulationStopped, Stats, Trajectory
 
 Floats = npt.NDArray[np.float64]
 
+REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol"))
 KEPT_SYSTEMS = 8  # compiled systems that stay for another run with other parameters
 
 
@@ -113,6 +114,8 @@ def run_settings(model: Model, changes: Mapping[str, Any]) -> Simulation:
     unknown = given.keys() - {field.name for field in dataclasses.fields(Simulation)}
     if unknown:
         raise TypeError(f"there is no setting `{min(unknown)}`")
+    for key in given.keys() & REAL_SETTINGS:
+        given[key] = float(given[key])
     if "samples" in given and "output_step" in given:
         raise ValueError("samples and output_step both say where the rows stand; give one of them")
     if "samples" in given:

@@ -1,8 +1,8 @@
 """Reference problems as model texts, in generalized coordinates and as real particles.
 
 Constraints are named h1, h2, ... (holonomic) and n1, n2, ... (differential), in the order of the reference
-multipliers. In the particle form the coordinates x, y, z with a common ending make one particle: x1, y1 belong
-to p1. Components the data do not name start at zero, at rest, and feel no force.
+multipliers. In the particle form the coordinates x, y, z with a common ending make one particle: x1, y1
+belong to p1. Components the data do not name start at zero, at rest, and feel no force.
 """
 
 import fractions
@@ -49,7 +49,7 @@ def grid(problem: dict) -> tuple[float, float]:
 
 
 def components(problem: dict) -> dict[str, str] | None:
-    """Coordinate -> component of a particle (`x1` -> `p1.x`), or None where coordinates are no such components."""
+    """Coordinate -> component of a particle (`x1` -> `p1.x`), or None where there is no such way."""
     if problem["form"] != "particles":
         return None
     found = {}

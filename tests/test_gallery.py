@@ -35,7 +35,11 @@ def state_columns(name):
     speeds = [f"{p.name}.v{axis}" for p in model.particles for axis in "xyz"]
     return (
         [i for i, c in enumerate(columns) if c in places or c in qs],
-        [i for i, c in enumerate(columns) if c in speeds or c.removeprefix("rate(").removesuffix(")") in qs - {c}],
+        [
+            i
+            for i, c in enumerate(columns)
+            if c in speeds or c.removeprefix("rate(").removesuffix(")") in qs - {c}
+        ],
     )
 
 
@@ -103,9 +107,13 @@ def test_runs_to_its_end_on_its_constraints(name):
     assert run.stats.energy_imbalance <= 1e-8
 
 
-@pytest.mark.parametrize(("name", "i"), CHECKS, ids=[f"{n}-{GALLERY[n]['checks'][i]['column']}" for n, i in CHECKS])
+@pytest.mark.parametrize(
+    ("name", "i"), CHECKS, ids=[f"{n}-{GALLERY[n]['checks'][i]['column']}" for n, i in CHECKS]
+)
 def test_number_from_its_closed_form(name, i):
     check = GALLERY[name]["checks"][i]
     run = table(name)
     (row,) = np.flatnonzero(np.abs(run.t - check["t"]) < 1e-9 * max(1.0, abs(check["t"])))
-    assert run[check["column"]][row] == pytest.approx(check["value"], rel=0, abs=check["tolerance"]), check["formula"]
+    assert run[check["column"]][row] == pytest.approx(check["value"], rel=0, abs=check["tolerance"]), check[
+        "formula"
+    ]

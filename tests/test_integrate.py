@@ -8,6 +8,16 @@ from lagcli import pipeline
 from lagcli.integrate import dop853, driver, tableau
 from lagcli.model import Simulation
 
+
+def driven(force, value=0, rate=0):
+    """x'' = force."""
+    start = f"{{value: {value}, rate: {rate}}}"
+    return (
+        f"lagcli: 1\ncoordinates: {{x: {start}}}\nlagrangian: rate(x)**2/2\n"
+        f"forces:\n  f: {{to: x, force: {force}}}\n"
+    )
+
+
 OSCILLATOR = "lagcli: 1\ncoordinates: {x: {value: 1}}\nlagrangian: rate(x)**2/2 - x**2/2\n"
 
 
@@ -102,7 +112,13 @@ def test_rows_between_steps_are_as_good_as_the_steps():
 
 
 def test_multipliers_and_constraints_between_steps():
-    text = "lagcli: 1\nparticles:\n  a: {mass: 2, position: [1.5, 0, 0], velocity: [0, 3, 0]}\nholonomic:\n  rod: norm(a) = 1.5\n"
+    text = """
+lagcli: 1
+particles:
+  a: {mass: 2, position: [1.5, 0, 0], velocity: [0, 3, 0]}
+holonomic:
+  rod: norm(a) = 1.5
+"""
     table = lagcli.simulate(lagcli.loads(text), duration=5, samples=5001)
     assert table.stats.steps < 1000
     assert np.abs(table["lambda.rod"] + 12).max() <= 1e-12 * 12
@@ -167,7 +183,7 @@ def test_last_row_stands_at_start_plus_duration_exactly(start, duration, samples
 
 
 def test_start_may_be_a_whole_number():
-    text = "lagcli: 1\ncoordinates: {x: {}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 6*t}\n"
+    text = driven("6*t")
     model = lagcli.loads(text)
     # Looked at first: a clock of whole numbers would never advance, and the run never end.
     assert isinstance(pipeline.run_settings(model, {"start": 2}).start, float)
@@ -222,7 +238,13 @@ def stopped(text, **options):
 
 
 def test_fall_into_a_centre_stops_with_the_rows_so_far():
-    text = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0]}\nforces:\n  pull: {to: a, force: -r/norm(r)**3}\n"
+    text = """
+lagcli: 1
+particles:
+  a: {mass: 1, position: [1, 0, 0]}
+forces:
+  pull: {to: a, force: -r/norm(r)**3}
+"""
     stop = stopped(text, duration=5, samples=501)
     # Free fall from rest at 1 under 1/x^2 takes pi/(2 sqrt(2)).
     assert stop.t == pytest.approx(np.pi / np.sqrt(8), abs=1e-6)
@@ -234,9 +256,7 @@ def test_fall_into_a_centre_stops_with_the_rows_so_far():
 
 
 def test_pole_of_a_force_in_time_stops_before_it():
-    text = (
-        "lagcli: 1\ncoordinates: {x: {}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 1/(1 - t)}\n"
-    )
+    text = driven("1/(1 - t)")
     stop = stopped(text, duration=2, samples=21)
     assert 0.99 < stop.t <= 1
     assert stop.trajectory.t[-1] < 1
@@ -247,7 +267,7 @@ def test_pole_of_a_force_in_time_stops_before_it():
 
 
 def test_domain_of_a_function_that_ends_stops_the_run():
-    text = "lagcli: 1\ncoordinates: {x: {value: 1, rate: -1}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 0.1*log(x)}\n"
+    text = driven("0.1*log(x)", value=1, rate=-1)
     stop = stopped(text, duration=2.0, samples=21)
     x, v = stop.trajectory["x"], stop.trajectory["rate(x)"]
     assert 0 < x[-1] < 0.15
@@ -276,7 +296,14 @@ holonomic:
 
 def test_surface_that_ends_stops_the_run():
     # A ring that shrinks to a point at t = 1.
-    text = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0], velocity: [-0.5, 1, 0]}\nholonomic:\n  ring: dot(a, a) = 1 - t\n  flat: a.z = 0\n"
+    text = """
+lagcli: 1
+particles:
+  a: {mass: 1, position: [1, 0, 0], velocity: [-0.5, 1, 0]}
+holonomic:
+  ring: dot(a, a) = 1 - t
+  flat: a.z = 0
+"""
     stop = stopped(text, duration=2, samples=21)
     assert 0.9 < stop.t <= 1
     assert stop.trajectory.t[-1] <= 1
@@ -290,14 +317,14 @@ def test_output_that_is_not_finite_stops_instead_of_writing_nan():
 
 
 def test_acceleration_that_is_not_finite_at_the_start_is_refused():
-    text = "lagcli: 1\ncoordinates: {x: {value: 0}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 1/x}\n"
+    text = driven("1/x")
     with pytest.raises(lagcli.ModelError) as caught:
         lagcli.simulate(lagcli.loads(text), duration=1)
     assert [d.code for d in caught.value.diagnostics] == ["not-finite-at-start"]
 
 
 def test_escape_in_finite_time_ends_promptly():
-    text = "lagcli: 1\ncoordinates: {x: {value: 1, rate: 1}}\nlagrangian: rate(x)**2/2\nforces:\n  f: {to: x, force: 2*x**3}\n"
+    text = driven("2*x**3", value=1, rate=1)
     # x = 1/(1 - t).
     stop = stopped(text, duration=3, samples=31)
     assert stop.t == pytest.approx(1, abs=1e-6)

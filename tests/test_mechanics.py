@@ -19,7 +19,7 @@ def run(text, **options):
 
 
 def close(found, expected, tolerance=1e-10):
-    """Whether found equals expected within a part of the largest expected value (or of 1 where all vanish)."""
+    """Whether found equals expected within a part of the largest expected value (of 1 where all vanish)."""
     found, expected = np.asarray(found), np.asarray(expected)
     scale = np.abs(expected).max() or 1.0
     return bool(np.abs(found - expected).max() <= tolerance * scale)

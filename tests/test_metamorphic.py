@@ -43,7 +43,7 @@ def rotated(writing, vector):
 
 
 def text(w):
-    """Three particles: a rod to the origin, a link, a table that moves, and a nonholonomic row; all kinds of forces."""
+    """Three particles on a rod, a link, a moving table and a nonholonomic row; forces of all kinds."""
     a, b, c = w.names
     # A constant force has the unit of m l/t^2, a stiffness m/t^2, a friction m/t.
     newton = w.mass / w.time**2  # times a length that `rotated` brings

@@ -1,4 +1,4 @@
-"""Reference problems: state, multipliers and reactions against trusted numbers, in both ways of writing them."""
+"""Reference problems: state, multipliers and reactions against trusted numbers, in both forms."""
 
 import functools
 
@@ -69,7 +69,9 @@ def gradients(name):
         constants[parameter] = sympy.sympify(text, locals=constants)
     letters = {q: sympy.Symbol(q, real=True) for q in (*problem["coords"], "t")}
     read = functools.partial(sympy.sympify, locals=letters | constants)
-    rows = [[sympy.diff(read(f), letters[q]) for q in problem["coords"]] for f in problem.get("holonomic", ())]
+    rows = [
+        [sympy.diff(read(f), letters[q]) for q in problem["coords"]] for f in problem.get("holonomic", ())
+    ]
     rows += [[read(form.get(q, "0")) for q in problem["coords"]] for form in problem.get("pfaffian", ())]
     return sympy.lambdify([letters["t"], *(letters[q] for q in problem["coords"])], sympy.Matrix(rows))
 
@@ -105,7 +107,10 @@ def test_reactions_are_the_sum_of_multipliers_times_gradients(name, form):
     for point, reaction in zip(problem["reference"], expected, strict=True):
         i = row_at(table, point["t"])
         for q, column in force.items():
-            assert table[column][i] == pytest.approx(reaction[q], rel=0, abs=MULTIPLIER * scale), (q, point["t"])
+            assert table[column][i] == pytest.approx(reaction[q], rel=0, abs=MULTIPLIER * scale), (
+                q,
+                point["t"],
+            )
 
 
 @pytest.mark.parametrize("name", WITH_PARTICLES)

@@ -22,6 +22,7 @@ class Call:
         self._function = function  # the buffer does not keep it alive
         self.results: list[Floats] = []
         for i, array in enumerate(arguments):
+            assert array.dtype == np.float64, (function.name(), i)
             self._buffer.set_arg(i, memoryview(array.data))
         for i in range(function.n_out()):
             # A buffer holds the entries of the pattern only: of a sparse result the places would be lost.

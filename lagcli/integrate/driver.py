@@ -74,7 +74,7 @@ class Run:
         self._grid = grid
         self._next_row = 0
         n = numeric.n
-        self._t, self._h = np.array([grid.start]), np.zeros(1)
+        self._t, self._h = np.array([grid.start], dtype=float), np.zeros(1)
         self._y = np.concatenate([*state, [0.0]])
         self._k = np.zeros(2 * n + 1)
         self._p = np.ascontiguousarray(p, dtype=float)
