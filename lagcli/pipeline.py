@@ -144,8 +144,8 @@ class Running:
             start = self.assembly.state
         else:
             initial.require_consistent(built, residuals)
-        initial.require_finite(built, numeric, start)
         initial.require_independent(built, numeric, start, metric)
+        initial.require_finite(built, numeric, start)
         self.model = model
         self.warnings = (*model.warnings, *built.warnings)
         self.columns = ("t", *built.columns)

@@ -24,6 +24,7 @@ from lagcli.model import Simulation
 Floats = npt.NDArray[np.float64]
 
 BLOCK_VALUES = 2**16  # numbers in a block of rows
+PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed out: for progress and interrupts
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
 # A landed state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
 LANDING = 1e-9
@@ -93,33 +94,37 @@ class Run:
         self._h_cell = cast("memoryview[float]", memoryview(self._h.data))
 
     def blocks(self) -> Iterator[Floats]:
-        """Blocks of complete rows, shape (k, 1 + columns), t first. Raises `Stopped` after the last good row."""
+        """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty.
+
+        Raises `Stopped` after the last good row.
+        """
         width = 1 + self._record.results[1].size
         block = np.zeros((max(1, min(self._grid.count, BLOCK_VALUES // width)), width))
-        filled = 0
-        began = time.perf_counter()
         rows = self._rows()
-        while True:
+        stop: Stopped | None = None
+        going = True
+        while going:
+            began = time.perf_counter()
+            filled = 0
             try:
-                row = next(rows, None)
-            except Stopped:
-                self.account.solve_seconds += time.perf_counter() - began
-                if filled:
-                    yield block[:filled].copy()
-                raise
-            if row is not None:
-                block[filled] = row
-                filled += 1
-            if filled == len(block) or (row is None and filled):
-                self.account.solve_seconds += time.perf_counter() - began
+                for row in rows:
+                    if row is not None:
+                        block[filled] = row
+                        filled += 1
+                    if filled == len(block) or time.perf_counter() - began > PAUSE:
+                        break
+                else:
+                    going = False
+            except Stopped as stopped:
+                stop, going = stopped, False
+            self.account.solve_seconds += time.perf_counter() - began
+            if filled or going:
                 yield block[:filled].copy()
-                began = time.perf_counter()
-                filled = 0
-            if row is None:
-                self.account.solve_seconds += time.perf_counter() - began
-                return
+        if stop is not None:
+            raise stop
 
-    def _rows(self) -> Iterator[Floats]:
+    def _rows(self) -> Iterator[Floats | None]:
+        """Rows of the table, and None after each step."""
         # The start may lie off the constraints by rounding; the first row and the first step begin on them.
         self._land()
         self._y[:], self._k[:] = self._land.results[0], self._land.results[1]
@@ -139,6 +144,7 @@ class Run:
                 pace_from = self._reached
             yield from self._fill()
             self._accept()
+            yield None
 
     def _advance(self, h: float) -> float:
         """Find an acceptable step from the current state; return the proposal for the one after it."""

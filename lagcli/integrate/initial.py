@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import diagnostics, rank
+from lagcli import model as nouns
 from lagcli.compile import NumericSystem
 from lagcli.constraint_rows import MetricRows, Rows
 from lagcli.integrate import projection
@@ -105,12 +106,34 @@ def _not_finite(location: diagnostics.Location, what: str) -> diagnostics.ModelE
 
 
 def require_finite(system: System, numeric: NumericSystem, state: State) -> None:
-    """Raise `diagnostics.ModelError` where a force is not finite at a state, naming the coordinate."""
+    """Raise `diagnostics.ModelError` where a force or a column is not finite at a state, by name.
+
+    The rows must be independent there.
+    """
     h, _ = numeric.force(state.t, state.q, state.v, state.p)
     bad = np.flatnonzero(~np.isfinite(np.array(h).ravel()))
     if bad.size:
         name = system.model.coordinate_names[int(bad[0])]
         raise _not_finite(_coordinate_location(system, name), f"the force along `{name}`")
+    row = np.array(numeric.record(state.t, np.concatenate([state.q, state.v, [0.0]]), state.p)[1]).ravel()
+    bad = np.flatnonzero(~np.isfinite(row))
+    if bad.size:
+        column = system.columns[int(bad[0])]
+        raise _not_finite(_column_location(system, column), f"the column `{column}`")
+
+
+def _column_location(system: System, column: str) -> diagnostics.Location:
+    """Where the quantity of a column was declared, or what the energy is made of."""
+    model = system.model
+    for output in model.outputs:
+        if column in output.columns:
+            return output.expression.location
+    energies = [force.expression for force in model.forces if isinstance(force, nouns.Potential)]
+    if model.lagrangian is not None:
+        energies.append(model.lagrangian)
+    if column == "energy" and energies:
+        return energies[0].location
+    return diagnostics.Location(model.path, 1, 1)
 
 
 def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals:
