@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 
 from lagcli.expression import tree
+from lagcli.expression.operators import Operators
 
 # Whole powers up to this size are products: exact derivatives everywhere, and faster than pow().
 MAX_PRODUCT_POWER = 12
@@ -22,7 +23,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 
 
-class SymbolicAlgebra:
+class SymbolicAlgebra(Operators):
     """Scalars are SX expressions; what a name stands for comes from `atom` and `special`.
 
     fixed: gives the number of an exponent that depends on parameters only (it is then built in), or None.
@@ -40,18 +41,6 @@ class SymbolicAlgebra:
 
     def number(self, node: tree.Number) -> Any:
         return ca.SX(float(node.text))
-
-    def add(self, node: tree.Node, left: Any, sign: int, right: Any) -> Any:
-        return left + right if sign > 0 else left - right
-
-    def negate(self, node: tree.Node, value: Any) -> Any:
-        return -value
-
-    def multiply(self, node: tree.Node, left: Any, right: Any) -> Any:
-        return left * right
-
-    def divide(self, node: tree.Node, left: Any, right: Any) -> Any:
-        return left / right
 
     def power(self, node: tree.Node, base: Any, exponent: Any) -> Any:
         value = float(exponent) if exponent.is_constant() else self._fixed(exponent)

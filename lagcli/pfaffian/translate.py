@@ -13,6 +13,7 @@ from sympy.printing.str import StrPrinter
 
 from lagcli import model as nouns
 from lagcli.expression import evaluate, tree
+from lagcli.expression.operators import Operators
 from lagcli.pfaffian.form import Form
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -74,7 +75,7 @@ def _operations(value: Any, limit: int) -> int:
     return count
 
 
-class _Names:
+class _Names(Operators):
     """SymPy scalars as an algebra for `expression.evaluate`."""
 
     def __init__(self, model: nouns.Model) -> None:
@@ -97,18 +98,6 @@ class _Names:
 
     def number(self, node: tree.Number) -> Any:
         return sympy.Rational(node.text)
-
-    def add(self, node: tree.Node, left: Any, sign: int, right: Any) -> Any:
-        return left + sign * right
-
-    def negate(self, node: tree.Node, value: Any) -> Any:
-        return -value
-
-    def multiply(self, node: tree.Node, left: Any, right: Any) -> Any:
-        return left * right
-
-    def divide(self, node: tree.Node, left: Any, right: Any) -> Any:
-        return left / right
 
     def power(self, node: tree.Node, base: Any, exponent: Any) -> Any:
         return base**exponent
