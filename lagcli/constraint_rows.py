@@ -42,8 +42,12 @@ class Rows:
 
     @property
     def norms(self) -> Floats:
-        """|B_i|, (C,)."""
-        return np.sqrt(self._summed(self.values**2))
+        """|B_i|, (C,); scaled before squaring, so that no coefficient is too large."""
+        largest = np.zeros(self.count)
+        np.maximum.at(largest, self.row, np.abs(self.values))
+        scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
+        with np.errstate(over="ignore", invalid="ignore"):  # entries that are not finite have been looked for
+            return scale * np.sqrt(self._summed((self.values / scale[self.row]) ** 2))
 
     @property
     def divisors(self) -> Floats:

@@ -17,18 +17,24 @@ def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
         yield "start", "the start must be a finite time"
     if not (math.isfinite(settings.duration) and settings.duration >= 0):
         yield "duration", "the duration must be finite and not negative"
+    elif settings.duration and settings.start + settings.duration == settings.start:
+        yield "duration", "the duration is below the rounding of the start"
     if not 2 <= settings.samples <= MAX_ROWS:
         yield "samples", f"samples must be between 2 and {MAX_ROWS}: both ends are counted"
-    step = settings.output_step
-    if step is not None and not (math.isfinite(step) and step > 0):
-        yield "output_step", "the output step must be positive"
-    elif step is not None and settings.duration / step > MAX_ROWS:
-        yield "output_step", f"that makes more than {MAX_ROWS} rows"
-    elif step is not None and settings.start + step == settings.start:
-        yield "output_step", "the output step is below the rounding of the time"
+    if settings.output_step is not None:
+        yield from _step_faults(settings, settings.output_step)
     if settings.method not in METHODS:
         yield "method", f"there is no method `{settings.method}`; there are {', '.join(METHODS)}"
     if not 1e-15 <= settings.rtol <= 0.1:
         yield "rtol", "rtol must be between 1e-15 and 0.1"
     if not (math.isfinite(settings.atol) and settings.atol > 0):
         yield "atol", "atol must be positive"
+
+
+def _step_faults(settings: Simulation, step: float) -> Iterator[tuple[str, str]]:
+    if not (math.isfinite(step) and step > 0):
+        yield "output_step", "the output step must be positive"
+    elif settings.duration / step > MAX_ROWS:
+        yield "output_step", f"that makes more than {MAX_ROWS} rows"
+    elif settings.start + step == settings.start:
+        yield "output_step", "the output step is below the rounding of the time"

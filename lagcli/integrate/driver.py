@@ -226,7 +226,7 @@ class Run:
         if not (np.isfinite(row).all() and np.isfinite(figures).all()):
             raise self._stopped(f"a quantity of the table is not finite at t = {t:.9g}")
         self.account.keep(figures, landed[-1])
-        return np.concatenate([self._at, row])
+        return np.concatenate([self._at, row]) + 0.0  # no table shows -0.0
 
     def _first_step(self) -> float:
         """Hairer's starting step (Solving ODEs I, sec. II.4), from the sizes of y, y' and y''."""
@@ -235,11 +235,12 @@ class Run:
         scale = self._tolerance[1] + np.abs(y) * self._tolerance[0]
 
         def norm(u: Floats) -> float:
-            return float(np.sqrt(np.mean((u[:-1] / scale[:-1]) ** 2))) if u.size > 1 else 0.0
+            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is asked for below
+                return float(np.sqrt(np.mean((u[:-1] / scale[:-1]) ** 2))) if u.size > 1 else 0.0
 
         d0, d1 = norm(y), norm(k)
         h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
-        h0 = min(h0, span)
+        h0 = min(h0, span) or 1e-6 * span  # where y' is larger by so much that the quotient is zero
         self._t[0], self._y[:] = t + h0, y + h0 * k
         self._rhs()
         self.account.evaluations += 1

@@ -21,6 +21,7 @@ Floats = npt.NDArray[np.float64]
 # Largest residual of a consistent start, as a part of the size of the coordinates (or speeds) in the row.
 CONSISTENT = 1e-9
 LEAST = 1e-3
+SLOWEST = 1e-6
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -152,7 +153,10 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
             [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
         )
     norms = rows.divisors
-    speed = np.maximum(_sizes(rows, state.v), np.abs(b) / norms)
+    # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
+    # by something like its size in the time of the run.
+    slow = SLOWEST * np.abs(state.q).max(initial=0.0) / (system.model.simulation.duration or 1.0)
+    speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
     return Residuals(
         np.abs(f) / norms[:s],
         np.abs(rows.times(state.v) + b) / norms,
