@@ -259,7 +259,11 @@ def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
     location = text.locate(offset)
     if begun is not None and begun.line + 1 != location.line:
         message += f" that begins on line {begun.line + 1}"
-    hint = _yaml_hint(problem, context, text.content[offset : offset + 1])
+    before = location.source_line[: location.column - 1].rstrip()
+    if before.endswith("]") and re.search(r":\s+\[", before):
+        hint = "an equation that begins with `[` needs quotes"
+    else:
+        hint = _yaml_hint(problem, context, text.content[offset : offset + 1])
     return diagnostics.Diagnostic("yaml-syntax", message, location, hint)
 
 

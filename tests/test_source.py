@@ -252,3 +252,12 @@ def test_nothing_of_a_file_steers_the_terminal() -> None:
     text = diagnostics.Diagnostic("c", "key `\x1b[31m\n`", at, "\x9b").render()
     assert all(c.isprintable() or c == "\n" for c in text)
     assert len(text.splitlines()) == 4
+
+
+def test_an_equation_that_begins_with_a_bracket_is_told_to_take_quotes():
+    text = "lagcli: 1\nholonomic:\n  planes: [a.y, b.y, 0] = 0\n"
+    with pytest.raises(diagnostics.ModelError) as caught:
+        source.parse(text, "m.yaml")
+    (found,) = caught.value.diagnostics
+    assert (found.location.line, found.location.column) == (3, 25)
+    assert found.hint == "an equation that begins with `[` needs quotes"
