@@ -13,13 +13,12 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, Literal
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import rank
 from lagcli.classification import Alone
-from lagcli.compile import NumericSystem
+from lagcli.compile import NumericSystem, curvature
 from lagcli.constraint_rows import MetricRows
 from lagcli.integrate import initial, projection
 from lagcli.integrate.initial import State
@@ -175,14 +174,9 @@ def _obstructed(system: System, points: list[State]) -> bool:
     With I = {df, omega} the derived flag drops omega where d omega does not vanish on the kernel of I:
     d omega(X, Y) = X^T (J - J^T) Y with J = d A / d(q, t), for X, Y in the kernel over (q, t).
     """
-    s = system.symbols
-    row = system.rows.B.shape[0] - 1
-    A = ca.densify(ca.horzcat(system.rows.B[row, :], system.rows.b[row]).T)
-    J = ca.jacobian(A, ca.vertcat(s.q, s.t))
-    everything = ca.densify(ca.horzcat(system.rows.B, system.rows.b))
-    curvature = ca.Function("curvature", [s.t, s.q, s.v, system.p], [J - J.T, everything])
+    of_row = curvature.function(system, system.rows.B.shape[0] - 1)
     for point in points:
-        Omega, rows = (np.array(part) for part in curvature(point.t, point.q, point.v, point.p))
+        Omega, rows = (np.array(part) for part in of_row(point.t, point.q, point.v, point.p))
         basis = rank.null_basis(_unit(rows))
         value = np.abs(basis.T @ Omega @ basis).max(initial=0.0)
         if value > rank.LARGE * max(1e-300, np.abs(Omega).max(initial=0.0)):

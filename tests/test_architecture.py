@@ -50,7 +50,6 @@ DOORS = {
         "lagcli.metric",
         "lagcli.constraint_rows",
         "lagcli.integrate.dop853",
-        "lagcli.degrees_of_freedom",
     ),
     "scipy": (),
 }
