@@ -1,12 +1,14 @@
 """Degrees of freedom by ranks: counts, redundant and contradictory rows, and counts that stay open."""
 
 import itertools
+import time
 
 import numpy as np
 import pytest
 import reference_models
 
 import lagcli
+from lagcli import classification
 
 FRAMEWORKS = reference_models.frameworks()
 
@@ -362,3 +364,36 @@ differential: {row: d(z) - y*d(x) = 0}
         .replace("d(z) - y*d(x)", "sin(w)*d(x) - cos(w)*d(y)")
     )
     assert counted(skate).configuration_dof == 3
+
+
+@pytest.mark.parametrize(
+    "coefficient",
+    [
+        "1.0000001**1e9*a.y",
+        "a.x**1e9*a.y",
+        "((a.x**9)**9)**9*a.y",
+        "a.y/" + "3" * 5000 + "e-5000",
+        "(" + " + ".join(["a.x*a.y"] * 3000) + ")",
+        "many",
+    ],
+)
+def test_a_form_too_large_for_exact_algebra_is_undecided_at_once(coefficient):
+    chain = "".join(f", d{i}: sin(d{i - 1}) + d{i - 1}*a.y" for i in range(1, 30))
+    text = (
+        "lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0.5, 0.25]}}\n"
+        f"definitions: {{d0: a.x*a.y{chain}, many: d29 + 1}}\n"
+        f'differential: {{w: "d(a.z) - {coefficient}*d(a.x)", u: d(a.y)}}\n'
+    )
+    began = time.process_time()
+    verdicts = classification.differential(lagcli.loads(text), limit=60.0)
+    assert [verdict.kind for verdict in verdicts] == ["undecided", "exact"]
+    assert time.process_time() - began < 10.0
+
+
+def test_a_number_below_the_smallest_double_is_zero_in_exact_algebra_too():
+    text = (
+        "lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0.5, 0.25]}}\n"
+        "differential: {w: d(a.z) - 1e-99999999*a.y*d(a.x)}\n"
+    )
+    (verdict,) = classification.differential(lagcli.loads(text))
+    assert (verdict.kind, verdict.integral) == ("exact", "a.z")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import lagcli
 
-FEW = settings(max_examples=6, deadline=None, derandomize=True, database=None)
+FEW = settings(max_examples=6)
 DURATION, SAMPLES = 0.8, 17
 
 

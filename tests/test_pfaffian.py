@@ -19,7 +19,7 @@ REFERENCE = pathlib.Path(__file__).parent / "reference" / "pfaffian.json"
 SYSTEMS = json.loads(REFERENCE.read_text(encoding="utf-8"))["systems"]
 ROWS = [(s, n) for s in SYSTEMS for n in range(len(s["forms"]))]
 SECONDS = 20.0
-PROMPT = 2.0
+PROMPT = 2.0  # seconds of processor time, whatever else the machine is doing
 
 x, y, z, w, th, t = sympy.symbols("x y z w th t", real=True)
 R, a, k = sympy.symbols("R a k", real=True)
@@ -56,9 +56,9 @@ def dependent(phi, psi, variables):
 def test_reference_rows_get_their_verdict_alone(system, n):
     letters = {c: sympy.Symbol(c, real=True) for c in system["coords"]}
     row = pfaffian(letters.values(), [sympy.sympify(c, locals=letters) for c in system["forms"][n]])
-    started = time.perf_counter()
+    started = time.process_time()
     verdict = alone.classify(row, limit.after(SECONDS))
-    assert time.perf_counter() - started < PROMPT
+    assert time.process_time() - started < PROMPT
     assert (verdict.kind == "exact") == system["exact"][n]
     assert (verdict.kind in ("exact", "integrable")) == system["each_integrable"][n]
     assert verdict.proof == "symbolic"
@@ -157,9 +157,9 @@ RECOVERED = {
 @pytest.mark.parametrize("name", RECOVERED)
 def test_integral_is_recovered_and_verified(name):
     variables, coefficients, parameters, kind, expected = RECOVERED[name]
-    started = time.perf_counter()
+    started = time.process_time()
     verdict = judged(variables, coefficients, parameters)
-    assert time.perf_counter() - started < PROMPT
+    assert time.process_time() - started < PROMPT
     assert verdict.kind == kind
     assert verified(variables, coefficients, verdict)
     assert dependent(verdict.integral, expected, variables)
@@ -322,9 +322,9 @@ def test_a_hopeless_zero_test_ends_in_time():
     big = (x + y + z + R + 1) ** 60
     expression = big - sympy.expand((x + y) * (x + y + z + R + 1)) * (x + y + z + R + 1) ** 58
     expression -= (z + R + 1) * (x + y + z + R + 1) ** 59
-    started = time.perf_counter()
+    started = time.process_time()
     finding = zero.is_zero(expression, limit.after(0.3))
-    assert time.perf_counter() - started < PROMPT
+    assert time.process_time() - started < PROMPT
     assert finding.truth is not zero.Truth.NO
 
 
@@ -397,7 +397,7 @@ FORMS = st.sampled_from(
         (x, y, x * y),
     ]
 )
-FEW = settings(max_examples=12, deadline=None, derandomize=True)
+FEW = settings(max_examples=8)
 
 
 def integrable(coefficients, variables=(x, y, z)):
