@@ -79,7 +79,7 @@ class MetricRows:
     """Rows in the mass metric, B M^-1/2, each of length one (a row that vanishes stays zero)."""
 
     def __init__(self, B: Any, metric: Metric) -> None:
-        self._metric = metric
+        self._metric, self._B = metric, B
         rows = Rows(metric.whitened(B))
         self._lengths = rows.divisors
         self._unit = ca.DM(rows.B.sparsity(), ca.DM(rows.values / self._lengths[rows.row]))
@@ -88,9 +88,18 @@ class MetricRows:
     def take(self, indices: list[int]) -> MetricRows:
         """The same of some of the rows."""
         part = object.__new__(MetricRows)
-        part._metric, part._lengths = self._metric, self._lengths[indices]
+        part._metric, part._B, part._lengths = self._metric, self._B[indices, :], self._lengths[indices]
         part._unit, part.count = self._unit[indices, :], len(indices)
         return part
+
+    @property
+    def lengths(self) -> Floats:
+        """The lengths the rows had in the metric, (C,); 1 for a row that vanishes."""
+        return self._lengths
+
+    def plain(self) -> MetricRows:
+        """The same rows with the unit metric in place of the masses."""
+        return MetricRows(self._B, Metric.unit(self._B.shape[1]))
 
     @cached_property
     def dense(self) -> Floats:

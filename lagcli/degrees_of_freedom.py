@@ -23,7 +23,7 @@ from lagcli.constraint_rows import MetricRows
 from lagcli.integrate import initial, projection
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
-from lagcli.metric import Metric, NotDefiniteError
+from lagcli.metric import Metric
 
 Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
@@ -97,7 +97,6 @@ def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) ->
     Raises `diagnostics.ModelError` where no consistent configuration is found.
     """
     state = initial.declared(system)
-    initial.inertia(system, numeric, state)
     state = initial.assemble(system, numeric, state, ()).state
     names = [row.name for row in system.rows.rows]
     s = system.holonomic_count
@@ -127,7 +126,7 @@ def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) ->
         # does the number of rows.
         bounds=(0, n - on.whole[0].low) if doubt else (n - total, n - held),
         reason=reason,
-        redundant_rows=tuple(name for name, flag in zip(names, flags, strict=True) if flag),
+        redundant_rows=tuple(name for name, flag in zip(names, flags, strict=True) if flag and decided),
         start_rank=on.everything[0].value,
         notes=() if doubt else _notes(on),
     )
@@ -254,20 +253,14 @@ def _ranks(numeric: NumericSystem, points: list[State], whole: list[int]) -> _Ra
 
 
 def _is_finite(numeric: NumericSystem, point: State) -> bool:
-    """Whether rows and inertia are finite, and the inertia definite, at a point."""
+    """Whether rows and inertia are finite at a point."""
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
     M = numeric.inertia(point.t, point.q, point.v, point.p)
-    if not (np.isfinite(B.nonzeros()).all() and np.isfinite(M.nonzeros()).all()):
-        return False
-    try:
-        Metric(M)
-    except NotDefiniteError:
-        return False
-    return True
+    return bool(np.isfinite(B.nonzeros()).all() and np.isfinite(M.nonzeros()).all())
 
 
 def _metric(numeric: NumericSystem, point: State) -> Metric:
-    return Metric(numeric.inertia(point.t, point.q, point.v, point.p))
+    return initial.metric_at(numeric, point)
 
 
 def _normalized_rows(numeric: NumericSystem, point: State) -> MetricRows:

@@ -38,12 +38,22 @@ class Metric:
                 raise NotDefiniteError(worst, float(self._masses[worst]))
             return
         whole = np.array(M)
-        eigenvalues, vectors = np.linalg.eigh(whole)
-        # Rounding leaves the smallest eigenvalue of a singular M at eps times the largest.
-        if n and not eigenvalues[0] > n * np.finfo(float).eps * abs(eigenvalues[-1]):
+        worst = int(np.argmin(np.diag(whole)))
+        if not whole[worst, worst] > 0:
+            raise NotDefiniteError(worst, float(whole[worst, worst]))
+        # Scaled to a unit diagonal the answer does not depend on units; rounding leaves the smallest eigenvalue
+        # of a singular M at eps.
+        scale = np.sqrt(np.diag(whole))
+        eigenvalues, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
+        if not eigenvalues[0] > n * np.finfo(float).eps:
             raise NotDefiniteError(int(np.argmax(np.abs(vectors[:, 0]))), float(eigenvalues[0]))
         self._whole = whole
         self._lower = np.linalg.cholesky(whole[np.ix_(self._free, self._free)])
+
+    @classmethod
+    def unit(cls, n: int, held: Flags | None = None) -> Metric:
+        """The metric in which all coordinates weigh the same."""
+        return cls(ca.DM.eye(n), held)
 
     def whitened(self, B: Any) -> Any:
         """B M^-1/2 (C, free), sparse: rows whose lengths and angles are those of the metric."""

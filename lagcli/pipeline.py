@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import classification, compile, degrees_of_freedom, report, settings, source
+from lagcli import classification, compile, degrees_of_freedom, diagnostics, report, settings, source
 from lagcli.integrate import dop853, driver, grid, initial
 from lagcli.mechanics import system
 from lagcli.model import Model, Simulation
@@ -92,7 +92,7 @@ def check(model: Model, limit: float = classification.DEFAULT_LIMIT) -> report.R
     names = tuple(row.name for row in built.rows.rows)
     verdicts = (*classification.holonomic(model, names), *differential)
     residuals = initial.residuals(built, numeric, initial.declared(built))
-    found = [dataclasses.replace(d, severity="warning") for d in initial.inconsistencies(built, residuals)]
+    found = [*_inertia(built, numeric), *initial.inconsistencies(built, residuals)]
     return report.Report(
         title=model.title,
         path=model.path,
@@ -104,8 +104,21 @@ def check(model: Model, limit: float = classification.DEFAULT_LIMIT) -> report.R
             float(residuals.velocity.max(initial=0.0)),
             residuals.consistent,
         ),
-        warnings=(*model.warnings, *built.warnings, *found),
+        warnings=(
+            *model.warnings,
+            *built.warnings,
+            *(dataclasses.replace(d, severity="warning") for d in found),
+        ),
     )
+
+
+def _inertia(built: system.System, numeric: compile.NumericSystem) -> tuple[diagnostics.Diagnostic, ...]:
+    """What `simulate` would refuse about the inertia of a model that can be classified and counted all the same."""
+    try:
+        initial.inertia(built, numeric, initial.declared(built))
+    except diagnostics.ModelError as error:
+        return error.diagnostics
+    return ()
 
 
 def run_settings(model: Model, changes: Mapping[str, Any]) -> Simulation:
@@ -175,7 +188,7 @@ class Running:
             "dop853",
             account.position_drift,
             account.velocity_drift,
-            account.energy_imbalance,
+            float(account.energy_imbalance),
         )
 
 

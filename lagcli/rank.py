@@ -38,7 +38,18 @@ class Rank:
 
 
 def rank(rows: MetricRows) -> Rank:
-    """Rank of C rows in the mass metric."""
+    """Rank of C rows. It does not depend on the metric, so that the clearer of two metrics decides.
+
+    The mass metric serves rows over lengths and angles; extreme ratios of masses blur it, and not the plain one.
+    """
+    found = _rank(rows)
+    if found.low == rows.count:
+        return found
+    plain = _rank(rows.plain())
+    return plain if plain.low > found.low else found
+
+
+def _rank(rows: MetricRows) -> Rank:
     if rows.are_independent:
         return Rank(rows.count, rows.count, np.zeros((0, rows.count)))
     sigma = np.zeros(rows.count)

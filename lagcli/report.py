@@ -17,6 +17,11 @@ class ConstraintReport:
     verdict: Verdict
     redundant: bool
 
+    @property
+    def name(self) -> str:
+        """The row's name, as in `lambda.NAME`."""
+        return self.verdict.row
+
     def as_json(self) -> dict[str, Any]:
         """An entry of `constraints`."""
         verdict = self.verdict

@@ -40,7 +40,7 @@ class NumericSystem:
     land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, and an outcome of two: the residual (largest
                      |f_i| / |B_i| over the largest |q|) and the sum of y', finite only where all of y' is
     record(t, y, p) -> y projected, one row of the table without t, and (position drift, velocity drift,
-                       Jacobi energy, T, V)
+                       Jacobi energy, its part without velocities)
     whole(t, q, p) -> f (s,), B of the holonomic rows (s, n)
     rows(t, q, v, p) -> B (C, n), b (C,)
     inertia(t, q, v, p) -> M (n, n)

@@ -26,8 +26,7 @@ def table(system: System, parts: Parts) -> Any:
         shared.position_residual(parts),
         shared.velocity_residual(parts),
         dynamics.jacobi,
-        dynamics.kinetic,
-        dynamics.potential,
+        dynamics.rest,
     )
     rate = ca.SX.sym("rate", parts.y.numel())
     row, account = ca.substitute(

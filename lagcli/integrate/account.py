@@ -16,8 +16,8 @@ class Account:
 
     position_drift and velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over the rows written.
     energy_imbalance: largest |H(t) - H(start) - W(t)| over the rows written, as a part of the energies that
-    were exchanged (largest T plus largest change of V), with W the integrated power of everything that may
-    change the Jacobi energy H.
+    were exchanged (for particles: largest T plus largest change of V), with W the integrated power of
+    everything that may change the Jacobi energy H.
     """
 
     steps: int = 0
@@ -28,22 +28,22 @@ class Account:
     solve_seconds: float = 0.0
     _start: tuple[float, float] | None = None
     _imbalance: float = 0.0
-    _kinetic: float = 0.0
-    _potential: float = 0.0
+    _moving: float = 0.0
+    _resting: float = 0.0
 
     @property
     def energy_imbalance(self) -> float:
         """Deviation from the energy balance, as a part of what was exchanged."""
-        exchanged = self._kinetic + self._potential
+        exchanged = self._moving + self._resting
         return self._imbalance / exchanged if exchanged else self._imbalance
 
     def keep(self, figures: Floats, work: float) -> None:
-        """Take the figures of one row: position and velocity drift, Jacobi energy H, T, V; and W there."""
-        position, velocity, jacobi, kinetic, potential = figures.tolist()
+        """Take the figures of one row: position and velocity drift, H, its part without velocities; and W there."""
+        position, velocity, jacobi, rest = figures.tolist()
         if self._start is None:
-            self._start = (jacobi, potential)
+            self._start = (jacobi, rest)
         self.position_drift = max(self.position_drift, position)
         self.velocity_drift = max(self.velocity_drift, velocity)
         self._imbalance = max(self._imbalance, abs(jacobi - self._start[0] - work))
-        self._kinetic = max(self._kinetic, abs(kinetic))
-        self._potential = max(self._potential, abs(potential - self._start[1]))
+        self._moving = max(self._moving, abs(jacobi - rest))
+        self._resting = max(self._resting, abs(rest - self._start[1]))

@@ -176,8 +176,9 @@ class Run:
         """Stop a run that would not end in any time one can wait."""
         if (self._grid.end - self.t) * PACE > HOPELESS * advanced:
             raise self._stopped(
-                f"the last {PACE} steps advanced by {advanced:.2g} only: the motion chatters across a jump"
-                " of the forces, or the forces are far too stiff for an explicit scheme"
+                f"the last {PACE} steps advanced by {advanced:.2g}, so that the run would need"
+                f" {(self._grid.end - self.t) / max(advanced, 1e-300) * PACE:.0e} more: the motion chatters across"
+                " a jump of the forces, the forces are far too stiff for an explicit scheme, or the run is too long"
             )
 
     @staticmethod

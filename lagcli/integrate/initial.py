@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lagcli import diagnostics, rank
 from lagcli import model as nouns
-from lagcli.compile import NumericSystem
+from lagcli.compile import NumericSystem, nearest
 from lagcli.constraint_rows import MetricRows, Rows
 from lagcli.integrate import projection
 from lagcli.mechanics import system as mechanics
@@ -22,6 +22,10 @@ Floats = npt.NDArray[np.float64]
 CONSISTENT = 1e-9
 LEAST = 1e-3
 SLOWEST = 1e-6
+# A start closer to the surface than this part of its size has one nearest point, and Gauss-Newton finds it.
+NEAR, ASIDE, NEARER = 1e-3, 1e-2, 1e-9
+# A row whose gradient along the coordinates that may move is this part of the whole one has nothing to move.
+STUCK = 1e-5
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -235,23 +239,70 @@ def held(system: System, keep: tuple[str, ...]) -> npt.NDArray[np.bool_]:
 def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...]) -> Assembly:
     """The nearest consistent state: positions first, then velocities, in the mass-weighted norm.
 
-    Kept coordinates hold their values and their rates. Raises `diagnostics.ModelError` where none is found.
+    Kept coordinates hold their values and their rates. A model without inertia is measured with unit masses:
+    it can be counted, not run. Raises `diagnostics.ModelError` where no state is found.
     """
     fixed = held(system, keep)
-    metric = inertia(system, numeric, state, fixed)
     try:
-        q = projection.Surface(numeric, state.t, state.p, metric).nearest(state.q)
+        q = _nearest(system, numeric, state, fixed)
     except projection.NoConfiguration as failure:
         raise no_configuration(system, numeric, dataclasses.replace(state, q=failure.q), keep) from None
     there = dataclasses.replace(state, q=q)
-    metric = inertia(system, numeric, there, fixed)
+    metric = metric_at(numeric, there, fixed)
     B, b = numeric.rows(state.t, q, state.v, state.p)
+    stuck = MetricRows(B, metric).lengths < STUCK * MetricRows(B, metric_at(numeric, there)).lengths
+    if stuck.any():
+        raise _stuck(system, np.flatnonzero(stuck).tolist())
     v = projection.velocity(state.v, B, np.array(b).ravel(), metric)
     there = dataclasses.replace(there, v=v)
-    left = residuals(system, numeric, there)
-    if not left.consistent:
+    if not residuals(system, numeric, there).consistent:
         raise no_configuration(system, numeric, there, keep)
-    return Assembly(there, metric.length(q - state.q), metric.length(v - state.v))
+    whole = metric_at(numeric, there)
+    return Assembly(there, whole.length(q - state.q), whole.length(v - state.v))
+
+
+def metric_at(numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_] | None = None) -> Metric:
+    """The mass metric at a state, or the unit metric where some coordinates have no inertia."""
+    M = numeric.inertia(state.t, state.q, state.v, state.p)
+    try:
+        return Metric(M, fixed)
+    except NotDefiniteError:
+        return Metric.unit(M.shape[0], fixed)
+
+
+def _nearest(system: System, numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_]) -> Floats:
+    """The configuration on f = 0 nearest to the declared one. Raises `projection.NoConfiguration`."""
+    metric = metric_at(numeric, state, fixed)
+    surface = projection.Surface(numeric, state.t, state.p, metric)
+    best = surface.nearest(state.q)
+    size = float(np.abs(state.q).max(initial=0.0)) or 1.0
+    if metric.length(best - state.q) <= NEAR * metric.length(np.full(best.size, size)):
+        return best
+    # Further off, Gauss-Newton may end at a point that is feasible and not the nearest; what decides is the
+    # optimization itself, from three sides because each finds a local minimum only.
+    problem = nearest.Problem(system)
+    M = numeric.inertia(state.t, state.q, state.v, state.p)
+    aside = state.q + np.where(fixed, 0.0, ASIDE * size) * np.random.default_rng(0).standard_normal(best.size)
+    for begin in (best, state.q, aside):
+        found = problem.solve(begin, state.t, state.q, M, state.p, fixed)
+        if found is None:
+            continue
+        try:
+            q = surface.refined(surface.feasible(found), state.q)
+        except projection.NoConfiguration:
+            continue
+        if metric.length(q - state.q) < (1 - NEARER) * metric.length(best - state.q):
+            best = q
+    return best
+
+
+def _stuck(system: System, rows: list[int]) -> diagnostics.ModelError:
+    """The error for rows that no coordinate which may move can satisfy."""
+    names = ", ".join(f"`{system.rows.rows[i].name}`" for i in rows)
+    message = f"with the coordinates that `keep` holds, nothing is left to satisfy {names}"
+    location = system.rows.rows[rows[0]].location
+    hint = "let `keep` hold fewer coordinates"
+    return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location, hint)])
 
 
 def no_configuration(

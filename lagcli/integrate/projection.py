@@ -102,8 +102,11 @@ class Surface:
         Gauss-Newton on that condition from a feasible point; where it does not contract, the feasible point
         with the smaller distance is kept.
         """
-        best = self.feasible(q0)
-        q = best
+        return self.refined(self.feasible(q0), q0)
+
+    def refined(self, q: Floats, q0: Floats) -> Floats:
+        """The same from a point q of the surface."""
+        best = q
         size = float(np.abs(q0).max(initial=0.0)) or 1.0
         for _ in range(MAX_STEPS):
             f, B = self.rows(q)

@@ -18,7 +18,8 @@ class Dynamics:
 
     M (n, n); h (n): all forces and inertial terms but the constraint's. T and V of particles and declared
     potentials, `energy` = T + V + qd . dL/dqd - L of the `lagrangian`; `jacobi` = v . dL/dv - L of the whole
-    system, whose rate is `power` - lambda . b: the power of the forces without potential and of explicit time.
+    system, whose rate is `power` - lambda . b: the power of the forces without potential and of explicit time;
+    `rest` is its part without velocities, V - L(q, v = 0, t) of what is not Cartesian.
     applied: F_k on each dependent particle (the sum of forces and potentials declared on particles).
     carriers: what acts on generalized coordinates directly, by name, with the rows of q it touches.
     """
@@ -29,6 +30,7 @@ class Dynamics:
     potential: Any
     energy: Any
     jacobi: Any
+    rest: Any
     power: Any
     applied: Mapping[str, Triple]
     carriers: Mapping[str, frozenset[int]]
@@ -57,6 +59,7 @@ def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents
         kinetic=T_cartesian + T_dependent,
         potential=V,
         energy=T_cartesian + T_dependent + V + extra_energy,
+        rest=V - ca.substitute(general, s.v, ca.SX.zeros(s.v.shape)),
         jacobi=T_cartesian + V + ca.dot(s.v, momentum) - general,
         power=ca.dot(Q, s.v) - explicit_time,
         applied=_applied(model, s, fixed),

@@ -48,10 +48,9 @@ NO_ANSWER: tuple[type[Exception], ...] = (TimeUpError, *FAILURES)
 """Failure or lateness of a proposal."""
 
 
-class _Interrupt(SystemExit):
-    """Raised inside a late worker. A SystemExit, because a thread may end by it without a printed
-    traceback.
-    """
+# What is raised inside a late worker. A thread may end by just this exception, and by no class derived from it,
+# without a printed traceback; it may arrive after the worker's own `except`.
+_INTERRUPT = SystemExit
 
 
 def after(seconds: float) -> float:
@@ -89,7 +88,7 @@ def run(deadline: float, work: Callable[[], Value]) -> Value:
             values.append(work())
         except Exception as error:  # noqa: BLE001 - handed on to the caller below, whatever it is
             errors.append(error)
-        except _Interrupt:
+        except _INTERRUPT:
             return
 
     thread = _start(worker)
@@ -124,5 +123,5 @@ def _end(thread: threading.Thread) -> None:
         ident = thread.ident
         if ident is None:
             return
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(ident), ctypes.py_object(_Interrupt))
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(ident), ctypes.py_object(_INTERRUPT))
         thread.join(_KILL_INTERVAL)

@@ -5,6 +5,8 @@ The symbols carry the names of the model format (`x`, `a.x`), so that what is fo
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -29,12 +31,16 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 # Beyond this many operations a form is too large for exact algebra to end in reasonable time.
 MAX_OPERATIONS = 4000
+# Exact numbers have as many digits as they are written with, and powers multiply them. Arithmetic with millions of
+# digits cannot be interrupted, so that no time limit would hold.
+MAX_DIGITS = 300
+MAX_EXPONENT = 200
 TIME = sympy.Symbol("t", real=True)
 _DT = sympy.Symbol("dt", real=True)
 
 
 class TooLarge(Exception):
-    """The form of a row has more operations than exact algebra is tried on."""
+    """The form of a row has more operations, digits or larger powers than exact algebra is tried on."""
 
 
 def forms(model: nouns.Model) -> dict[str, Form | TooLarge]:
@@ -43,18 +49,17 @@ def forms(model: nouns.Model) -> dict[str, Form | TooLarge]:
     found: dict[str, Form | TooLarge] = {}
     for law in model.differential:
         assert isinstance(law.equation.tree, tree.Relation)
-        values = evaluate.difference(law.equation.tree, names)
-        for row, value in zip(law.rows, values, strict=True):
-            try:
-                found[row] = _form(names, row, value)
-            except TooLarge as failure:
-                found[row] = failure
+        try:
+            _require_short(law.equation.tree)
+            values = evaluate.difference(law.equation.tree, names)
+            found |= {row: _form(names, row, value) for row, value in zip(law.rows, values, strict=True)}
+        except TooLarge as failure:
+            found |= dict.fromkeys(law.rows, failure)
     return found
 
 
 def _form(names: _Names, row: str, value: Any) -> Form:
-    if _operations(value, MAX_OPERATIONS) > MAX_OPERATIONS:
-        raise TooLarge(row)
+    _require_small(value)
     at_rest = dict.fromkeys((*names.differentials.values(), _DT), 0)
     coefficients = {x: sympy.diff(value, d) for x, d in names.differentials.items()}
     # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
@@ -65,14 +70,23 @@ def _form(names: _Names, row: str, value: Any) -> Form:
     return Form(row, variables, tuple(coefficients[x] for x in variables), parameters)
 
 
-def _operations(value: Any, limit: int) -> int:
-    """Operations of an expression written out as a tree, counted no further than `limit`."""
-    count = 0
-    for _ in sympy.preorder_traversal(value):
-        count += 1
-        if count > limit:
-            break
-    return count
+def _require_short(node: tree.Node) -> None:
+    """Raise `TooLarge` for a formula of many terms: SymPy needs time quadratic in them only to add them up."""
+    if sum(1 for _ in itertools.islice(tree.walk(node), MAX_OPERATIONS + 1)) > MAX_OPERATIONS:
+        raise TooLarge("too many terms")
+
+
+def _require_small(value: Any) -> Any:
+    """The value, unless it has too many operations, written out as a tree, or too large powers: `TooLarge`."""
+    for part in value if isinstance(value, tuple) else (value,):
+        for count, inner in enumerate(sympy.preorder_traversal(part)):
+            if count >= MAX_OPERATIONS or (inner.is_Pow and _is_large(inner.exp)):
+                raise TooLarge("too many operations")
+    return value
+
+
+def _is_large(exponent: Any) -> bool:
+    return bool(exponent.is_Rational and abs(exponent) > MAX_EXPONENT)
 
 
 class _Names(Operators):
@@ -88,8 +102,10 @@ class _Names(Operators):
         self._values: dict[str, Any] = {}
         self._positions: dict[str, Any] = {}
         # In this order each finds what it uses: a chain of any length needs no recursion.
+        # What is too large is met again where a law uses it, and else does no harm.
         for name in model.order:
-            self._named(name)
+            with contextlib.suppress(TooLarge):
+                self._named(name)
         self.parameters = [
             s
             for value in self._parameters.values()
@@ -97,9 +113,15 @@ class _Names(Operators):
         ]
 
     def number(self, node: tree.Number) -> Any:
+        if float(node.text) == 0.0:
+            return sympy.Integer(0)  # also a number below the smallest double, which is zero everywhere else
+        if len(node.text) > MAX_DIGITS:
+            raise TooLarge(node.text[:MAX_DIGITS])
         return sympy.Rational(node.text)
 
     def power(self, node: tree.Node, base: Any, exponent: Any) -> Any:
+        if _is_large(exponent):
+            raise TooLarge(str(exponent))
         return base**exponent
 
     def function(self, node: tree.Node, name: str, arguments: tuple[Any, ...]) -> Any:
@@ -117,7 +139,7 @@ class _Names(Operators):
     def special(self, node: tree.Call) -> Any:
         argument = node.arguments[0]
         if node.function == "d":
-            return _each(evaluate.evaluate(argument, self), self._differential)
+            return _each(_require_small(evaluate.evaluate(argument, self)), self._differential)
         assert node.function == "rate"
         return _each(evaluate.evaluate(argument, self), self._rate)
 
@@ -130,7 +152,10 @@ class _Names(Operators):
         return self._along(value) + sympy.diff(value, TIME)
 
     def _along(self, value: Any) -> Any:
-        return sum((sympy.diff(value, x) * d for x, d in self.differentials.items()), sympy.Integer(0))
+        used = value.free_symbols
+        return sum(
+            (sympy.diff(value, x) * d for x, d in self.differentials.items() if x in used), sympy.Integer(0)
+        )
 
     def _named(self, name: str) -> Any:
         constants: Mapping[str, Any] = {"t": TIME, "pi": sympy.pi, "dt": _DT}
@@ -142,18 +167,24 @@ class _Names(Operators):
         if name in self._particles:
             return self._position(name)
         if name not in self._values:
-            self._values[name] = evaluate.evaluate(self._definitions[name], self)
-        return self._values[name]
+            self._values[name] = _attempted(lambda: self._defined(name))
+        return _given(self._values[name])
+
+    def _defined(self, name: str) -> Any:
+        _require_short(self._definitions[name])
+        return evaluate.evaluate(self._definitions[name], self)
 
     def _position(self, name: str) -> Any:
         if name not in self._positions:
-            self._positions[name] = self._evaluated_position(name)
-        return self._positions[name]
+            self._positions[name] = _attempted(lambda: self._evaluated_position(name))
+        return _given(self._positions[name])
 
     def _evaluated_position(self, name: str) -> Any:
         particle = self._particles[name]
         if not particle.is_dependent:
             return tuple(self._coordinates[f"{name}.{axis}"] for axis in "xyz")
+        for part in particle.position.parts:
+            _require_short(part.tree)
         if len(particle.position.parts) == 1:
             return evaluate.vector(particle.position.parts[0].tree, self)
         return tuple(evaluate.scalar(part.tree, self) for part in particle.position.parts)
@@ -165,6 +196,21 @@ class _Names(Operators):
         if node.member.startswith("v"):
             return self._rate(position["xyz".index(node.member[1])])
         return position["xyz".index(node.member)]
+
+
+def _attempted(compute: Callable[[], Any]) -> Any:
+    """The value, or the `TooLarge` that came instead: it is not computed again at every use."""
+    try:
+        return _require_small(compute())
+    except TooLarge as failure:
+        return failure
+
+
+def _given(value: Any) -> Any:
+    """The value; raises the `TooLarge` that stands in its place."""
+    if isinstance(value, TooLarge):
+        raise value
+    return value
 
 
 def _each(value: Any, operation: Callable[[Any], Any]) -> Any:
