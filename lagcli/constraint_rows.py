@@ -35,6 +35,11 @@ class Rows:
         self.column = np.asarray(columns, dtype=np.intp)
         self.values = np.array(B.nonzeros(), dtype=float)
 
+    @classmethod
+    def difference(cls, one: Rows, other: Rows) -> Rows:
+        """The rows one - other, of one pattern."""
+        return cls(one.B - other.B)
+
     @property
     def count(self) -> int:
         """C."""

@@ -173,7 +173,15 @@ class Running:
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, len(columns)). Raises `driver.Stopped` after the last good one."""
-        return self._run.blocks()
+        try:
+            yield from self._run.blocks()
+        except driver.Stopped as stopped:
+            stop = stopped.stop
+            if stop.column is None:
+                raise
+            head, _, tail = stop.reason.rpartition("it is not finite")
+            reason = f"{head}the column `{self.columns[stop.column]}` is not finite{tail}"
+            raise driver.Stopped(dataclasses.replace(stop, reason=reason)) from None
 
     @property
     def stats(self) -> Stats:

@@ -234,3 +234,24 @@ def test_a_pair_is_a_rod():
     text = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [0, 0, 0]}\n  b: {mass: 3, position: [0, 0, 2]}\n"
     counted = lagcli.dof(lagcli.loads(text + "rigid:\n  rod: [a, b]\n"))
     assert (counted.configuration_dof, counted.holonomic) == (5, 1)
+
+
+@pytest.mark.parametrize("height", [1e-3, 1e-5, 2e-6, 1e-7, 1e-10])
+def test_a_body_that_is_almost_flat_moves_like_the_flat_one(height):
+    text = """
+lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 0], velocity: [0, 0, 0]}
+  b: {mass: 1, position: [1, 0, 0], velocity: [0, 1, 0]}
+  c: {mass: 1, position: [0, 1, 0], velocity: [-1, 0, 0]}
+  e: {mass: 1, position: [1, 1, HEIGHT], velocity: [-1, 1, 0]}
+forces: {push: {to: a, force: [1, 2, 3]}}
+rigid: {body: [a, b, c, e]}
+"""
+    flat = lagcli.simulate(lagcli.loads(text.replace("HEIGHT", "0")), duration=2, samples=5)
+    model = lagcli.loads(text.replace("HEIGHT", repr(height)))
+    assert lagcli.dof(model).configuration_dof == 6
+    run = lagcli.simulate(model, duration=2, samples=5)
+    assert run.stats.steps < 2 * flat.stats.steps
+    for column in ("e.x", "R.e.z", "R.c.x"):
+        assert np.abs(run[column] - flat[column]).max() < 10 * height + 1e-9

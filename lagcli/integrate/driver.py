@@ -38,10 +38,11 @@ PACE, HOPELESS = 5000, 1e10
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Stop:
-    """Why a run ended before its end: the time reached and a sentence."""
+    """Why a run ended before its end: the time reached, a sentence, and the column that is not finite, if one is."""
 
     t: float
     reason: str
+    column: int | None = None
 
 
 class Stopped(Exception):
@@ -192,10 +193,10 @@ class Run:
             return "the constraints cannot be satisfied beyond: their surface ends there"
         return "the step needed for the tolerance is below the rounding of the time"
 
-    def _stopped(self, reason: str) -> Stopped:
+    def _stopped(self, reason: str, column: int | None = None) -> Stopped:
         row = self._next_row
         where = f"stopped at t = {self.t:.9g} (after row {row} of {self._grid.count})"
-        return Stopped(Stop(self.t, f"{where}: {reason}"))
+        return Stopped(Stop(self.t, f"{where}: {reason}", column))
 
     def _accept(self) -> None:
         self._t[0] = self.t = self._reached
@@ -225,7 +226,8 @@ class Run:
         self._record.trigger()
         landed, row, figures = self._record.results
         if not (np.isfinite(row).all() and np.isfinite(figures).all()):
-            raise self._stopped(f"a quantity of the table is not finite at t = {t:.9g}")
+            column = int(np.argmin(np.isfinite(row))) + 1 if not np.isfinite(row).all() else None
+            raise self._stopped(f"it is not finite at t = {t:.9g}", column)
         self.account.keep(figures, landed[-1])
         return np.concatenate([self._at, row]) + 0.0  # no table shows -0.0
 

@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 CONSISTENT = 1e-9
 LEAST = 1e-3
 SLOWEST = 1e-6
+# Steps, each a tenth of the one before, at which the curvature of a row is probed; roundings a residual may hold.
+PROBES, ROUNDINGS = 12, 64
 # A start closer to the surface than this part of its size has one nearest point, and Gauss-Newton finds it.
 NEAR, ASIDE, NEARER = 1e-3, 1e-2, 1e-9
 # A row whose gradient along the coordinates that may move is this part of the whole one has nothing to move.
@@ -164,9 +166,28 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     return Residuals(
         np.abs(f) / norms[:s],
         np.abs(rows.times(state.v) + b) / norms,
-        CONSISTENT * _sizes(rows, state.q)[:s],
+        _position_limits(numeric, state, rows)[:s],
         CONSISTENT * speed,
     )
+
+
+def _position_limits(numeric: NumericSystem, state: State, rows: Rows) -> Floats:
+    """What the rounding of declared values explains: a part of the size of each row, and of the coordinates' own.
+
+    The size of a row is that of its coordinates, but no more than its radius of curvature |B_i| / |dB_i/dq|: a
+    rod of ten metres far from the origin is ten metres large.
+    """
+    sizes = _sizes(rows, state.q)
+    largest = float(np.abs(state.q).max(initial=0.0))
+    direction = np.random.default_rng(0).standard_normal(state.q.size)
+    radius = np.full(rows.count, np.inf)
+    for k in range(PROBES):
+        step = largest * 10.0**-k
+        there = Rows(numeric.rows(state.t, state.q + step * direction, state.v, state.p)[0])
+        with np.errstate(all="ignore"):  # a row may have no value there, or not change
+            estimate = step * rows.norms / Rows.difference(rows, there).norms
+        radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))
+    return np.asarray(CONSISTENT * np.minimum(sizes, radius) + ROUNDINGS * np.finfo(float).eps * sizes)
 
 
 def _sizes(rows: Rows, values: Floats) -> Floats:

@@ -3,6 +3,10 @@
 With r_1 ... r_{d+1} the base of a body of dimension d, a further particle is r_k = sum_j alpha_j r_j with
 sum_j alpha_j = 1, the alpha_j taken from the start. The rows are independent, and motion and R are those of
 the rigid body: d (d + 1) / 2 + 3 (K - d - 1) rows for K particles leave 5 freedoms for a line, 6 otherwise.
+
+A body that is flat but for a little (a molecule whose coordinates are rounded) keeps a base of three, and its
+particles off the plane stand at sum_j alpha_j r_j + gamma (r_2 - r_1) x (r_3 - r_1): four particles that almost
+lie in a plane are tied too poorly by their distances.
 """
 
 from __future__ import annotations
@@ -15,8 +19,9 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-# A particle closer to the span of those before it than this part of the body's size does not extend the base.
-SPAN_TOLERANCE = 1e-7
+# The base takes the first particles that extend the span well, by this part of the body's size; where none does,
+# the one that extends it most, if by more than rounding.
+WELL, ROUNDING = 1e-2, 1e-9
 
 
 class DegenerateBody(ValueError):
@@ -26,28 +31,30 @@ class DegenerateBody(ValueError):
 @dataclasses.dataclass(frozen=True, slots=True)
 class Geometry:
     """Places in the body's list: `base`, the `pairs` of the base with their `distances` (length), and for each
-    of the `further` places its coefficients `alpha` (len(further), len(base))."""
+    of the `further` places its coefficients `alpha` (len(further), len(base)) and, where the body is a little off
+    its plane, `gamma` (len(further),); otherwise `gamma` is empty."""
 
     base: tuple[int, ...]
     pairs: tuple[tuple[int, int], ...]
     distances: tuple[float, ...]
     further: tuple[int, ...]
     alpha: Floats
+    gamma: Floats
 
     @property
-    def shape(self) -> tuple[tuple[int, ...], ...]:
+    def shape(self) -> tuple[tuple[int, ...], tuple[int, ...], bool]:
         """What the rows look like, whatever their constants are."""
-        return self.base, self.further
+        return self.base, self.further, bool(self.gamma.size)
 
     @property
     def row_constants(self) -> int:
         """Number of constants in the rows."""
-        return len(self.distances) + self.alpha.size
+        return len(self.numbers)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The constants of the rows: distances, then alpha row by row."""
-        return (*self.distances, *self.alpha.ravel().tolist())
+        """The constants of the rows: distances, alpha row by row, gamma."""
+        return (*self.distances, *self.alpha.ravel().tolist(), *self.gamma.tolist())
 
 
 def geometry(points: Floats) -> Geometry:
@@ -55,7 +62,7 @@ def geometry(points: Floats) -> Geometry:
     size = float(np.max(np.linalg.norm(points - points[0], axis=1)))
     if size == 0.0:
         raise DegenerateBody
-    base = _base(points, SPAN_TOLERANCE * size)
+    base = _base(points, size)
     pairs = tuple(itertools.combinations(range(len(base)), 2))
     # In the order of the specification: (1,2), (1,3), (2,3), (1,4), ...
     pairs = tuple(sorted(pairs, key=lambda pair: (pair[1], pair[0])))
@@ -67,20 +74,28 @@ def geometry(points: Floats) -> Geometry:
         weights = np.linalg.lstsq(edges, points[k] - points[base[0]], rcond=None)[0]
         alpha[row, 1:] = weights
         alpha[row, 0] = 1.0 - weights.sum()
-    return Geometry(tuple(base), pairs, distances, further, alpha)
+    gamma = np.zeros(0)
+    if len(base) == 3:
+        normal = np.cross(edges[:, 0], edges[:, 1])
+        heights = (points[list(further)] - points[base[0]]) @ normal / (normal @ normal)
+        if np.abs(heights).max(initial=0.0) * np.linalg.norm(normal) > 1e-12 * size:
+            gamma = heights
+    return Geometry(tuple(base), pairs, distances, further, alpha, gamma)
 
 
-def _base(points: Floats, tolerance: float) -> list[int]:
-    """The first particles that span the body: each lies off the span of those before it."""
+def _base(points: Floats, size: float) -> list[int]:
+    """The first particles that span the body, each well off the span of those before it."""
     base = [0]
     directions = np.zeros((0, 3))
-    for k in range(1, len(points)):
-        offset = points[k] - points[0]
-        rest = offset - directions.T @ (directions @ offset)
-        length = float(np.linalg.norm(rest))
-        if length > tolerance:
-            base.append(k)
-            directions = np.vstack([directions, rest / length])
-        if len(base) == 4:
+    while len(base) < 4:
+        offsets = points - points[0]
+        rest = offsets - offsets @ directions.T @ directions
+        lengths = np.linalg.norm(rest, axis=1)
+        well = np.flatnonzero(lengths > WELL * size)
+        k = int(well[0]) if well.size else int(np.argmax(lengths))
+        # A fourth particle that is only a little off the plane of three is described by its height over them.
+        if not well.size and (lengths[k] <= ROUNDING * size or len(base) == 3):
             break
+        base.append(k)
+        directions = np.vstack([directions, rest[k] / lengths[k]])
     return base

@@ -79,12 +79,23 @@ def _rigid_rows(
     for number, (i, j) in enumerate(geometry.pairs):
         square = sum((x - y) ** 2 for x, y in zip(base[i], base[j], strict=True))
         rows.append(ca.sqrt(square) - constants[number])
-    alpha = iter(constants[len(geometry.pairs) :])
-    for k in geometry.further:
-        weights = [next(alpha) for _ in base]
+    rest = iter(constants[len(geometry.pairs) :])
+    alpha = [[next(rest) for _ in base] for _ in geometry.further]
+    normal = _normal(base) if geometry.gamma.size else None
+    for k, weights in zip(geometry.further, alpha, strict=True):
+        height = next(rest) if normal is not None else None
         for axis in range(3):
-            rows.append(positions[k][axis] - sum(w * r[axis] for w, r in zip(weights, base, strict=True)))
+            place = sum(w * r[axis] for w, r in zip(weights, base, strict=True))
+            if normal is not None:
+                place += height * normal[axis]
+            rows.append(positions[k][axis] - place)
     return rows
+
+
+def _normal(base: Sequence[tuple[Any, Any, Any]]) -> tuple[Any, Any, Any]:
+    """(r_2 - r_1) x (r_3 - r_1)."""
+    (a, b, c), (x, y, z) = ([p - q for p, q in zip(base[i], base[0], strict=True)] for i in (1, 2))
+    return b * z - c * y, c * x - a * z, a * y - b * x
 
 
 def _refuse_empty(names: Sequence[Row], B: Any) -> None:
