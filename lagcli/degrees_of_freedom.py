@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import rank
+from lagcli import diagnostics, rank
 from lagcli.classification import Alone
 from lagcli.compile import NumericSystem, curvature
 from lagcli.constraint_rows import MetricRows
@@ -30,6 +30,7 @@ Proof = Literal["symbolic", "numeric", "none"]
 
 POINTS = 4  # on the surface, besides the start
 WALK_STEPS = 3
+LATER = (0.001, 0.01)  # of the duration: soon, so that no other law has come to its end by then
 STEP, ASIDE = 0.2, 0.05  # of the size of the configuration
 # Shorter steps would be within rounding of a singular surface, where the rank cannot be seen.
 MAX_HALVINGS = 11
@@ -107,6 +108,8 @@ def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) ->
     if not (_is_regular(numeric, state) and on.possible == on.highest == beside.possible):
         points = _walk(numeric, state, whole)
         on = _ranks(numeric, points, whole)
+    if on.highest[1] < len(names):
+        _refuse_contradiction(system, numeric, state)
     doubt = _undecided_rank(on, beside)
     reason = doubt or _undecided_rows(system, alone, points)
     generic = max(range(len(points)), key=lambda i: on.everything[i].low)
@@ -149,6 +152,37 @@ def _undecided_rank(on: _Ranks, beside: _Ranks) -> str:
                 " so the rank does not prove the dimension"
             )
     return ""
+
+
+def _refuse_contradiction(system: System, numeric: NumericSystem, state: State) -> None:
+    """Redundant rows that move must move alike: raise `diagnostics.ModelError` where they part at later times.
+
+    At two later times the nearest configuration is sought, and velocities for it; what stays violated cannot be
+    satisfied together with the others (a.x = t and a.x = sin(t)).
+    """
+    for part in LATER:
+        t = state.t + part * (system.model.simulation.duration or 1.0)
+        later = dataclasses.replace(state, t=t)
+        try:
+            q = _surface(numeric, later).feasible(state.q)
+        except projection.NoConfiguration as failure:
+            q = failure.q
+        later = dataclasses.replace(later, q=q)
+        B, b = numeric.rows(t, q, state.v, state.p)
+        if not np.isfinite(B.nonzeros()).all() or not np.array(b).any():
+            continue
+        v = projection.velocity(np.zeros(q.size), B, np.array(b).ravel(), _metric(numeric, later))
+        found = initial.inconsistencies(
+            system, initial.residuals(system, numeric, dataclasses.replace(later, v=v))
+        )
+        if found:
+            names = ", ".join(
+                f"`{row.name}`" for row in system.rows.rows if row.location in [d.location for d in found]
+            )
+            message = f"{names} cannot be satisfied together with the other rows: at t = {t:.6g} they part"
+            raise diagnostics.ModelError(
+                [diagnostics.Diagnostic("contradictory-constraints", message, found[0].location)]
+            )
 
 
 def _undecided_rows(system: System, alone: Mapping[str, Alone], points: list[State]) -> str:

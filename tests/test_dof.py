@@ -397,3 +397,38 @@ def test_a_number_below_the_smallest_double_is_zero_in_exact_algebra_too():
     )
     (verdict,) = classification.differential(lagcli.loads(text))
     assert (verdict.kind, verdict.integral) == ("exact", "a.z")
+
+
+@pytest.mark.parametrize("action", [lagcli.dof, lagcli.check])
+@pytest.mark.parametrize(
+    "rows",
+    ["holonomic: {u: a.x = t, w: a.x = sin(t)}", "differential: {u: a.vx = 1, w: a.vx = 1 + t}"],
+)
+def test_rows_that_prescribe_different_motions_are_refused(action, rows):
+    text = f"lagcli: 1\nparticles: {{a: {{mass: 1, position: [0, 0, 0], velocity: [1, 0, 0]}}}}\n{rows}\n"
+    with pytest.raises(lagcli.ModelError) as caught:
+        action(lagcli.loads(text))
+    assert caught.value.diagnostics[0].code == "contradictory-constraints"
+
+
+def test_moving_rows_that_agree_are_redundant():
+    text = """
+lagcli: 1
+particles: {a: {mass: 1, position: [0, 0, 0], velocity: [1, 0, 0]}}
+holonomic: {u: a.x = sin(t), w: 2*a.x - sin(t) = a.x}
+"""
+    found = lagcli.dof(lagcli.loads(text))
+    assert (found.configuration_dof, found.redundant_rows) == (2, ("w",))
+
+
+def test_a_component_that_says_nothing_is_redundant():
+    text = """
+lagcli: 1
+coordinates: {p: {value: 0.5}, q: {value: -0.5}}
+particles:
+  a: {mass: 1, position: "[sin(p), 0, -cos(p)]"}
+  b: {mass: 1, position: "[2*sin(0.5) + sin(q), 0, -cos(q)]"}
+holonomic: {close: a = b}
+"""
+    found = lagcli.dof(lagcli.loads(text))
+    assert (found.configuration_dof, found.redundant_rows) == (0, ("close.y",))

@@ -14,6 +14,23 @@ holonomic:
 
 PAGES = (
     Page(
+        code="contradictory-constraints",
+        stage="start",
+        meaning="Rows that act along the same direction prescribe different motions.",
+        why="At the start they agree, and a moment later no configuration or no velocity satisfies them all, so"
+        " the model has no motion.",
+        example="""\
+lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 0], velocity: [1, 0, 0]}
+holonomic:
+  even: a.x = t
+  swing: a.x = sin(t)
+""",
+        cure="Keep the row that is meant.",
+        old="  even: a.x = t\n",
+    ),
+    Page(
         code="no-coordinates",
         stage="start",
         meaning="No coordinate and no velocity enters a constraint.",

@@ -63,7 +63,7 @@ def lay_down(
     everything = ca.vertcat(environment.rate(whole), velocity)
     gamma = -environment.rate(everything)
     B = ca.sparsify(B)
-    _refuse_empty(names, B)
+    _refuse_empty(names, B, ca.vertcat(whole, velocity))
     return Rows(tuple(names), whole, B, ca.densify(b), ca.densify(gamma))
 
 
@@ -98,10 +98,18 @@ def _normal(base: Sequence[tuple[Any, Any, Any]]) -> tuple[Any, Any, Any]:
     return b * z - c * y, c * x - a * z, a * y - b * x
 
 
-def _refuse_empty(names: Sequence[Row], B: Any) -> None:
-    """A row in which no coordinate enters says nothing about the motion, or can never hold."""
+def _refuse_empty(names: Sequence[Row], B: Any, values: Any) -> None:
+    """A row in which no coordinate enters says nothing about the motion, or can never hold.
+
+    A component 0 = 0 of a vector equation says nothing either, but belongs to an equation that does: it stays, as
+    a redundant row.
+    """
     filled = np.bincount(np.asarray(B.sparsity().get_triplet()[0], dtype=int), minlength=len(names))
-    empty = [row for row, count in zip(names, filled, strict=True) if count == 0]
+    empty = [
+        row
+        for i, (row, count) in enumerate(zip(names, filled, strict=True))
+        if count == 0 and not (row.name != row.constraint and values[i].is_zero())
+    ]
     if empty:
         raise diagnostics.ModelError(
             diagnostics.Diagnostic(
