@@ -99,6 +99,8 @@ def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) ->
     """
     state = initial.declared(system)
     state = initial.assemble(system, numeric, state, ()).state
+    if not _is_finite(numeric, state):
+        initial.inertia(system, numeric, state)  # says of which coordinate
     names = [row.name for row in system.rows.rows]
     s = system.holonomic_count
     integrable = [i for i in range(s, len(names)) if alone[names[i]] in ("exact", "integrable")]

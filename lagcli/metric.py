@@ -38,6 +38,8 @@ class Metric:
                 raise NotDefiniteError(worst, float(self._masses[worst]))
             return
         whole = np.array(M)
+        if not np.isfinite(whole).all():
+            raise NotDefiniteError(int(np.flatnonzero(~np.isfinite(whole).all(axis=1))[0]), float("nan"))
         worst = int(np.argmin(np.diag(whole)))
         if not whole[worst, worst] > 0:
             raise NotDefiniteError(worst, float(whole[worst, worst]))
@@ -72,7 +74,10 @@ class Metric:
         return step
 
     def length(self, step: Floats) -> float:
-        """sqrt(step^T M step)."""
-        if self._masses is not None:
-            return float(np.sqrt(np.sum(self._masses * step**2)))
-        return float(np.sqrt(max(0.0, float(step @ self._whole @ step))))
+        """sqrt(step^T M step); infinite where that is too large for a number."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self._masses is not None:
+                square = float(np.sum(self._masses * step**2))
+            else:
+                square = float(step @ self._whole @ step)
+        return float(np.sqrt(max(0.0, square)))

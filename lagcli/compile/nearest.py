@@ -24,6 +24,8 @@ OPTIONS: dict[str, Any] = {
     "ipopt.max_iter": 300,
     # Without a success the caller keeps the feasible point it began with.
     "error_on_fail": False,
+    "show_eval_warnings": False,
+    "calc_lam_p": False,
 }
 
 
