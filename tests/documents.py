@@ -47,8 +47,8 @@ equations = st.tuples(expressions, st.sampled_from(("", " = 0", " = ", "=")), ex
 
 ODD = ("", "~", "null", "no", "true", ".inf", ".nan", "-.inf", "1e400", "-1", "0", "2", "1e99", "0.001", "&x a", "*x",
        "!!python/object:os.system a", "!t", "[", "{", "}", "]", "- a", "? a", "|", ">", "|\n   x", "'", '"', "# c", "%",
-       "@", "`", "a: b", "a, b", "[1, 2]", "[1, 2, 3]", "[[1], 2, 3]", "[, 0]", "{}", "[]", "{a: 1}", "<<", "---", "...",
-       "\t", "\x85", "\ufeff", '"\\x00"', '"\\ud800"', '"\\U0001F600"', "é", "all", "[all]", "[a, a]", "9" * 400,
+       "@", "`", "a: b", "a, b", "[1, 2]", "[1, 2, 3]", "[[1], 2, 3]", "[, 0]", "{}", "[]", "{a: 1}", "<<", "---",
+       "...", "\t", "\x85", "\ufeff", '"\\x00"', '"\\ud800"', '"\\U0001F600"', "é", "all", "[all]", "[a, a]", "9" * 400,
        "2000-01-01", "0o17", "1:30", "x" * 300)  # fmt: skip
 
 BASE: dict[str, Any] = {
@@ -79,14 +79,16 @@ BASE: dict[str, Any] = {
     "simulation": {"duration": 0.1, "samples": 3, "rtol": 1e-9, "keep": ["q"], "assemble": "true"},
 }
 KEYS = (*BASE, "inequality", "events", "mass", "position", "velocity", "value", "rate", "to", "force", "potential",
-        "equation", "for", "if", "start", "output_step", "method", "atol", "assemble", "keep", "a", "b", "c", "q", "k",
-        "p[i]", "t", "all", "", " ", "1", "energy", "rod", "body", "holonomc", "Title", "é", "a b", "x" * 80)  # fmt: skip
+        "equation", "for", "if", "start", "output_step", "method", "atol", "assemble", "keep", "a", "b", "c", "q",
+        "k", "p[i]", "t", "all", "", " ", "1", "energy", "rod", "body", "holonomc", "Title", "é", "a b",
+        "x" * 80)  # fmt: skip
 
 
 # Sections that may be left out together without making the others wrong.
 DROPPED = ((), (), ("outputs",), ("simulation", "units", "title"), ("outputs", "rigid"),
            ("outputs", "holonomic", "rigid", "differential"), ("differential", "outputs"),
-           ("lagrangian",), ("definitions", "forces", "source"), ("lagcli",), ("parameters",), ("particles",))  # fmt: skip
+           ("lagrangian",), ("definitions", "forces", "source"), ("lagcli",), ("parameters",),
+           ("particles",))  # fmt: skip
 
 
 class Raw(str):
@@ -104,7 +106,9 @@ values = st.one_of(
 )
 trees = st.recursive(
     values,
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(KEYS) | noise, inner, max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(KEYS) | noise, inner, max_size=4)
+    ),
     max_leaves=6,
 )
 
@@ -233,7 +237,9 @@ def wild_models(draw: st.DrawFn) -> str:
         "definitions": {"half": "q/2"},
         "lagrangian": "rate(q)**2/2 + rate(h)**2",
     }
-    for path, strategy in draw(st.lists(st.sampled_from(SLOTS), min_size=1, max_size=5, unique_by=lambda s: s[0])):
+    for path, strategy in draw(
+        st.lists(st.sampled_from(SLOTS), min_size=1, max_size=5, unique_by=lambda s: s[0])
+    ):
         if path[0] == "rigid":
             tree["particles"]["b"] = {"mass": "1", "position": ["0", "1", "0"]}
         if path[:2] == ("particles", "c"):
