@@ -84,9 +84,9 @@ def check(model: Model) -> Report:
 def simulate(model: Model, **options: Any) -> Trajectory:
     """Integrate m a = F + sum lambda_i B_i (D.24) and return the table.
 
-    Options: start, duration, samples, output_step, method, rtol, atol, assemble, keep; defaults are the
-    model's. Raises `ModelError` where the start is inconsistent, `ValueError` for bad options,
-    `SimulationStopped` where the integration cannot go on.
+    Options: start, duration, samples, output_step, method, rtol, atol, assemble, keep, whose defaults are the
+    model's, and columns ("t,lambda.*"). Raises `ModelError` where the start is inconsistent, `ValueError` for bad
+    options, `SimulationStopped` where the integration cannot go on.
     """
     run: Trajectory = _pipeline().simulate(model, **options)
     return run

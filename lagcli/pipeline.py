@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import classification, compile, degrees_of_freedom, diagnostics, report, settings, source
+from lagcli.export import columns as selection
 from lagcli.integrate import dop853, driver, grid, initial
 from lagcli.mechanics import system
 from lagcli.model import Model, Simulation
@@ -200,20 +201,18 @@ class Running:
         )
 
 
-def simulate(model: Model, **changes: Any) -> Trajectory:
-    """The whole run of a model; keywords as the options of the command line.
+def simulate(model: Model, *, columns: str = "*", **changes: Any) -> Trajectory:
+    """The whole run of a model; keywords as the options of the command line, `columns` among them.
 
     Raises `diagnostics.ModelError`, `ValueError` for bad settings, `SimulationStopped` with the rows so far.
     """
     running = Running(model, run_settings(model, changes))
-    blocks: list[Floats] = []
+    picked = selection.select(running.columns, columns)
+    names = tuple(running.columns[i] for i in picked)
+    blocks = [np.zeros((0, len(names)))]
     try:
-        blocks.extend(running.blocks())
+        blocks.extend(block[:, picked] for block in running.blocks())
     except driver.Stopped as stopped:
-        partial = Trajectory(running.columns, _stacked(blocks, running.columns), running.stats)
+        partial = Trajectory(names, np.concatenate(blocks), running.stats)
         raise SimulationStopped(stopped.stop.reason, stopped.stop.t, partial) from None
-    return Trajectory(running.columns, _stacked(blocks, running.columns), running.stats)
-
-
-def _stacked(blocks: list[Floats], columns: tuple[str, ...]) -> Floats:
-    return np.concatenate(blocks) if blocks else np.zeros((0, len(columns)))
+    return Trajectory(names, np.concatenate(blocks), running.stats)

@@ -255,3 +255,12 @@ def test_a_format_loads_its_own_library_and_no_other(tmp_path: Path, ending: str
     code = f"command('simulate', 'pendulum.yaml', '-q', '--duration', '0.1', {option!r}, {target!r})"
     own = {"parquet": {"pyarrow", "pandas"}, "png": {"matplotlib", "PIL", "unittest"}}.get(ending, set())
     assert loads_of(code) <= LIGHT | {"typer"} | own
+
+
+def test_columns_are_chosen_as_on_the_command_line() -> None:
+    model = lagcli.load(MODELS / "pendulum.yaml")
+    run = lagcli.simulate(model, duration=1, samples=3, columns="t,lambda.*")
+    assert run.columns == ("t", "lambda.rod", "lambda.plane")
+    assert run["lambda.rod"].shape == (3,)
+    with pytest.raises(ValueError, match=r"lamda"):
+        lagcli.simulate(model, duration=1, samples=3, columns="lamda.*")
