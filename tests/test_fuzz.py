@@ -96,7 +96,7 @@ def assert_well_said(found: tuple[diagnostics.Diagnostic, ...], text: str) -> No
         assert len(shown) < 2500, diagnostic
 
 
-@fuzz(0.7)
+@fuzz(0.79)
 @given(documents.equations)
 def test_an_expression_is_read_or_refused_at_its_spot(text: str) -> None:
     with prompt():
@@ -125,7 +125,7 @@ def _lookup(node: tree.Node) -> Any:
     return facts.Facts(None, facts.POSITION) if name in ("q", "t") else facts.Facts(2.0)
 
 
-@fuzz(0.18)
+@fuzz(0.12)
 @given(documents.documents() | documents.wild_models())
 def test_a_document_is_a_model_or_located_errors(text: str) -> None:
     with prompt():
@@ -172,7 +172,7 @@ def _answers(model: lagcli.Model, text: str) -> None:
 def test_a_valid_model_runs_and_lambda_and_reactions_are_those_of_its_equations() -> None:
     ran: list[bool] = []
 
-    @fuzz(0.12)
+    @fuzz(0.09)
     @given(systems.systems())
     def each(spec: jets.Spec) -> None:
         ran.append(runs_right(spec))
@@ -196,9 +196,8 @@ def runs_right(spec: jets.Spec) -> bool:
             event(min(refused))
             assert_well_said(error.diagnostics, text)
             # By construction nothing else is wrong with it: rows may be dependent, or too poorly independent.
-            assert refused <= {"dependent-constraints", "no-coordinates", "indefinite-inertia"} or _is_poor(
-                oracle
-            ), text
+            allowed = {"dependent-constraints", "no-coordinates", "indefinite-inertia"}
+            assert refused <= allowed or _is_poor(oracle), text
             return False
         assert_counted(model, oracle)
         rows = []
@@ -248,7 +247,11 @@ def _condition(B: jets.Floats) -> float:
     """How badly the rows are independent, each taken at length one."""
     if not B.size:
         return 1.0
-    return float(np.linalg.cond(B / np.linalg.norm(B, axis=1)[:, None]))
+    lengths = np.linalg.norm(B, axis=1)
+    # Where a gradient nearly vanishes its own rounding is all that is left of it.
+    if lengths.min() < 1e-6 or len(B) > B.shape[1]:
+        return np.inf
+    return float(np.linalg.cond(B / lengths[:, None]))
 
 
 def _is_poor(oracle: jets.Oracle) -> bool:
