@@ -31,6 +31,8 @@ Proof = Literal["symbolic", "numeric", "none"]
 POINTS = 4  # on the surface, besides the start
 WALK_STEPS = 3
 LATER = (0.001, 0.01)  # of the duration: soon, so that no other law has come to its end by then
+# A row whose direction turns by TURN within TIP of the configuration's size stands at a tip of its surface.
+TIP, TURN, MOST_PROBED = 2e-12, 0.1, 3000
 STEP, ASIDE = 0.2, 0.05  # of the size of the configuration
 # Shorter steps would be within rounding of a singular surface, where the rank cannot be seen.
 MAX_HALVINGS = 11
@@ -112,7 +114,7 @@ def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) ->
         on = _ranks(numeric, points, whole)
     if on.highest[1] < len(names):
         _refuse_contradiction(system, numeric, state)
-    doubt = _undecided_rank(on, beside)
+    doubt = _undecided_tip(numeric, state) or _undecided_rank(on, beside)
     reason = doubt or _undecided_rows(system, alone, points)
     generic = max(range(len(points)), key=lambda i: on.everything[i].low)
     flags = rank.redundant(_normalized_rows(numeric, points[generic]))
@@ -142,6 +144,20 @@ def _notes(on: _Ranks) -> tuple[str, ...]:
     if here is not None and here < total:
         return (f"the start is a special configuration: the rows have rank {here} there and {total} nearby",)
     return ()
+
+
+def _undecided_tip(numeric: NumericSystem, state: State) -> str:
+    """Whether gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`)."""
+    direction = np.random.default_rng(SEED).standard_normal(state.q.size)
+    here = _normalized_rows(numeric, state).dense if state.q.size <= MOST_PROBED else None
+    for side in (-TIP, TIP):
+        there = dataclasses.replace(state, q=state.q + side * _size(state.q) * direction)
+        if here is None or not _is_finite(numeric, there):
+            continue
+        turn = np.abs(_normalized_rows(numeric, there).dense - here).max(initial=0.0)
+        if turn > TURN:
+            return "the gradient of a constraint jumps at the start, so the rank there does not prove the dimension"
+    return ""
 
 
 def _undecided_rank(on: _Ranks, beside: _Ranks) -> str:

@@ -432,3 +432,20 @@ holonomic: {close: a = b}
 """
     found = lagcli.dof(lagcli.loads(text))
     assert (found.configuration_dof, found.redundant_rows) == (0, ("close.y",))
+
+
+@pytest.mark.parametrize("law", ["norm(a - [3, 0, 1]) = 0", "norm(a - [3, 0, 1])**2 = 0"])
+def test_the_tip_of_a_cone_is_undecided(law):
+    text = f'lagcli: 1\nparticles: {{a: {{mass: 1, position: [1, 0, 0]}}}}\nholonomic: {{rod: "{law}"}}\n'
+    assert lagcli.dof(lagcli.loads(text)).configuration_dof is None
+
+
+def test_small_bodies_far_from_the_origin_are_counted():
+    text = """
+lagcli: 1
+particles:
+  a: {mass: 1, position: [1.5e11, 0, 0]}
+  b: {mass: 1, position: [150000000010, 0, 0]}
+holonomic: {rod: "distance(a, b) = 10"}
+"""
+    assert lagcli.dof(lagcli.loads(text)).configuration_dof == 5

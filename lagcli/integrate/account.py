@@ -10,6 +10,10 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 
+# Below this part of the energies themselves nothing is exchanged but rounding.
+ROUNDING = 1e-10
+
+
 @dataclasses.dataclass(slots=True)
 class Account:
     """The account of a run.
@@ -30,11 +34,12 @@ class Account:
     _imbalance: float = 0.0
     _moving: float = 0.0
     _resting: float = 0.0
+    _largest: float = 0.0
 
     @property
     def energy_imbalance(self) -> float:
         """Deviation from the energy balance, as a part of what was exchanged."""
-        exchanged = self._moving + self._resting
+        exchanged = self._moving + self._resting + ROUNDING * self._largest
         return self._imbalance / exchanged if exchanged else self._imbalance
 
     def keep(self, figures: Floats, work: float) -> None:
@@ -46,4 +51,5 @@ class Account:
         self.velocity_drift = max(self.velocity_drift, velocity)
         self._imbalance = max(self._imbalance, abs(jacobi - self._start[0] - work))
         self._moving = max(self._moving, abs(jacobi - rest))
+        self._largest = max(self._largest, abs(jacobi), abs(rest))
         self._resting = max(self._resting, abs(rest - self._start[1]))

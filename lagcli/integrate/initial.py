@@ -269,6 +269,7 @@ def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[s
     except projection.NoConfiguration as failure:
         raise no_configuration(system, numeric, dataclasses.replace(state, q=failure.q), keep) from None
     there = dataclasses.replace(state, q=q)
+    residuals(system, numeric, there)  # refuses, by name, rows that have no value there
     metric = metric_at(numeric, there, fixed)
     B, b = numeric.rows(state.t, q, state.v, state.p)
     stuck = MetricRows(B, metric).lengths < STUCK * MetricRows(B, metric_at(numeric, there)).lengths

@@ -19,6 +19,8 @@ Floats = npt.NDArray[np.float64]
 
 MAX_STEPS = 200
 MAX_HALVINGS = 30
+# Residuals computed in all attempts on one surface; a search that has not ended by then does not end.
+BUDGET = 2000
 # Relative to the size of the configuration: where Newton's steps have reached rounding.
 CONVERGED = 1e-13
 NEAREST = 1e-12
@@ -39,6 +41,7 @@ class Surface:
 
     def __init__(self, numeric: NumericSystem, t: float, p: Floats, metric: Metric) -> None:
         self._numeric, self._t, self._p, self._metric = numeric, t, p, metric
+        self._left = BUDGET
 
     def rows(self, q: Floats) -> tuple[Floats, Any]:
         """f (s,) and B (s, n), sparse."""
@@ -47,6 +50,7 @@ class Surface:
 
     def residual(self, q: Floats) -> float:
         """Largest |f_i| / |B_i|."""
+        self._left -= 1
         f, B = self.rows(q)
         if not _are_finite(f, B):
             return float("inf")
@@ -60,7 +64,7 @@ class Surface:
             if residual <= CONVERGED * size:
                 return q
             f, B = self.rows(q)
-            if not _are_finite(f, B):
+            if not _are_finite(f, B) or self._left < 0:
                 break
             step = MetricRows(B, self._metric).correction(f)
             factor, new = 1.0, q
