@@ -45,7 +45,7 @@ class Rows:
         """C."""
         return int(self.B.shape[0])
 
-    @property
+    @cached_property
     def norms(self) -> Floats:
         """|B_i|, (C,); scaled before squaring, so that no coefficient is too large."""
         largest = np.zeros(self.count)
@@ -105,6 +105,11 @@ class MetricRows:
     def plain(self) -> MetricRows:
         """The same rows with the unit metric in place of the masses."""
         return MetricRows(self._B, Metric.unit(self._B.shape[1]))
+
+    def turned_from(self, other: MetricRows) -> float:
+        """The largest change of an entry between these unit rows and others of one pattern."""
+        change = Rows(self._unit - other._unit).values
+        return float(np.abs(change).max(initial=0.0))
 
     @cached_property
     def dense(self) -> Floats:

@@ -23,7 +23,6 @@ from lagcli.constraint_rows import MetricRows
 from lagcli.integrate import initial, projection
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
-from lagcli.metric import Metric
 
 Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
@@ -32,7 +31,7 @@ POINTS = 4  # on the surface, besides the start
 WALK_STEPS = 3
 LATER = (0.001, 0.01)  # of the duration: soon, so that no other law has come to its end by then
 # A row whose direction turns by TURN within TIP of the configuration's size stands at a tip of its surface.
-TIP, TURN, MOST_PROBED = 2e-12, 0.1, 3000
+TIP, TURN = 2e-12, 0.1
 STEP, ASIDE = 0.2, 0.05  # of the size of the configuration
 # Shorter steps would be within rounding of a singular surface, where the rank cannot be seen.
 MAX_HALVINGS = 11
@@ -149,13 +148,10 @@ def _notes(on: _Ranks) -> tuple[str, ...]:
 def _undecided_tip(numeric: NumericSystem, state: State) -> str:
     """Whether gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`)."""
     direction = np.random.default_rng(SEED).standard_normal(state.q.size)
-    here = _normalized_rows(numeric, state).dense if state.q.size <= MOST_PROBED else None
+    here = _normalized_rows(numeric, state)
     for side in (-TIP, TIP):
         there = dataclasses.replace(state, q=state.q + side * _size(state.q) * direction)
-        if here is None or not _is_finite(numeric, there):
-            continue
-        turn = np.abs(_normalized_rows(numeric, there).dense - here).max(initial=0.0)
-        if turn > TURN:
+        if _is_finite(numeric, there) and _normalized_rows(numeric, there).turned_from(here) > TURN:
             return "the gradient of a constraint jumps at the start, so the rank there does not prove the dimension"
     return ""
 
@@ -189,7 +185,7 @@ def _refuse_contradiction(system: System, numeric: NumericSystem, state: State) 
         B, b = numeric.rows(t, q, state.v, state.p)
         if not np.isfinite(B.nonzeros()).all() or not np.array(b).any():
             continue
-        v = projection.velocity(np.zeros(q.size), B, np.array(b).ravel(), _metric(numeric, later))
+        v = projection.velocity(np.zeros(q.size), B, np.array(b).ravel(), initial.metric_at(numeric, later))
         found = initial.inconsistencies(
             system, initial.residuals(system, numeric, dataclasses.replace(later, v=v))
         )
@@ -241,7 +237,7 @@ def _is_regular(numeric: NumericSystem, state: State) -> bool:
 
 
 def _surface(numeric: NumericSystem, state: State) -> projection.Surface:
-    return projection.Surface(numeric, state.t, state.p, _metric(numeric, state))
+    return projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
 
 
 def _walk(numeric: NumericSystem, state: State, whole: list[int]) -> list[State]:
@@ -311,13 +307,9 @@ def _is_finite(numeric: NumericSystem, point: State) -> bool:
     return bool(np.isfinite(B.nonzeros()).all() and np.isfinite(M.nonzeros()).all())
 
 
-def _metric(numeric: NumericSystem, point: State) -> Metric:
-    return initial.metric_at(numeric, point)
-
-
 def _normalized_rows(numeric: NumericSystem, point: State) -> MetricRows:
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
-    return MetricRows(B, _metric(numeric, point))
+    return MetricRows(B, initial.metric_at(numeric, point))
 
 
 def _unit(rows: Floats) -> Floats:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lagcli import classification, compile, degrees_of_freedom, diagnostics, report, settings, source
 from lagcli.export import columns as selection
-from lagcli.integrate import dop853, driver, grid, initial
+from lagcli.integrate import dop853, driver, initial
 from lagcli.mechanics import system
 from lagcli.model import Model, Simulation
 from lagcli.reader import document
@@ -163,8 +163,8 @@ class Running:
         self.model = model
         self.warnings = (*model.warnings, *built.warnings)
         self.columns = ("t", *built.columns)
-        self.grid = grid.grid(chosen)
-        self._run = driver.Run(numeric, ready.scheme(), (start.q, start.v), start.p, chosen, self.grid)
+        self._run = driver.Run(numeric, ready.scheme(), (start.q, start.v), start.p, chosen, built.columns)
+        self.grid = self._run.grid
         self._compile_seconds = time.perf_counter() - began
 
     @property
@@ -174,15 +174,7 @@ class Running:
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, len(columns)). Raises `driver.Stopped` after the last good one."""
-        try:
-            yield from self._run.blocks()
-        except driver.Stopped as stopped:
-            stop = stopped.stop
-            if stop.column is None:
-                raise
-            head, _, tail = stop.reason.rpartition("it is not finite")
-            reason = f"{head}the column `{self.columns[stop.column]}` is not finite{tail}"
-            raise driver.Stopped(dataclasses.replace(stop, reason=reason)) from None
+        return self._run.blocks()
 
     @property
     def stats(self) -> Stats:

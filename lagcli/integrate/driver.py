@@ -16,9 +16,9 @@ import numpy.typing as npt
 
 from lagcli.compile import NumericSystem
 from lagcli.integrate import dop853, tableau
+from lagcli.integrate import grid as grids
 from lagcli.integrate.account import Account
 from lagcli.integrate.call import Call
-from lagcli.integrate.grid import Grid
 from lagcli.model import Simulation
 
 Floats = npt.NDArray[np.float64]
@@ -38,11 +38,10 @@ PACE, HOPELESS = 5000, 1e10
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Stop:
-    """Why a run ended before its end: the time reached, a sentence, and the column that is not finite, if one is."""
+    """Why a run ended before its end: the time reached and a sentence."""
 
     t: float
     reason: str
-    column: int | None = None
 
 
 class Stopped(Exception):
@@ -60,7 +59,10 @@ def step_tolerance(settings: Simulation) -> Floats:
 
 
 class Run:
-    """One integration from a consistent start. Iterate `blocks` once; `account` is filled as they come."""
+    """One integration from a consistent start; `columns` names the columns after t.
+
+    Iterate `blocks` once; `account` is filled as they come.
+    """
 
     def __init__(
         self,
@@ -69,11 +71,12 @@ class Run:
         state: tuple[Floats, Floats],
         p: Floats,
         settings: Simulation,
-        grid: Grid,
+        columns: tuple[str, ...],
     ) -> None:
+        self.grid = grid = grids.grid(settings)
+        self._columns = columns
         self.account = Account()
         self.t = grid.start
-        self._grid = grid
         self._next_row = 0
         n = numeric.n
         self._t, self._h = np.array([grid.start], dtype=float), np.zeros(1)
@@ -100,7 +103,7 @@ class Run:
         Raises `Stopped` after the last good row.
         """
         width = 1 + self._record.results[1].size
-        block = np.zeros((max(1, min(self._grid.count, BLOCK_VALUES // width)), width))
+        block = np.zeros((max(1, min(self.grid.count, BLOCK_VALUES // width)), width))
         rows = self._rows()
         stop: Stopped | None = None
         going = True
@@ -132,13 +135,13 @@ class Run:
         self.account.evaluations += 1
         if not np.isfinite(self._k).all():
             raise self._stopped("the accelerations are not finite at the start")
-        yield self._row(self._grid.start, self._y)
+        yield self._row(self.grid.start, self._y)
         self._next_row = 1
-        if self._grid.count == 1:
+        if self.grid.count == 1:
             return
         h = self._first_step()
         pace_from = self.t
-        while self._next_row < self._grid.count:
+        while self._next_row < self.grid.count:
             h = self._advance(h)
             if self.account.steps % PACE == 0:
                 self._check_pace(self._reached - pace_from)
@@ -149,7 +152,7 @@ class Run:
 
     def _advance(self, h: float) -> float:
         """Find an acceptable step from the current state; return the proposal for the one after it."""
-        t, end = self.t, self._grid.end
+        t, end = self.t, self.grid.end
         grow = GROW
         while True:
             last = t + h >= end or end - (t + h) < 1e-12 * h
@@ -175,10 +178,10 @@ class Run:
 
     def _check_pace(self, advanced: float) -> None:
         """Stop a run that would not end in any time one can wait."""
-        if (self._grid.end - self.t) * PACE > HOPELESS * advanced:
+        if (self.grid.end - self.t) * PACE > HOPELESS * advanced:
             raise self._stopped(
                 f"the last {PACE} steps advanced by {advanced:.2g}, so that the run would need"
-                f" {(self._grid.end - self.t) / max(advanced, 1e-300) * PACE:.0e} more: the motion chatters across"
+                f" {(self.grid.end - self.t) / max(advanced, 1e-300) * PACE:.0e} more: the motion chatters across"
                 " a jump of the forces, the forces are far too stiff for an explicit scheme, or the run is too long"
             )
 
@@ -193,10 +196,10 @@ class Run:
             return "the constraints cannot be satisfied beyond: their surface ends there"
         return "the step needed for the tolerance is below the rounding of the time"
 
-    def _stopped(self, reason: str, column: int | None = None) -> Stopped:
+    def _stopped(self, reason: str) -> Stopped:
         row = self._next_row
-        where = f"stopped at t = {self.t:.9g} (after row {row} of {self._grid.count})"
-        return Stopped(Stop(self.t, f"{where}: {reason}", column))
+        where = f"stopped at t = {self.t:.9g} (after row {row} of {self.grid.count})"
+        return Stopped(Stop(self.t, f"{where}: {reason}"))
 
     def _accept(self) -> None:
         self._t[0] = self.t = self._reached
@@ -204,7 +207,7 @@ class Run:
 
     def _fill(self) -> Iterator[Floats]:
         """Rows of the grid within the step just found, from its dense output."""
-        grid, reached = self._grid, self._reached
+        grid, reached = self.grid, self._reached
         if grid.time(self._next_row) > reached:
             return
         self._dense.trigger()
@@ -226,14 +229,15 @@ class Run:
         self._record.trigger()
         landed, row, figures = self._record.results
         if not (np.isfinite(row).all() and np.isfinite(figures).all()):
-            column = int(np.argmin(np.isfinite(row))) + 1 if not np.isfinite(row).all() else None
-            raise self._stopped(f"it is not finite at t = {t:.9g}", column)
+            bad = np.flatnonzero(~np.isfinite(row))
+            what = f"the column `{self._columns[int(bad[0])]}`" if bad.size else "the energy balance"
+            raise self._stopped(f"{what} is not finite at t = {t:.9g}")
         self.account.keep(figures, landed[-1])
         return np.concatenate([self._at, row]) + 0.0  # no table shows -0.0
 
     def _first_step(self) -> float:
         """Hairer's starting step (Solving ODEs I, sec. II.4), from the sizes of y, y' and y''."""
-        t, span = float(self._t[0]), self._grid.end - self._grid.start
+        t, span = float(self._t[0]), self.grid.end - self.grid.start
         y, k = self._y.copy(), self._k.copy()
         scale = self._tolerance[1] + np.abs(y) * self._tolerance[0]
 

@@ -145,6 +145,22 @@ def _column_location(system: System, column: str) -> diagnostics.Location:
 
 def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals:
     """How far a state is from the constraints. Raises `diagnostics.ModelError` where a row is not finite."""
+    f, rows, b = _finite_rows(system, numeric, state)
+    s, norms = f.size, rows.divisors
+    # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
+    # by something like its size in the time of the run.
+    slow = SLOWEST * np.abs(state.q).max(initial=0.0) / (system.model.simulation.duration or 1.0)
+    speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
+    return Residuals(
+        np.abs(f) / norms[:s],
+        np.abs(rows.times(state.v) + b) / norms,
+        _position_limits(numeric, state, rows)[:s],
+        CONSISTENT * speed,
+    )
+
+
+def _finite_rows(system: System, numeric: NumericSystem, state: State) -> tuple[Floats, Rows, Floats]:
+    """f (s,), B and b (C,) at a state. Raises `diagnostics.ModelError` naming a row that is not finite."""
     f = np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
     B, b = numeric.rows(state.t, state.q, state.v, state.p)
     rows, b = Rows(B), np.array(b).ravel()
@@ -158,17 +174,7 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
         raise diagnostics.ModelError(
             [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
         )
-    norms = rows.divisors
-    # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
-    # by something like its size in the time of the run.
-    slow = SLOWEST * np.abs(state.q).max(initial=0.0) / (system.model.simulation.duration or 1.0)
-    speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
-    return Residuals(
-        np.abs(f) / norms[:s],
-        np.abs(rows.times(state.v) + b) / norms,
-        _position_limits(numeric, state, rows)[:s],
-        CONSISTENT * speed,
-    )
+    return f, rows, b
 
 
 def _position_limits(numeric: NumericSystem, state: State, rows: Rows) -> Floats:
@@ -269,17 +275,15 @@ def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[s
     except projection.NoConfiguration as failure:
         raise no_configuration(system, numeric, dataclasses.replace(state, q=failure.q), keep) from None
     there = dataclasses.replace(state, q=q)
-    residuals(system, numeric, there)  # refuses, by name, rows that have no value there
-    metric = metric_at(numeric, there, fixed)
-    B, b = numeric.rows(state.t, q, state.v, state.p)
-    stuck = MetricRows(B, metric).lengths < STUCK * MetricRows(B, metric_at(numeric, there)).lengths
+    _, rows, b = _finite_rows(system, numeric, there)
+    metric, whole = metric_at(numeric, there, fixed), metric_at(numeric, there)
+    stuck = MetricRows(rows.B, metric).lengths < STUCK * MetricRows(rows.B, whole).lengths
     if stuck.any():
         raise _stuck(system, np.flatnonzero(stuck).tolist())
-    v = projection.velocity(state.v, B, np.array(b).ravel(), metric)
+    v = projection.velocity(state.v, rows.B, b, metric)
     there = dataclasses.replace(there, v=v)
     if not residuals(system, numeric, there).consistent:
         raise no_configuration(system, numeric, there, keep)
-    whole = metric_at(numeric, there)
     return Assembly(there, whole.length(q - state.q), whole.length(v - state.v))
 
 
