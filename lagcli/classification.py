@@ -65,8 +65,8 @@ def holonomic(model: nouns.Model, row_names: tuple[str, ...]) -> tuple[Verdict, 
     for row in row_names:
         if row in texts:
             method = "declared in whole coordinates"
-        elif row.partition(".")[0] in bodies:
-            method = f"row of the rigid body `{row.partition('.')[0]}`"
+        elif row.rpartition(".")[0] in bodies:
+            method = f"row of the rigid body `{row.rpartition('.')[0]}`"
         else:
             continue
         verdicts.append(Verdict(row, "holonomic", "holonomic", None, None, method, "symbolic"))

@@ -120,7 +120,7 @@ def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) ->
     n, (held, total) = system.symbols.q.numel(), on.highest
     decided = reason == ""
     return DofCount(
-        particles=len(system.model.particles),
+        particles=len(system.model.particle_names),
         coordinates=n,
         holonomic=held if decided else None,
         nonholonomic=total - held if decided else None,

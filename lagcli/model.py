@@ -1,7 +1,9 @@
 """The nouns of a model: what a file declares, checked and with every constant evaluated, but no dynamics yet.
 
-Names keep the order of the file; the order of the constraints is the order of the multipliers lambda_i.
-Lengths, masses and times carry whatever units the file labels (`Units`); nothing is converted.
+An entry stands for one thing or, as a family, for K of them that share one expression over index vectors; K = 1
+for what is declared alone. Names keep the order of the file; the order of the constraints is the order of the
+multipliers lambda_i. Lengths, masses and times carry whatever units the file labels (`Units`); nothing is
+converted.
 """
 
 from __future__ import annotations
@@ -10,10 +12,16 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Literal
 
+import numpy as np
+import numpy.typing as npt
+
 from lagcli import diagnostics, source
 from lagcli.expression import tree
+from lagcli.members import Members
 
 Vector3 = tuple[float, float, float]
+Floats = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -63,35 +71,35 @@ class Parameter:
     value: float | Vector3
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Coordinate:
-    """A generalized coordinate q with its initial value and initial rate."""
+    """Generalized coordinates q with their initial values and initial rates, (K,) each."""
 
-    name: str
-    value: float
-    rate: float
+    members: Members
+    value: Floats
+    rate: Floats
     location: diagnostics.Location
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Particle:
-    """A point mass.
+    """Point masses.
 
-    Cartesian where `start` is given: its components are coordinates of the system, `start` and
-    `start_velocity` their initial values. Otherwise dependent, x_n = x_n(q, t) (D.27), with `position`.
+    Cartesian where `start` is given: their components are coordinates of the system, `start` and
+    `start_velocity` (K, 3) their initial values. Otherwise dependent, x_n = x_n(q, t) (D.27), with `position`.
     """
 
-    name: str
+    members: Members
     mass: Expression
-    mass_value: float
+    mass_values: Floats
     position: VectorExpression
-    start: Vector3 | None
-    start_velocity: Vector3
+    start: Floats | None
+    start_velocity: Floats
     location: diagnostics.Location
 
     @property
     def is_dependent(self) -> bool:
-        """Whether the position is a function of generalized coordinates and time."""
+        """Whether the positions are functions of generalized coordinates and time."""
         return self.start is None
 
 
@@ -103,58 +111,71 @@ class Definition:
     expression: Expression
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Action:
+    """What a force acts on: P pairs of a target, by its number among all particles or among all generalized
+    coordinates, and the member of the force that acts on it. Shapes (P,)."""
+
+    targets: Whole
+    acting: Whole
+
+    def variables(self, members: Members) -> dict[str, Whole]:
+        """The index variables of the force at each pair."""
+        return {name: values[self.acting] for name, values in members.variables.items()}
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ParticleForce:
     """An applied force on particles; `m`, `r`, `v` in it are the particle's own.
 
-    A `constant` force (parameters and `m` only) counts as the potential -F.r.
+    A `constant` force (parameters, indices and `m` only) counts as the potential -F.r.
     """
 
-    name: str
-    targets: tuple[str, ...]
+    members: Members
+    action: Action
     force: VectorExpression
     constant: bool
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class GeneralizedForce:
     """A force Q_j on generalized coordinates (D.30)."""
 
-    name: str
-    targets: tuple[str, ...]
+    members: Members
+    action: Action
     force: Expression
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Potential:
-    """A potential V(r, q, t) (D.35)."""
+    """A potential V(r, q, t) (D.35); of a family the sum of all members."""
 
-    name: str
+    members: Members
     expression: Expression
 
 
 Force = ParticleForce | GeneralizedForce | Potential
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Holonomic:
     """f(r, q, t) = left - right = 0 (D.2); three rows where it is a vector equation."""
 
-    name: str
+    members: Members
     equation: Expression
     is_vector: bool
 
     @property
     def rows(self) -> tuple[str, ...]:
         """The names of its scalar rows."""
-        return _row_names(self.name, self.is_vector)
+        return _with_axes(self.members, self.is_vector)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Differential:
     """A law linear in differentials or in velocities (D.3, D.4)."""
 
-    name: str
+    members: Members
     equation: Expression
     is_vector: bool
     form: Literal["differentials", "velocities"]
@@ -162,34 +183,36 @@ class Differential:
     @property
     def rows(self) -> tuple[str, ...]:
         """The names of its scalar rows."""
-        return _row_names(self.name, self.is_vector)
+        return _with_axes(self.members, self.is_vector)
 
 
-def _row_names(name: str, is_vector: bool) -> tuple[str, ...]:
-    return tuple(f"{name}.{axis}" for axis in "xyz") if is_vector else (name,)
+def _with_axes(members: Members, is_vector: bool) -> tuple[str, ...]:
+    if not is_vector:
+        return members.names
+    return tuple(f"{name}.{axis}" for name in members.names for axis in "xyz")
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class RigidBody:
-    """Particles that form one rigid body; its rows are laid down in `rigid`."""
+    """Particles that form one rigid body, by their numbers; its rows are laid down in `rigid`."""
 
     name: str
-    particles: tuple[str, ...]
+    particles: tuple[int, ...]
     location: diagnostics.Location
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Output:
     """An extra recorded quantity."""
 
-    name: str
+    members: Members
     expression: Expression
     is_vector: bool
 
     @property
     def columns(self) -> tuple[str, ...]:
         """The names of its columns."""
-        return _row_names(self.name, self.is_vector)
+        return _with_axes(self.members, self.is_vector)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -207,12 +230,21 @@ class Simulation:
     keep: tuple[str, ...] = ()
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """Members (by their places) of the particle entry number `entry`, to be evaluated together."""
+
+    entry: int
+    places: Whole
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Model:
     """A valid model. `fingerprint` tells models of different text apart; changed values do not enter it.
 
-    `order` names particles and definitions, each after all it uses: evaluated so, a chain of any length needs
-    no deep stack.
+    `order` names definitions and batches of dependent particles, each after all it uses: evaluated so, a chain
+    of any length needs no deep stack. `structure`: parameters that decide which members there are and which
+    members an expression speaks of, with their values.
     """
 
     path: str
@@ -233,17 +265,45 @@ class Model:
     outputs: tuple[Output, ...]
     simulation: Simulation
     warnings: tuple[diagnostics.Diagnostic, ...]
-    order: tuple[str, ...]
+    order: tuple[str | Batch, ...]
+    structure: tuple[tuple[str, float], ...]
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both are read from the same text, with the same values of everything that may be set."""
+        return isinstance(other, Model) and self._read_from() == other._read_from()
+
+    def __hash__(self) -> int:
+        return hash(self.fingerprint)
+
+    def _read_from(self) -> tuple[object, ...]:
+        arrays = [part for p in self.particles if p.start is not None for part in (p.start, p.start_velocity)]
+        arrays += [part for q in self.coordinates for part in (q.value, q.rate)]
+        starts = tuple(array.tobytes() for array in arrays)
+        return self.path, self.fingerprint, self.parameters, self.simulation, starts
+
+    @property
+    def particle_names(self) -> tuple[str, ...]:
+        """The N particles."""
+        return tuple(name for particle in self.particles for name in particle.members.names)
+
+    @property
+    def generalized_names(self) -> tuple[str, ...]:
+        """The generalized coordinates."""
+        return tuple(name for coordinate in self.coordinates for name in coordinate.members.names)
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
         """The n coordinates of the system: components of Cartesian particles, then the generalized ones."""
-        cartesian = (f"{p.name}.{axis}" for p in self.particles if not p.is_dependent for axis in "xyz")
-        return (*cartesian, *(q.name for q in self.coordinates))
+        cartesian = (name for p in self.particles if not p.is_dependent for name in p.members.names)
+        return (*(f"{name}.{axis}" for name in cartesian for axis in "xyz"), *self.generalized_names)
 
-    def particle(self, name: str) -> Particle | None:
-        """The particle of that name."""
-        return next((p for p in self.particles if p.name == name), None)
+    def location(self, coordinate: str) -> diagnostics.Location:
+        """Where one of `coordinate_names` was declared."""
+        for entry in self.coordinates:
+            if coordinate in entry.members.names:
+                return entry.location
+        particle = coordinate.rpartition(".")[0]
+        return next(p.location for p in self.particles if particle in p.members.names)
 
     def constraints(self) -> Iterator[Holonomic | RigidBody | Differential]:
         """All constraints in the order of the multipliers: holonomic, rigid, differential."""

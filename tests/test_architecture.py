@@ -14,6 +14,7 @@ PACKAGE = ROOT / "lagcli"
 ROOMS = (
     "diagnostics",
     "catalogue",
+    "members",
     "source",
     "expression",
     "model",

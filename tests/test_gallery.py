@@ -30,9 +30,9 @@ def state_columns(name):
     """Indices of the columns of positions and of velocities."""
     columns = table(name).columns
     model = lagcli.load(MODELS / name)
-    qs = {q.name for q in model.coordinates}
-    places = [f"{p.name}.{axis}" for p in model.particles for axis in "xyz"]
-    speeds = [f"{p.name}.v{axis}" for p in model.particles for axis in "xyz"]
+    qs = set(model.generalized_names)
+    places = [f"{name}.{axis}" for name in model.particle_names for axis in "xyz"]
+    speeds = [f"{name}.v{axis}" for name in model.particle_names for axis in "xyz"]
     return (
         [i for i, c in enumerate(columns) if c in places or c in qs],
         [

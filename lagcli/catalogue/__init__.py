@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import textwrap
 
-from lagcli.catalogue import entries, formulas, names, outer, start
+from lagcli.catalogue import entries, families, formulas, names, outer, start
 from lagcli.catalogue.page import Page
 
 _PAGES: dict[str, Page] = {
     page.code: page
     for page in sorted(
-        (*outer.PAGES, *entries.PAGES, *names.PAGES, *formulas.PAGES, *start.PAGES),
+        (*outer.PAGES, *entries.PAGES, *families.PAGES, *names.PAGES, *formulas.PAGES, *start.PAGES),
         key=lambda page: page.code,
     )
 }

@@ -125,7 +125,7 @@ rigid:
         meaning="The format has this, and this version of the program does not carry it out.",
         why="An entry that was skipped in silence would change the meaning of the model.",
         example=_BALL + "inequality:\n  floor: a.z >= 0\n",
-        cure="Take it out, or state the model without it. A family is written out entry by entry.",
+        cure="Take it out, or state the model without it.",
         old="inequality:\n  floor: a.z >= 0\n",
     ),
     Page(

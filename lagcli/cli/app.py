@@ -6,13 +6,15 @@ import collections
 import os
 import time
 from collections.abc import Callable
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 from lagcli import diagnostics
-from lagcli import model as nouns
 from lagcli.cli import exits, machine
+
+if TYPE_CHECKING:
+    from lagcli import model as nouns
 
 app = typer.Typer(
     name="lagcli",

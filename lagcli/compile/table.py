@@ -14,14 +14,12 @@ from lagcli.mechanics.system import System
 def table(system: System, parts: Parts) -> Any:
     """table(t, y, y', lambda, p) -> one row of the table without t, and the figures the account is made of."""
     model, dynamics, symbols = system.model, system.dynamics, system.symbols
-    values = []
-    for k in range(len(model.particles)):
-        values += [system.r[3 * k : 3 * k + 3], system.r_dot[3 * k : 3 * k + 3]]
-    n = symbols.q.numel()
-    first = n - len(model.coordinates)
-    for j in range(len(model.coordinates)):
-        values += [symbols.q[first + j], symbols.v[first + j]]
-    values += [system.lam, system.R, system.Q_R[first:], dynamics.energy, system.outputs]
+    particles, n = system.r.numel() // 3, symbols.q.numel()
+    first = n - len(model.generalized_names)
+    moving = ca.vertcat(ca.reshape(system.r, 3, particles), ca.reshape(system.r_dot, 3, particles))
+    generalized = ca.horzcat(symbols.q[first:], symbols.v[first:])
+    values = [ca.vec(moving), ca.vec(generalized.T), system.lam, system.R, system.Q_R[first:]]
+    values += [dynamics.energy, system.outputs]
     account = ca.vertcat(
         shared.position_residual(parts),
         shared.velocity_residual(parts),

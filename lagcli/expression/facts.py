@@ -2,19 +2,26 @@
 
 This is one more algebra for `evaluate`. It finds what is wrong with a formula and where: a name that is not
 known or not allowed, a constant that is not finite, a differential that enters nonlinearly.
+A constant of a family is an array with one entry for each member; an error names the first that it is of.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable
 from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
 
 from lagcli.expression import evaluate, tree
 from lagcli.expression.tree import ExpressionError
 
 Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mass", "result"]
+
+Value = float | npt.NDArray[np.float64]
 
 NONLINEAR = 9
 
@@ -27,13 +34,14 @@ DIFFERENTIAL: frozenset[Flag] = MOTION | {"differential"}
 OUTPUT: frozenset[Flag] = MOTION | {"result"}
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False)
 class Facts:
-    """About a scalar: `value` if it depends on parameters only, what it `reads`, and its lowest and highest
-    degree in differentials and velocities (`low`, `high`). Never changed once made (see `tree` on why it is
-    not declared frozen)."""
+    """About a scalar: `value` if it depends on parameters and indices only (a float, or an array of shape
+    (K,) for the K members of a family), what it `reads`, and its lowest and highest degree in differentials
+    and velocities (`low`, `high`). Never changed once made (see `tree` on why it is not declared frozen),
+    and equal to itself alone."""
 
-    value: float | None = None
+    value: Value | None = None
     reads: frozenset[Flag] = NOTHING
     low: int = 0
     high: int = 0
@@ -129,12 +137,17 @@ class FactsAlgebra:
         return self._leaf(node, _differential_of(value))
 
     def add(self, node: tree.Node, left: Facts, sign: int, right: Facts) -> Facts:
-        if left.value is not None:
-            if right.value is not None:
-                return Facts(self._finite(node, left.value + sign * right.value))
-            if left.value == 0.0:
+        one, other = left.value, right.value
+        if one is not None:
+            if other is not None:
+                if one.__class__ is float and other.__class__ is float:
+                    return Facts(self._finite(node, one + sign * other))
+                return self._each(
+                    node, lambda u, w: u + sign * w, lambda u, w: self.add(node, u, sign, w), one, other
+                )
+            if one.__class__ is float and one == 0.0:
                 return right
-        elif right.value == 0.0 or (left is right):
+        elif left is right or (other.__class__ is float and other == 0.0):
             return left
         low = left.low if left.low < right.low else right.low
         high = left.high if left.high > right.high else right.high
@@ -146,42 +159,73 @@ class FactsAlgebra:
         return value if value.value is None else Facts(-value.value)
 
     def multiply(self, node: tree.Node, left: Facts, right: Facts) -> Facts:
-        if left.value is not None and right.value is not None:
-            return Facts(self._finite(node, left.value * right.value))
+        one, other = left.value, right.value
+        if one is not None and other is not None:
+            if one.__class__ is float and other.__class__ is float:
+                return Facts(self._finite(node, one * other))
+            return self._each(node, np.multiply, lambda u, w: self.multiply(node, u, w), one, other)
         low, high = left.low + right.low, min(NONLINEAR, left.high + right.high)
         return self._checked(node, Facts(None, left.reads | right.reads, low, high))
 
     def divide(self, node: tree.Node, left: Facts, right: Facts) -> Facts:
-        if right.value == 0.0:
-            raise ExpressionError("not-finite", "this divides by zero", node.start, node.end)
-        if left.value is not None and right.value is not None:
-            return Facts(self._finite(node, left.value / right.value))
+        one, other = left.value, right.value
+        if other is not None and not (other if other.__class__ is float else np.all(other)):
+            place = int(np.argmin(other != 0.0)) if np.ndim(other) else None
+            raise ExpressionError("not-finite", "this divides by zero", node.start, node.end, place=place)
+        if one is not None and other is not None:
+            if one.__class__ is float and other.__class__ is float:
+                return Facts(self._finite(node, one / other))
+            return self._each(node, np.divide, lambda u, w: self.divide(node, u, w), one, other)
         high = NONLINEAR if right.high else left.high
         return self._checked(node, Facts(None, left.reads | right.reads, left.low, high))
 
     def power(self, node: tree.Node, base: Facts, exponent: Facts) -> Facts:
-        if base.value is not None and exponent.value is not None:
-            return Facts(self._constant(node, "**", lambda: _power(base.value, exponent.value)))
+        one, other = base.value, exponent.value
+        if one is not None and other is not None:
+            if isinstance(one, float) and isinstance(other, float):
+                return Facts(self._constant(node, "**", math.pow, one, other))
+            return self._each(node, np.power, lambda u, w: self.power(node, u, w), one, other)
         reads = base.reads | exponent.reads
         if not base.high and not exponent.high:
             return Facts(None, reads)
-        whole = exponent.value is not None and exponent.value == round(exponent.value) and exponent.value >= 0
-        if not whole or exponent.value is None:
-            return self._checked(node, Facts(None, reads, base.low, NONLINEAR))
-        times = min(round(exponent.value), NONLINEAR)
-        return self._checked(node, Facts(None, reads, base.low * times, min(NONLINEAR, base.high * times)))
+        times = _whole_extent(other)
+        if times is None:
+            return self._checked(node, Facts(None, reads, 0, NONLINEAR))
+        low, high = base.low * times[0], min(NONLINEAR, base.high * times[1])
+        return self._checked(node, Facts(None, reads, low, high))
 
     def function(self, node: tree.Node, name: str, arguments: tuple[Facts, ...]) -> Facts:
-        values = [a.value for a in arguments]
-        if all(v is not None for v in values):
-            return Facts(self._constant(node, name, lambda: FLOAT_FUNCTIONS[name](*values)))
+        values = [a.value for a in arguments if a.value is not None]
+        if len(values) == len(arguments):
+            if all(isinstance(value, float) for value in values):
+                return Facts(self._constant(node, name, FLOAT_FUNCTIONS[name], *values))
+            return self._each(
+                node, ARRAY_FUNCTIONS[name], lambda *parts: self.function(node, name, parts), *values
+            )
         reads = frozenset[Flag]().union(*(a.reads for a in arguments))
         high = NONLINEAR if any(a.high for a in arguments) else 0
         return self._checked(node, Facts(None, reads, 0, high))
 
-    def _constant(self, node: tree.Node, name: str, compute: Callable[[], float]) -> float:
+    def _each(
+        self, node: tree.Node, compute: Callable[..., Any], again: Callable[..., Facts], *values: Value
+    ) -> Facts:
+        """A constant for each member. For the first that is not finite, `again` says what is wrong."""
+        with np.errstate(all="ignore"):
+            found = np.asarray(compute(*values), dtype=float)
+        broken = ~np.isfinite(found)
+        if broken.any():
+            place = int(np.argmax(broken))
+            try:
+                again(*(Facts(float(np.broadcast_to(value, found.shape).flat[place])) for value in values))
+                self._finite(node, math.inf)
+            except ExpressionError as error:
+                error.place = place if found.ndim else None
+                raise
+        return Facts(found if found.ndim else float(found))
+
+    def _constant(self, node: tree.Node, name: str, compute: Callable[..., float], *values: Any) -> float:
         try:
-            value = compute()
+            value = compute(*values)
         except (ValueError, ZeroDivisionError):
             message = f"`{name}` is not defined for this value"
             raise ExpressionError("not-finite", message, node.start, node.end) from None
@@ -197,12 +241,19 @@ class FactsAlgebra:
         return value
 
 
+def _whole_extent(exponent: Value | None) -> tuple[int, int] | None:
+    """The least and the most of exponents 0, 1, 2, ..., up to `NONLINEAR`; None where one is none of these."""
+    if exponent is None:
+        return None
+    every = np.asarray(exponent)
+    if not np.all((every == np.floor(every)) & (every >= 0.0)):
+        return None
+    capped = np.minimum(every, NONLINEAR)
+    return int(np.min(capped, initial=NONLINEAR)), int(np.max(capped, initial=0))
+
+
 def _differential_of(part: Facts) -> Facts:
     return Facts(None, part.reads | {"differential"}, 1, 1)
-
-
-def _power(base: float | None, exponent: float | None) -> float:
-    return math.pow(base or 0.0, exponent or 0.0)
 
 
 def _sign(value: float) -> float:
@@ -228,3 +279,18 @@ FLOAT_FUNCTIONS: dict[str, Callable[..., float]] = {
     "min": lambda *values: min(values),
     "max": lambda *values: max(values),
 }
+
+ARRAY_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    **{
+        name: getattr(np, name)
+        for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
+    },
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "atan2": np.arctan2,
+    "abs": np.abs,
+    "sign": np.sign,
+    "min": lambda *values: functools.reduce(np.minimum, values),
+    "max": lambda *values: functools.reduce(np.maximum, values),
+}  # the same for arrays; what is not defined comes out as nan or infinite

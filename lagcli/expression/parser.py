@@ -14,6 +14,7 @@ from lagcli.expression.tree import ExpressionError
 MAX_DEPTH = 40
 
 _LEAVES: dict[str, Callable[[int, int, str], tree.Node]] = {"number": tree.Number, "name": tree.Name}
+_SEVERAL = 'several ranges are a list: `["i = 1..N", "j = 1..M"]`'
 _AFTER_LEAF = frozenset(("+", "-", "*", "/", ")", "]", ",", "end"))
 
 
@@ -36,6 +37,32 @@ def parse_condition(text: str) -> tree.Relation:
     if isinstance(node, tree.Relation):
         return node
     raise ExpressionError("syntax", "a condition needs `>=` or `<=`", node.start, node.end)
+
+
+def parse_range(text: str) -> tree.Range:
+    """`i = 1..N`: the name of an index and the expressions of its bounds. Raises `ExpressionError`."""
+    return _Parser(text).range()
+
+
+def parse_filter(text: str) -> tree.Node:
+    """Comparisons joined with `and`, `or`, `not` and parentheses. Raises `ExpressionError`.
+
+    Returns a `Comparison`, `Not`, `And` or `Or`; the operands of comparisons are expressions.
+    """
+    return _FilterParser(text).filter()
+
+
+def parse_reference(text: str) -> tree.Name | tree.Index:
+    """A name with or without indices: `a`, `p[i]`, `p[i][j+1]`. Raises `ExpressionError`."""
+    node = _Parser(text).whole(relations=())
+    bare = text.strip() == text[node.start : node.end]
+    if bare and (isinstance(node, tree.Name) or (isinstance(node, tree.Index) and not node.member)):
+        return node
+    if isinstance(node, (tree.Index, tree.Member)) and node.member:
+        message = f"only a name stands here, without `.{node.member}`"
+        raise ExpressionError("syntax", message, node.end - len(node.member) - 1, node.end)
+    message, hint = "only a name stands here", "for example `a`, or `p[1]` of a family `p`"
+    raise ExpressionError("syntax", message, 0, len(text), hint)
 
 
 class _Parser:
@@ -62,6 +89,44 @@ class _Parser:
         if self._kinds[self._at] != "end":
             raise _surplus(self._peek(), relations)
         return node
+
+    def range(self) -> tree.Range:
+        """The whole text as a range."""
+        hint = "a range is written `i = 1..N`"
+        name = self._peek()
+        if name.kind == "end":
+            raise ExpressionError("syntax", "a range is missing", 0, 1, hint)
+        if name.kind != "name":
+            message = f"a range begins with the name of its index, not with `{name.text}`"
+            raise ExpressionError("syntax", message, name.start, name.end, hint)
+        self._at += 1
+        sign = self._peek()
+        if sign.kind != "=":
+            spot = name if sign.kind == "end" else sign
+            message = f"an `=` is missing after `{name.text}`"
+            raise ExpressionError("syntax", message, spot.start, spot.end, hint)
+        low = self._bound("lower", hint)
+        dots = self._peek()
+        if dots.kind != "..":
+            spot = sign if dots.kind == "end" else dots
+            hint = _SEVERAL if dots.kind == "," else hint
+            message = "two dots `..` are missing after the lower bound of the range"
+            raise ExpressionError("syntax", message, spot.start, spot.end, hint)
+        high = self._bound("upper", hint)
+        last = self._peek()
+        if last.kind == ",":
+            raise ExpressionError("syntax", "one range ends here", last.start, last.end, _SEVERAL)
+        if last.kind != "end":
+            raise _surplus(last, ())
+        return tree.Range(name.start, high.end, name.text, low, high)
+
+    def _bound(self, which: str, hint: str) -> tree.Node:
+        """A bound of a range, after the sign that announces it."""
+        before = self._next()
+        if self._kinds[self._at] in ("..", "end"):
+            message = f"the {which} bound of the range is missing after `{before.text}`"
+            raise ExpressionError("syntax", message, before.start, before.end, hint)
+        return self._sum()
 
     def _peek(self) -> Token:
         return self._tokens[self._at]
@@ -157,7 +222,7 @@ class _Parser:
             return tree.Number(token.start, token.end, token.text)
         self._nested(token)
         if token.kind == "(":
-            inner = self._sum()
+            inner = self._grouped()
             self._expect(")", token)
         else:
             items = self._items("]", token)
@@ -165,11 +230,15 @@ class _Parser:
         self._depth -= 1
         return inner
 
+    def _grouped(self) -> tree.Node:
+        """What stands between parentheses."""
+        return self._sum()
+
     def _missing(self, token: Token) -> ExpressionError:
         if token.kind == "end":
             last = self._tokens[self._at - 1]
             return ExpressionError("syntax", f"the expression ends after `{last.text}`", last.start, last.end)
-        hint = "write `**` for a power" if token.kind == "*" else ""
+        hint = {"*": "write `**` for a power", ".": "a range has two dots: `1..N`"}.get(token.kind, "")
         message = f"a number, name or bracket is missing before `{token.text}`"
         return ExpressionError("syntax", message, token.start, token.end, hint)
 
@@ -214,7 +283,13 @@ class _Parser:
         while self._kinds[self._at] == "[":
             opened = self._next()
             self._nested(opened)
+            if self._kinds[self._at] == "]":
+                message, end = "an index is missing between the brackets", self._peek().end
+                raise ExpressionError("syntax", message, opened.start, end, "for example `p[1]`")
             indices.append(self._sum())
+            if self._kinds[self._at] == ",":
+                message, comma = "each index has brackets of its own", self._peek()
+                raise ExpressionError("syntax", message, comma.start, comma.end, "write `p[1][2]`")
             self._expect("]", opened)
             self._depth -= 1
         return tuple(indices)
@@ -239,6 +314,104 @@ class _Parser:
         return part.text
 
 
+_COMPARISONS = ("==", "!=", "<", "<=", ">", ">=")
+_JOINTS = ("and", "or", "not")
+_TRUTHS = (tree.Comparison, tree.Not, tree.And, tree.Or)
+
+
+class _FilterParser(_Parser):
+    """Above sums there are comparisons, `not`, `and` and `or`; parentheses may hold any of them.
+
+    What a parenthesis holds is known only after it is read, so that truths and numbers are told apart at the
+    end: no text is read twice.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        for i, kind in enumerate(self._kinds):
+            if kind == "name" and self._texts[i] in _JOINTS:
+                self._kinds[i] = self._texts[i]
+
+    def filter(self) -> tree.Node:
+        """The whole text as a filter."""
+        if self._kinds[0] == "end":
+            raise ExpressionError("syntax", "a filter is missing", 0, 1, "for example `i != j`")
+        node = self._either()
+        if self._kinds[self._at] != "end":
+            raise self._unjoined(self._peek())
+        _needs_truth(node)
+        for part in tree.walk(node):
+            must = _needs_truth if isinstance(part, (tree.Not, tree.And, tree.Or)) else _needs_number
+            for child in tree.children(part):
+                must(child)
+        return node
+
+    def _either(self) -> tree.Node:
+        return self._joined("or", lambda: self._joined("and", self._negated, tree.And), tree.Or)
+
+    def _joined(
+        self, word: str, part: Callable[[], tree.Node], make: type[tree.And] | type[tree.Or]
+    ) -> tree.Node:
+        start = self._starts[self._at]
+        parts = [part()]
+        while self._kinds[self._at] == word:
+            self._at += 1
+            parts.append(part())
+        return make(start, self._end(), tuple(parts)) if len(parts) > 1 else parts[0]
+
+    def _negated(self) -> tree.Node:
+        if self._kinds[self._at] != "not":
+            return self._comparison()
+        word = self._next()
+        self._nested(word)
+        inner = self._negated()
+        self._depth -= 1
+        return tree.Not(word.start, self._end(), inner)
+
+    def _comparison(self) -> tree.Node:
+        start = self._starts[self._at]
+        operands, relations = [self._sum()], []
+        while self._kinds[self._at] in _COMPARISONS:
+            relations.append(self._next().text)
+            operands.append(self._sum())
+        if not relations:
+            return operands[0]
+        return tree.Comparison(start, self._end(), tuple(operands), tuple(relations))
+
+    def _grouped(self) -> tree.Node:
+        return self._either()
+
+    def _expect(self, kind: str, opened: Token) -> None:
+        token = self._peek()
+        if token.kind not in (kind, "end"):
+            raise self._unjoined(token)
+        super()._expect(kind, opened)
+
+    @staticmethod
+    def _unjoined(token: Token) -> ExpressionError:
+        """The error for a token that cannot go on from what stands before it."""
+        if token.kind == "=":
+            message, hint = "a single `=` does not compare", "write `==`"
+        elif token.kind in ("name", "not"):
+            message, hint = f"an `and` or `or` is missing before `{token.text}`", ""
+        else:
+            return _surplus(token, ())
+        return ExpressionError("syntax", message, token.start, token.end, hint)
+
+
+def _needs_truth(node: tree.Node) -> None:
+    if not isinstance(node, _TRUTHS):
+        message = "a comparison is needed here"
+        raise ExpressionError("syntax", message, node.start, node.end, "for example `i != j`, `i < N`")
+
+
+def _needs_number(node: tree.Node) -> None:
+    if isinstance(node, _TRUTHS):
+        message = "a number is needed here, and this is a comparison"
+        hint = "comparisons are joined with `and`, `or`, `not`"
+        raise ExpressionError("syntax", message, node.start, node.end, hint)
+
+
 def _surplus(token: Token, relations: tuple[str, ...]) -> ExpressionError:
     """The error for a token that cannot go on from what stands before it."""
     hint = ""
@@ -251,6 +424,8 @@ def _surplus(token: Token, relations: tuple[str, ...]) -> ExpressionError:
         message = f"this `{token.text}` closes nothing"
     elif token.kind == ",":
         message, hint = "a comma has no place here", "a vector is written `[x, y, z]`"
+    elif token.kind == "..":
+        message, hint = "`..` has no place here", "a range `i = 1..N` belongs under `for`"
     elif token.kind in ("number", "name", "(", "["):
         message = f"an operator is missing before `{token.text}`"
         hint = "write `*` for a product"

@@ -11,15 +11,16 @@ from lagcli.expression.tree import ExpressionError
 MAX_LENGTH = 2**20
 
 # Every character belongs to some match, so that the lengths of the matches add up to offsets.
+# A number takes no dot that another dot follows: `1..N` is a range.
 _WORD = re.compile(
     r"""[^\W0-9]\w*
-    | (?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?
-    | \*\*|>=|<=|==|!=
+    | (?:[0-9]+(?:\.(?!\.)[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?
+    | \*\*|>=|<=|==|!=|\.\.
     | \s+
     | .""",
     re.VERBOSE | re.DOTALL,
 )
-_SIGNS = frozenset(("**", ">=", "<=", "==", "!=", *"-+*/()[],=<>."))
+_SIGNS = frozenset(("**", ">=", "<=", "==", "!=", "..", *"-+*/()[],=<>."))
 
 HINTS = {
     "^": "write `**` for a power",
@@ -37,6 +38,10 @@ HINTS = {
     "}": "only round brackets group; `[x, y, z]` is a vector",
     "≥": "write `>=`",
     "≤": "write `<=`",
+    "≠": "write `!=`",
+    "!": "write `!=`, or `not`",
+    ":": "a range is written `1..N`",
+    "…": "write two dots: `1..N`",
     "'": "a time derivative is written `rate(x)`; quoted texts have no place here",
     '"': "quoted texts have no place here",
 }
@@ -103,7 +108,7 @@ def _kind(word: str) -> str:
     """The kind of a word; empty where it has no meaning."""
     if word in _SIGNS:
         return word
-    if word[0] in ".0123456789":
+    if word[0] in ".0123456789":  # signs are told before
         return "number"
     if word.isspace():
         return "space"

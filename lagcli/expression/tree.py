@@ -9,16 +9,23 @@ as much, and that is most of the time in which a long sum is read.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 
 class ExpressionError(Exception):
-    """Something is wrong with an expression: code, message, hint, and the offsets of the spot."""
+    """Something is wrong with an expression: code, message, hint, and the offsets of the spot.
 
-    def __init__(self, code: str, message: str, start: int, end: int, hint: str = "") -> None:
+    `place` is, for an expression over a family, the first member (from 0) that it is wrong for.
+    """
+
+    def __init__(
+        self, code: str, message: str, start: int, end: int, hint: str = "", *, place: int | None = None
+    ) -> None:
         super().__init__(message)
         self.code, self.message, self.hint = code, message, hint
         self.start, self.end = start, end
+        self.place = place
 
 
 @dataclasses.dataclass(slots=True, unsafe_hash=True)
@@ -106,25 +113,64 @@ class Relation(Node):
     right: Node
 
 
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
+class Range(Node):
+    """`name = low .. high`: the values of an index, both bounds included; only at the top of a `for`."""
+
+    name: str
+    low: Node
+    high: Node
+
+
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
+class Comparison(Node):
+    """`a < b <= c`: operands with a relation between each two; only in a filter, as all that follow."""
+
+    operands: tuple[Node, ...]
+    relations: tuple[str, ...]
+
+
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
+class Not(Node):
+    """`not inner`."""
+
+    inner: Node
+
+
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
+class And(Node):
+    """Two or more comparisons joined with `and`."""
+
+    parts: tuple[Node, ...]
+
+
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
+class Or(Node):
+    """Two or more comparisons joined with `or`."""
+
+    parts: tuple[Node, ...]
+
+
+_CHILDREN: dict[type[Node], Callable[[Any], tuple[Node, ...]]] = {
+    Call: lambda node: node.arguments,
+    Sum: lambda node: tuple(term for _, term in node.terms),
+    Product: lambda node: tuple(factor for _, factor in node.factors),
+    Power: lambda node: (node.base, node.exponent),
+    Vector: lambda node: node.components,
+    Relation: lambda node: (node.left, node.right),
+    Index: lambda node: node.indices,
+    Range: lambda node: (node.low, node.high),
+    Comparison: lambda node: node.operands,
+    Not: lambda node: (node.inner,),
+    And: lambda node: node.parts,
+    Or: lambda node: node.parts,
+}
+
+
 def children(node: Node) -> tuple[Node, ...]:
     """The nodes directly below `node`."""
-    match node:
-        case Call():
-            return node.arguments
-        case Sum():
-            return tuple(term for _, term in node.terms)
-        case Product():
-            return tuple(factor for _, factor in node.factors)
-        case Power():
-            return node.base, node.exponent
-        case Vector():
-            return node.components
-        case Relation():
-            return node.left, node.right
-        case Index():
-            return node.indices
-        case _:
-            return ()
+    below = _CHILDREN.get(type(node))
+    return below(node) if below else ()
 
 
 def walk(node: Node) -> Iterator[Node]:
@@ -144,4 +190,13 @@ def names(node: Node) -> set[str]:
             found.add(part.name)
         elif isinstance(part, (Member, Index)):
             found.add(part.owner)
+    return found
+
+
+def index_names(node: Node) -> set[str]:
+    """The names that stand in the brackets of indices: what decides which member is meant."""
+    found = set[str]()
+    for part in walk(node):
+        if isinstance(part, Index):
+            found.update(*(names(index) for index in part.indices))
     return found

@@ -71,7 +71,7 @@ def inertia(
     names = system.model.coordinate_names
     rows, values = np.asarray(M.sparsity().row(), dtype=int), np.array(M.nonzeros(), dtype=float)
     for i in rows[~np.isfinite(values)][:1]:
-        raise _not_finite(_coordinate_location(system, names[i]), f"the inertia of `{names[i]}`")
+        raise _not_finite(system.model.location(names[i]), f"the inertia of `{names[i]}`")
     moving = np.bincount(rows, weights=np.abs(values), minlength=len(names))
     without = np.flatnonzero(moving == 0)
     if without.size:
@@ -79,7 +79,7 @@ def inertia(
             diagnostics.Diagnostic(
                 "no-inertia",
                 f"the coordinate `{names[i]}` has no inertia: no kinetic energy depends on its rate",
-                _coordinate_location(system, names[i]),
+                system.model.location(names[i]),
                 "give it a mass, or write it as a function of other coordinates",
             )
             for i in without
@@ -93,17 +93,8 @@ def inertia(
             f" mostly along `{name}`)"
         )
         raise diagnostics.ModelError(
-            [diagnostics.Diagnostic("indefinite-inertia", message, _coordinate_location(system, name))]
+            [diagnostics.Diagnostic("indefinite-inertia", message, system.model.location(name))]
         ) from None
-
-
-def _coordinate_location(system: System, name: str) -> diagnostics.Location:
-    for coordinate in system.model.coordinates:
-        if coordinate.name == name:
-            return coordinate.location
-    particle = system.model.particle(name.partition(".")[0])
-    assert particle is not None
-    return particle.location
 
 
 def _not_finite(location: diagnostics.Location, what: str) -> diagnostics.ModelError:
@@ -121,7 +112,7 @@ def require_finite(system: System, numeric: NumericSystem, state: State) -> None
     bad = np.flatnonzero(~np.isfinite(np.array(h).ravel()))
     if bad.size:
         name = system.model.coordinate_names[int(bad[0])]
-        raise _not_finite(_coordinate_location(system, name), f"the force along `{name}`")
+        raise _not_finite(system.model.location(name), f"the force along `{name}`")
     row = np.array(numeric.record(state.t, np.concatenate([state.q, state.v, [0.0]]), state.p)[1]).ravel()
     bad = np.flatnonzero(~np.isfinite(row))
     if bad.size:

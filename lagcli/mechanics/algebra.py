@@ -24,14 +24,14 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 class SymbolicAlgebra(Operators):
-    """Scalars are SX expressions; what a name stands for comes from `atom` and `special`.
+    """Scalars are SX expressions, (1, 1) or columns (K, 1) over the members of a family; what a name stands for comes from `atom` and `special`.
 
     fixed: gives the number of an exponent that depends on parameters only (it is then built in), or None.
     """
 
     def __init__(
         self,
-        atom: Callable[[tree.Node], Any],
+        atom: Callable[[tree.Name | tree.Member | tree.Index], Any],
         special: Callable[[tree.Call], Any],
         fixed: Callable[[Any], float | None],
     ) -> None:
@@ -43,6 +43,13 @@ class SymbolicAlgebra(Operators):
         return ca.SX(float(node.text))
 
     def power(self, node: tree.Node, base: Any, exponent: Any) -> Any:
+        if exponent.numel() == 1:
+            return self._power(base, exponent)
+        bases = ca.vertsplit(base) if base.numel() > 1 else [base] * exponent.numel()
+        powers = map(self._power, bases, ca.vertsplit(exponent))
+        return ca.vertcat(ca.SX(0, 1), *powers)
+
+    def _power(self, base: Any, exponent: Any) -> Any:
         value = float(exponent) if exponent.is_constant() else self._fixed(exponent)
         if value is None:
             return base**exponent

@@ -7,9 +7,19 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from lagcli import model as nouns
-from lagcli.mechanics.environment import Environment, FixedExponents, Symbols, Triple
+from lagcli.mechanics.environment import (
+    Environment,
+    FixedExponents,
+    Symbols,
+    Triple,
+    column,
+    interleaved,
+    taken,
+)
+from lagcli.members import Whole
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -20,7 +30,8 @@ class Dynamics:
     potentials, `energy` = T + V + qd . dL/dqd - L of the `lagrangian`; `jacobi` = v . dL/dv - L of the whole
     system, whose rate is `power` - lambda . b: the power of the forces without potential and of explicit time;
     `rest` is its part without velocities, V - L(q, v = 0, t) of what is not Cartesian.
-    applied: F_k on each dependent particle (the sum of forces and potentials declared on particles).
+    applied: F_k on the dependent particles (the sum of forces and potentials declared on particles), x of all of
+    them, then y, then z.
     carriers: what acts on generalized coordinates directly, by name, with the rows of q it touches.
     """
 
@@ -32,27 +43,30 @@ class Dynamics:
     jacobi: Any
     rest: Any
     power: Any
-    applied: Mapping[str, Triple]
+    applied: Any
     carriers: Mapping[str, frozenset[int]]
 
 
 def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents) -> Dynamics:
     """The dynamics of a model without its constraints."""
     s = environment.symbols
-    forces = _particle_forces(model, environment)
-    V = _potential(model, environment)
-    masses = {p.name: environment.scalar(p.mass) for p in model.particles}
-    T_cartesian, T_dependent = _kinetic(model, environment, masses)
+    masses = environment.masses()
+    forces = _Forces(model, environment, masses)
+    V = forces.potential()
+    T_cartesian, T_dependent = (
+        _kinetic(environment, masses, numbers) for numbers in (environment.cartesian, environment.dependent)
+    )
     extra = environment.scalar(model.lagrangian) if model.lagrangian is not None else ca.SX(0)
     # L = T + extra - V. Its Cartesian part is linear algebra known beforehand; the rest goes through AD.
     general = T_dependent + extra
     momentum = ca.gradient(general, s.v)
-    M = ca.diag(_cartesian_masses(model, s, masses)) + ca.jacobian(momentum, s.v)
-    Q = _generalized_forces(model, environment, forces)
+    M = ca.diag(_cartesian_masses(environment, masses)) + ca.jacobian(momentum, s.v)
+    Q = forces.generalized()
     inertial = ca.jtimes(momentum, s.q, s.v) + ca.jacobian(momentum, s.t)
     h = Q + ca.gradient(general - V, s.q) - inertial
     extra_energy = ca.dot(s.v, ca.gradient(extra, s.v)) - extra
     explicit_time = ca.jacobian(general - V, s.t)
+    free = _free(environment)
     return Dynamics(
         M=ca.sparsify(M),
         h=ca.densify(h),
@@ -62,130 +76,151 @@ def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents
         rest=V - ca.substitute(general, s.v, ca.SX.zeros(s.v.shape)),
         jacobi=T_cartesian + V + ca.dot(s.v, momentum) - general,
         power=ca.dot(Q, s.v) - explicit_time,
-        applied=_applied(model, s, fixed),
-        carriers=_carriers(model, s, fixed),
+        applied=_applied(model, environment, fixed, free),
+        carriers=_carriers(model, s, fixed, free),
     )
 
 
-def _own(environment: Environment, particle: nouns.Particle) -> dict[str, Any]:
-    """`m`, `r`, `v` in the force on a particle."""
-    return {
-        "m": environment.scalar(particle.mass),
-        "r": environment.position(particle.name),
-        "v": environment.velocity(particle.name),
-    }
+class _Forces:
+    """The forces of a model over an environment, each evaluated over all pairs of a target and what acts on it."""
 
+    def __init__(self, model: nouns.Model, environment: Environment, masses: Any) -> None:
+        self._model, self._environment, self._masses = model, environment, masses
 
-def _declared(
-    model: nouns.Model, environment: Environment, constant: bool
-) -> Iterator[tuple[nouns.Particle, Triple]]:
-    """Particles with the forces declared on them, those that count as potentials or the others."""
-    by_name = {p.name: p for p in model.particles}
-    for force in model.forces:
-        if isinstance(force, nouns.ParticleForce) and force.constant == constant:
-            for target in force.targets:
-                particle = by_name[target]
-                algebra = environment.algebra(own=_own(environment, particle))
-                yield particle, environment.vector(force.force, algebra)
+    def _on_particles(self, constant: bool) -> Iterator[tuple[Whole, Triple]]:
+        """Particles (P,) with the forces declared on them, those that count as potentials or the others."""
+        environment = self._environment
+        for force in self._model.forces:
+            if isinstance(force, nouns.ParticleForce) and force.constant == constant:
+                targets = force.action.targets
+                if targets.size == 0:
+                    continue
+                own = {
+                    "m": taken(self._masses, targets),
+                    "r": environment.position(targets),
+                    "v": environment.velocity(targets),
+                }
+                algebra = environment.algebra(force.action.variables(force.members), own)
+                x, y, z = (column(part, targets.size) for part in environment.vector(force.force, algebra))
+                yield targets, (x, y, z)
 
+    def potential(self) -> Any:
+        """V: declared potentials, and -F.r of every constant force."""
+        V = ca.SX(0)
+        for force in self._model.forces:
+            if isinstance(force, nouns.Potential) and force.members.count:
+                algebra = self._environment.algebra(force.members.variables)
+                value = self._environment.scalar(force.expression, algebra)
+                V += ca.sum1(column(value, force.members.count))
+        for targets, F in self._on_particles(constant=True):
+            r = self._environment.position(targets)
+            V -= sum(ca.dot(a, x) for a, x in zip(F, r, strict=True))
+        return V
 
-def _particle_forces(model: nouns.Model, environment: Environment) -> list[tuple[nouns.Particle, Triple]]:
-    return list(_declared(model, environment, constant=False))
-
-
-def _potential(model: nouns.Model, environment: Environment) -> Any:
-    """V: declared potentials, and -F.r of every constant force."""
-    V = ca.SX(0)
-    for force in model.forces:
-        if isinstance(force, nouns.Potential):
-            V += environment.scalar(force.expression)
-    for particle, F in _declared(model, environment, constant=True):
-        r = environment.position(particle.name)
-        V -= sum(a * x for a, x in zip(F, r, strict=True))
-    return V
-
-
-def _kinetic(model: nouns.Model, environment: Environment, masses: Mapping[str, Any]) -> tuple[Any, Any]:
-    parts = {False: ca.SX(0), True: ca.SX(0)}
-    for particle in model.particles:
-        v = environment.velocity(particle.name)
-        parts[particle.is_dependent] += masses[particle.name] / 2 * sum(c * c for c in v)
-    return parts[False], parts[True]
-
-
-def _cartesian_masses(model: nouns.Model, s: Symbols, masses: Mapping[str, Any]) -> Any:
-    """The masses on the diagonal of M, structurally zero at generalized coordinates."""
-    entries = [ca.SX(1, 1)] * s.q.numel()
-    for particle in model.particles:
-        if not particle.is_dependent:
-            for axis in "xyz":
-                entries[s.index[f"{particle.name}.{axis}"]] = masses[particle.name]
-    return ca.vertcat(*entries)
-
-
-def _generalized_forces(
-    model: nouns.Model, environment: Environment, forces: list[tuple[nouns.Particle, Triple]]
-) -> Any:
-    """Q_j = sum_k F_k . dr_k/dq_j (D.30) of all forces without a potential."""
-    s = environment.symbols
-    parts = [ca.SX(0)] * s.q.numel()
-    Q = ca.SX.zeros(s.q.numel())
-    for particle, F in forces:
-        if particle.is_dependent:
-            r = ca.vertcat(*environment.position(particle.name))
-            Q += ca.jtimes(r, s.q, ca.vertcat(*F), True)
-        else:
-            first = s.index[f"{particle.name}.x"]
+    def generalized(self) -> Any:
+        """Q_j = sum_k F_k . dr_k/dq_j (D.30) of all forces without a potential."""
+        environment, n = self._environment, self._environment.symbols.q.numel()
+        Q = ca.SX.zeros(n)
+        for targets, F in self._on_particles(constant=False):
+            dependent = environment.is_dependent[targets]
+            if dependent.any():
+                pairs = np.flatnonzero(dependent)
+                r = ca.vertcat(*environment.position(targets[pairs]))
+                F_pairs = ca.vertcat(*(taken(part, pairs) for part in F))
+                Q += ca.jtimes(r, environment.symbols.q, F_pairs, True)
+            pairs = np.flatnonzero(~dependent)
+            rows = environment.rows_of(targets[pairs])
             for axis in range(3):
-                parts[first + axis] = parts[first + axis] + F[axis]
-    for force in model.forces:
-        if isinstance(force, nouns.GeneralizedForce):
-            for target in force.targets:
-                row = s.index[target]
-                parts[row] = parts[row] + environment.scalar(force.force)
-    return Q + ca.vertcat(*parts)
+                Q += scattered(taken(F[axis], pairs), rows + axis, n)
+        for force in self._model.forces:
+            if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
+                targets = force.action.targets
+                algebra = environment.algebra(force.action.variables(force.members))
+                value = column(environment.scalar(force.force, algebra), targets.size)
+                Q += scattered(value, environment.first_generalized + targets, n)
+        return Q
+
+    def applied(self) -> Any:
+        """The sum of the forces without a potential on each dependent particle, (3 times their number, 1)."""
+        environment = self._environment
+        count = environment.dependent.size
+        place = np.cumsum(environment.is_dependent) - 1
+        F_sum = ca.SX.zeros(3 * count)
+        for targets, F in self._on_particles(constant=False):
+            pairs = np.flatnonzero(environment.is_dependent[targets])
+            for axis in range(3):
+                rows = axis * count + place[targets[pairs]]
+                F_sum += scattered(taken(F[axis], pairs), rows, 3 * count)
+        return F_sum
 
 
-def _free(model: nouns.Model) -> dict[str, tuple[Triple, Triple]]:
+def scattered(values: Any, rows: Whole, n: int) -> Any:
+    """A column (n, 1) with each value added to its row."""
+    if rows.size == 0:
+        return ca.SX.zeros(n)
+    places = ca.Sparsity.triplet(n, rows.size, rows.tolist(), list(range(rows.size)))
+    return ca.densify(ca.mtimes(ca.SX(ca.DM(places, 1.0)), ca.densify(values)))
+
+
+def _kinetic(environment: Environment, masses: Any, numbers: Whole) -> Any:
+    """T of some of the particles."""
+    if numbers.size == 0:
+        return ca.SX(0)
+    square = sum(part * part for part in environment.velocity(numbers))
+    return ca.dot(taken(masses, numbers) / 2, square)
+
+
+def _cartesian_masses(environment: Environment, masses: Any) -> Any:
+    """The masses on the diagonal of M, structurally zero at generalized coordinates."""
+    own = taken(masses, environment.cartesian)
+    generalized = environment.symbols.q.numel() - 3 * environment.cartesian.size
+    return ca.vertcat(interleaved([own, own, own], environment.cartesian.size), ca.SX(generalized, 1))
+
+
+def _free(environment: Environment) -> tuple[Triple, Triple] | None:
     """Symbols for the positions and velocities of dependent particles, as if they were free."""
-    free = {}
-    for particle in model.particles:
-        if particle.is_dependent:
-            r, v = ca.SX.sym(f"r {particle.name}", 3), ca.SX.sym(f"v {particle.name}", 3)
-            free[particle.name] = ((r[0], r[1], r[2]), (v[0], v[1], v[2]))
-    return free
+    count = environment.dependent.size
+    if count == 0:
+        return None
+    r, v = ([ca.SX.sym(f"{word} {axis}", count) for axis in "xyz"] for word in "rv")
+    return (r[0], r[1], r[2]), (v[0], v[1], v[2])
 
 
-def _applied(model: nouns.Model, s: Symbols, fixed: FixedExponents) -> dict[str, Triple]:
-    """F_k on the dependent particles: declared forces, and -grad_k V with the particles taken as free."""
-    free = _free(model)
-    if not free:
-        return {}
+def _applied(
+    model: nouns.Model, true: Environment, fixed: FixedExponents, free: tuple[Triple, Triple] | None
+) -> Any:
+    """F_k on the dependent particles: declared forces, and -grad_k V with the particles taken as free.
+
+    x of all of them, then y, then z: (3 times their number, 1).
+    """
+    if free is None:
+        return ca.SX(0, 1)
+    environment = Environment(model, true.symbols, fixed, free)
+    forces = _Forces(model, environment, environment.masses())
+    F = forces.applied() - ca.gradient(forces.potential(), ca.vertcat(*free[0]))
+    symbols = [ca.vertcat(*part) for part in free]
+    values = [ca.vertcat(*part) for part in (true.position(true.dependent), true.velocity(true.dependent))]
+    return ca.substitute([F], symbols, [ca.densify(value) for value in values])[0]
+
+
+def _carriers(
+    model: nouns.Model, s: Symbols, fixed: FixedExponents, free: tuple[Triple, Triple] | None
+) -> dict[str, frozenset[int]]:
+    """Forces that act on coordinates without a particle that carries them, by name, with the rows of q."""
+    if free is None:
+        return {}  # they matter for what R of a dependent particle holds
     environment = Environment(model, s, fixed, free)
-    V = _potential(model, environment)
-    F = {name: -ca.gradient(V, ca.vertcat(*r)) for name, (r, _) in free.items()}
-    for particle, force in _particle_forces(model, environment):
-        if particle.is_dependent:
-            F[particle.name] += ca.vertcat(*force)
-    true = Environment(model, s, fixed)
-    symbols = [ca.vertcat(*part) for pair in free.values() for part in pair]
-    values = [
-        ca.densify(ca.vertcat(*part)) for name in free for part in (true.position(name), true.velocity(name))
-    ]
-    substituted = ca.substitute(list(F.values()), symbols, values)
-    return {name: (f[0], f[1], f[2]) for name, f in zip(F, substituted, strict=True)}
-
-
-def _carriers(model: nouns.Model, s: Symbols, fixed: FixedExponents) -> dict[str, frozenset[int]]:
-    """Forces that act on coordinates without a particle that carries them."""
-    environment = Environment(model, s, fixed, _free(model))
     found: dict[str, frozenset[int]] = {}
+    nothing = frozenset[int]()
     for force in model.forces:
         if isinstance(force, nouns.GeneralizedForce):
-            found[f"the generalized force `{force.name}`"] = frozenset(s.index[t] for t in force.targets)
-        elif isinstance(force, nouns.Potential):
-            touched = _rows_of(environment.scalar(force.expression), s.q)
-            found[f"the potential `{force.name}`"] = touched
+            name = f"the generalized force `{force.members.base}`"
+            rows = environment.first_generalized + force.action.targets
+            found[name] = found.get(name, nothing) | frozenset(rows.tolist())
+        elif isinstance(force, nouns.Potential) and force.members.count:
+            name = f"the potential `{force.members.base}`"
+            value = environment.scalar(force.expression, environment.algebra(force.members.variables))
+            found[name] = found.get(name, nothing) | _rows_of(ca.sum1(value), s.q)
     if model.lagrangian is not None:
         extra = environment.scalar(model.lagrangian)
         found["the `lagrangian`"] = _rows_of(extra, s.q) | _rows_of(extra, s.v)

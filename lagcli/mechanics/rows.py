@@ -47,24 +47,35 @@ def lay_down(
     names: list[Row] = []
     f: list[Any] = []
     for law in model.holonomic:
-        f += environment.equation(law.equation)
-        names += [Row(name, law.name, law.equation.location) for name in law.rows]
+        if law.members.count:
+            f.append(environment.equation(law))
+            names += _rows(law)
     for body, (geometry, constants) in zip(model.rigid, bodies, strict=True):
-        values = _rigid_rows([environment.position(p) for p in body.particles], geometry, constants)
+        columns = environment.position(np.array(body.particles))
+        places = list(zip(*(ca.vertsplit(part) for part in columns), strict=True))
+        values = _rigid_rows(places, geometry, constants)
         f += values
         names += [Row(f"{body.name}.{i}", body.name, body.location) for i in range(1, len(values) + 1)]
     w: list[Any] = []
     for rule in model.differential:
-        w += environment.equation(rule.equation)
-        names += [Row(name, rule.name, rule.equation.location) for name in rule.rows]
+        if rule.members.count:
+            w.append(environment.equation(rule))
+            names += _rows(rule)
     whole, velocity = _stack(f), _stack(w)
     B = ca.vertcat(ca.jacobian(whole, s.q), ca.jacobian(velocity, s.v))
-    b = ca.vertcat(ca.densify(ca.jacobian(whole, s.t)), ca.substitute(velocity, s.v, ca.SX.zeros(s.v.shape)))
+    b = ca.vertcat(ca.jtimes(whole, s.t, ca.SX(1)), ca.substitute(velocity, s.v, ca.SX.zeros(s.v.shape)))
     everything = ca.vertcat(environment.rate(whole), velocity)
     gamma = -environment.rate(everything)
     B = ca.sparsify(B)
     _refuse_empty(names, B, ca.vertcat(whole, velocity))
     return Rows(tuple(names), whole, B, ca.densify(b), ca.densify(gamma))
+
+
+def _rows(law: nouns.Holonomic | nouns.Differential) -> list[Row]:
+    """The rows of a law, those of one member after another."""
+    each = 3 if law.is_vector else 1
+    location = law.equation.location
+    return [Row(name, law.members.names[k // each], location) for k, name in enumerate(law.rows)]
 
 
 def _stack(values: list[Any]) -> Any:
@@ -104,11 +115,11 @@ def _refuse_empty(names: Sequence[Row], B: Any, values: Any) -> None:
     A component 0 = 0 of a vector equation says nothing either, but belongs to an equation that does: it stays, as
     a redundant row.
     """
-    filled = np.bincount(np.asarray(B.sparsity().get_triplet()[0], dtype=int), minlength=len(names))
+    filled = np.bincount(np.asarray(B.sparsity().row(), dtype=int), minlength=len(names))
     empty = [
-        row
-        for i, (row, count) in enumerate(zip(names, filled, strict=True))
-        if count == 0 and not (row.name != row.constraint and values[i].is_zero())
+        names[i]
+        for i in np.flatnonzero(filled == 0).tolist()
+        if not (names[i].name != names[i].constraint and values[i].is_zero())
     ]
     if empty:
         raise diagnostics.ModelError(

@@ -8,7 +8,7 @@ R = + B^T lambda                    (D.22)
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -20,7 +20,8 @@ from lagcli import model as nouns
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.mechanics import energy, environment, rigid, rows
-from lagcli.mechanics.environment import Environment, FixedExponents, Symbols, Triple
+from lagcli.mechanics.environment import Columns, Environment, FixedExponents, Symbols
+from lagcli.members import Roll, Whole
 
 Floats = npt.NDArray[np.float64]
 
@@ -60,14 +61,12 @@ class System:
     def columns(self) -> tuple[str, ...]:
         """The columns of the table after `t`, in the order of the specification."""
         model = self.model
-        names: list[str] = []
-        for particle in model.particles:
-            names += [f"{particle.name}.{part}" for part in ("x", "y", "z", "vx", "vy", "vz")]
-        for q in model.coordinates:
-            names += [q.name, f"rate({q.name})"]
+        particles, generalized = model.particle_names, model.generalized_names
+        names = [f"{name}.{part}" for name in particles for part in ("x", "y", "z", "vx", "vy", "vz")]
+        names += [column for name in generalized for column in (name, f"rate({name})")]
         names += [f"lambda.{row.name}" for row in self.rows.rows]
-        names += [f"R.{particle.name}.{axis}" for particle in model.particles for axis in "xyz"]
-        names += [f"R.{q.name}" for q in model.coordinates]
+        names += [f"R.{name}.{axis}" for name in particles for axis in "xyz"]
+        names += [f"R.{name}" for name in generalized]
         names += ["energy", *(column for output in model.outputs for column in output.columns)]
         return tuple(names)
 
@@ -85,10 +84,9 @@ def build(model: nouns.Model) -> System:
     dynamics = energy.dynamics(model, env, fixed)
     lam, a = ca.SX.sym("lam", len(laid.rows)), ca.SX.sym("a", s.q.numel())
     Q_R = ca.densify(laid.B.T @ lam)  # R = + B^T lambda: the sign of lambda, here and nowhere else
-    r = [env.position(p.name) for p in model.particles]
-    r_dot = [env.velocity(p.name) for p in model.particles]
-    R = [_reaction(p, env, dynamics, Q_R, a) for p in model.particles]
-    results = _Results(model, laid, lam, R, dynamics)
+    everyone = np.arange(len(env.particles))
+    R = _reactions(env, dynamics, Q_R, a)
+    results = _Results(model, env, laid, lam, R, dynamics)
     return System(
         model=model,
         symbols=s,
@@ -98,9 +96,9 @@ def build(model: nouns.Model) -> System:
         dynamics=dynamics,
         rows=laid,
         Q_R=Q_R,
-        R=_flat(R),
-        r=_flat(r),
-        r_dot=_flat(r_dot),
+        R=_flat(R.take(everyone)),
+        r=_flat(env.position(everyone)),
+        r_dot=_flat(env.velocity(everyone)),
         outputs=_outputs(model, env, results),
         bodies=bodies,
         built_in=fixed.used(),
@@ -114,6 +112,8 @@ def with_values(built: System, model: nouns.Model) -> System | None:
     `model` must be of the same text. A new build is needed where a built-in exponent changes, or a rigid body
     gets another base.
     """
+    if model.structure != built.model.structure:
+        return None
     fixed = FixedExponents(model)
     if any(fixed.value(name) != value for name, value in built.built_in):
         return None
@@ -123,23 +123,18 @@ def with_values(built: System, model: nouns.Model) -> System | None:
     return dataclasses.replace(built, model=model, bodies=bodies)
 
 
-def _flat(triples: Sequence[Triple]) -> Any:
-    return (
-        ca.densify(ca.vertcat(*(part for triple in triples for part in triple))) if triples else ca.SX(0, 1)
-    )
+def _flat(columns: Sequence[Any]) -> Any:
+    """Columns x, y, z as x1, y1, z1, x2, ..."""
+    return environment.interleaved(columns, columns[0].numel())
 
 
 def start(model: nouns.Model) -> tuple[Floats, Floats]:
     """Initial q and v, shape (n,) each."""
-    q: list[float] = []
-    v: list[float] = []
-    for particle in model.particles:
-        if particle.start is not None:
-            q += particle.start
-            v += particle.start_velocity
-    q += [c.value for c in model.coordinates]
-    v += [c.rate for c in model.coordinates]
-    return np.array(q, dtype=float), np.array(v, dtype=float)
+    cartesian = [(p.start, p.start_velocity) for p in model.particles if p.start is not None]
+    q = [start.ravel() for start, _ in cartesian] + [c.value for c in model.coordinates]
+    v = [moving.ravel() for _, moving in cartesian] + [c.rate for c in model.coordinates]
+    nothing = np.zeros(0)
+    return np.concatenate([nothing, *q]), np.concatenate([nothing, *v])
 
 
 def parameter_values(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> Floats:
@@ -154,15 +149,15 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[rigid.
     """The geometry of each rigid body at the declared start."""
     if not model.rigid:
         return ()
-    names = list(dict.fromkeys(name for body in model.rigid for name in body.particles))
-    where = ca.Function("where", [s.t, s.q, s.p], [_flat([env.position(name) for name in names])])
+    numbers = np.unique([number for body in model.rigid for number in body.particles])
+    where = ca.Function("where", [s.t, s.q, s.p], [_flat(env.position(numbers))])
     q, _ = start(model)
     p = environment.parameter_values(model)
     points = np.array(where(model.simulation.start, q, p)).reshape(-1, 3)
     found = []
     for body in model.rigid:
         try:
-            found.append(rigid.geometry(points[[names.index(name) for name in body.particles]]))
+            found.append(rigid.geometry(points[np.searchsorted(numbers, body.particles)]))
         except rigid.DegenerateBody:
             message = f"all particles of the body `{body.name}` start at one point"
             raise diagnostics.ModelError(
@@ -171,70 +166,94 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[rigid.
     return tuple(found)
 
 
-def _reaction(
-    particle: nouns.Particle, env: Environment, dynamics: energy.Dynamics, Q_R: Any, a: Any
-) -> Triple:
+def _reactions(env: Environment, dynamics: energy.Dynamics, Q_R: Any, a: Any) -> Columns:
     """R_k: the particle's part of B^T lambda; of a dependent particle m a_k - F_k (D.10)."""
-    s = env.symbols
-    if not particle.is_dependent:
-        first = s.index[f"{particle.name}.x"]
-        return Q_R[first], Q_R[first + 1], Q_R[first + 2]
-    mass = env.scalar(particle.mass)
-    velocity = ca.vertcat(*env.velocity(particle.name))
-    acceleration = ca.jtimes(velocity, s.v, a) + env.rate(velocity)
-    R = mass * acceleration - ca.vertcat(*dynamics.applied[particle.name])
-    return R[0], R[1], R[2]
+    s, R = env.symbols, Columns(len(env.particles))
+    if env.cartesian.size:
+        R.fill(env.cartesian, tuple(Q_R[axis : env.first_generalized : 3] for axis in range(3)))
+    if env.dependent.size:
+        velocity = ca.vertcat(*env.velocity(env.dependent))
+        acceleration = ca.jtimes(velocity, s.v, a) + env.rate(velocity)
+        m = environment.taken(env.masses(), env.dependent)
+        force = ca.densify(ca.vertcat(m, m, m) * acceleration - dynamics.applied)
+        R.fill(env.dependent, tuple(ca.vertsplit(force, env.dependent.size)))
+    return R
 
 
 class _Results:
-    """What `multiplier`, `reaction`, `kinetic` and `potential` stand for in outputs."""
+    """What `multiplier`, `reaction`, `kinetic`, `potential` and earlier outputs stand for in outputs."""
 
     def __init__(
-        self, model: nouns.Model, laid: rows.Rows, lam: Any, R: Sequence[Triple], dynamics: energy.Dynamics
+        self,
+        model: nouns.Model,
+        env: Environment,
+        laid: rows.Rows,
+        lam: Any,
+        R: Columns,
+        dynamics: energy.Dynamics,
     ) -> None:
-        self._values: dict[str, Any] = {"kinetic": dynamics.kinetic, "potential": dynamics.potential}
-        self._multipliers = {row.name: lam[i] for i, row in enumerate(laid.rows)}
-        self._reactions = {p.name: triple for p, triple in zip(model.particles, R, strict=True)}
+        self._environment, self._R, self._lam = env, R, lam
+        self._energies = {"kinetic": dynamics.kinetic, "potential": dynamics.potential}
+        self._rows = {row.name: i for i, row in enumerate(laid.rows)}
+        self._roll = Roll(output.members for output in model.outputs)
+        self._outputs = Columns(len(self._roll))
 
-    def keep(self, name: str, value: Any) -> None:
+    def keep(self, entry: int, count: int, parts: Sequence[Any]) -> None:
         """An output that later outputs may use."""
-        self._values[name] = value
+        columns = tuple(environment.column(part, count) for part in parts)
+        self._outputs.fill(np.arange(count) + self._roll.first(entry), columns)
 
-    def __call__(self, node: tree.Node) -> Any:
-        if isinstance(node, tree.Name):
-            return self._values[node.name]
+    def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Any:
+        if isinstance(node, tree.Name) and node.name in self._energies:
+            return self._energies[node.name]
+        if isinstance(node, (tree.Name, tree.Index)):
+            found = self._outputs.take(self._environment.numbers(node, self._roll, variables))
+            return found if len(found) == 3 else found[0]
         assert isinstance(node, tree.Call)
         argument = node.arguments[0]
+        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         if node.function == "reaction":
-            assert isinstance(argument, tree.Name)
-            return self._reactions[argument.name]
-        if isinstance(argument, tree.Member):
-            name = f"{argument.owner}.{argument.member}"
-            if name not in self._multipliers:
+            return self._R.take(self._environment.numbers(argument, self._environment.particles, variables))
+        return self._multipliers(argument, variables)
+
+    def _multipliers(self, node: tree.Name | tree.Member | tree.Index, variables: Mapping[str, Whole]) -> Any:
+        """lambda of a row, or of the three of a vector equation."""
+        base = node.name if isinstance(node, tree.Name) else node.owner
+        member = "" if isinstance(node, tree.Name) else node.member
+        places: list[tuple[int, ...]] = [()]
+        if isinstance(node, tree.Index):
+            places = self._environment.indices(node, variables)
+        names = [base + "".join(f"[{i}]" for i in place) for place in places]
+        if member:
+            return self._lam_of(node, [f"{name}.{member}" for name in names])
+        if all(name in self._rows for name in names):
+            return self._lam_of(node, names)
+        return tuple(self._lam_of(node, [f"{name}.{axis}" for name in names]) for axis in "xyz")
+
+    def _lam_of(self, node: tree.Name | tree.Member | tree.Index, names: list[str]) -> Any:
+        for name in names:
+            if name not in self._rows:
                 message = f"there is no multiplier `{name}`"
-                rows = [row for row in self._multipliers if row.startswith(argument.owner + ".")]
+                rows = [row for row in self._rows if row.startswith(name.rpartition(".")[0] + ".")]
                 hint = f"the rows are `{rows[0]}` to `{rows[-1]}`" if rows else ""
-                raise ExpressionError("unknown-row", message, argument.start, argument.end, hint)
-            return self._multipliers[name]
-        assert isinstance(argument, tree.Name)
-        if argument.name in self._multipliers:
-            return self._multipliers[argument.name]
-        return tuple(self._multipliers[f"{argument.name}.{axis}"] for axis in "xyz")
+                raise ExpressionError("unknown-row", message, node.start, node.end, hint)
+        return environment.taken(self._lam, np.array([self._rows[name] for name in names], dtype=np.int64))
 
 
 def _outputs(model: nouns.Model, env: Environment, results: _Results) -> Any:
     values: list[Any] = []
-    algebra = env.algebra(results=results)
-    for output in model.outputs:
+    for entry, output in enumerate(model.outputs):
+        if not output.members.count:
+            continue
         origin = output.expression.origin
         try:
-            parts = env.either(output.expression, algebra)
+            parts = env.either(output.expression, env.algebra(output.members.variables, results=results))
         except ExpressionError as error:
             location = origin.locate(error.start, error.end)
             found = diagnostics.Diagnostic(error.code, error.message, location, error.hint)
             raise diagnostics.ModelError([found]) from None
-        results.keep(output.name, tuple(parts) if output.is_vector else parts[0])
-        values += parts
+        results.keep(entry, output.members.count, parts)
+        values.append(environment.interleaved(parts, output.members.count))
     return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
 
 
@@ -243,14 +262,18 @@ def _reaction_warnings(
 ) -> tuple[diagnostics.Diagnostic, ...]:
     """R = m a - F of a dependent particle also holds the unknown carriers of forces on its coordinates."""
     found = []
+    first = 0
     for particle in model.particles:
-        if not particle.is_dependent:
+        numbers = np.arange(particle.members.count) + first
+        first += particle.members.count
+        if not particle.is_dependent or not numbers.size:
             continue
-        position = ca.vertcat(*env.position(particle.name))
-        own = frozenset(ca.jacobian(position, s.q).sparsity().get_triplet()[1])
+        position = ca.vertcat(*env.position(numbers))
+        own = frozenset(ca.jacobian(position, s.q).sparsity().get_col())
         carriers = [name for name, touched in dynamics.carriers.items() if touched & own]
         if carriers:
-            message = f"R of `{particle.name}` also holds what carries {', '.join(carriers)}"
+            name = particle.members.base
+            message = f"R of `{name}` also holds what carries {', '.join(carriers)}"
             hint = "declare forces and potentials on particles to have R as the constraint force alone"
             found.append(
                 diagnostics.Diagnostic("reaction-includes-drive", message, particle.location, hint, "warning")

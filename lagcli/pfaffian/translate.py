@@ -6,16 +6,20 @@ The symbols carry the names of the model format (`x`, `a.x`), so that what is fo
 from __future__ import annotations
 
 import contextlib
+import copy
 import itertools
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
 import sympy
 from sympy.printing.str import StrPrinter
 
+from lagcli import members
 from lagcli import model as nouns
-from lagcli.expression import evaluate, tree
+from lagcli.expression import evaluate, tree, whole
 from lagcli.expression.operators import Operators
+from lagcli.members import Members, Roll
 from lagcli.pfaffian.form import Form
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -37,6 +41,7 @@ MAX_DIGITS = 300
 MAX_EXPONENT = 200
 TIME = sympy.Symbol("t", real=True)
 _DT = sympy.Symbol("dt", real=True)
+_ALONE = members.one("")
 
 
 class TooLarge(Exception):
@@ -49,25 +54,30 @@ def forms(model: nouns.Model) -> dict[str, Form | TooLarge]:
     found: dict[str, Form | TooLarge] = {}
     for law in model.differential:
         assert isinstance(law.equation.tree, tree.Relation)
-        try:
-            _require_short(law.equation.tree)
-            values = evaluate.difference(law.equation.tree, names)
-            found |= {row: _form(names, row, value) for row, value in zip(law.rows, values, strict=True)}
-        except TooLarge as failure:
-            found |= dict.fromkeys(law.rows, failure)
+        each = 3 if law.is_vector else 1
+        for place in range(law.members.count):
+            rows = law.rows[place * each : (place + 1) * each]
+            try:
+                _require_short(law.equation.tree)
+                values = evaluate.difference(law.equation.tree, names.at(law.members, place))
+                found |= {row: _form(names, row, value) for row, value in zip(rows, values, strict=True)}
+            except TooLarge as failure:
+                found |= dict.fromkeys(rows, failure)
     return found
 
 
 def _form(names: _Names, row: str, value: Any) -> Form:
     _require_small(value)
     at_rest = dict.fromkeys((*names.differentials.values(), _DT), 0)
-    coefficients = {x: sympy.diff(value, d) for x, d in names.differentials.items()}
+    present = value.free_symbols
+    coefficients = {x: sympy.diff(value, d) for x, d in names.differentials.items() if d in present}
     # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
     coefficients[TIME] = sympy.diff(value, _DT) + value.subs(at_rest)
     used = set().union(*(c.free_symbols for c in coefficients.values()))
-    variables = tuple(x for x, c in coefficients.items() if c != 0 or x in used)
+    order = (*names.differentials, TIME)
+    variables = tuple(x for x in order if coefficients.get(x, 0) != 0 or x in used)
     parameters = tuple(p for p in names.parameters if p in used)
-    return Form(row, variables, tuple(coefficients[x] for x in variables), parameters)
+    return Form(row, variables, tuple(coefficients.get(x, sympy.Integer(0)) for x in variables), parameters)
 
 
 def _require_short(node: tree.Node) -> None:
@@ -97,20 +107,35 @@ class _Names(Operators):
         self._coordinates = {name: sympy.Symbol(name, real=True) for name in model.coordinate_names}
         self.differentials = {x: sympy.Symbol(f"d({x.name})", real=True) for x in self._coordinates.values()}
         self._parameters = {p.name: _parameter(p) for p in model.parameters}
-        self._particles = {p.name: p for p in model.particles}
+        self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
+        self._particles = Roll(p.members for p in model.particles)
+        self._generalized = Roll(c.members for c in model.coordinates)
         self._definitions = {d.name: d.expression.tree for d in model.definitions}
         self._values: dict[str, Any] = {}
-        self._positions: dict[str, Any] = {}
-        # In this order each finds what it uses: a chain of any length needs no recursion.
-        # What is too large is met again where a law uses it, and else does no harm.
-        for name in model.order:
-            with contextlib.suppress(TooLarge):
-                self._named(name)
+        self._positions: dict[int, Any] = {}
+        self._indices: dict[str, int] = {}
         self.parameters = [
             s
             for value in self._parameters.values()
             for s in (value if isinstance(value, tuple) else (value,))
         ]
+        # In this order each finds what it uses: a chain of any length needs no recursion.
+        # What is too large is met again where a law uses it, and else does no harm.
+        for step in model.order:
+            with contextlib.suppress(TooLarge):
+                if isinstance(step, str):
+                    self._named(step)
+                    continue
+                for place in step.places.tolist():
+                    self._position(self._particles.first(step.entry) + place)
+
+    def at(self, members: Members, place: int) -> _Names:
+        """The same for one member of a family: its indices are numbers."""
+        if not members.variables and not self._indices:
+            return self
+        there = copy.copy(self)
+        there._indices = {name: int(values[place]) for name, values in members.variables.items()}
+        return there
 
     def number(self, node: tree.Number) -> Any:
         if float(node.text) == 0.0:
@@ -128,13 +153,27 @@ class _Names(Operators):
         return _FUNCTIONS[name](*arguments)
 
     def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
-        if isinstance(node, tree.Member):
-            if node.owner in self._particles:
-                return self._particle_member(node)
-            owner = self._named(node.owner)
-            return evaluate.component(node, owner, node.member, node.owner)
-        assert isinstance(node, tree.Name)
-        return self._named(node.name)
+        if isinstance(node, tree.Name):
+            return (
+                sympy.Integer(self._indices[node.name])
+                if node.name in self._indices
+                else self._named(node.name)
+            )
+        if node.owner in self._particles:
+            return self._particle_member(node)
+        if isinstance(node, tree.Index):
+            return self._coordinates[self._generalized.names[self._number(node, self._generalized)]]
+        owner = self._named(node.owner)
+        return evaluate.component(node, owner, node.member, node.owner)
+
+    def _number(self, node: tree.Member | tree.Index, roll: Roll) -> int:
+        """The number of the particle or generalized coordinate a reference stands for."""
+
+        def lookup(name: tree.Name) -> float:
+            return self._indices[name.name] if name.name in self._indices else self._numbers[name.name]
+
+        indices = [whole.evaluate(i, lookup) for i in node.indices] if isinstance(node, tree.Index) else []
+        return int(roll.find(node.owner, indices)[0])
 
     def special(self, node: tree.Call) -> Any:
         argument = node.arguments[0]
@@ -165,37 +204,41 @@ class _Names(Operators):
             if name in known:
                 return known[name]
         if name in self._particles:
-            return self._position(name)
+            return self._position(int(self._particles.find(name, ())[0]))
         if name not in self._values:
             self._values[name] = _attempted(lambda: self._defined(name))
         return _given(self._values[name])
 
     def _defined(self, name: str) -> Any:
         _require_short(self._definitions[name])
-        return evaluate.evaluate(self._definitions[name], self)
+        return evaluate.evaluate(self._definitions[name], self.at(_ALONE, 0))
 
-    def _position(self, name: str) -> Any:
-        if name not in self._positions:
-            self._positions[name] = _attempted(lambda: self._evaluated_position(name))
-        return _given(self._positions[name])
+    def _position(self, number: int) -> Any:
+        """r of the particle of this number."""
+        if number not in self._positions:
+            self._positions[number] = _attempted(lambda: self._evaluated_position(number))
+        return _given(self._positions[number])
 
-    def _evaluated_position(self, name: str) -> Any:
-        particle = self._particles[name]
+    def _evaluated_position(self, number: int) -> Any:
+        entry = int(self._particles.entries(np.array([number]))[0])
+        particle = self._model.particles[entry]
         if not particle.is_dependent:
+            name = self._particles.names[number]
             return tuple(self._coordinates[f"{name}.{axis}"] for axis in "xyz")
         for part in particle.position.parts:
             _require_short(part.tree)
+        names = self.at(particle.members, number - self._particles.first(entry))
         if len(particle.position.parts) == 1:
-            return evaluate.vector(particle.position.parts[0].tree, self)
-        return tuple(evaluate.scalar(part.tree, self) for part in particle.position.parts)
+            return evaluate.vector(particle.position.parts[0].tree, names)
+        return tuple(evaluate.scalar(part.tree, names) for part in particle.position.parts)
 
-    def _particle_member(self, node: tree.Member) -> Any:
-        position = self._position(node.owner)
+    def _particle_member(self, node: tree.Member | tree.Index) -> Any:
+        position = self._position(self._number(node, self._particles))
         if node.member == "v":
             return _each(position, self._rate)
         if node.member.startswith("v"):
             return self._rate(position["xyz".index(node.member[1])])
-        return position["xyz".index(node.member)]
+        return position["xyz".index(node.member)] if node.member else position
 
 
 def _attempted(compute: Callable[[], Any]) -> Any:

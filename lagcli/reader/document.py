@@ -8,13 +8,17 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
-from lagcli import diagnostics, model, settings, source
+import numpy as np
+
+from lagcli import diagnostics, members, model, settings, source
 from lagcli.expression import facts, parser, tokens, tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.reader import keys, laws, overrides, scope, sections
+from lagcli.members import Members
+from lagcli.reader import families, keys, laws, order, overrides, scope, sections
 from lagcli.reader.formula import Formulas
 
 T = TypeVar("T")
+Law = TypeVar("Law", model.Holonomic, model.Differential)
 
 
 def _same(value: T) -> T:
@@ -29,6 +33,8 @@ _NAMING: tuple[tuple[str, scope.Kind], ...] = (
     ("outputs", "output"),
 )
 _NAMED = (*(section for section, _ in _NAMING), "forces", "holonomic", "differential", "rigid")
+_CONSTRAINTS = ("holonomic", "rigid", "differential")
+_FAMILIES = ("coordinates", "particles", "forces", "holonomic", "differential", "outputs")
 
 
 def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = None) -> model.Model:
@@ -51,6 +57,7 @@ class _Document:
         self._scope = scope.Scope()
         self._formulas = Formulas(self._scope, self._found)
         self._defined: dict[str, model.Expression] = {}
+        self._members: dict[tuple[str, str], Members | None] = {}  # of a section and a key; None where broken
 
     def read(self) -> model.Model:
         self._check_sections()
@@ -59,6 +66,7 @@ class _Document:
         self._declare_names()
         self._take_constraint_names()
         parameters = self._parameters()
+        self._count_members()
         coordinates = self._named("coordinates", self._coordinate)
         particles = self._particles()
         definitions = self._definitions()
@@ -66,9 +74,7 @@ class _Document:
         forces = self._forces(particles)
         holonomic = self._laws("holonomic", laws.holonomic)
         differential = self._laws("differential", laws.differential)
-        rigid = self._named("rigid", lambda k, n: sections.rigid(self._formulas, k, n))
-        rows = {law.name: law.rows for law in holonomic} | {law.name: law.rows for law in differential}
-        self._take_rows(rows)
+        rigid = self._rigid()
         outputs = self._outputs()
         simulation = self._simulation(particles)
         if not particles and not coordinates and not self._found.has_errors:
@@ -88,6 +94,8 @@ class _Document:
         )
         # Nothing may be left out in silence: without an error every entry has become a noun.
         assert sum(map(len, read)) == sum(1 for section in _NAMED for _ in self._entries(section))
+        evaluation = order.evaluation(self._formulas, particles, definitions)
+        self._found.raise_errors()
         return model.Model(
             path=self._root.text.path,
             fingerprint=hashlib.sha256(self._root.text.content.encode()).hexdigest(),
@@ -107,7 +115,8 @@ class _Document:
             outputs=outputs,
             simulation=simulation,
             warnings=self._found.warnings,
-            order=self._scope.order("particle", "definition"),
+            order=evaluation,
+            structure=tuple(sorted(self._scope.structure.items())),
         )
 
     def _check_sections(self) -> None:
@@ -136,58 +145,76 @@ class _Document:
             message = f"`{section}` is a mapping from names to {key.holds}"
             self._formulas.report(node, "not-a-mapping", message)
             return
-        for name, value in node:
-            if not self._is_family(name, value):
-                yield name, value
+        yield from node
 
-    def _is_family(self, name: source.Scalar, value: source.AnyNode) -> bool:
-        """Whether an entry stands for many, which is refused; its bare name is taken as broken."""
-        spot = name if "[" in name.value else value.key("for") if isinstance(value, source.Mapping) else None
-        if spot is None:
-            return False
-        self._formulas.report(spot, "not-supported-yet", "families `name[i]` are not supported yet")
-        return True
+    def _formulas_of(self, section: str, name: source.Scalar) -> Formulas | None:
+        """Reads the expressions of an entry; None where its members could not be told."""
+        found = self._members[section, name.value]
+        return None if found is None else self._formulas.within(found)
 
     def _declare_names(self) -> None:
         for section, kind in _NAMING:
-            node = self._root.get(section)
-            for name, value in node if isinstance(node, source.Mapping) else ():
-                if self._is_family(name, value):
-                    self._scope.spoil(name.value.partition("[")[0].strip(), kind)
-                    continue
-                trouble = self._scope.declare(name.value, kind)
+            for name, value in self._entries(section):
+                is_family = section in _FAMILIES and families.is_family(name, value)
+                base = families.base(name) if is_family else name.value
+                trouble = self._scope.declare(name.value, base, kind)
                 if trouble:
-                    code = "duplicate-name" if name.value in self._scope else "bad-name"
+                    code = "duplicate-name" if base in self._scope else "bad-name"
                     self._formulas.report(name, code, trouble)
-                    self._scope.spoil(name.value, kind)
+                    self._scope.spoil(base, kind)
 
     def _take_constraint_names(self) -> None:
         """Constraints have names of their own, told apart in the columns `lambda.NAME`."""
-        taken: dict[str, str] = {}
-        for section in ("holonomic", "rigid", "differential", "forces"):
-            node = self._root.get(section)
-            for name, value in node if isinstance(node, source.Mapping) else ():
-                word = name.value
-                if self._is_family(name, value):
-                    self._scope.constraints[word.partition("[")[0].strip()] = None
-                elif not tokens.is_name(word):
+        taken: dict[str, tuple[str, bool]] = {}
+        for section in (*_CONSTRAINTS, "forces"):
+            for name, value in self._entries(section):
+                is_family = section in _FAMILIES and families.is_family(name, value)
+                word = families.base(name) if is_family else name.value
+                if not tokens.is_name(word):
                     message = "a name is a letter or `_`, then letters, digits and `_`"
                     self._formulas.report(name, "bad-name", message)
                 elif word in scope.RESERVED:
                     self._formulas.report(name, "bad-name", f"`{word}` is reserved")
-                elif section != "forces" and word in taken:
-                    message = f"`{word}` is already a constraint under `{taken[word]}`"
-                    self._formulas.report(name, "duplicate-name", message, "two columns would have one name")
                 elif section != "forces":
-                    taken[word] = section
-                    # Before the laws are read, what matters is that the name is a constraint's.
-                    self._scope.constraints[word] = () if section == "rigid" else (word,)
+                    if word in taken and not (is_family and taken[word] == (section, True)):
+                        message = f"`{word}` is already a constraint under `{taken[word][0]}`"
+                        self._formulas.report(
+                            name, "duplicate-name", message, "two columns would have one name"
+                        )
+                    taken.setdefault(word, (section, is_family))
+                    self._scope.take_law(word, is_family)
 
-    def _take_rows(self, rows: Mapping[str, tuple[str, ...]]) -> None:
-        """The rows of the laws that were read; those that could not be are broken from here on."""
-        for section in ("holonomic", "differential"):
-            for name, _ in self._entries(section):
-                self._scope.constraints[name.value] = rows.get(name.value)
+    def _count_members(self) -> None:
+        """Say of every entry which members it has."""
+        budget = families.Budget()
+        for section in _FAMILIES:
+            closed = tuple(scope.OWN) if section == "forces" else ()
+            reader = families.Reader(self._formulas, budget, closed)
+            for name, value in self._entries(section):
+                key = (section, name.value)
+                if not families.is_family(name, value):
+                    self._members[key] = members.one(name.value)
+                else:
+                    self._members[key] = reader.read(name, value)
+                self._number(section, name)
+
+    def _number(self, section: str, name: source.Scalar) -> None:
+        """Number the members of an entry that others may speak of."""
+        found = self._members[section, name.value]
+        kind = dict(_NAMING).get(section)
+        if kind is None:
+            return
+        base = families.base(name)
+        if found is None:
+            self._scope.spoil(base, kind)
+        elif not self._scope.is_broken(base):
+            self._refuse_repeated(name, found, self._scope.number(name.value, found))
+
+    def _refuse_repeated(self, name: source.Scalar, found: Members, repeated: str) -> None:
+        """Report two members of one name."""
+        if repeated and len(found.base) < len(repeated):
+            hint = "different indices need different names; an index that is not in the name makes copies"
+            self._formulas.report(name, "duplicate-name", f"`{repeated}` is declared twice", hint)
 
     def _named(self, section: str, one: Callable[[source.Scalar, source.AnyNode], T | None]) -> tuple[T, ...]:
         read = [one(name, node) for name, node in self._entries(section)]
@@ -199,26 +226,26 @@ class _Document:
             found = sections.parameter(self._formulas, node)
             self._scope.define(name.value, functools.partial(_same, found))
             if found is not None:
-                value = sections.values(found) if isinstance(found, tuple) else found.value
-                read.append(model.Parameter(name.value, value))
+                read.append(model.Parameter(name.value, sections.parameter_value(found)))
                 self._look(name.value)
         return tuple(read)
 
-    def _look(self, name: str) -> Any:
-        """Have the facts of a name found now; whatever is wrong has been reported."""
-        try:
-            return self._scope.lookup(tree.Name(0, 0, name))
-        except ExpressionError:
-            return None
+    def _look(self, key: str) -> Any:
+        """Have the facts of an entry found now; whatever is wrong has been reported."""
+        return self._scope.settle(key)
 
     def _coordinate(self, name: source.Scalar, node: source.AnyNode) -> model.Coordinate | None:
-        self._scope.define(name.value, lambda: facts.Facts(None, frozenset(("position",))))
-        return sections.coordinate(self._formulas, name, node)
+        self._scope.define(name.value, lambda: scope.PLACE)
+        formulas = self._formulas_of("coordinates", name)
+        return None if formulas is None else sections.coordinate(formulas, name, node)
 
     def _particles(self) -> tuple[model.Particle, ...]:
         readers = {}
         for name, node in self._entries("particles"):
-            reader = readers[name.value] = sections.ParticleReader(self._formulas, name, node)
+            formulas = self._formulas_of("particles", name)
+            if formulas is None:
+                continue
+            reader = readers[name.value] = sections.ParticleReader(formulas, name, node)
             self._scope.define(name.value, reader.find, reader.uses)
         # Definitions must be known before positions are looked at: a position may use one.
         self._define_definitions()
@@ -276,36 +303,74 @@ class _Document:
         return self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
 
     def _forces(self, particles: tuple[model.Particle, ...]) -> tuple[model.Force, ...]:
-        forces: tuple[model.Force, ...] = self._named(
-            "forces", functools.partial(sections.force, self._formulas)
-        )
-        masses = {p.name: p.mass_value for p in particles}
-        for force in forces:
-            if isinstance(force, model.ParticleForce):
-                sections.warn_of_shadows(self._formulas, force.force, force.targets, masses)
-        return forces
+        masses = np.concatenate([np.zeros(0), *(particle.mass_values for particle in particles)])
+        complete = masses.size == len(self._scope.rolls["particle"])
 
-    def _laws(self, section: str, law: Callable[[Formulas, str, source.AnyNode], T | None]) -> tuple[T, ...]:
+        def one(name: source.Scalar, node: source.AnyNode) -> model.Force | None:
+            formulas = self._formulas_of("forces", name)
+            force = None if formulas is None else sections.force(formulas, node)
+            if formulas is not None and isinstance(force, model.ParticleForce) and complete:
+                sections.warn_of_shadows(formulas, force, masses)
+            return force
+
+        return self._named("forces", one)
+
+    def _laws(self, section: str, law: Callable[[Formulas, source.AnyNode], Law | None]) -> tuple[Law, ...]:
         """Equations, each written shortly or as a mapping with `equation:`."""
 
-        def one(name: source.Scalar, node: source.AnyNode) -> T | None:
-            if isinstance(node, source.Mapping):
-                fields = sections.fields(self._formulas, node, keys.FORMAT.key(section)) or {}
-                if "equation" not in fields:
-                    self._formulas.report(node, "missing-key", "the key `equation` is missing")
-                    return None
-                node = fields["equation"]
-            return law(self._formulas, name.value, node)
+        def one(name: source.Scalar, node: source.AnyNode) -> Law | None:
+            formulas = self._formulas_of(section, name)
+            found = None
+            if formulas is not None:
+                node = self._long_form(formulas, node, section, "equation") or node
+                found = None if isinstance(node, source.Mapping) else law(formulas, node)
+            self._number_law(name, found)
+            return found
 
         return self._named(section, one)
+
+    def _number_law(self, name: source.Scalar, law: model.Holonomic | model.Differential | None) -> None:
+        base = families.base(name)
+        if base not in self._scope.laws:
+            return
+        shape: scope.Shape = "vector" if law is not None and law.is_vector else "scalar"
+        found = members.one(base) if law is None else law.members
+        self._refuse_repeated(name, found, self._scope.number_law(found, None if law is None else shape))
+
+    def _long_form(
+        self, formulas: Formulas, node: source.AnyNode, section: str, key: str
+    ) -> source.AnyNode | None:
+        """What stands under `key` where an entry is a mapping."""
+        if not isinstance(node, source.Mapping):
+            return None
+        fields = sections.fields(formulas, node, keys.FORMAT.key(section)) or {}
+        if key not in fields:
+            formulas.report(node, "missing-key", f"the key `{key}` is missing")
+        return fields.get(key)
+
+    def _rigid(self) -> tuple[model.RigidBody, ...]:
+        def one(name: source.Scalar, node: source.AnyNode) -> model.RigidBody | None:
+            body = sections.rigid(self._formulas, name, node)
+            if name.value in self._scope.laws:
+                self._scope.number_law(members.one(name.value), None if body is None else "body")
+            return body
+
+        return self._named("rigid", one)
 
     def _outputs(self) -> tuple[model.Output, ...]:
         read = []
         for name, node in self._entries("outputs"):
-            expression, value = sections.either(self._formulas, node, facts.OUTPUT, "an output")
+            formulas = self._formulas_of("outputs", name)
+            if formulas is None:
+                continue
+            node = self._long_form(formulas, node, "outputs", "expression") or node
+            expression = value = None
+            if not isinstance(node, source.Mapping):
+                expression, value = sections.either(formulas, node, facts.OUTPUT, "an output")
             self._scope.define(name.value, functools.partial(_same, value))
-            if value is not None:
-                read.append(model.Output(name.value, expression, isinstance(value, tuple)))
+            self._look(name.value)
+            if expression is not None and value is not None:
+                read.append(model.Output(formulas.members, expression, isinstance(value, tuple)))
         return tuple(read)
 
     def _text(self, section: str) -> str:
@@ -362,11 +427,31 @@ class _Document:
         names = sections.name_list(self._formulas, node)
         if names is None:
             return None
-        cartesian = [p.name for p in particles if not p.is_dependent]
-        components = [f"{name}.{axis}" for name in cartesian for axis in "xyz"]
-        known = dict.fromkeys((*self._scope.names("coordinate"), *cartesian, *components))
+        cartesian = {name for p in particles if not p.is_dependent for name in p.members.names}
+        found: list[str] = []
         for name in names:
-            if name.value not in known:
-                hint = diagnostics.nearest(name.value, known)
-                self._formulas.report(name, "unknown-name", f"there is no coordinate `{name.value}`", hint)
-        return tuple(name.value for name in names)
+            word, dot, axis = name.value.strip().rpartition(".")
+            if dot and word in cartesian and axis in "xyz":
+                found.append(name.value.strip())
+                continue
+            if dot and axis not in "]":
+                components = [f"{particle}.{part}" for particle in sorted(cartesian) for part in "xyz"]
+                hint = diagnostics.nearest(name.value, components)
+                message = f"there is no coordinate `{name.value}`"
+                self._formulas.report(name, "unknown-name", message, hint)
+                continue
+            kept = sections.references(self._formulas, name, ("coordinate", "particle"))
+            for kind, numbers, _ in kept or ():
+                found += self._kept(name, kind, numbers, cartesian)
+        return tuple(found)
+
+    def _kept(
+        self, node: source.Scalar, kind: scope.Kind, numbers: model.Whole, cartesian: set[str]
+    ) -> list[str]:
+        """The names of the coordinates and Cartesian particles of these numbers."""
+        names = [self._scope.rolls[kind].names[number] for number in numbers.tolist()]
+        dependent = [] if kind == "coordinate" else [name for name in names if name not in cartesian]
+        if dependent:
+            message = f"the particle `{dependent[0]}` has no coordinates of its own"
+            self._formulas.report(node, "unknown-name", message, "keep the coordinates it depends on")
+        return names

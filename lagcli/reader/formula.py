@@ -5,24 +5,47 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from lagcli import diagnostics, source
+import numpy as np
+
+from lagcli import diagnostics, members, source
 from lagcli.expression import evaluate, facts, parser, tree
 from lagcli.expression.facts import FactsAlgebra, Flag
 from lagcli.expression.tree import ExpressionError
-from lagcli.model import Expression, VectorExpression
+from lagcli.members import Members
+from lagcli.model import Expression, Floats, VectorExpression
 from lagcli.reader import scope as scopes
 
 Lookup = Callable[[tree.Node], Any]
 
+ALONE = members.one("")
+
+Parsed = dict[tuple[Callable[[str], tree.Node], str], tree.Node]
+
 
 class Formulas:
-    """Reads expressions in a scope; what is wrong goes to the collector and the answer is None."""
+    """Reads expressions of an entry in a scope; what is wrong goes to the collector and the answer is None.
 
-    def __init__(self, scope: scopes.Scope, found: diagnostics.Collector) -> None:
+    The expression of a family is read once; constants in it are arrays, one value for each of its `members`.
+    """
+
+    def __init__(
+        self,
+        scope: scopes.Scope,
+        found: diagnostics.Collector,
+        members: Members | None = None,
+        parsed: Parsed | None = None,
+    ) -> None:
         self.scope = scope
         self.found = found
+        self.members = members or ALONE
         # A long model writes the same short texts again and again; trees hold offsets in their own text only.
-        self._parsed: dict[tuple[Callable[[str], tree.Node], str], tree.Node] = {}
+        self._parsed: Parsed = {} if parsed is None else parsed
+        self.lookup = scope.lookup_in(self.members)
+        self.lookup_with_own = scope.lookup_in(self.members, own=True)
+
+    def within(self, members: Members) -> Formulas:
+        """The same for expressions of an entry with these members."""
+        return Formulas(self.scope, self.found, members, self._parsed)
 
     def report(self, node: source.AnyNode, code: str, message: str, hint: str = "") -> None:
         """An error at a node of the document."""
@@ -36,14 +59,21 @@ class Formulas:
 
     def silent(self) -> Formulas:
         """The same scope with a collector of its own, for asking without reporting."""
-        return Formulas(self.scope, diagnostics.Collector())
+        return Formulas(self.scope, diagnostics.Collector(), self.members)
 
     def trouble(self, origin: source.Scalar, error: ExpressionError) -> None:
         """An error inside an expression."""
         if error.code != scopes.BROKEN:
             location = origin.locate(error.start, error.end)
             hint = source.QUOTES if origin.is_torn else error.hint
-            self.found.add(diagnostics.Diagnostic(error.code, error.message, location, hint))
+            message = error.message + self.where(error.place)
+            self.found.add(diagnostics.Diagnostic(error.code, message, location, hint))
+
+    def where(self, place: int | None) -> str:
+        """The end of a sentence about one member of a family, the first it is true of."""
+        if place is None or not self.members.variables:
+            return ""
+        return f" (first where {self.members.at(place)})"
 
     def parse(self, node: source.AnyNode, read: Callable[[str], tree.Node]) -> Expression | None:
         """The expression written in `node`."""
@@ -74,13 +104,13 @@ class Formulas:
         shape: str = "scalar",
     ) -> Any:
         """Facts of a checked expression, or None where it is wrong. `shape`: scalar, vector or either."""
-        algebra = FactsAlgebra(lookup or self.scope.lookup, allowed, subject)
+        algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
         how = {"scalar": evaluate.scalar, "vector": evaluate.vector, "either": evaluate.evaluate}[shape]
         try:
             return how(expression.tree, algebra)
         except ExpressionError as error:
             self.trouble(expression.origin, error)
-            self.unknown_names(expression, lookup or self.scope.lookup)
+            self.unknown_names(expression, lookup or self.lookup)
             return None
 
     def unknown_names(self, expression: Expression, lookup: Lookup) -> None:
@@ -88,7 +118,7 @@ class Formulas:
         waiting = [expression.tree]
         while waiting:
             node = waiting.pop()
-            if isinstance(node, (tree.Name, tree.Member)):
+            if isinstance(node, (tree.Name, tree.Member, tree.Index)):
                 try:
                     lookup(node)
                 except ExpressionError as error:
@@ -106,11 +136,20 @@ class Formulas:
 
     def constant(self, node: source.AnyNode, subject: str) -> float | None:
         """The value of an expression of parameters."""
+        found = self.constants(node, subject)
+        return None if found is None else float(found[0])
+
+    def constants(self, node: source.AnyNode, subject: str) -> Floats | None:
+        """The values of an expression of parameters and indices, one for each member, (K,)."""
         expression = self.parse(node, parser.parse)
         if expression is None:
             return None
         found = self.facts(expression, facts.NOTHING, subject)
-        return None if found is None else found.value
+        return None if found is None else self.values(found.value)
+
+    def values(self, value: float | Floats) -> Floats:
+        """A constant as one value for each member, (K,)."""
+        return np.array(np.broadcast_to(value, self.members.count), dtype=float)
 
     def vector_expression(self, node: source.AnyNode) -> VectorExpression | None:
         """A list of three expressions or one vector expression, parsed."""
@@ -136,8 +175,12 @@ class Formulas:
         found = [self.facts(part, allowed, subject, lookup) for part in vector.parts]
         return None if any(part is None for part in found) else tuple(found)
 
-    def constant_vector(self, node: source.AnyNode, subject: str) -> tuple[float, float, float] | None:
-        """The value of a vector of parameters."""
+    def constant_vectors(self, node: source.AnyNode, subject: str) -> Floats | None:
+        """The values of a vector of parameters and indices, one for each member, (K, 3)."""
         vector = self.vector_expression(node)
         found = None if vector is None else self.vector_facts(vector, facts.NOTHING, subject)
-        return None if found is None else (found[0].value, found[1].value, found[2].value)
+        return None if found is None else self.vectors(found)
+
+    def vectors(self, found: Any) -> Floats:
+        """The values of three constants, one vector for each member, (K, 3)."""
+        return np.column_stack([self.values(part.value) for part in found])

@@ -33,8 +33,8 @@ class Key:
 
 
 _FAMILY = (
-    Key("for", "range or list of ranges", "makes the entry a family over indices", supported=False),
-    Key("if", "condition", "filters the members of a family", supported=False),
+    Key("for", "range or list of ranges", "makes the entry a family over indices"),
+    Key("if", "condition", "filters the members of a family"),
 )
 
 _EQUATION = (Key("equation", "equation", "the constraint, where the entry is written at length"), *_FAMILY)
@@ -123,7 +123,16 @@ FORMAT = Key(
         ),
         Key("inequality", "condition", "one-sided constraints", entries=True, supported=False),
         Key("rigid", "list of particles", "particles that form one rigid body", entries=True),
-        Key("outputs", "expression", "extra recorded quantities", entries=True),
+        Key(
+            "outputs",
+            "expression",
+            "extra recorded quantities",
+            entries=True,
+            keys=(
+                Key("expression", "expression", "the quantity, where the entry is written at length"),
+                *_FAMILY,
+            ),
+        ),
         Key("events", "mapping", "what stops or is recorded during a run", entries=True, supported=False),
         Key(
             "simulation",

@@ -12,23 +12,23 @@ from lagcli.model import Differential, Expression, Holonomic
 from lagcli.reader.formula import Formulas
 
 
-def holonomic(formulas: Formulas, name: str, node: source.AnyNode) -> Holonomic | None:
+def holonomic(formulas: Formulas, node: source.AnyNode) -> Holonomic | None:
     """f(r, q, t) = 0 (D.2), scalar or vector."""
     equation = formulas.parse(node, parser.parse_equation)
     if equation is None:
         return None
-    algebra = FactsAlgebra(formulas.scope.lookup, facts.POSITION, "a holonomic constraint")
+    algebra = FactsAlgebra(formulas.lookup, facts.POSITION, "a holonomic constraint")
     found = _difference(formulas, equation, algebra)
-    return None if found is None else Holonomic(name, equation, len(found) == 3)
+    return None if found is None else Holonomic(formulas.members, equation, len(found) == 3)
 
 
-def differential(formulas: Formulas, name: str, node: source.AnyNode) -> Differential | None:
+def differential(formulas: Formulas, node: source.AnyNode) -> Differential | None:
     """A law linear in differentials or in velocities (D.3, D.4), scalar or vector."""
     equation = formulas.parse(node, parser.parse_equation)
     if equation is None:
         return None
     subject = "a differential constraint"
-    algebra = FactsAlgebra(formulas.scope.lookup, facts.DIFFERENTIAL, subject, linear=True)
+    algebra = FactsAlgebra(formulas.lookup, facts.DIFFERENTIAL, subject, linear=True)
     found = _difference(formulas, equation, algebra)
     if found is None:
         return None
@@ -38,7 +38,7 @@ def differential(formulas: Formulas, name: str, node: source.AnyNode) -> Differe
         formulas.trouble(equation.origin, error)
         return None
     form: Literal["differentials", "velocities"] = "differentials" if in_differentials else "velocities"
-    return Differential(name, equation, len(found) == 3, form)
+    return Differential(formulas.members, equation, len(found) == 3, form)
 
 
 def _difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra) -> tuple[Facts, ...] | None:
@@ -47,7 +47,7 @@ def _difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra)
         return evaluate.difference(equation.tree, algebra)
     except ExpressionError as error:
         formulas.trouble(equation.origin, error)
-        formulas.unknown_names(equation, formulas.scope.lookup)
+        formulas.unknown_names(equation, formulas.lookup)
         return None
 
 

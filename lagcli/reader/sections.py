@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 from lagcli import diagnostics, model, source
 from lagcli.expression import facts, parser, tree
-from lagcli.reader import keys, scope
+from lagcli.expression.tree import ExpressionError
+from lagcli.reader import families, keys, scope
 from lagcli.reader.formula import Formulas
+
+FAMILY = ("for", "if")
 
 
 def fields(formulas: Formulas, node: source.AnyNode, key: keys.Key) -> dict[str, source.AnyNode] | None:
@@ -19,6 +23,8 @@ def fields(formulas: Formulas, node: source.AnyNode, key: keys.Key) -> dict[str,
         return None
     found: dict[str, source.AnyNode] = {}
     for name, value in node:
+        if name.value in FAMILY:
+            continue  # what they say has become the members of the entry
         if name.value not in key.names:
             known = ", ".join(f"`{k.name}`" for k in key.keys if k.supported)
             hint = diagnostics.nearest(name.value, key.names) or f"the keys here are {known}"
@@ -51,20 +57,26 @@ def parameter(formulas: Formulas, node: source.AnyNode) -> Any:
     return None if expression is None else formulas.facts(expression, facts.NOTHING, subject, shape="either")
 
 
+def parameter_value(found: Any) -> float | model.Vector3:
+    """The number or the vector these facts are of."""
+    if isinstance(found, tuple):
+        x, y, z = (float(part.value) for part in found)
+        return x, y, z
+    return float(found.value)
+
+
 def coordinate(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> model.Coordinate | None:
     """A generalized coordinate; `theta:` alone starts at rest at zero."""
-    if source.is_empty(node):
-        return model.Coordinate(name.value, 0.0, 0.0, name.location)
-    found = fields(formulas, node, keys.FORMAT.key("coordinates"))
+    found = {} if source.is_empty(node) else fields(formulas, node, keys.FORMAT.key("coordinates"))
     if found is None:
         return None
-    values = {"value": 0.0, "rate": 0.0}
+    start = dict.fromkeys(("value", "rate"), formulas.values(0.0))
     for key, part in found.items():
-        value = formulas.constant(part, f"the initial {key} of a coordinate")
-        if value is None:
+        values = formulas.constants(part, f"the initial {key} of a coordinate")
+        if values is None:
             return None
-        values[key] = value
-    return model.Coordinate(name.value, values["value"], values["rate"], name.location)
+        start[key] = values
+    return model.Coordinate(formulas.members, start["value"], start["rate"], name.location)
 
 
 class ParticleReader:
@@ -100,11 +112,11 @@ class ParticleReader:
     def read(self, file_position: source.AnyNode | None) -> model.Particle | None:
         """The particle, once its facts are found. `file_position` is the position without changes made."""
         formulas = self._formulas
-        mass, value = self._mass()
+        mass, masses = self._mass()
         velocity = self._fields.get("velocity")
-        moving: model.Vector3 | None = (0.0, 0.0, 0.0)
+        moving: model.Floats | None = np.zeros((formulas.members.count, 3))
         if velocity is not None:
-            moving = formulas.constant_vector(velocity, "an initial velocity")
+            moving = formulas.constant_vectors(velocity, "an initial velocity")
         if self._position is None or self._facts is None or mass is None or moving is None:
             return None
         dependent = bool(scope.reads(self._facts))
@@ -115,9 +127,9 @@ class ParticleReader:
             hint = "its velocity follows from the `rate`s"
             formulas.report(velocity, "velocity-of-dependent", message, hint)
             return None
-        start = None if dependent else values(self._facts)
-        name, at = self._name.value, self._name.location
-        return model.Particle(name, mass, value, self._position, start, moving, at)
+        start = None if dependent else formulas.vectors(self._facts)
+        at = self._name.location
+        return model.Particle(formulas.members, mass, masses, self._position, start, moving, at)
 
     def _keeps_kind(self, dependent: bool, file_position: source.AnyNode | None) -> bool:
         """Whether a changed position is still an initial value, or still a function; else it is refused."""
@@ -139,28 +151,25 @@ class ParticleReader:
         self._formulas.report(changed, "not-an-initial-value", message, "change the file instead")
         return False
 
-    def _mass(self) -> tuple[model.Expression | None, float]:
-        node = self._fields.get("mass")
+    def _mass(self) -> tuple[model.Expression | None, model.Floats]:
+        node, formulas = self._fields.get("mass"), self._formulas
+        nothing = np.zeros(0)
         if node is None:
-            return None, 0.0
-        expression = self._formulas.parse(node, parser.parse)
-        found = None if expression is None else self._formulas.facts(expression, facts.NOTHING, "a mass")
+            return None, nothing
+        expression = formulas.parse(node, parser.parse)
+        found = None if expression is None else formulas.facts(expression, facts.NOTHING, "a mass")
         if found is None:
-            return None, 0.0
-        if found.value <= 0.0:
-            message = f"a mass must be positive, and this one is {found.value:g}"
-            self._formulas.report(node, "mass-not-positive", message)
-            return None, 0.0
-        return expression, found.value
+            return None, nothing
+        masses = formulas.values(found.value)
+        if not (masses > 0.0).all():
+            first = int(np.argmin(masses > 0.0))
+            message = f"a mass must be positive, and this one is {masses[first]:g}{formulas.where(first)}"
+            formulas.report(node, "mass-not-positive", message)
+            return None, nothing
+        return expression, masses
 
 
-def values(parts: tuple[facts.Facts, ...]) -> model.Vector3:
-    """The values of three constants."""
-    x, y, z = (part.value for part in parts if part.value is not None)
-    return x, y, z
-
-
-def force(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> model.Force | None:
+def force(formulas: Formulas, node: source.AnyNode) -> model.Force | None:
     """An applied force, a generalized force or a potential."""
     found = fields(formulas, node, keys.FORMAT.key("forces"))
     if found is None:
@@ -171,41 +180,97 @@ def force(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> mode
             formulas.report(node, "conflicting-keys", message)
             return None
         expression = formulas.scalar(found["potential"], facts.POSITION, "a potential")
-        return None if expression is None else model.Potential(name.value, expression)
+        return None if expression is None else model.Potential(formulas.members, expression)
     missing = [key for key in ("to", "force") if key not in found]
     if missing:
         message = f"the key `{missing[0]}` is missing"
         formulas.report(node, "missing-key", message, "a force has `to` and `force`, or a `potential`")
         return None
-    names = _targets(formulas, found["to"])
-    if names is None:
+    targets = _targets(formulas, found["to"])
+    if targets is None:
         return None
-    kinds = {formulas.scope.kind(n) for n in names}
-    if kinds == {"coordinate"}:
+    kind, action = targets
+    if kind == "coordinate":
         expression = formulas.scalar(found["force"], facts.MOTION, "a generalized force")
-        return None if expression is None else model.GeneralizedForce(name.value, names, expression)
-    if kinds != {"particle"}:
-        message = "a force acts on particles or on coordinates, not on both"
-        formulas.report(found["to"], "mixed-targets", message)
+        if expression is None:
+            return None
+        return model.GeneralizedForce(formulas.members, action, expression)
+    return _particle_force(formulas, action, found["force"])
+
+
+def _targets(formulas: Formulas, node: source.AnyNode) -> tuple[scope.Kind, model.Action] | None:
+    """What `to:` says: the kind of the targets, and which member of the force acts on which of them."""
+    named = references(formulas, node, ("particle", "coordinate"), everything=True)
+    if named is None:
         return None
-    return _particle_force(formulas, name, names, found["force"])
+    if len({kind for kind, _, _ in named}) > 1:
+        message = "a force acts on particles or on coordinates, not on both"
+        formulas.report(node, "mixed-targets", message)
+        return None
+    count = formulas.members.count
+    # One target for each member of the force, or all of them for each.
+    sizes = [count if each else count * numbers.size for _, numbers, each in named]
+    if sum(sizes) > families.MAX_MEMBERS:
+        message = f"this force acts more than {families.MAX_MEMBERS} times"
+        formulas.report(node, "too-many-members", message)
+        return None
+    acting = [np.arange(count) if each else np.repeat(np.arange(count), n.size) for _, n, each in named]
+    targets = [np.broadcast_to(n, count) if each else np.tile(n, count) for _, n, each in named]
+    # A target named twice is acted on once.
+    pairs = np.unique(np.column_stack([np.concatenate(acting), np.concatenate(targets)]), axis=0)
+    return named[0][0], model.Action(pairs[:, 1].copy(), pairs[:, 0].copy())
 
 
-def _targets(formulas: Formulas, node: source.AnyNode) -> tuple[str, ...] | None:
+Named = tuple[scope.Kind, model.Whole, bool]
+
+
+def references(
+    formulas: Formulas, node: source.AnyNode, kinds: tuple[scope.Kind, ...], everything: bool = False
+) -> list[Named] | None:
+    """What one name or a list of names stands for: kind, numbers, and whether there is one for each member.
+
+    The bare name of a family stands for all its members, `all` (where `everything`) for all particles.
+    """
     names = name_list(formulas, node)
     if names is None:
         return None
-    if [n.value for n in names] == ["all"]:
-        particles = tuple(formulas.scope.names("particle"))
-        if not particles:
+    rolls = formulas.scope.rolls
+    if everything and [n.value.strip() for n in names] == ["all"]:
+        if not len(rolls["particle"]) and not formulas.scope.names("particle"):
             formulas.report(node, "no-particles", "there are no particles for `all` to stand for")
             return None
-        return particles
-    bad = [n for n in names if formulas.scope.kind(n.value) not in ("particle", "coordinate")]
-    for name in bad:
-        hint = diagnostics.nearest(name.value, [*formulas.scope.names("particle", "coordinate"), "all"])
-        formulas.report(name, "unknown-name", f"there is no particle or coordinate `{name.value}`", hint)
-    return None if bad or not names else tuple(dict.fromkeys(n.value for n in names))
+        return [("particle", np.arange(len(rolls["particle"])), False)]
+    found = []
+    for name in names:
+        one = _reference(formulas, name, kinds, everything)
+        if one is None:
+            continue
+        found.append(one)
+    return found if len(found) == len(names) else None
+
+
+def _reference(
+    formulas: Formulas, name: source.Scalar, kinds: tuple[scope.Kind, ...], everything: bool
+) -> Named | None:
+    try:
+        written = parser.parse_reference(name.value)
+        base = written.owner if isinstance(written, tree.Index) else written.name
+        kind = formulas.scope.kind(base)
+        if kind not in kinds:
+            known = [*formulas.scope.names(*kinds), *(("all",) if everything else ())]
+            hint = diagnostics.nearest(base, known)
+            message = f"there is no {' or '.join(kinds)} `{base}`"
+            formulas.report(name, "unknown-name", message, hint)
+            return None
+        if formulas.scope.is_broken(base):
+            return None
+        if isinstance(written, tree.Name) and formulas.scope.is_family(base):
+            return kind, np.array(formulas.scope.rolls[kind].family(base), dtype=np.int64), False
+        numbers = formulas.scope.numbers(written, formulas.members.variables)
+        return kind, numbers, isinstance(written, tree.Index)
+    except ExpressionError as error:
+        formulas.trouble(name, error)
+        return None
 
 
 def name_list(formulas: Formulas, node: source.AnyNode) -> list[source.Scalar] | None:
@@ -222,28 +287,28 @@ def name_list(formulas: Formulas, node: source.AnyNode) -> list[source.Scalar] |
 
 
 def _particle_force(
-    formulas: Formulas, name: source.Scalar, targets: tuple[str, ...], node: source.AnyNode
+    formulas: Formulas, action: model.Action, node: source.AnyNode
 ) -> model.ParticleForce | None:
     vector = formulas.vector_expression(node)
     if vector is None:
         return None
-    lookup = scope.lookup_with_own(formulas.scope)
-    found = formulas.vector_facts(vector, facts.FORCE, "the force on a particle", lookup)
+    found = formulas.vector_facts(vector, facts.FORCE, "the force on a particle", formulas.lookup_with_own)
     if found is None:
         return None
     constant = scope.reads(found) <= {"mass"}
-    return model.ParticleForce(name.value, targets, vector, constant)
+    return model.ParticleForce(formulas.members, action, vector, constant)
 
 
-def warn_of_shadows(
-    formulas: Formulas, vector: model.VectorExpression, targets: tuple[str, ...], masses: Mapping[str, float]
-) -> None:
-    """`m`, `r`, `v` are the particle's own in a force; say so where another of that name differs."""
-    for part in vector.parts:
+def warn_of_shadows(formulas: Formulas, force: model.ParticleForce, masses: model.Floats) -> None:
+    """`m`, `r`, `v` are the particle's own in a force; say so where another of that name differs.
+
+    masses: of all particles, (N,).
+    """
+    for part in force.force.parts:
         used = tree.names(part.tree) & scope.OWN.keys()
         for name in sorted(used):
             kind = formulas.scope.kind(name)
-            own = {masses.get(target) for target in targets} if name == "m" else set()
+            own = set(masses[force.action.targets].tolist()) if name == "m" else set()
             same = kind == "parameter" and own == {formulas.scope.constant(name)}
             # An output cannot be used in a force at all, so it is not shadowed there.
             if kind not in (None, "output") and not same:
@@ -257,28 +322,31 @@ _OWN_WORDS = {"m": "mass", "r": "position", "v": "velocity"}
 
 
 def rigid(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> model.RigidBody | None:
-    """A list of at least two particles."""
-    if not isinstance(node, source.Sequence):
+    """A list of at least two particles, in which a family stands for all its members."""
+    if not isinstance(node, source.Sequence) and not _is_family(formulas, node):
         formulas.report(node, "not-a-list", "a rigid body is a list of particles", "for example `[a, b, c]`")
         return None
-    names = name_list(formulas, node)
-    if names is None:
+    named = references(formulas, node, ("particle",))
+    if named is None:
         return None
-    good = True
-    seen: set[str] = set()
-    for item in names:
-        if formulas.scope.kind(item.value) != "particle":
-            hint = diagnostics.nearest(item.value, formulas.scope.names("particle"))
-            formulas.report(item, "unknown-name", f"there is no particle `{item.value}`", hint)
-            good = False
-        elif item.value in seen:
-            formulas.report(item, "duplicate-name", f"the particle `{item.value}` stands twice in the body")
-            good = False
-        seen.add(item.value)
-    if len(names) < 2:
+    numbers = [number for _, found, _ in named for number in found.tolist()]
+    good = len(set(numbers)) == len(numbers)
+    if not good:
+        seen: set[int] = set()
+        for item, (_, found, _) in zip(name_list(formulas, node) or (), named, strict=True):
+            if seen & set(found.tolist()):
+                formulas.report(
+                    item, "duplicate-name", f"the particle `{item.value}` stands twice in the body"
+                )
+            seen |= set(found.tolist())
+    if len(numbers) < 2:
         formulas.report(node, "too-few-particles", "a rigid body needs at least two particles")
         good = False
-    return model.RigidBody(name.value, tuple(n.value for n in names), name.location) if good else None
+    return model.RigidBody(name.value, tuple(numbers), name.location) if good else None
+
+
+def _is_family(formulas: Formulas, node: source.AnyNode) -> bool:
+    return isinstance(node, source.Scalar) and formulas.scope.is_family(node.value.strip())
 
 
 def either(formulas: Formulas, node: source.AnyNode, allowed: frozenset[facts.Flag], subject: str) -> Any:

@@ -1,0 +1,115 @@
+"""What an entry of a model stands for: one thing, or a family of them numbered by indices."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+Whole = npt.NDArray[np.int64]
+Indices = tuple[int, ...]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Members:
+    """The K members of an entry: `names` (`p[1][2]`, or the bare name of what is no family), their `indices`, and
+    the value of each index variable at each member, (K,)."""
+
+    base: str
+    names: tuple[str, ...]
+    indices: tuple[Indices, ...]
+    variables: Mapping[str, Whole]
+
+    @property
+    def count(self) -> int:
+        """K."""
+        return len(self.names)
+
+    def taken(self, places: Whole) -> dict[str, Whole]:
+        """The index variables at some of the members."""
+        return {name: values[places] for name, values in self.variables.items()}
+
+    def at(self, place: int) -> str:
+        """The values of the index variables at a member, such as `i = 3, j = 4`."""
+        return ", ".join(f"{name} = {values[place]}" for name, values in self.variables.items())
+
+
+def one(name: str) -> Members:
+    """An entry that is no family."""
+    return Members(name, (name,), ((),), {})
+
+
+def family(base: str, indices: Sequence[Indices], variables: Mapping[str, Whole]) -> Members:
+    """The members with these indices."""
+    names = tuple(base + "".join(f"[{i}]" for i in place) for place in indices)
+    return Members(base, names, tuple(indices), variables)
+
+
+class MissingMember(LookupError):
+    """There is no member of these indices; `place` is the first of several that were looked for."""
+
+    def __init__(self, indices: Indices, place: int) -> None:
+        super().__init__(indices)
+        self.indices, self.place = indices, place
+
+
+class Roll:
+    """Members of many entries numbered in the order of the file, found by their base name and indices."""
+
+    def __init__(self, entries: Iterable[Members] = ()) -> None:
+        self._numbers: dict[str, dict[Indices, int]] = {}
+        self._ends: list[int] = []
+        self.names: list[str] = []
+        for entry in entries:
+            self.add(entry)
+
+    def __len__(self) -> int:
+        return self._ends[-1] if self._ends else 0
+
+    def __contains__(self, base: str) -> bool:
+        return base in self._numbers
+
+    def add(self, members: Members) -> str:
+        """Number the members of a further entry; the name of the first that is there already, or nothing."""
+        known = self._numbers.setdefault(members.base, {})
+        first, repeated = len(self), ""
+        for number, (name, indices) in enumerate(zip(members.names, members.indices, strict=True), first):
+            if known.setdefault(indices, number) != number and not repeated:
+                repeated = name
+        self._ends.append(first + members.count)
+        self.names += members.names
+        return repeated
+
+    def depth(self, base: str) -> int | None:
+        """The number of indices of the members; None where there are none."""
+        return next((len(indices) for indices in self._numbers[base]), None)
+
+    def family(self, base: str) -> list[int]:
+        """The numbers of all members of a base name."""
+        return list(self._numbers[base].values())
+
+    def ends(self, base: str) -> tuple[Indices, Indices] | None:
+        """The first and the last of the indices there are."""
+        known = list(self._numbers[base])
+        return (known[0], known[-1]) if known else None
+
+    def find(self, base: str, indices: Sequence[int | Whole]) -> Whole:
+        """The numbers of members: (1,) for numbers, (K,) for index vectors. Raises `MissingMember`."""
+        known = self._numbers[base]
+        vectors = np.broadcast_arrays(*(np.atleast_1d(i) for i in indices)) if indices else ()
+        wanted = list(zip(*(v.tolist() for v in vectors), strict=True)) if indices else [()]
+        try:
+            return np.array([known[place] for place in wanted], dtype=np.int64)
+        except KeyError:
+            place = next(k for k, one in enumerate(wanted) if one not in known)
+            raise MissingMember(wanted[place], place) from None
+
+    def entries(self, numbers: Whole) -> Whole:
+        """Which of the entries the members of these numbers belong to."""
+        return np.searchsorted(np.array(self._ends, dtype=np.int64), numbers, side="right")
+
+    def first(self, entry: int) -> int:
+        """The number of the first member of an entry."""
+        return self._ends[entry - 1] if entry else 0
