@@ -107,7 +107,9 @@ def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) ->
     integrable = [i for i in range(s, len(names)) if alone[names[i]] in ("exact", "integrable")]
     whole = [*range(s), *integrable]
     points = [state]
-    on, beside = _ranks(numeric, points, whole), _ranks(numeric, _beside(system, state), whole)
+    on = beside = _ranks(numeric, points, whole)
+    if on.highest[1] < len(names):  # rows that are independent at the start are so nearby
+        beside = _ranks(numeric, _beside(system, state), whole)
     if not (_is_regular(numeric, state) and on.possible == on.highest == beside.possible):
         points = _walk(numeric, state, whole)
         on = _ranks(numeric, points, whole)
@@ -295,8 +297,9 @@ def _ranks(numeric: NumericSystem, points: list[State], whole: list[int]) -> _Ra
     for point in points:
         if _is_finite(numeric, point):
             rows = _normalized_rows(numeric, point)
-            found.whole.append(rank.rank(rows.take(whole)))
             found.everything.append(rank.rank(rows))
+            complete = len(whole) == rows.count
+            found.whole.append(found.everything[-1] if complete else rank.rank(rows.take(whole)))
     return found
 
 

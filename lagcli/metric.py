@@ -61,7 +61,13 @@ class Metric:
         """B M^-1/2 (C, free), sparse: rows whose lengths and angles are those of the metric."""
         free = np.flatnonzero(self._free).tolist()
         if self._masses is not None:
-            return ca.mtimes(B[:, free], ca.diag(ca.DM(1.0 / np.sqrt(self._masses[free]))))
+            held = B if len(free) == B.shape[1] else B[:, free]
+            scale = 1.0 / np.sqrt(self._masses[free])
+            values = (
+                np.array(held.nonzeros(), dtype=float)
+                * scale[np.asarray(held.sparsity().get_col(), dtype=int)]
+            )
+            return ca.DM(held.sparsity(), ca.DM(values))
         return ca.DM(np.linalg.solve(self._lower, np.array(B[:, free]).T).T)
 
     def unwhitened(self, u: Floats) -> Floats:

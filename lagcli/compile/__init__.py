@@ -4,6 +4,6 @@
 to be written out, `factored` where it is not, `table` for the rows.
 """
 
-from lagcli.compile.numeric import NumericSystem, compile_system
+from lagcli.compile.numeric import NumericSystem
 
-__all__ = ["NumericSystem", "compile_system"]
+__all__ = ["NumericSystem"]

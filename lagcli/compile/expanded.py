@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -10,54 +11,64 @@ import casadi as ca
 from lagcli.compile import parts as shared
 from lagcli.compile import solving
 from lagcli.compile.parts import Parts
-from lagcli.compile.solving import Factors
 
 
-def rhs(parts: Parts) -> Any:
-    """rhs(t, y, p) -> y'."""
-    a, lam = _acceleration(parts, solving.factors(parts.M, parts.B))
-    return ca.Function("rhs", parts.inputs, [shared.state_rate(parts, a, lam)])
+class Expanded:
+    """rhs, position and landing of one system, as functions of (t, y, p)."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    @cached_property
+    def rhs(self) -> Any:
+        """rhs(t, y, p) -> y'."""
+        a, lam = _acceleration(self._parts, self._schur)
+        return ca.Function("rhs", self._parts.inputs, [shared.state_rate(self._parts, a, lam)])
+
+    @cached_property
+    def position(self) -> Any:
+        """position(t, y, p) -> y after one Newton step onto f = 0 along M^-1 B^T.
+
+        That is towards the nearest point in the mass-weighted norm.
+        """
+        parts = self._parts
+        y, n, s = parts.y, parts.v.numel(), parts.f.numel()
+        if s == 0:
+            return ca.Function("position", parts.inputs, [y])
+        schur = self._schur if s == parts.B.shape[0] else solving.solver(parts.S_whole)
+        q = y[:n] - parts.inertia(parts.B_whole.T @ schur(parts.f))
+        return ca.Function("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
+
+    @cached_property
+    def landing(self) -> Any:
+        """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, and the residual.
+
+        One factorization serves all, unless M depends on the velocity that is projected.
+        """
+        parts, schur = self._parts, self._schur
+        y, v, n = parts.y, parts.v, parts.v.numel()
+        if parts.B.shape[0]:
+            v = v - parts.inertia(parts.B.T @ schur(parts.B @ v + parts.b))
+        v = ca.densify(v)
+        there = parts.moving(v)
+        if ca.depends_on(parts.M, parts.v):
+            there = dataclasses.replace(there, M=ca.substitute(parts.M, parts.v, v))
+            schur = solving.solver(there.S)
+        a, lam = _acceleration(there, schur)
+        landed = ca.densify(ca.vertcat(y[:n], v, y[2 * n]))
+        outputs = [landed, shared.state_rate(there, a, lam), lam, shared.position_residual(parts)]
+        return ca.Function("landing", parts.inputs, outputs)
+
+    @cached_property
+    def _schur(self) -> solving.Solve:
+        """r -> S^-1 r."""
+        return solving.solver(self._parts.S)
 
 
-def position(parts: Parts) -> Any:
-    """position(t, y, p) -> y after one Newton step onto f = 0 along M^-1 B^T.
-
-    That is towards the nearest point in the mass-weighted norm.
-    """
-    y, n = parts.y, parts.v.numel()
-    if parts.f.numel() == 0:
-        return ca.Function("position", parts.inputs, [y])
-    B = parts.B_whole
-    factors = solving.factors(parts.M, B)
-    q = y[:n] - factors.inertia(B.T @ factors.schur(parts.f))
-    return ca.Function("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
-
-
-def landing(parts: Parts) -> Any:
-    """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, and the residual of f.
-
-    One factorization serves all, unless M depends on the velocity that is projected.
-    """
-    y, v, n = parts.y, parts.v, parts.v.numel()
-    factors = solving.factors(parts.M, parts.B)
-    if parts.B.shape[0]:
-        v = v - factors.inertia(parts.B.T @ factors.schur(parts.B @ v + parts.b))
-    v = ca.densify(v)
-    h, gamma, power = ca.substitute([parts.h, parts.gamma, parts.power], [parts.v], [v])
-    there = dataclasses.replace(parts, v=v, h=h, gamma=gamma, power=power)
-    if ca.depends_on(parts.M, parts.v):
-        M = ca.substitute(parts.M, parts.v, v)
-        there, factors = dataclasses.replace(there, M=M), solving.factors(M, parts.B)
-    a, lam = _acceleration(there, factors)
-    landed = ca.densify(ca.vertcat(y[:n], v, y[2 * n]))
-    outputs = [landed, shared.state_rate(there, a, lam), lam, shared.position_residual(parts)]
-    return ca.Function("landing", parts.inputs, outputs)
-
-
-def _acceleration(parts: Parts, factors: Factors) -> tuple[Any, Any]:
+def _acceleration(parts: Parts, schur: solving.Solve) -> tuple[Any, Any]:
     """a and lambda of (D.24)."""
-    free = factors.inertia(parts.h)
+    free = parts.inertia(parts.h)
     if parts.B.shape[0] == 0:
         return free, ca.SX(0, 1)
-    lam = ca.densify(factors.schur(parts.gamma - parts.B @ free))
-    return factors.inertia(parts.h + parts.reaction(lam)), lam
+    lam = ca.densify(schur(parts.gamma - parts.B @ free))
+    return parts.inertia(parts.h + parts.reaction(lam)), lam

@@ -13,13 +13,15 @@ S and M are factored as L D L^T with their sparsity: S by expanded graphs while 
 
 from __future__ import annotations
 
-import dataclasses
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 
-from lagcli.compile import expanded, factored, solving, table
 from lagcli.compile import parts as shared
+from lagcli.compile import solving, table
+from lagcli.compile.expanded import Expanded
+from lagcli.compile.factored import Factored
 from lagcli.mechanics.system import System
 
 # Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
@@ -31,70 +33,76 @@ NEWTON_STEPS = 2
 EXPANDED_OPERATIONS = 3e5
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
 class NumericSystem:
-    """Compiled functions of one system.
+    """Compiled functions of one system, each built when it is first asked for: a count needs no step."""
 
-    rhs(t, y, p) -> y'                              (2n + 1,)
-    position(t, y, p) -> y on f = 0                 one mass-weighted Newton step
-    land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, and an outcome of two: the residual (largest
-                     |f_i| / |B_i| over the largest |q|) and the sum of y', finite only where all of y' is
-    record(t, y, p) -> y projected, one row of the table without t, and (position drift, velocity drift,
-                       Jacobi energy, its part without velocities)
-    whole(t, q, p) -> f (s,), B of the holonomic rows (s, n)
-    rows(t, q, v, p) -> B (C, n), b (C,)
-    inertia(t, q, v, p) -> M (n, n)
-    force(t, q, v, p) -> h (n,), gamma (C,)
-    """
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._parts = parts = shared.parts(system)
+        self.n: int = system.symbols.q.numel()
+        is_small = solving.operations(parts.S) <= EXPANDED_OPERATIONS
+        self._way = Expanded(parts) if is_small else Factored(parts)
 
-    n: int
-    rhs: Any
-    land: Any
-    record: Any
-    whole: Any
-    rows: Any
-    inertia: Any
-    force: Any
+    @property
+    def rhs(self) -> Any:
+        """rhs(t, y, p) -> y' (2n + 1,)."""
+        return self._way.rhs
 
+    @cached_property
+    def land(self) -> Any:
+        """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, and an outcome of two.
 
-def compile_system(system: System) -> NumericSystem:
-    """All functions of a system."""
-    parts = shared.parts(system)
-    is_small = solving.operations(parts.M, parts.B) <= EXPANDED_OPERATIONS
-    way = expanded if is_small else factored
-    position, landing = way.position(parts), way.landing(parts)
-    t, q, v, p = system.symbols.t, system.symbols.q, system.symbols.v, system.p
-    return NumericSystem(
-        n=q.numel(),
-        rhs=way.rhs(parts),
-        land=_land(position, landing),
-        record=_record(position, landing, table.table(system, parts)),
-        whole=ca.Function("whole", [t, q, p], [parts.f, parts.B_whole]),
-        rows=ca.Function("rows", [t, q, v, p], [parts.B, parts.b]),
-        inertia=ca.Function("inertia", [t, q, v, p], [parts.M]),
-        force=ca.Function("force", [t, q, v, p], [parts.h, parts.gamma]),
-    )
+        These are the residual (largest |f_i| / |B_i| over the largest |q|) and the sum of y', finite only where
+        all of y' is.
+        """
+        t, y, p = inputs = _inputs(self._way.landing)
+        landed, rate, _, residual = self._way.landing(t, self._projected(t, y, p), p)
+        outcome = ca.vertcat(residual / (ca.norm_inf(landed[: self.n]) + shared.TINY), ca.sum1(rate))
+        return ca.Function("land", inputs, [landed, rate, ca.densify(outcome)])
+
+    @cached_property
+    def record(self) -> Any:
+        """record(t, y, p) -> y projected, one row of the table without t, and the figures of the account.
+
+        These are position drift, velocity drift, Jacobi energy and its part without velocities.
+        """
+        t, y, p = inputs = _inputs(self._way.landing)
+        landed, rate, lam, _ = self._way.landing(t, self._projected(t, y, p), p)
+        row, account = table.table(self._system, self._parts)(t, landed, rate, lam, p)
+        return ca.Function("record", inputs, [landed, row, account])
+
+    @cached_property
+    def whole(self) -> Any:
+        """whole(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
+        symbols = self._system.symbols
+        outputs = [self._parts.f, self._parts.B_whole]
+        return ca.Function("whole", [symbols.t, symbols.q, self._system.p], outputs)
+
+    @cached_property
+    def rows(self) -> Any:
+        """rows(t, q, v, p) -> B (C, n), b (C,)."""
+        return ca.Function("rows", self._inputs, [self._parts.B, self._parts.b])
+
+    @cached_property
+    def inertia(self) -> Any:
+        """inertia(t, q, v, p) -> M (n, n)."""
+        return ca.Function("inertia", self._inputs, [self._parts.M])
+
+    @property
+    def force(self) -> Any:
+        """force(t, q, v, p) -> h (n,), gamma (C,), power."""
+        return self._parts.force
+
+    @property
+    def _inputs(self) -> list[Any]:
+        symbols = self._system.symbols
+        return [symbols.t, symbols.q, symbols.v, self._system.p]
+
+    def _projected(self, t: Any, y: Any, p: Any) -> Any:
+        for _ in range(NEWTON_STEPS):
+            y = self._way.position(t, y, p)
+        return y
 
 
 def _inputs(function: Any) -> list[Any]:
     return [ca.MX.sym(name, function.size1_in(i)) for i, name in enumerate("typ")]
-
-
-def _projected(position: Any, t: Any, y: Any, p: Any) -> Any:
-    for _ in range(NEWTON_STEPS):
-        y = position(t, y, p)
-    return y
-
-
-def _land(position: Any, landing: Any) -> Any:
-    t, y, p = inputs = _inputs(landing)
-    landed, rate, _, residual = landing(t, _projected(position, t, y, p), p)
-    outcome = ca.vertcat(residual / (ca.norm_inf(landed[: y.numel() // 2]) + shared.TINY), ca.sum1(rate))
-    return ca.Function("land", inputs, [landed, rate, ca.densify(outcome)])
-
-
-def _record(position: Any, landing: Any, row_of: Any) -> Any:
-    t, y, p = inputs = _inputs(landing)
-    landed, rate, lam, _ = landing(t, _projected(position, t, y, p), p)
-    row, account = row_of(t, landed, rate, lam, p)
-    return ca.Function("record", inputs, [landed, row, account])

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 
+from lagcli.compile import solving
+from lagcli.mechanics import system as mechanics
 from lagcli.mechanics.system import System
 
 # Below this a norm is taken as zero where it divides; B has no row without entries.
@@ -15,9 +17,12 @@ TINY = 1e-300
 SHARED_ENTRIES = 2000
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True)
 class Parts:
-    """The expressions of (D.24) with their common subexpressions shared, and the reaction B^T lambda."""
+    """The expressions of (D.24) with their common subexpressions shared.
+
+    force(t, q, v, p) -> h (n,), gamma (C,) and power are the same as a function, to be had at another velocity.
+    """
 
     t: Any
     y: Any
@@ -30,12 +35,37 @@ class Parts:
     M: Any
     h: Any
     power: Any
-    reaction: Callable[[Any], Any]
+    force: Any
+
+    def moving(self, v: Any) -> Parts:
+        """The same with another velocity, as far as it enters h, gamma and power."""
+        h, gamma, power = self.force(self.t, self.y[: v.numel()], v, self.p)
+        return dataclasses.replace(self, v=v, h=h, gamma=gamma, power=power)
+
+    def reaction(self, lam: Any) -> Any:
+        """B^T lambda, (n,)."""
+        return mechanics.reaction(self.B, lam)
 
     @property
     def inputs(self) -> list[Any]:
         """The arguments (t, y, p) of every function."""
         return [self.t, self.y, self.p]
+
+    @cached_property
+    def inertia(self) -> solving.Solve:
+        """h -> M^-1 h."""
+        return solving.solver(self.M)
+
+    @cached_property
+    def S(self) -> Any:
+        """S = B M^-1 B^T, (C, C)."""
+        return self.B @ self.inertia(self.B.T)
+
+    @cached_property
+    def S_whole(self) -> Any:
+        """The same for the rows that belong to f, (s, s)."""
+        s = self.f.numel()
+        return self.S if s == self.B.shape[0] else self.S[:s, :s]
 
     @property
     def B_whole(self) -> Any:
@@ -48,15 +78,14 @@ def parts(system: System) -> Parts:
     rows, dynamics = system.rows, system.dynamics
     t, v = system.symbols.t, system.symbols.v
     y = ca.vertcat(system.symbols.q, v, ca.SX.sym("W"))
-    expressions = [rows.f, rows.B, rows.b, rows.gamma, dynamics.M, dynamics.h, dynamics.power, system.Q_R]
+    expressions = [rows.f, rows.B, rows.b, rows.gamma, dynamics.M, dynamics.h, dynamics.power]
     # Shared here, before the factorizations, which are large and have nothing left to share. The search takes
     # time that grows faster than the model, and large models repeat small parts that share nothing.
     if rows.B.nnz() <= SHARED_ENTRIES:
         expressions = ca.cse(expressions)
-    f, B, b, gamma, M, h, power, Q_R = expressions
-    return Parts(
-        t, y, system.p, v, f, B, b, gamma, M, h, power, lambda lam: ca.substitute(Q_R, system.lam, lam)
-    )  # fmt: skip
+    f, B, b, gamma, M, h, power = expressions
+    force = ca.Function("force", [t, system.symbols.q, v, system.p], [h, gamma, power])
+    return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, force)
 
 
 def state_rate(parts: Parts, a: Any, lam: Any) -> Any:

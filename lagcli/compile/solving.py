@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -18,29 +17,22 @@ def solver(matrix: Any) -> Solve:
     if n == 0:
         return lambda right: right
     if matrix.sparsity().is_diag():
-        inverse = ca.diag(1 / ca.diag(matrix))
-        return lambda right: ca.mtimes(inverse, right)
+        inverse = 1 / ca.diag(matrix)
+        return lambda right: _scaled(inverse, right)
     D, LT, order = ca.ldl(matrix)
     return lambda right: ca.ldl_solve(right, D, LT, order)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Factors:
-    """The solvers of M and of S = B M^-1 B^T."""
-
-    inertia: Solve
-    schur: Solve
-
-
-def factors(M: Any, B: Any) -> Factors:
-    """The solvers for given M (n, n) and B (C, n)."""
-    solve_M = solver(M)
-    return Factors(solve_M, solver(B @ solve_M(B.T)))
+def _scaled(factors: Any, right: Any) -> Any:
+    """Each row of a matrix, times its factor."""
+    if right.shape[1] == 1:
+        return factors * right
+    rows = np.asarray(right.sparsity().row(), dtype=np.int64)
+    return ca.SX(right.sparsity(), factors[rows.tolist()] * ca.vec(right.nz[:])) if rows.size else right
 
 
-def operations(M: Any, B: Any) -> float:
+def operations(S: Any) -> float:
     """Multiplications that one factorization of S takes, counted from its fill."""
-    S = B @ solver(M)(B.T) if not M.sparsity().is_diag() else B @ B.T
     pattern = S.sparsity()
     if pattern.size1() == 0:
         return 0.0

@@ -26,10 +26,8 @@ def table(system: System, parts: Parts) -> Any:
         dynamics.jacobi,
         dynamics.rest,
     )
-    rate = ca.SX.sym("rate", parts.y.numel())
-    row, account = ca.substitute(
-        [ca.densify(ca.vertcat(*values)), ca.densify(account)], [system.a], [rate[n : 2 * n]]
-    )
-    return ca.Function(
-        "table", [symbols.t, parts.y, rate, system.lam, system.p], [row, account], {"cse": True}
-    )
+    rate = ca.vertcat(ca.SX.sym("v", n), system.a, ca.SX.sym("power"))
+    inputs = [symbols.t, parts.y, rate, system.lam, system.p]
+    # What the columns share is worth finding where they are few (see `parts.SHARED_ENTRIES`).
+    options = {"cse": system.rows.B.nnz() <= shared.SHARED_ENTRIES}
+    return ca.Function("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)

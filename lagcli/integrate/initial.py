@@ -108,7 +108,7 @@ def require_finite(system: System, numeric: NumericSystem, state: State) -> None
 
     The rows must be independent there.
     """
-    h, _ = numeric.force(state.t, state.q, state.v, state.p)
+    h, *_ = numeric.force(state.t, state.q, state.v, state.p)
     bad = np.flatnonzero(~np.isfinite(np.array(h).ravel()))
     if bad.size:
         name = system.model.coordinate_names[int(bad[0])]
@@ -142,12 +142,11 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     # by something like its size in the time of the run.
     slow = SLOWEST * np.abs(state.q).max(initial=0.0) / (system.model.simulation.duration or 1.0)
     speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
-    return Residuals(
-        np.abs(f) / norms[:s],
-        np.abs(rows.times(state.v) + b) / norms,
-        _position_limits(numeric, state, rows)[:s],
-        CONSISTENT * speed,
-    )
+    position = np.abs(f) / norms[:s]
+    limits = ROUNDINGS * np.finfo(float).eps * _sizes(rows, state.q)[:s]
+    if (position > limits).any():
+        limits += _explained(numeric, state, rows)[:s]
+    return Residuals(position, np.abs(rows.times(state.v) + b) / norms, limits, CONSISTENT * speed)
 
 
 def _finite_rows(system: System, numeric: NumericSystem, state: State) -> tuple[Floats, Rows, Floats]:
@@ -168,8 +167,8 @@ def _finite_rows(system: System, numeric: NumericSystem, state: State) -> tuple[
     return f, rows, b
 
 
-def _position_limits(numeric: NumericSystem, state: State, rows: Rows) -> Floats:
-    """What the rounding of declared values explains: a part of the size of each row, and of the coordinates' own.
+def _explained(numeric: NumericSystem, state: State, rows: Rows) -> Floats:
+    """What the rounding of declared decimals explains: a part of the size of each row.
 
     The size of a row is that of its coordinates, but no more than its radius of curvature |B_i| / |dB_i/dq|: a
     rod of ten metres far from the origin is ten metres large.
@@ -184,7 +183,7 @@ def _position_limits(numeric: NumericSystem, state: State, rows: Rows) -> Floats
         with np.errstate(all="ignore"):  # a row may have no value there, or not change
             estimate = step * rows.norms / Rows.difference(rows, there).norms
         radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))
-    return np.asarray(CONSISTENT * np.minimum(sizes, radius) + ROUNDINGS * np.finfo(float).eps * sizes)
+    return np.asarray(CONSISTENT * np.minimum(sizes, radius))
 
 
 def _sizes(rows: Rows, values: Floats) -> Floats:

@@ -24,7 +24,9 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 class SymbolicAlgebra(Operators):
-    """Scalars are SX expressions, (1, 1) or columns (K, 1) over the members of a family; what a name stands for comes from `atom` and `special`.
+    """Scalars are SX expressions, (1, 1) or columns (K, 1) over the members of a family.
+
+    What a name stands for comes from `atom` and `special`.
 
     fixed: gives the number of an exponent that depends on parameters only (it is then built in), or None.
     """
@@ -32,12 +34,15 @@ class SymbolicAlgebra(Operators):
     def __init__(
         self,
         atom: Callable[[tree.Name | tree.Member | tree.Index], Any],
-        special: Callable[[tree.Call], Any],
+        special: Callable[[tree.Call, Any], Any],
         fixed: Callable[[Any], float | None],
     ) -> None:
         self.atom = atom
-        self.special = special
+        self._special = special
         self._fixed = fixed
+
+    def special(self, node: tree.Call) -> Any:
+        return self._special(node, self)
 
     def number(self, node: tree.Number) -> Any:
         return ca.SX(float(node.text))

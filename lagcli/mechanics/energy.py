@@ -10,15 +10,9 @@ import casadi as ca
 import numpy as np
 
 from lagcli import model as nouns
-from lagcli.mechanics.environment import (
-    Environment,
-    FixedExponents,
-    Symbols,
-    Triple,
-    column,
-    interleaved,
-    taken,
-)
+from lagcli.mechanics.columns import Triple, column, interleaved, scattered, taken
+from lagcli.mechanics.environment import Environment
+from lagcli.mechanics.symbols import FixedExponents, Symbols
 from lagcli.members import Whole
 
 
@@ -152,14 +146,6 @@ class _Forces:
                 rows = axis * count + place[targets[pairs]]
                 F_sum += scattered(taken(F[axis], pairs), rows, 3 * count)
         return F_sum
-
-
-def scattered(values: Any, rows: Whole, n: int) -> Any:
-    """A column (n, 1) with each value added to its row."""
-    if rows.size == 0:
-        return ca.SX.zeros(n)
-    places = ca.Sparsity.triplet(n, rows.size, rows.tolist(), list(range(rows.size)))
-    return ca.densify(ca.mtimes(ca.SX(ca.DM(places, 1.0)), ca.densify(values)))
 
 
 def _kinetic(environment: Environment, masses: Any, numbers: Whole) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -11,7 +11,7 @@ import numpy as np
 
 from lagcli import diagnostics
 from lagcli import model as nouns
-from lagcli.mechanics import rigid
+from lagcli.mechanics import rigid, template
 from lagcli.mechanics.environment import Environment
 
 
@@ -43,32 +43,60 @@ def lay_down(
     B (C, n), b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b').
     Raises `diagnostics.ModelError` for a row without coordinates.
     """
-    s = environment.symbols
-    names: list[Row] = []
-    f: list[Any] = []
+    holonomic, differential = _Pile(environment), _Pile(environment)
     for law in model.holonomic:
-        if law.members.count:
-            f.append(environment.equation(law))
-            names += _rows(law)
+        holonomic.add(law)
     for body, (geometry, constants) in zip(model.rigid, bodies, strict=True):
         columns = environment.position(np.array(body.particles))
         places = list(zip(*(ca.vertsplit(part) for part in columns), strict=True))
-        values = _rigid_rows(places, geometry, constants)
-        f += values
-        names += [Row(f"{body.name}.{i}", body.name, body.location) for i in range(1, len(values) + 1)]
-    w: list[Any] = []
+        values = ca.vertcat(*_rigid_rows(places, geometry, constants))
+        numbered = range(1, values.numel() + 1)
+        holonomic.add_plain(values, [Row(f"{body.name}.{i}", body.name, body.location) for i in numbered])
     for rule in model.differential:
-        if rule.members.count:
-            w.append(environment.equation(rule))
-            names += _rows(rule)
-    whole, velocity = _stack(f), _stack(w)
-    B = ca.vertcat(ca.jacobian(whole, s.q), ca.jacobian(velocity, s.v))
-    b = ca.vertcat(ca.jtimes(whole, s.t, ca.SX(1)), ca.substitute(velocity, s.v, ca.SX.zeros(s.v.shape)))
-    everything = ca.vertcat(environment.rate(whole), velocity)
-    gamma = -environment.rate(everything)
-    B = ca.sparsify(B)
-    _refuse_empty(names, B, ca.vertcat(whole, velocity))
-    return Rows(tuple(names), whole, B, ca.densify(b), ca.densify(gamma))
+        differential.add(rule)
+    names = (*holonomic.names, *differential.names)
+    blocks = [*holonomic.blocks(template.holonomic), *differential.blocks(template.differential)]
+    n = environment.symbols.q.numel()
+    f = _stack([block.f for block in blocks])
+    B = ca.sparsify(ca.vertcat(ca.SX(0, n), *(block.B for block in blocks)))
+    b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("b", "gamma"))
+    _refuse_empty(names, B, ca.vertcat(f, b[f.numel() :]))
+    return Rows(names, f, B, b, gamma)
+
+
+class _Pile:
+    """The rows of one kind of law, in their order; neighbours that cannot be mapped are laid down together."""
+
+    def __init__(self, environment: Environment) -> None:
+        self._environment = environment
+        self.names: list[Row] = []
+        self._parts: list[template.Block | list[Any]] = []
+
+    def add(self, law: nouns.Holonomic | nouns.Differential) -> None:
+        """The rows of a law."""
+        if not law.members.count:
+            return
+        block = template.block(law, self._environment)
+        if block is None:
+            self.add_plain(self._environment.equation(law), _rows(law))
+            return
+        self._parts.append(block)
+        self.names += _rows(law)
+
+    def add_plain(self, values: Any, names: list[Row]) -> None:
+        """Rows given by their values."""
+        last = self._parts[-1] if self._parts else None
+        if isinstance(last, list):
+            last.append(values)
+        else:
+            self._parts.append([values])
+        self.names += names
+
+    def blocks(self, lay: Callable[[Any, Environment], template.Block]) -> list[template.Block]:
+        """All rows; `lay` makes a block of values."""
+        return [
+            lay(_stack(part), self._environment) if isinstance(part, list) else part for part in self._parts
+        ]
 
 
 def _rows(law: nouns.Holonomic | nouns.Differential) -> list[Row]:

@@ -19,8 +19,10 @@ from lagcli import diagnostics
 from lagcli import model as nouns
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.mechanics import energy, environment, rigid, rows
-from lagcli.mechanics.environment import Columns, Environment, FixedExponents, Symbols
+from lagcli.mechanics import columns, energy, rigid, rows, symbols
+from lagcli.mechanics.columns import Columns
+from lagcli.mechanics.environment import Environment
+from lagcli.mechanics.symbols import FixedExponents, Symbols
 from lagcli.members import Roll, Whole
 
 Floats = npt.NDArray[np.float64]
@@ -73,7 +75,7 @@ class System:
 
 def build(model: nouns.Model) -> System:
     """The system of a model. Raises `diagnostics.ModelError` for laws that cannot act and degenerate bodies."""
-    s = environment.symbols(model)
+    s = symbols.symbols(model)
     fixed = FixedExponents(model)
     env = Environment(model, s, fixed)
     bodies = geometries(model, s, env)
@@ -83,7 +85,7 @@ def build(model: nouns.Model) -> System:
     laid = rows.lay_down(model, env, [(g, ca.vertsplit(c)) for g, c in zip(bodies, constants, strict=True)])
     dynamics = energy.dynamics(model, env, fixed)
     lam, a = ca.SX.sym("lam", len(laid.rows)), ca.SX.sym("a", s.q.numel())
-    Q_R = ca.densify(laid.B.T @ lam)  # R = + B^T lambda: the sign of lambda, here and nowhere else
+    Q_R = reaction(laid.B, lam)
     everyone = np.arange(len(env.particles))
     R = _reactions(env, dynamics, Q_R, a)
     results = _Results(model, env, laid, lam, R, dynamics)
@@ -106,6 +108,11 @@ def build(model: nouns.Model) -> System:
     )
 
 
+def reaction(B: Any, lam: Any) -> Any:
+    """Q_R (n,) = + B^T lambda (D.22): the sign of lambda, here and nowhere else."""
+    return ca.densify(B.T @ lam)
+
+
 def with_values(built: System, model: nouns.Model) -> System | None:
     """The same system for other values of parameters and start, or None where it must be built anew.
 
@@ -123,9 +130,9 @@ def with_values(built: System, model: nouns.Model) -> System | None:
     return dataclasses.replace(built, model=model, bodies=bodies)
 
 
-def _flat(columns: Sequence[Any]) -> Any:
+def _flat(vectors: Sequence[Any]) -> Any:
     """Columns x, y, z as x1, y1, z1, x2, ..."""
-    return environment.interleaved(columns, columns[0].numel())
+    return columns.interleaved(vectors, vectors[0].numel())
 
 
 def start(model: nouns.Model) -> tuple[Floats, Floats]:
@@ -139,7 +146,7 @@ def start(model: nouns.Model) -> tuple[Floats, Floats]:
 
 def parameter_values(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> Floats:
     """Numbers for `System.p`."""
-    numbers = environment.parameter_values(model)
+    numbers = symbols.parameter_values(model)
     for body in bodies:
         numbers += body.numbers
     return np.array(numbers, dtype=float)
@@ -152,7 +159,7 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[rigid.
     numbers = np.unique([number for body in model.rigid for number in body.particles])
     where = ca.Function("where", [s.t, s.q, s.p], [_flat(env.position(numbers))])
     q, _ = start(model)
-    p = environment.parameter_values(model)
+    p = symbols.parameter_values(model)
     points = np.array(where(model.simulation.start, q, p)).reshape(-1, 3)
     found = []
     for body in model.rigid:
@@ -174,7 +181,7 @@ def _reactions(env: Environment, dynamics: energy.Dynamics, Q_R: Any, a: Any) ->
     if env.dependent.size:
         velocity = ca.vertcat(*env.velocity(env.dependent))
         acceleration = ca.jtimes(velocity, s.v, a) + env.rate(velocity)
-        m = environment.taken(env.masses(), env.dependent)
+        m = columns.taken(env.masses(), env.dependent)
         force = ca.densify(ca.vertcat(m, m, m) * acceleration - dynamics.applied)
         R.fill(env.dependent, tuple(ca.vertsplit(force, env.dependent.size)))
     return R
@@ -200,20 +207,22 @@ class _Results:
 
     def keep(self, entry: int, count: int, parts: Sequence[Any]) -> None:
         """An output that later outputs may use."""
-        columns = tuple(environment.column(part, count) for part in parts)
-        self._outputs.fill(np.arange(count) + self._roll.first(entry), columns)
+        values = tuple(columns.column(part, count) for part in parts)
+        self._outputs.fill(np.arange(count) + self._roll.first(entry), values)
 
     def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Any:
         if isinstance(node, tree.Name) and node.name in self._energies:
             return self._energies[node.name]
         if isinstance(node, (tree.Name, tree.Index)):
-            found = self._outputs.take(self._environment.numbers(node, self._roll, variables))
+            found = self._outputs.take(self._environment.names.numbers(node, self._roll, variables))
             return found if len(found) == 3 else found[0]
         assert isinstance(node, tree.Call)
         argument = node.arguments[0]
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         if node.function == "reaction":
-            return self._R.take(self._environment.numbers(argument, self._environment.particles, variables))
+            return self._R.take(
+                self._environment.names.numbers(argument, self._environment.particles, variables)
+            )
         return self._multipliers(argument, variables)
 
     def _multipliers(self, node: tree.Name | tree.Member | tree.Index, variables: Mapping[str, Whole]) -> Any:
@@ -222,7 +231,7 @@ class _Results:
         member = "" if isinstance(node, tree.Name) else node.member
         places: list[tuple[int, ...]] = [()]
         if isinstance(node, tree.Index):
-            places = self._environment.indices(node, variables)
+            places = self._environment.names.indices(node, variables)
         names = [base + "".join(f"[{i}]" for i in place) for place in places]
         if member:
             return self._lam_of(node, [f"{name}.{member}" for name in names])
@@ -237,7 +246,7 @@ class _Results:
                 rows = [row for row in self._rows if row.startswith(name.rpartition(".")[0] + ".")]
                 hint = f"the rows are `{rows[0]}` to `{rows[-1]}`" if rows else ""
                 raise ExpressionError("unknown-row", message, node.start, node.end, hint)
-        return environment.taken(self._lam, np.array([self._rows[name] for name in names], dtype=np.int64))
+        return columns.taken(self._lam, np.array([self._rows[name] for name in names], dtype=np.int64))
 
 
 def _outputs(model: nouns.Model, env: Environment, results: _Results) -> Any:
@@ -253,7 +262,7 @@ def _outputs(model: nouns.Model, env: Environment, results: _Results) -> Any:
             found = diagnostics.Diagnostic(error.code, error.message, location, error.hint)
             raise diagnostics.ModelError([found]) from None
         results.keep(entry, output.members.count, parts)
-        values.append(environment.interleaved(parts, output.members.count))
+        values.append(columns.interleaved(parts, output.members.count))
     return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
 
 

@@ -98,7 +98,7 @@ class _Document:
         self._found.raise_errors()
         return model.Model(
             path=self._root.text.path,
-            fingerprint=hashlib.sha256(self._root.text.content.encode()).hexdigest(),
+            fingerprint=_fingerprint(self._root.text.content, particles),
             title=texts["title"],
             description=texts["description"],
             source=texts["source"],
@@ -455,3 +455,9 @@ class _Document:
             message = f"the particle `{dependent[0]}` has no coordinates of its own"
             self._formulas.report(node, "unknown-name", message, "keep the coordinates it depends on")
         return names
+
+
+def _fingerprint(content: str, particles: tuple[model.Particle, ...]) -> str:
+    """Tells laws apart: those of the file, and positions of dependent particles, which a change may replace."""
+    laws = [part.text for p in particles if p.is_dependent for part in p.position.parts]
+    return hashlib.sha256("\0".join([content, *laws]).encode()).hexdigest()

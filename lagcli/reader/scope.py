@@ -184,7 +184,8 @@ class Scope:
             if kind is None:
                 raise self._unknown(node, node.name, [*variables, *self.names("parameter")])
             if kind != "parameter":
-                message = f"bounds and indices are integer expressions of parameters, and `{node.name}` is {_article(kind)}"
+                rule = "bounds and indices are integer expressions of parameters"
+                message = f"{rule}, and `{node.name}` is {_article(kind)}"
                 raise ExpressionError("not-a-whole-number", message, node.start, node.end)
             self._declared(node, node.name)
             value = self.constant(node.name)
