@@ -13,7 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import classification, compile, degrees_of_freedom, diagnostics, report, settings, source
+from lagcli.export import checkpoint_file
 from lagcli.export import columns as selection
+from lagcli.integrate import checkpoint as checkpoints
 from lagcli.integrate import dop853, driver, initial
 from lagcli.mechanics import system
 from lagcli.model import Model, Simulation
@@ -21,6 +23,7 @@ from lagcli.reader import document
 from lagcli.trajectory import SimulationStopped, Stats, Trajectory
 
 Floats = npt.NDArray[np.float64]
+Path = str | os.PathLike[str]
 
 REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol"))
 KEPT_SYSTEMS = 8  # compiled systems that stay for another run with other parameters
@@ -45,7 +48,7 @@ class Compiled:
 
     def __init__(self, built: system.System, numeric: compile.NumericSystem | None = None) -> None:
         self.system = built
-        self.numeric = numeric or compile.compile_system(built)
+        self.numeric = numeric or compile.NumericSystem(built)
         self._scheme: list[dop853.Scheme] = []
 
     def scheme(self) -> dop853.Scheme:
@@ -142,16 +145,37 @@ def run_settings(model: Model, changes: Mapping[str, Any]) -> Simulation:
 
 
 class Running:
-    """A run that is ready to go: columns, then `blocks` of rows once, then `stats`."""
+    """A run that is ready to go: columns, then `blocks` of rows once, then `stats`.
 
-    def __init__(self, model: Model, chosen: Simulation) -> None:
+    `resumed` is where an earlier run of the same model stood: this one goes on from there.
+    Raises `diagnostics.ModelError`, `checkpoints.CheckpointError` where it is of another run or nothing is left.
+    """
+
+    def __init__(
+        self, model: Model, chosen: Simulation, resumed: checkpoints.Checkpoint | None = None
+    ) -> None:
         began = time.perf_counter()
-        model = dataclasses.replace(model, simulation=chosen)
+        self.model = model = dataclasses.replace(model, simulation=chosen)
+        if resumed is not None:
+            checkpoints.require_same(resumed.identity, model)
         ready = compiled(model)
-        built, numeric = ready.system, ready.numeric
-        start = initial.declared(built)
-        metric = initial.inertia(built, numeric, start)
         self.assembly: initial.Assembly | None = None
+        state = initial.declared(ready.system)
+        # The start of a run that goes on was examined, and perhaps assembled, when it began.
+        if resumed is None:
+            state = self._examined(ready, state)
+        self.warnings = (*model.warnings, *ready.system.warnings)
+        columns = ready.system.columns
+        self.columns = ("t", *columns)
+        begin = (state.q, state.v) if resumed is None else resumed.mark
+        self._run = driver.Run(ready.numeric, ready.scheme(), begin, state.p, chosen, columns)
+        self.grid = self._run.grid
+        self._compile_seconds = time.perf_counter() - began
+
+    def _examined(self, ready: Compiled, start: initial.State) -> initial.State:
+        """The start, assembled where that is wanted. Raises `diagnostics.ModelError` where no run can begin."""
+        built, numeric, chosen = ready.system, ready.numeric, self.model.simulation
+        metric = initial.inertia(built, numeric, start)
         residuals = initial.residuals(built, numeric, start)
         if chosen.assemble:
             self.assembly = initial.assemble(built, numeric, start, chosen.keep)
@@ -160,12 +184,7 @@ class Running:
             initial.require_consistent(built, residuals)
         initial.require_independent(built, numeric, start, metric)
         initial.require_finite(built, numeric, start)
-        self.model = model
-        self.warnings = (*model.warnings, *built.warnings)
-        self.columns = ("t", *built.columns)
-        self._run = driver.Run(numeric, ready.scheme(), (start.q, start.v), start.p, chosen, built.columns)
-        self.grid = self._run.grid
-        self._compile_seconds = time.perf_counter() - began
+        return start
 
     @property
     def t(self) -> float:
@@ -177,34 +196,79 @@ class Running:
         return self._run.blocks()
 
     @property
+    def passed_over(self) -> int:
+        """Rows of the grid that a resumed run cannot give: those before the state it goes on from."""
+        return self._run.passed_over
+
+    def checkpoint(self) -> checkpoints.Checkpoint:
+        """Where to go on from after all blocks so far; for the time between two of them, or after the last."""
+        return checkpoints.Checkpoint(checkpoints.identity(self.model), self._run.mark())
+
+    @property
     def stats(self) -> Stats:
-        """The account so far."""
+        """The account so far; of a resumed run it covers the whole, but for the seconds."""
         account = self._run.account
+        figures = account.figures
         return Stats(
             account.steps,
             account.rejected,
             account.evaluations,
             self._compile_seconds,
             account.solve_seconds,
-            "dop853",
-            account.position_drift,
-            account.velocity_drift,
-            float(account.energy_imbalance),
+            checkpoints.METHOD,
+            figures.position_drift if figures else 0.0,
+            figures.velocity_drift if figures else 0.0,
+            account.energy_imbalance,
         )
 
 
-def simulate(model: Model, *, columns: str = "*", **changes: Any) -> Trajectory:
+def running(model: Model, chosen: Simulation, resume: Path | None = None) -> Running:
+    """A run from its start, or from the checkpoint in a file.
+
+    Raises as `Running`, and `OSError`; what is wrong with the checkpoint is told with the name of the file.
+    """
+    try:
+        return Running(model, chosen, checkpoints.read(resume) if resume is not None else None)
+    except checkpoints.CheckpointError as error:
+        raise checkpoints.CheckpointError(f"{os.fspath(resume or '')}: {error}") from None
+
+
+def simulate(
+    model: Model,
+    *,
+    columns: str = "*",
+    checkpoint: Path | None = None,
+    resume: Path | None = None,
+    **changes: Any,
+) -> Trajectory:
     """The whole run of a model; keywords as the options of the command line, `columns` among them.
 
-    Raises `diagnostics.ModelError`, `ValueError` for bad settings, `SimulationStopped` with the rows so far.
+    Raises `diagnostics.ModelError`, `ValueError` for bad settings and for a checkpoint that does not fit,
+    `OSError` for one that cannot be read or written, `SimulationStopped` with the rows so far.
     """
-    running = Running(model, run_settings(model, changes))
-    picked = selection.select(running.columns, columns)
-    names = tuple(running.columns[i] for i in picked)
+    began = time.perf_counter()
+    ready = running(model, run_settings(model, changes), resume)
+    picked = selection.select(ready.columns, columns)
+    names = tuple(ready.columns[i] for i in picked)
+    keeper = checkpoint_file.Keeper(checkpoint) if checkpoint is not None else None
     blocks = [np.zeros((0, len(names)))]
+    stop: driver.Stop | None = None
     try:
-        blocks.extend(block[:, picked] for block in running.blocks())
+        for block in ready.blocks():
+            blocks.append(block if len(names) == block.shape[1] else block[:, picked])
+            if keeper is not None:
+                keeper.take(ready.checkpoint())
     except driver.Stopped as stopped:
-        partial = Trajectory(names, np.concatenate(blocks), running.stats)
-        raise SimulationStopped(stopped.stop.reason, stopped.stop.t, partial) from None
-    return Trajectory(names, np.concatenate(blocks), running.stats)
+        stop = stopped.stop
+    finally:
+        if keeper is not None:
+            keeper.write()
+    rows = np.concatenate(blocks)
+    blocks.clear()  # freeing memory takes its time too
+    # What is left of the wall time went into the rows: taken together, chosen, kept.
+    stats = ready.stats
+    seconds = time.perf_counter() - began - stats.compile_seconds
+    result = Trajectory(names, rows, dataclasses.replace(stats, solve_seconds=seconds))
+    if stop is not None:
+        raise SimulationStopped(stop.reason, stop.t, result)
+    return result

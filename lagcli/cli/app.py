@@ -167,6 +167,12 @@ def simulate(
         str | None, typer.Option(metavar="PATTERNS", help="columns to write, such as 't,lambda.*,R.a.*'")
     ] = None,
     stats: Annotated[str | None, typer.Option(metavar="FILE", help="the account of the run as JSON")] = None,
+    checkpoint: Annotated[
+        str | None, typer.Option(metavar="FILE", help="keep the state of the run, for --resume")
+    ] = None,
+    resume: Annotated[
+        str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
+    ] = None,
     changes: SetOption = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="errors, and the account if stdout is free, as JSON on stdout")
@@ -183,7 +189,7 @@ def simulate(
     from lagcli import pipeline
     from lagcli.cli import running
 
-    wishes = running.Wishes(output, plot, stats, columns, as_json, quiet, verbose)
+    wishes = running.Wishes(output, plot, stats, columns, as_json, quiet, verbose, checkpoint, resume)
     wishes.check(model)
     read = _reported(lambda: _load(model, changes), as_json)
     given = {
@@ -194,7 +200,7 @@ def simulate(
         chosen = pipeline.run_settings(read, given)
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
-    running.run(_reported(lambda: pipeline.Running(read, chosen), as_json), wishes)
+    running.run(_reported(lambda: running.ready(read, chosen, wishes), as_json), wishes)
 
 
 @app.command(short_help="Say what an error or warning means and how to cure it.")

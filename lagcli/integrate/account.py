@@ -14,42 +14,74 @@ Floats = npt.NDArray[np.float64]
 ROUNDING = 1e-10
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class Figures:
+    """Extremes over the rows of a run, each of which is a float; energies in the model's unit.
+
+    position_drift, velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i|
+    start, rest: the Jacobi energy H and its part without velocities at the start
+    imbalance: largest |H(t) - H(start) - W(t)|; moving, resting: largest |H - rest| and |rest - rest(start)|;
+    largest: largest |H| and |rest|
+    """
+
+    start: float
+    rest: float
+    position_drift: float = 0.0
+    velocity_drift: float = 0.0
+    imbalance: float = 0.0
+    moving: float = 0.0
+    resting: float = 0.0
+    largest: float = 0.0
+
+    def with_rows(self, rows: Floats) -> Figures:
+        """The same with more rows, (k, 5): position drift, velocity drift, H, its part without velocities, W."""
+        if not len(rows):
+            return self
+        position, velocity, jacobi, rest, work = rows.T
+        return Figures(
+            self.start,
+            self.rest,
+            max(self.position_drift, float(position.max())),
+            max(self.velocity_drift, float(velocity.max())),
+            max(self.imbalance, _size(jacobi - self.start - work)),
+            max(self.moving, _size(jacobi - rest)),
+            max(self.resting, _size(rest - self.rest)),
+            max(self.largest, _size(jacobi), _size(rest)),
+        )
+
+
+def _size(values: Floats) -> float:
+    return float(np.abs(values).max())
+
+
 @dataclasses.dataclass(slots=True)
 class Account:
-    """The account of a run.
+    """The account of a run; `figures` is None before its first row.
 
-    position_drift and velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over the rows written.
-    energy_imbalance: largest |H(t) - H(start) - W(t)| over the rows written, as a part of the energies that
-    were exchanged (for particles: largest T plus largest change of V), with W the integrated power of
-    everything that may change the Jacobi energy H.
+    steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time.
     """
 
     steps: int = 0
     rejected: int = 0
     evaluations: int = 0
-    position_drift: float = 0.0
-    velocity_drift: float = 0.0
     solve_seconds: float = 0.0
-    _start: tuple[float, float] | None = None
-    _imbalance: float = 0.0
-    _moving: float = 0.0
-    _resting: float = 0.0
-    _largest: float = 0.0
+    figures: Figures | None = None
 
     @property
     def energy_imbalance(self) -> float:
-        """Deviation from the energy balance, as a part of what was exchanged."""
-        exchanged = self._moving + self._resting + ROUNDING * self._largest
-        return self._imbalance / exchanged if exchanged else self._imbalance
+        """Largest deviation from the energy balance, as a part of what was exchanged.
 
-    def keep(self, figures: Floats, work: float) -> None:
-        """Take the figures of one row: position and velocity drift, H, its part without velocities; and W there."""
-        position, velocity, jacobi, rest = figures.tolist()
-        if self._start is None:
-            self._start = (jacobi, rest)
-        self.position_drift = max(self.position_drift, position)
-        self.velocity_drift = max(self.velocity_drift, velocity)
-        self._imbalance = max(self._imbalance, abs(jacobi - self._start[0] - work))
-        self._moving = max(self._moving, abs(jacobi - rest))
-        self._largest = max(self._largest, abs(jacobi), abs(rest))
-        self._resting = max(self._resting, abs(rest - self._start[1]))
+        For particles that is the largest T plus the largest change of V.
+        """
+        found = self.figures
+        if found is None:
+            return 0.0
+        exchanged = found.moving + found.resting + ROUNDING * found.largest
+        return found.imbalance / exchanged if exchanged else found.imbalance
+
+    def keep(self, rows: Floats) -> None:
+        """Take the figures of rows, (k, 5), in their order."""
+        if self.figures is None and len(rows):
+            self.figures = Figures(float(rows[0, 2]), float(rows[0, 3]))
+        if self.figures is not None:
+            self.figures = self.figures.with_rows(rows)

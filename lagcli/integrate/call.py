@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -11,26 +12,39 @@ Floats = npt.NDArray[np.float64]
 
 
 class Call:
-    """A CasADi function bound to arrays: set the `arguments`, call, read `results`.
+    """A CasADi function bound to arrays: set the `arguments`, `trigger`, read `results`.
 
-    A matrix result has the layout of CasADi (columns after one another) and the shape of numpy; as an argument
-    of another call its transpose is bound.
+    The first results may be `given`, for calls that share them; of a function with more results only `wanted`
+    are written. A matrix result has the layout of CasADi (columns after one another) and the shape of numpy; as
+    an argument of another call its transpose is bound.
     """
 
-    def __init__(self, function: Any, arguments: list[Floats]) -> None:
+    def __init__(
+        self,
+        function: Any,
+        arguments: Sequence[Floats],
+        given: Sequence[Floats] = (),
+        wanted: int | None = None,
+    ) -> None:
         self._buffer, self.trigger = function.buffer()
-        self._function = function  # the buffer does not keep it alive
+        self._kept = (function, *arguments)  # the buffer keeps none of them alive
         self.results: list[Floats] = []
         for i, array in enumerate(arguments):
             assert array.dtype == np.float64, (function.name(), i)
+            assert array.size == function.nnz_in(i), (function.name(), i)
             self._buffer.set_arg(i, memoryview(array.data))
-        for i in range(function.n_out()):
+        for i in range(function.n_out() if wanted is None else wanted):
             # A buffer holds the entries of the pattern only: of a sparse result the places would be lost.
             assert function.sparsity_out(i).is_dense(), (function.name(), i)
             shape = (function.size1_out(i), function.size2_out(i))
-            array = np.zeros(shape, order="F") if shape[1] > 1 else np.zeros(shape[0])
+            array = given[i] if i < len(given) else np.zeros(shape if shape[1] > 1 else shape[0], order="F")
             self._buffer.set_res(i, memoryview((array.T if array.ndim > 1 else array).data))
             self.results.append(array)
 
     def __call__(self) -> None:
         self.trigger()
+
+
+def cells(array: Floats) -> memoryview[float]:
+    """The numbers of an array (k,), read and written as plain floats without numpy's conversion."""
+    return cast("memoryview[float]", memoryview(array.data))

@@ -1,4 +1,4 @@
-"""One step of DOP853 with projection, and its dense output, each as one compiled function.
+"""One step of DOP853 with projection, its dense output and its rows, each as one compiled function.
 
 Dormand and Prince 8(5,3); Hairer, Norsett, Wanner, Solving ODEs I, sec. II.5 (error estimate) and II.6 (dense
 output of order 7). After the step the state is projected onto f = 0 and B v + b = 0; the derivative at the
@@ -22,24 +22,34 @@ Floats = npt.NDArray[np.float64]
 
 ORDER = 8
 DENSE_ROWS = 7
+# What stands in a line after the row of the table: the account's figures, W, and a sum that is finite only where
+# all of the line is, or overflows.
+FIGURES = 5
+BEYOND = FIGURES + 1
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Scheme:
-    """Compiled step and dense output.
+    """Compiled step, dense output and rows.
 
-    step(t, h, y, k, tolerance, p) -> y new, k new, (error, outcome of `land`), stages (2n + 1, 12)
-    dense(t, h, y, y new, k new, stages, p) -> coefficients (2n + 1, 7)
+    step(t, h, y, k, tolerance, p) -> y new, k new, (error, outcome of `land`), then the stages 2 to 12, each
+    an output (2n + 1,) of its own, so that none is copied where they are not wanted
+    dense(t, h, y, y new, k new, p, k, stages 2 to 12) -> coefficients (2n + 1, 7)
+    line_at(t, y, p) -> t, the row of the table, the figures of `account`, W and a sum of them all
+    line_inside(t, x, y, coefficients, p) -> the same at the fraction x of a step from y
     with k = y'(t, y), tolerance = (rtol, atol), error < 1 where the step may be accepted.
     """
 
     step: Any
     dense: Any
+    line_at: Any
+    line_inside: Any
 
 
 def scheme(numeric: NumericSystem) -> Scheme:
     """The scheme for a system."""
-    return Scheme(_step(numeric), _dense(numeric))
+    line_at = _line_at(numeric)
+    return Scheme(_step(numeric), _dense(numeric), line_at, _line_inside(numeric, line_at))
 
 
 def _mix(weights: Sequence[float], stages: Sequence[Any]) -> Any:
@@ -58,14 +68,17 @@ def _step(numeric: NumericSystem) -> Any:
     stages = [k]
     for s in range(1, tableau.STAGES):
         stages.append(numeric.rhs(t + tableau.C[s] * h, y + h * _mix(tableau.A[s], stages), p))
-    new = y + h * _mix(tableau.B, stages)
-    error = _error(y, new, h, stages, tolerance)
+    change = _mix(tableau.B, stages)
+    new = y + h * change
+    # The weights of order 3 are those of order 8 but for three entries.
+    e3 = change + _mix([low - high for low, high in zip(tableau.E3, tableau.B, strict=True)], stages)
+    error = _error(y, new, h, (_mix(tableau.E5, stages), e3), tolerance)
     landed, k_new, outcome = numeric.land(t + h, new, p)
-    outputs = [landed, k_new, ca.vertcat(error, outcome), ca.horzcat(*stages)]
+    outputs = [landed, k_new, ca.vertcat(error, outcome), *stages[1:]]
     return ca.Function("step", [t, h, y, k, tolerance, p], outputs)
 
 
-def _error(y: Any, new: Any, h: Any, stages: Sequence[Any], tolerance: Any) -> Any:
+def _error(y: Any, new: Any, h: Any, estimates: tuple[Any, Any], tolerance: Any) -> Any:
     """Hairer's combination of the error estimates of order 5 and 3, over the largest component of (q, v).
 
     The largest component, and not the root mean square: a coordinate at rest then does not loosen the
@@ -73,9 +86,8 @@ def _error(y: Any, new: Any, h: Any, stages: Sequence[Any], tolerance: Any) -> A
     The work W does not steer the step: it is left out.
     """
     n2 = y.numel() - 1
-    scale = tolerance[1] + tolerance[0] * ca.fmax(ca.fabs(y[:n2]), ca.fabs(new[:n2]))
-    e5 = ca.mmax(ca.fabs(_mix(tableau.E5, stages)[:n2]) / scale)
-    e3 = ca.mmax(ca.fabs(_mix(tableau.E3, stages)[:n2]) / scale)
+    scale = tolerance[1] + tolerance[0] * ca.fmax(ca.fabs(y), ca.fabs(new))
+    e5, e3 = (ca.mmax(ca.fabs(estimate / scale)[:n2]) for estimate in estimates)
     return h * e5 * e5 / ca.sqrt(e5 * e5 + 0.01 * e3 * e3 + 1e-300)
 
 
@@ -83,21 +95,38 @@ def _dense(numeric: NumericSystem) -> Any:
     size, parameters = _sizes(numeric)
     t, h = ca.MX.sym("t"), ca.MX.sym("h")
     y, new, k_new = (ca.MX.sym(name, size) for name in ("y", "new", "k_new"))
-    K, p = ca.MX.sym("K", size, tableau.STAGES), ca.MX.sym("p", parameters)
-    stages = [*ca.horzsplit(K), k_new]
+    given = [ca.MX.sym(f"k{i}", size) for i in range(1, tableau.STAGES + 1)]
+    p = ca.MX.sym("p", parameters)
+    stages = [*given, k_new]
     for extra, row in enumerate(tableau.A_DENSE):
         node = tableau.C[tableau.STAGES + 1 + extra]
         stages.append(numeric.rhs(t + node * h, y + h * _mix(row, stages), p))
     change = new - y
     rows = [change, h * stages[0] - change, 2 * change - h * (k_new + stages[0])]
     rows += [h * _mix(row, stages) for row in tableau.D_DENSE]
-    return ca.Function("dense", [t, h, y, new, k_new, K, p], [ca.horzcat(*rows)])
+    return ca.Function("dense", [t, h, y, new, k_new, p, *given], [ca.horzcat(*rows)])
 
 
-def interpolate(y: Floats, coefficients: Floats, x: Floats) -> Floats:
-    """States at the fractions x (k,) of a step from y (m,) with dense coefficients (m, 7); shape (k, m)."""
-    result = np.zeros((x.size, y.size))
+def _line_at(numeric: NumericSystem) -> Any:
+    size, parameters = _sizes(numeric)
+    t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
+    _, row, figures = numeric.record(t, y, p)
+    line = ca.vertcat(t, row, figures, y[size - 1])
+    return ca.Function("line_at", [t, y, p], [ca.vertcat(line, ca.sum1(line))])
+
+
+def _line_inside(numeric: NumericSystem, line_at: Any) -> Any:
+    size, parameters = _sizes(numeric)
+    t, x, y = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("y", size)
+    coefficients, p = ca.MX.sym("coefficients", size, DENSE_ROWS), ca.MX.sym("p", parameters)
+    return ca.Function(
+        "line_inside", [t, x, y, coefficients, p], [line_at(t, interpolated(y, coefficients, x), p)]
+    )
+
+
+def interpolated(y: Any, coefficients: Any, x: Any) -> Any:
+    """The state at the fraction x of a step from y (m,) with dense coefficients (m, 7)."""
+    result: Any = 0.0
     for i in range(DENSE_ROWS - 1, -1, -1):
-        result += coefficients[:, i]
-        result *= x[:, None] if i % 2 == 0 else 1.0 - x[:, None]
+        result = (result + coefficients[:, i]) * (x if i % 2 == 0 else 1.0 - x)
     return result + y

@@ -9,7 +9,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Iterator
-from typing import cast
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +17,9 @@ import numpy.typing as npt
 from lagcli.compile import NumericSystem
 from lagcli.integrate import dop853, tableau
 from lagcli.integrate import grid as grids
-from lagcli.integrate.account import Account
-from lagcli.integrate.call import Call
+from lagcli.integrate.account import Account, Figures
+from lagcli.integrate.call import Call, cells
+from lagcli.integrate.checkpoint import CheckpointError, Mark
 from lagcli.model import Simulation
 
 Floats = npt.NDArray[np.float64]
@@ -32,6 +33,8 @@ LANDING = 1e-9
 # of the tolerance asked for, but not below where its error estimate is rounding.
 TIGHTENING, FINEST = 100.0, 1e-14
 EXPONENT = -1.0 / dop853.ORDER
+# The first step where nothing moves and the scale of time is unknown: of the unit of time, or of the time itself.
+REST, REST_OF_TIME = 1e-6, 1e-10
 # Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
 PACE, HOPELESS = 5000, 1e10
 
@@ -59,7 +62,7 @@ def step_tolerance(settings: Simulation) -> Floats:
 
 
 class Run:
-    """One integration from a consistent start; `columns` names the columns after t.
+    """One integration, from a consistent start or from where another run was marked; `columns` after t.
 
     Iterate `blocks` once; `account` is filled as they come.
     """
@@ -68,7 +71,7 @@ class Run:
         self,
         numeric: NumericSystem,
         scheme: dop853.Scheme,
-        state: tuple[Floats, Floats],
+        begin: tuple[Floats, Floats] | Mark,
         p: Floats,
         settings: Simulation,
         columns: tuple[str, ...],
@@ -76,110 +79,243 @@ class Run:
         self.grid = grid = grids.grid(settings)
         self._columns = columns
         self.account = Account()
-        self.t = grid.start
-        self._next_row = 0
-        n = numeric.n
-        self._t, self._h = np.array([grid.start], dtype=float), np.zeros(1)
-        self._y = np.concatenate([*state, [0.0]])
-        self._k = np.zeros(2 * n + 1)
-        self._p = np.ascontiguousarray(p, dtype=float)
-        self._tolerance = step_tolerance(settings)
-        self._step = Call(
-            scheme.step, [self._t, self._h, self._y, self._k, self._tolerance, self._p]
+        self._resumed = begin if isinstance(begin, Mark) else None
+        state = np.concatenate([*begin, [0.0]]) if isinstance(begin, tuple) else begin.y
+        self._bind(
+            numeric, scheme, np.array(state, dtype=float), np.array(p, dtype=float), step_tolerance(settings)
+        )
+        self.t = self._reached = self._pace_from = self._t_cell[0] = grid.start
+        self._step_size = self._taken = self._proposed = 0.0
+        self._in_step = self._has_dense = False
+        # The state before the last step that is what a longer run would have taken; None where that is the last.
+        self._undisturbed: Mark | None = None
+        self._next_row = self.passed_over = 0
+        if self._resumed is not None:
+            self._resume(self._resumed)
+        self._row_time = grid.time(self._next_row)
+        self._row = -math.inf if self._resumed is None else self._resumed.row
+        self._counted = self._counts()
+
+    def _bind(
+        self, numeric: NumericSystem, scheme: dop853.Scheme, y: Floats, p: Floats, tolerance: Floats
+    ) -> None:
+        """The compiled functions on their arrays: y and k at the begin of a step, new and k_new at its end."""
+        t, h, at, x = (np.zeros(1) for _ in range(4))
+        k = np.zeros(y.size)
+        self._y, self._k = y, k
+        self._rhs = Call(numeric.rhs, [t, y, p])
+        self._land = Call(numeric.land, [t, y, p])
+        arguments = [t, h, y, k, tolerance, p]
+        self._step = Call(scheme.step, arguments, wanted=3)
+        new, k_new, outcome = self._step.results
+        # The same step with its stages, for the dense output of one that holds rows.
+        self._staged_step = Call(scheme.step, arguments, given=self._step.results)
+        stages = self._staged_step.results[3:]
+        self._dense = Call(scheme.dense, [t, h, y, new, k_new, p, k, *stages])
+        coefficients = self._dense.results[0]
+        self._line_inside = Call(scheme.line_inside, [at, x, y, coefficients.T, p])
+        line = self._line_inside.results
+        self._line_begin = Call(scheme.line_at, [at, y, p], given=line)
+        self._line_end = Call(scheme.line_at, [at, new, p], given=line)
+        self._line = line[0]
+        self._new, self._k_new, self._tolerance = new, k_new, tolerance
+        # What every step and every row reads and writes.
+        self._t_cell, self._h_cell, self._at_cell, self._x_cell = map(cells, (t, h, at, x))
+        self._outcome, self._line_cells = cells(outcome), cells(self._line)
+
+    def _resume(self, mark: Mark) -> None:
+        grid = self.grid
+        self.t = self._reached = self._t_cell[0] = mark.t
+        self._k[:] = mark.k
+        self._step_size, self._pace_from = mark.step, mark.pace_from
+        self.account = Account(mark.steps, mark.rejected, mark.evaluations, 0.0, mark.figures)
+        # The rows that another grid has between the last one handed out and the mark are lost.
+        after = grid.after(mark.row)
+        self._next_row = max(after, grid.first(mark.t))
+        self.passed_over = self._next_row - after
+        if self._next_row >= grid.count:
+            raise CheckpointError(
+                f"nothing is left to do: it stands at t = {mark.t:.9g} with its last row at {mark.row:.9g}, and the"
+                f" run ends at {grid.end:.9g}; a longer duration goes on"
+            )
+
+    def mark(self) -> Mark:
+        """Where to go on from, with all rows handed out so far; for the time between two blocks."""
+        figures = self.account.figures
+        assert figures is not None, "the first block holds the first row"
+        base = self._undisturbed or self._here(figures)
+        return dataclasses.replace(base, row=self._row, figures=figures)
+
+    def _here(self, figures: Figures) -> Mark:
+        t, counted = self._t_cell[0], self._counted
+        return Mark(
+            t, self._y.copy(), self._k.copy(), self._step_size, self._pace_from, *counted, self._row, figures
         )  # fmt: skip
-        new, k_new, _, stages = self._step.results
-        self._dense = Call(scheme.dense, [self._t, self._h, self._y, new, k_new, stages.T, self._p])
-        self._rhs = Call(numeric.rhs, [self._t, self._y, self._p])
-        self._at, self._state = np.zeros(1), np.zeros(2 * n + 1)
-        self._record = Call(numeric.record, [self._at, self._state, self._p])
-        self._land = Call(numeric.land, [self._t, self._y, self._p])
-        # Read at every step: plain floats, without numpy's conversion.
-        self._outcome = cast("memoryview[float]", memoryview(self._step.results[2].data))
-        self._h_cell = cast("memoryview[float]", memoryview(self._h.data))
+
+    def _counts(self) -> tuple[int, int, int]:
+        return self.account.steps, self.account.rejected, self.account.evaluations
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty.
 
         Raises `Stopped` after the last good row.
         """
-        width = 1 + self._record.results[1].size
-        block = np.zeros((max(1, min(self.grid.count, BLOCK_VALUES // width)), width))
-        rows = self._rows()
+        width = self._line.size
+        capacity = max(1, min(self.grid.count, BLOCK_VALUES // width))
         stop: Stopped | None = None
         going = True
         while going:
             began = time.perf_counter()
-            filled = 0
+            # Handed out without a copy, so that each needs memory of its own.
+            self._lines, self._filled = np.empty((capacity, width)), 0
             try:
-                for row in rows:
-                    if row is not None:
-                        block[filled] = row
-                        filled += 1
-                    if filled == len(block) or time.perf_counter() - began > PAUSE:
-                        break
-                else:
-                    going = False
+                going = not self._fill(began + PAUSE)
             except Stopped as stopped:
                 stop, going = stopped, False
+            block = self._lines[: self._filled]
+            if 2 * self._filled < capacity:
+                block = block.copy()
+            if self._filled:
+                self.account.keep(block[:, -dop853.BEYOND : -1])
+                self._row = float(block[-1, 0])
+            rows = block[:, : -dop853.BEYOND]
+            rows += 0.0  # no table shows -0.0
             self.account.solve_seconds += time.perf_counter() - began
-            if filled or going:
-                yield block[:filled].copy()
+            if self._filled or going:
+                yield rows
         if stop is not None:
             raise stop
 
-    def _rows(self) -> Iterator[Floats | None]:
-        """Rows of the table, and None after each step."""
-        # The start may lie off the constraints by rounding; the first row and the first step begin on them.
-        self._land()
+    def _fill(self, until: float) -> bool:
+        """Take steps and put their rows into the block until it is full or the time is over; True at the end."""
+        if self._step_size == 0.0:
+            self._begin()
+        count = self.grid.count
+        while True:
+            if self._in_step:
+                if not self._put_rows():
+                    return False
+                if self._next_row == count:
+                    self.t = self.grid.end
+                    return True
+                self._accept()
+                if time.perf_counter() > until:
+                    return False
+            elif self._next_row == count:
+                return True
+            self._advance()
+
+    def _begin(self) -> None:
+        """The start: its row, and the first step."""
+        # It may lie off the constraints by rounding; the first row and the first step begin on them.
+        self._land.trigger()
         self._y[:], self._k[:] = self._land.results[0], self._land.results[1]
         self.account.evaluations += 1
         if not np.isfinite(self._k).all():
-            raise self._stopped("the accelerations are not finite at the start")
-        yield self._row(self.grid.start, self._y)
-        self._next_row = 1
-        if self.grid.count == 1:
-            return
-        h = self._first_step()
-        pace_from = self.t
-        while self._next_row < self.grid.count:
-            h = self._advance(h)
-            if self.account.steps % PACE == 0:
-                self._check_pace(self._reached - pace_from)
-                pace_from = self._reached
-            yield from self._fill()
-            self._accept()
-            yield None
+            self._stop("the accelerations are not finite at the start")
+        self._step_size = self._first_step()
+        self._counted = self._counts()
+        self._at_cell[0] = self.t
+        self._line_begin.trigger()
+        self._put_line()
 
-    def _advance(self, h: float) -> float:
-        """Find an acceptable step from the current state; return the proposal for the one after it."""
-        t, end = self.t, self.grid.end
-        grow = GROW
+    def _advance(self) -> None:
+        """Find an acceptable step from the current state.
+
+        The last step is cut to end where the run does. Where it is rejected the whole step is tried, as a
+        longer run would have tried it, so that the steps up to the last do not depend on the end.
+        """
+        t, h, end = self.t, self._step_size, self.grid.end
+        grow, shorter = GROW, 0.0
         while True:
-            last = t + h >= end or end - (t + h) < 1e-12 * h
-            taken = end - t if last else h
+            reached, taken = t + h, h
+            last = reached >= end or end - reached < 1e-12 * h
+            is_cut = last and not shorter
+            if is_cut:
+                reached, taken = end, end - t
             self._h_cell[0] = taken
-            self._step.trigger()
+            (self._staged_step if self._row_time < reached else self._step).trigger()
             self.account.evaluations += tableau.STAGES
-            error, residual, everything = self._outcome[0], self._outcome[1], self._outcome[2]
+            error, residual, everything = self._outcome
             landed = residual <= LANDING
             if error < 1.0 and landed and math.isfinite(everything):
-                self.account.steps += 1
-                self._reached = end if last else t + h
-                proposal = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
-                # A step cut short by the end of the grid says nothing against the step it was cut from.
-                return float(max(h, proposal) if last else proposal)
+                if is_cut or not last:
+                    break
+                # Beyond the end there is a good step, and none up to it: from here on the end matters.
+                self._undisturbed = self._undisturbed or self._here(self._figures())
+                h = shorter
+                continue
             self.account.rejected += 1
             grow = 1.0
             # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
             known = math.isfinite(error) and error >= 1.0 and landed
-            h = taken * (min(0.9, max(SHRINK, SAFETY * error**EXPONENT)) if known else 0.25)
-            if t + h / 64 == t:
-                raise self._stopped(self._why(error, residual))
+            smaller = taken * (min(0.9, max(SHRINK, SAFETY * error**EXPONENT)) if known else 0.25)
+            if t + smaller / 64 == t:
+                self._stop(self._why(error, residual))
+            if is_cut:
+                shorter = smaller
+            else:
+                h = smaller
+        self.account.steps += 1
+        self._in_step, self._has_dense = True, False
+        self._reached, self._taken = reached, taken
+        self._proposed = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
+
+    def _accept(self) -> None:
+        self._in_step = False
+        self._t_cell[0] = self.t = self._reached
+        self._y[:], self._k[:] = self._new, self._k_new
+        self._step_size = self._proposed
+        self._counted = self._counts()
+        if self.account.steps % PACE == 0:
+            pace_from, self._pace_from = self._pace_from, self.t
+            self._check_pace(self.t - pace_from)
+
+    def _put_rows(self) -> bool:
+        """Put the rows of the grid within the step just found into the block; False where it is full before."""
+        t, reached, taken = self.t, self._reached, self._taken
+        capacity = len(self._lines)
+        while self._row_time <= reached:
+            if self._filled == capacity:
+                return False
+            self._at_cell[0] = at = self._row_time
+            if at < reached:
+                if not self._has_dense:
+                    self._dense.trigger()
+                    self.account.evaluations += len(tableau.A_DENSE)
+                    self._has_dense = True
+                self._x_cell[0] = (at - t) / taken
+                self._line_inside.trigger()
+            else:
+                self._line_end.trigger()
+            self._put_line()
+        return True
+
+    def _put_line(self) -> None:
+        if not math.isfinite(self._line_cells[-1]):
+            self._require_finite()
+        self._lines[self._filled] = self._line
+        self._filled += 1
+        self._next_row += 1
+        self._row_time = self.grid.time(self._next_row)
+
+    def _require_finite(self) -> None:
+        bad = np.flatnonzero(~np.isfinite(self._line[:-1]))
+        if not bad.size:
+            return  # the sum overflowed, and nothing else
+        column = int(bad[0]) - 1
+        known = column < len(self._columns)
+        what = f"the column `{self._columns[column]}`" if known else "the energy balance"
+        self._stop(f"{what} is not finite at t = {self._at_cell[0]:.9g}")
+
+    def _figures(self) -> Figures:
+        """Those of the rows handed out; a block that is being filled is not yet among them."""
+        return self.account.figures or Figures(0.0, 0.0)
 
     def _check_pace(self, advanced: float) -> None:
         """Stop a run that would not end in any time one can wait."""
         if (self.grid.end - self.t) * PACE > HOPELESS * advanced:
-            raise self._stopped(
+            self._stop(
                 f"the last {PACE} steps advanced by {advanced:.2g}, so that the run would need"
                 f" {(self.grid.end - self.t) / max(advanced, 1e-300) * PACE:.0e} more: the motion chatters across"
                 " a jump of the forces, the forces are far too stiff for an explicit scheme, or the run is too long"
@@ -196,49 +332,18 @@ class Run:
             return "the constraints cannot be satisfied beyond: their surface ends there"
         return "the step needed for the tolerance is below the rounding of the time"
 
-    def _stopped(self, reason: str) -> Stopped:
+    def _stop(self, reason: str) -> NoReturn:
         row = self._next_row
         where = f"stopped at t = {self.t:.9g} (after row {row} of {self.grid.count})"
-        return Stopped(Stop(self.t, f"{where}: {reason}"))
-
-    def _accept(self) -> None:
-        self._t[0] = self.t = self._reached
-        self._y[:], self._k[:] = self._step.results[0], self._step.results[1]
-
-    def _fill(self) -> Iterator[Floats]:
-        """Rows of the grid within the step just found, from its dense output."""
-        grid, reached = self.grid, self._reached
-        if grid.time(self._next_row) > reached:
-            return
-        self._dense.trigger()
-        self.account.evaluations += len(tableau.A_DENSE)
-        most = max(1, BLOCK_VALUES // self._y.size)
-        while self._next_row < grid.count and grid.time(self._next_row) <= reached:
-            times = grid.times(self._next_row, min(self._next_row + most, grid.count))
-            times = times[times <= reached]
-            x = (times - self.t) / self._h_cell[0]
-            states = dop853.interpolate(self._y, self._dense.results[0], x)
-            states[times == reached] = self._step.results[0]
-            for at, state in zip(times, states, strict=True):
-                row = self._row(at, state)
-                self._next_row += 1
-                yield row
-
-    def _row(self, t: float, state: Floats) -> Floats:
-        self._at[0], self._state[:] = t, state
-        self._record.trigger()
-        landed, row, figures = self._record.results
-        if not (np.isfinite(row).all() and np.isfinite(figures).all()):
-            bad = np.flatnonzero(~np.isfinite(row))
-            what = f"the column `{self._columns[int(bad[0])]}`" if bad.size else "the energy balance"
-            raise self._stopped(f"{what} is not finite at t = {t:.9g}")
-        self.account.keep(figures, landed[-1])
-        return np.concatenate([self._at, row]) + 0.0  # no table shows -0.0
+        raise Stopped(Stop(self.t, f"{where}: {reason}"))
 
     def _first_step(self) -> float:
-        """Hairer's starting step (Solving ODEs I, sec. II.4), from the sizes of y, y' and y''."""
-        t, span = float(self._t[0]), self.grid.end - self.grid.start
-        y, k = self._y.copy(), self._k.copy()
+        """Hairer's starting step (Solving ODEs I, sec. II.4), from the sizes of y, y' and y''.
+
+        The end of the run plays no part in it.
+        """
+        t, y, k = self.t, self._y.copy(), self._k.copy()
+        at_rest = max(REST, REST_OF_TIME * abs(t))
         scale = self._tolerance[1] + np.abs(y) * self._tolerance[0]
 
         def norm(u: Floats) -> float:
@@ -246,15 +351,15 @@ class Run:
                 return float(np.sqrt(np.mean((u[:-1] / scale[:-1]) ** 2))) if u.size > 1 else 0.0
 
         d0, d1 = norm(y), norm(k)
-        h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
-        h0 = min(h0, span) or 1e-6 * span  # where y' is larger by so much that the quotient is zero
-        self._t[0], self._y[:] = t + h0, y + h0 * k
-        self._rhs()
+        # A start at the origin moves by a hundredth of the tolerance.
+        h0 = (0.01 * max(d0, 1.0) / d1 if d1 >= 1e-5 else 0.0) or at_rest
+        self._t_cell[0], self._y[:] = t + h0, y + h0 * k
+        self._rhs.trigger()
         self.account.evaluations += 1
         d2 = norm(self._rhs.results[0] - k) / h0
-        self._t[0], self._y[:] = t, y
+        self._t_cell[0], self._y[:] = t, y
         if not math.isfinite(d2):
-            return 1e-6 * span
+            return at_rest
         steepest = max(d1, d2)
-        h1 = max(1e-6 * span, h0 * 1e-3) if steepest <= 1e-15 else (0.01 / steepest) ** (1.0 / dop853.ORDER)
-        return float(min(100 * h0, h1, span))
+        h1 = max(at_rest, h0 * 1e-3) if steepest <= 1e-15 else (0.01 / steepest) ** (1.0 / dop853.ORDER)
+        return min(100 * h0, h1)

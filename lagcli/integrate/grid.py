@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from lagcli.model import Simulation
+
+# A last interval shorter than this part of the step is rounding, and no interval.
+ROUNDING = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -21,15 +21,23 @@ class Grid:
     count: int
 
     def time(self, i: int) -> float:
-        """Time of row i."""
-        return self.end if i == self.count - 1 else self.start + i * self.step
+        """Time of row i; infinite after the last."""
+        if i >= self.count - 1:
+            return self.end if i == self.count - 1 else math.inf
+        return self.start + i * self.step
 
-    def times(self, first: int, after: int) -> npt.NDArray[np.float64]:
-        """Times of rows first <= i < after."""
-        t: npt.NDArray[np.float64] = self.start + np.arange(first, after, dtype=np.float64) * self.step
-        if after == self.count and t.size:
-            t[-1] = self.end
-        return t
+    def after(self, t: float) -> int:
+        """The first row that stands after t, by more than rounding."""
+        return self.first(math.nextafter(t + ROUNDING * self.step, math.inf))
+
+    def first(self, t: float) -> int:
+        """The first row at t or after it; `count` where there is none."""
+        if t > self.end:
+            return self.count
+        i = max(0, min(self.count, math.floor((t - self.start) / self.step) - 1)) if self.step else 0
+        while self.time(i) < t:
+            i += 1
+        return i
 
 
 def grid(settings: Simulation) -> Grid:
@@ -42,6 +50,5 @@ def grid(settings: Simulation) -> Grid:
         return Grid(start, end, duration / (settings.samples - 1), settings.samples)
     step = settings.output_step
     whole = math.floor(duration / step * (1 + 1e-12))
-    # A last interval that is rounding only is no interval: the last row stands at the end.
-    divides = abs(whole * step - duration) <= 1e-9 * step
+    divides = abs(whole * step - duration) <= ROUNDING * step
     return Grid(start, end, step, whole + (1 if divides and whole else 2))

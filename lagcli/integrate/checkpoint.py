@@ -1,0 +1,235 @@
+"""A run at a step boundary, as a noun and as JSON: what it takes to go on bit for bit, and for which model.
+
+Doubles are written so that they read back to the same double. What is read is checked to the last number: a
+checkpoint is a file like any other, and may be torn or of another make.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.integrate.account import Figures
+from lagcli.mechanics import system
+from lagcli.model import Model, Vector3
+
+Floats = npt.NDArray[np.float64]
+
+FORMAT = 1
+METHOD = "dop853"
+MOST_BYTES = 2**28
+MOST_COUNT = 2**53
+
+
+class CheckpointError(ValueError):
+    """A file that is no checkpoint, or one that this run cannot go on from."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Mark:
+    """A run between two steps, and what it has handed out.
+
+    t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
+    look at the pace; steps, rejected, evaluations: the account up to t; row: time of the last row handed out,
+    which may lie on either side of t; figures: those of all rows handed out.
+    """
+
+    t: float
+    y: Floats
+    k: Floats
+    step: float
+    pace_from: float
+    steps: int
+    rejected: int
+    evaluations: int
+    row: float
+    figures: Figures
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Identity:
+    """What must be the same for a run to go on: the text of the model, all that `--set` may change, the settings.
+
+    q, v: the declared start, (n,) each.
+    """
+
+    fingerprint: str
+    parameters: dict[str, float | Vector3]
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+    start: float
+    rtol: float
+    atol: float
+    method: str
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Checkpoint:
+    """A run, and whose."""
+
+    identity: Identity
+    mark: Mark
+
+
+def identity(model: Model) -> Identity:
+    """The identity of a run of a model with its settings."""
+    q, v = system.start(model)
+    chosen = model.simulation
+    return Identity(
+        model.fingerprint,
+        {parameter.name: parameter.value for parameter in model.parameters},
+        tuple(q.tolist()),
+        tuple(v.tolist()),
+        chosen.start,
+        chosen.rtol,
+        chosen.atol,
+        METHOD if chosen.method == "auto" else chosen.method,
+    )
+
+
+def require_same(found: Identity, model: Model) -> None:
+    """Raise `CheckpointError` with what differs between a checkpoint and the model it shall go on with."""
+    for sentence in _differences(found, identity(model), model):
+        raise CheckpointError(f"it is of another run: {sentence}")
+
+
+def _differences(there: Identity, here: Identity, model: Model) -> Iterator[str]:
+    if there.fingerprint != here.fingerprint:
+        yield "the text of the model, or of the position of a dependent particle, is another"
+    if there.parameters.keys() != here.parameters.keys():
+        yield "its parameters are others"
+    if len(there.q) != len(here.q) or len(there.v) != len(here.v):
+        yield f"it has {len(there.q)} coordinates, the model {len(here.q)}"
+    pairs: list[tuple[str, object, object]] = [
+        (f"the parameter `{name}`", there.parameters[name], here.parameters[name]) for name in here.parameters
+    ]
+    names = model.coordinate_names
+    pairs += [(f"the start of `{n}`", a, b) for n, a, b in zip(names, there.q, here.q, strict=True)]
+    pairs += [(f"the initial rate of `{n}`", a, b) for n, a, b in zip(names, there.v, here.v, strict=True)]
+    for name in ("start", "rtol", "atol", "method"):
+        pairs.append((f"`{name}`", getattr(there, name), getattr(here, name)))
+    for what, a, b in pairs:
+        if a != b:
+            yield f"{what} is {_shown(a)} in it and {_shown(b)} here"
+
+
+def _shown(value: object) -> str:
+    return str(list(value)) if isinstance(value, tuple) else str(value)
+
+
+def encoded(point: Checkpoint) -> bytes:
+    """The checkpoint as JSON."""
+    mark = {field.name: getattr(point.mark, field.name) for field in dataclasses.fields(Mark)}
+    mark |= {"y": point.mark.y.tolist(), "k": point.mark.k.tolist()}
+    mark["figures"] = dataclasses.asdict(point.mark.figures)
+    whole = {"lagcli-checkpoint": FORMAT, "identity": dataclasses.asdict(point.identity), "mark": mark}
+    return json.dumps(whole, allow_nan=False).encode() + b"\n"
+
+
+def read(path: str | os.PathLike[str]) -> Checkpoint:
+    """The checkpoint in a file. Raises `CheckpointError`, `OSError`."""
+    with open(path, "rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise CheckpointError("it is too large for a checkpoint")
+    return decoded(data)
+
+
+def decoded(data: bytes) -> Checkpoint:
+    """The checkpoint in JSON. Raises `CheckpointError`."""
+    try:
+        whole = json.loads(data)
+    except (ValueError, RecursionError):
+        raise CheckpointError("it is no checkpoint, or torn") from None
+    if not isinstance(whole, dict) or "lagcli-checkpoint" not in whole:
+        raise CheckpointError("it is no checkpoint")
+    if whole["lagcli-checkpoint"] != FORMAT:
+        raise CheckpointError(f"it is a checkpoint of another version than {FORMAT}")
+    try:
+        point = Checkpoint(_identity(whole["identity"]), _mark(whole["mark"]))
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError):
+        raise CheckpointError(
+            "it is a damaged checkpoint: something is missing or no finite number"
+        ) from None
+    if (
+        not len(point.mark.y)
+        == len(point.mark.k)
+        == 2 * len(point.identity.q) + 1
+        == 2 * len(point.identity.v) + 1
+    ):
+        raise CheckpointError("it is a damaged checkpoint: its parts are not of one length")
+    return point
+
+
+def _identity(value: dict[str, Any]) -> Identity:
+    return Identity(
+        _text(value["fingerprint"]),
+        {name: _parameter(number) for name, number in value["parameters"].items()},
+        tuple(_numbers(value["q"]).tolist()),
+        tuple(_numbers(value["v"]).tolist()),
+        _number(value["start"]),
+        _number(value["rtol"]),
+        _number(value["atol"]),
+        _text(value["method"]),
+    )
+
+
+def _mark(value: dict[str, Any]) -> Mark:
+    figures = value["figures"]
+    mark = Mark(
+        _number(value["t"]),
+        _numbers(value["y"]),
+        _numbers(value["k"]),
+        _number(value["step"]),
+        _number(value["pace_from"]),
+        _count(value["steps"]),
+        _count(value["rejected"]),
+        _count(value["evaluations"]),
+        _number(value["row"]),
+        Figures(**{field.name: _number(figures[field.name]) for field in dataclasses.fields(Figures)}),
+    )
+    if mark.step <= 0:
+        raise ValueError("a step that does not advance")
+    return mark
+
+
+def _number(value: object) -> float:
+    # A bool is an int to Python, and a text may read as a number.
+    if type(value) is not float and type(value) is not int:
+        raise TypeError(value)
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(number)
+    return number
+
+
+def _count(value: object) -> int:
+    if type(value) is not int or not 0 <= value <= MOST_COUNT:
+        raise ValueError(value)
+    return value
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return value
+
+
+def _numbers(value: object) -> Floats:
+    if not isinstance(value, list):
+        raise TypeError(value)
+    return np.array([_number(item) for item in value], dtype=float)
+
+
+def _parameter(value: object) -> float | Vector3:
+    if not isinstance(value, list):
+        return _number(value)
+    x, y, z = (_number(item) for item in value)
+    return (x, y, z)
