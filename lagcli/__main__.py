@@ -7,6 +7,14 @@ import sys
 
 def main() -> None:
     """The entry point of the command line; it ends in `SystemExit`."""
+    try:
+        code = _run()
+    except KeyboardInterrupt:  # before there was a handler for it
+        code = 130
+    sys.exit(code)
+
+
+def _run() -> int:
     from lagcli.cli import signals
 
     try:
@@ -14,9 +22,12 @@ def main() -> None:
         # Loaded under the signal handlers: an interrupt at start-up is an interrupt and no traceback.
         from lagcli.cli import door
 
-        sys.exit(door.run())
+        code = door.run()
+        # The interpreter takes a while to end; an interrupt from now on ends it like any other program.
+        signals.release()
     except signals.Interrupted as interrupt:
-        sys.exit(128 + interrupt.number)
+        code = 128 + interrupt.number
+    return code
 
 
 if __name__ == "__main__":

@@ -199,7 +199,7 @@ def test_a_model_is_data_that_can_be_used_again() -> None:
 
 WATCHED = (
     *["numpy", "casadi", "sympy", "mpmath", "scipy", "matplotlib", "PIL", "yaml", "typer", "rich"],
-    *["pyarrow", "pandas", "pydantic", "IPython", "unittest", "multiprocessing", "asyncio"],
+    *["orjson", "pyarrow", "pandas", "pydantic", "IPython", "unittest", "multiprocessing", "asyncio"],
 )
 PROBE = f"""
 import json, sys
@@ -241,7 +241,7 @@ LIGHT = {"numpy", "casadi", "yaml"}
         ("command('dof', 'pendulum.yaml')", LIGHT | {"typer"}),
         ("command('dof', 'pendulum-angle.yaml', '--json')", LIGHT | {"typer"}),
         ("command('check', 'pendulum.yaml')", LIGHT | {"typer", "rich"}),
-        ("command('simulate', 'pendulum.yaml', '--duration', '0.1')", LIGHT | {"typer"}),
+        ("command('simulate', 'pendulum.yaml', '--duration', '0.1')", LIGHT | {"typer", "orjson"}),
     ],
 )
 def test_nothing_is_loaded_before_it_is_needed(code: str, allowed: set[str]) -> None:
@@ -254,7 +254,7 @@ def test_a_format_loads_its_own_library_and_no_other(tmp_path: Path, ending: str
     target = str(tmp_path / f"run.{ending}")
     code = f"command('simulate', 'pendulum.yaml', '-q', '--duration', '0.1', {option!r}, {target!r})"
     own = {"parquet": {"pyarrow", "pandas"}, "png": {"matplotlib", "PIL", "unittest"}}.get(ending, set())
-    assert loads_of(code) <= LIGHT | {"typer"} | own
+    assert loads_of(code) <= LIGHT | {"typer", "orjson"} | own
 
 
 def test_columns_are_chosen_as_on_the_command_line() -> None:

@@ -42,6 +42,7 @@ DOORS = {
     "typer": ("lagcli.cli.",),
     "rich": ("lagcli.cli.console",),
     "matplotlib": ("lagcli.export.figure",),
+    "orjson": ("lagcli.export.doubles",),
     "pyarrow": ("lagcli.export.parquet_table",),
     "sympy": ("lagcli.pfaffian.",),
     "mpmath": ("lagcli.pfaffian.",),

@@ -10,12 +10,15 @@ import tracemalloc
 import zipfile
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pyarrow.parquet
 import pytest
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 
-from lagcli.export import block_file, columns, endings, tables
+from lagcli.export import block_file, columns, doubles, endings, tables
 
 NAMES = ("t", "p[1][2].x", "rate(theta)", "lambda.größe", "file")
 HARD = [5e-324, 1e308, -0.0, 0.1, 1 / 3, -2.2250738585072014e-308, 1.7976931348623157e308, 123456789.0]
@@ -171,8 +174,7 @@ def test_a_full_disk_is_an_oserror_and_a_device_is_not_replaced(tmp_path: Path, 
 
 
 def test_a_block_whose_writing_is_interrupted_leaves_no_torn_line(tmp_path: Path) -> None:
-    file = block_file.BlockFile(tmp_path / "blocks")
-    file.append(b"one\n")
+    file = block_file.BlockFile(tmp_path / "blocks", b"one\n")
     inner = file._file
 
     class Interrupted:
@@ -266,10 +268,56 @@ def test_csv_has_unix_line_ends_and_quotes_names_that_need_it(tmp_path: Path) ->
     assert read(path, "csv")[0] == ["t", 'a,"b"']
 
 
-def test_json_refuses_what_it_cannot_hold_and_names_the_column(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match='"x"'), tables.open_sink(tmp_path / "run.json", ("t", "x")) as sink:
-        sink.write(np.array([[0.0, np.nan]]))
+@pytest.mark.parametrize("fmt", ["csv", "json"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_text_holds_no_value_that_is_not_finite_and_the_column_is_named(
+    tmp_path: Path, fmt: str, value: float
+) -> None:
+    sink = tables.open_sink(tmp_path / f"run.{fmt}", ("t", "x"))
+    with pytest.raises(ValueError, match='"x"'), sink:
+        sink.write(np.array([[0.0, value]]))
     assert leftovers(tmp_path) == []
+
+
+@hypothesis.given(
+    npst.arrays(
+        np.float64,
+        npst.array_shapes(min_dims=2, max_dims=2, max_side=6),
+        elements=st.floats(allow_nan=False, allow_infinity=False),
+    )
+)
+@hypothesis.example(np.array([[-0.0, 0.5, 1.0, 1e-7, 1e16, 1e22, 5e-324, 2.0**53, 123456789.0, 1e-5]]))
+def test_a_text_is_the_shortest_that_reads_back_to_the_same_double(rows: NDArray[np.float64]) -> None:
+    lines = bytes(doubles.csv_lines(rows)).decode()
+    assert lines.endswith("\n")
+    words = [line.split(",") for line in lines.splitlines()]
+    assert np.array([[float(word) for word in line] for line in words]).tobytes() == rows.tobytes()
+    for word, value in zip((word for line in words for word in line), rows.ravel().tolist(), strict=True):
+        assert digits(word) == digits(repr(value))
+    assert f"[{doubles.json_lines(rows).decode()}]" == "[" + lines_as_json(words) + "]"
+
+
+def digits(word: str) -> str:
+    """The digits that count, without sign, point and exponent."""
+    return word.lstrip("-").split("e")[0].replace(".", "").strip("0")
+
+
+def lines_as_json(words: list[list[str]]) -> str:
+    return ",\n".join(f"[{','.join(line)}]" for line in words)
+
+
+def test_numbers_are_written_as_one_would_write_them() -> None:
+    rows = np.array([[0.5, 1.0, -0.0, 0.1, 1e-3, -273.15, 123456789.0]])
+    assert bytes(doubles.csv_lines(rows)) == b"0.5,1.0,-0.0,0.1,0.001,-273.15,123456789.0\n"
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_the_order_of_the_array_in_memory_does_not_matter(tmp_path: Path, order: str) -> None:
+    rows = np.array(table(), order=order)[::2, ::-1]
+    for fmt in endings.TABLES:
+        with tables.open_sink(tmp_path / f"run.{fmt}", NAMES[: rows.shape[1]]) as sink:
+            sink.write(rows)
+        assert read(tmp_path / f"run.{fmt}", fmt)[1].tobytes() == rows.tobytes()
 
 
 def test_npz_holds_float64_vectors_under_plain_names(tmp_path: Path) -> None:

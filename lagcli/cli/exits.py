@@ -111,9 +111,13 @@ def _outcome(run: Callable[[], None]) -> int:
 
 @contextlib.contextmanager
 def writing(name: str) -> Iterator[None]:
-    """What fails inside is the writing of `name`. A closed pipe stays what it is. Raises `WriteError`."""
+    """What fails inside is the writing of `name`. A closed pipe stays what it is. Raises `WriteError`.
+
+    An interrupt inside is an exception, so that what has been written aside is put in order.
+    """
     try:
-        yield
+        with signals.unwinding():
+            yield
     except BrokenPipeError:
         raise
     except OSError as error:

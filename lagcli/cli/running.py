@@ -8,7 +8,7 @@ import json
 import os
 import pathlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,9 @@ import numpy.typing as npt
 
 from lagcli import pipeline
 from lagcli.cli import console, exits, machine, signals
-from lagcli.export import aside, columns, endings, tables
-from lagcli.integrate import driver
+from lagcli.export import aside, checkpoint_file, columns, endings, tables
+from lagcli.integrate import checkpoint, driver
+from lagcli.model import Model, Simulation
 from lagcli.trajectory import Stats
 
 Floats = npt.NDArray[np.float64]
@@ -34,6 +35,8 @@ class Wishes:
     as_json: bool
     quiet: bool
     verbose: bool
+    checkpoint: str | None = None
+    resume: str | None = None
 
     @property
     def to_stdout(self) -> bool:
@@ -57,16 +60,44 @@ class Wishes:
                 endings.of(pathlib.Path(self.plot), endings.FIGURES)
         except endings.UnknownFormat as error:
             raise exits.UsageError(str(error)) from None
-        if self.stats == "-":
-            raise exits.UsageError("--stats: a file name is needed; --json prints the account")
+        for option, name, instead in (
+            ("--stats", self.stats, "; --json prints the account"),
+            ("--checkpoint", self.checkpoint, ""),
+            ("--resume", self.resume, ""),
+        ):
+            if name == "-":
+                raise exits.UsageError(f"{option}: a file name is needed{instead}")
         taken = {} if model == "-" else {os.path.realpath(model): "MODEL"}
-        for option, name in (("--output", self.file), ("--plot", self.plot), ("--stats", self.stats)):
-            if name is None:
-                continue
+        for option, name in self._files():
             other = taken.setdefault(os.path.realpath(name), option)
-            if other != option:
+            # A run may go on in the checkpoint it came from.
+            if other != option and (other, option) != ("--checkpoint", "--resume"):
                 raise exits.UsageError(f"{option} {name}: that is the file of {other}")
-            exits.check_writable(name)
+            if option != "--resume":
+                exits.check_writable(name)
+
+    def _files(self) -> Iterator[tuple[str, str]]:
+        for option, name in (
+            ("--output", self.file),
+            ("--plot", self.plot),
+            ("--stats", self.stats),
+            ("--checkpoint", self.checkpoint),
+            ("--resume", self.resume),
+        ):
+            if name is not None:
+                yield option, name
+
+
+def ready(model: Model, chosen: Simulation, wishes: Wishes) -> pipeline.Running:
+    """The run, from its start or from a checkpoint. Raises `exits.UsageError`, `diagnostics.ModelError`."""
+    try:
+        return pipeline.running(model, chosen, wishes.resume)
+    except checkpoint.CheckpointError as error:
+        raise exits.UsageError(f"--resume {error}") from None
+    except FileNotFoundError:
+        raise exits.UsageError(f"--resume: there is no file {wishes.resume}") from None
+    except OSError as error:
+        raise exits.UsageError(f"--resume: cannot read {wishes.resume}: {error.strerror}") from None
 
 
 def run(ready: pipeline.Running, wishes: Wishes) -> None:
@@ -76,13 +107,14 @@ def run(ready: pipeline.Running, wishes: Wishes) -> None:
         exits.say(warning.render())
     _tell_start(ready, wishes)
     kept: list[Floats] = []
-    stopped = _write_rows(ready, wishes, picked, kept)
-    try:
-        _finish(ready, wishes, kept)
-    except signals.Interrupted:
-        if wishes.file is not None:
-            exits.say(f"lagcli: interrupted; {wishes.file} is complete")
-        raise
+    with signals.unwinding():
+        stopped = _write_rows(ready, wishes, picked, kept)
+        try:
+            _finish(ready, wishes, kept)
+            signals.check()
+        except signals.Interrupted:
+            _tell_complete(wishes)
+            raise
     if not wishes.quiet:
         _tell_account(ready.stats, stopped is None)
     if stopped is not None:
@@ -107,6 +139,11 @@ def _tell_start(ready: pipeline.Running, wishes: Wishes) -> None:
             f" {ready.assembly.moved_velocity:.6g} sqrt({units.mass}) {units.length}/{units.time}"
             " (mass-weighted norm)"
         )
+    if ready.passed_over:
+        exits.say(
+            f"note: {ready.passed_over} rows are passed over: they stand before the state in {wishes.resume}"
+            " and were not asked for in the run before"
+        )
     if wishes.verbose:
         chosen = ready.model.simulation
         exits.say(
@@ -119,29 +156,63 @@ def _tell_start(ready: pipeline.Running, wishes: Wishes) -> None:
 def _write_rows(
     ready: pipeline.Running, wishes: Wishes, picked: list[int], kept: list[Floats]
 ) -> driver.Stopped | None:
-    """Pass the blocks on as they come; the reason if the run stopped before its end."""
+    """Pass the blocks on as they come; the reason if the run stopped before its end.
+
+    A checkpoint is taken when the rows before it have been written, so that they agree.
+    """
     names = [ready.columns[i] for i in picked]
-    stopped = None
+    keeper = checkpoint_file.Keeper(wishes.checkpoint) if wishes.checkpoint is not None else None
+    over, complete = False, False
     with _sink(wishes, names) as sink:
-        try:
-            with _progress(ready, wishes) as bar:
-                for block in ready.blocks():
-                    with signals.shielded():
-                        if sink is not None:
-                            sink.write(block[:, picked])
-                        if wishes.plot is not None:
-                            kept.append(block)
-                    bar.at(ready.t)
-        except driver.Stopped as stop:
-            stopped = stop
-        except signals.Interrupted:
-            if sink is not None and wishes.file is not None:
-                _keep_partial(sink)
-            raise
-        with signals.shielded():
+
+        def take(block: Floats) -> None:
             if sink is not None:
-                sink.commit()
+                sink.write(block[:, picked])
+            if wishes.plot is not None:
+                kept.append(block)
+            if keeper is not None:
+                with exits.writing(wishes.checkpoint or ""):
+                    keeper.take(ready.checkpoint())
+
+        try:
+            stopped = _stream(ready, wishes, take)
+            with signals.shielded():
+                over = True
+                if sink is not None:
+                    sink.commit()
+                complete = True
+                _keep_checkpoint(keeper, wishes)
+        except signals.Interrupted:
+            with signals.shielded():
+                if complete:
+                    _tell_complete(wishes)
+                elif sink is not None and wishes.file is not None and not over:
+                    _keep_partial(sink)
+                if not over:
+                    _keep_checkpoint(keeper, wishes)
+            raise
     return stopped
+
+
+def _stream(ready: pipeline.Running, wishes: Wishes, take: Callable[[Floats], None]) -> driver.Stopped | None:
+    """Run, and hand over each block; the reason if the run stopped before its end."""
+    try:
+        with _progress(ready, wishes) as bar:
+            for block in ready.blocks():
+                signals.check()
+                with signals.shielded(signals.PATIENCE):
+                    take(block)
+                bar.at(ready.t)
+    except driver.Stopped as stop:
+        return stop
+    return None
+
+
+def _keep_checkpoint(keeper: checkpoint_file.Keeper | None, wishes: Wishes) -> None:
+    if keeper is None:
+        return
+    with exits.writing(wishes.checkpoint or ""):
+        keeper.write()
 
 
 def _progress(ready: pipeline.Running, wishes: Wishes) -> contextlib.AbstractContextManager[console.Progress]:
@@ -157,19 +228,24 @@ def _sink(wishes: Wishes, names: list[str]) -> Iterator[tables.Sink | None]:
         yield None
         return
     target = sys.stdout.buffer if wishes.file is None else pathlib.Path(wishes.file)
-    with exits.writing(wishes.file or "standard output"):
-        try:
-            sink = tables.open_sink(target, names)
-        except tables.MissingExtra as error:
-            raise exits.UsageError(str(error)) from None
-        with sink:
-            yield sink
+    with exits.writing(wishes.file or "standard output"), contextlib.ExitStack() as stack:
+        # An interrupt finds a sink that will be discarded, or none: no file stays behind.
+        with signals.shielded(signals.PATIENCE):
+            try:
+                sink = stack.enter_context(tables.open_sink(target, names))
+            except tables.MissingExtra as error:
+                raise exits.UsageError(str(error)) from None
+        yield sink
+
+
+def _tell_complete(wishes: Wishes) -> None:
+    if wishes.file is not None:
+        exits.say(f"lagcli: interrupted; {wishes.file} is complete")
 
 
 def _keep_partial(sink: tables.Sink) -> None:
-    with signals.shielded():
-        path = sink.keep_partial()
-        exits.say(f"lagcli: interrupted; the complete rows are in {path}")
+    path = sink.keep_partial()
+    exits.say(f"lagcli: interrupted; the complete rows are in {path}")
 
 
 def _finish(ready: pipeline.Running, wishes: Wishes, kept: list[Floats]) -> None:

@@ -4,18 +4,30 @@ from pathlib import Path
 
 
 class BlockFile:
-    """Bytes appended block by block; of a block whose writing was interrupted nothing stays in the file."""
+    """``head``, then bytes appended block by block; of an interrupted block nothing stays in the file.
 
-    def __init__(self, path: Path) -> None:
-        self._file = open(path, "wb")  # noqa: SIM115 (closed by close or abandon)
+    There is no buffer above the system's: a block is in the file when `append` returns, and to close it writes
+    nothing, so that it cannot wait for the reader of a pipe.
+    """
+
+    def __init__(self, path: Path, head: bytes) -> None:
+        self._file = open(path, "wb", buffering=0)  # noqa: SIM115 (closed by close or abandon)
         self._end = 0
         self._torn = False
+        try:
+            self.append(head)
+        except BaseException:
+            self._file.close()
+            raise
 
-    def append(self, block: bytes) -> None:
+    def append(self, block: bytes | memoryview) -> None:
         """Write one block after the last complete one."""
         self._mend()
         self._torn = True
-        self._file.write(block)
+        rest = memoryview(block)
+        while rest:
+            # A nearly full disk may take a part; only the next call then tells why.
+            rest = rest[self._file.write(rest) :]
         self._end += len(block)
         self._torn = False
 

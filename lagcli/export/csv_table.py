@@ -8,10 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.export import block_file
-
-# Python floats and their texts take some 100 bytes a number, so a block of rows is turned into text in parts.
-_NUMBERS_AT_ONCE = 1 << 16
+from lagcli.export import block_file, doubles
 
 
 def header(columns: Sequence[str]) -> bytes:
@@ -21,29 +18,22 @@ def header(columns: Sequence[str]) -> bytes:
     return line.getvalue().encode()
 
 
-def lines(rows: NDArray[np.float64]) -> Iterator[bytes]:
-    """The lines of ``rows``, shape (k, columns), in parts of bounded size."""
-    for part in slices(rows):
-        yield "".join(",".join(map(repr, row)) + "\n" for row in part.tolist()).encode()
-
-
-def slices(rows: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Consecutive slices of ``rows``, shape (k, columns), small enough to be turned into Python floats."""
-    step = max(1, _NUMBERS_AT_ONCE // max(1, rows.shape[1]))
-    for start in range(0, len(rows), step):
-        yield rows[start : start + step]
+def lines(rows: NDArray[np.float64], columns: Sequence[str]) -> Iterator[memoryview]:
+    """The lines of ``rows``, shape (k, columns), in parts of bounded size; ValueError for nan and infinity."""
+    doubles.require_finite(rows, columns)
+    return map(doubles.csv_lines, doubles.slices(rows))
 
 
 class Writer:
     """Writes a table to ``path`` as its rows arrive."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        self._file = block_file.BlockFile(path)
-        self._file.append(header(columns))
+        self._columns = tuple(columns)
+        self._file = block_file.BlockFile(path, header(columns))
 
     def write(self, rows: NDArray[np.float64]) -> None:
-        """Append ``rows``, shape (k, columns)."""
-        for part in lines(rows):
+        """Append ``rows``, shape (k, columns); ValueError for nan and infinity."""
+        for part in lines(rows, self._columns):
             self._file.append(part)
 
     def finish(self) -> None:

@@ -9,20 +9,24 @@ _BYTES = 1 << 24
 
 
 class Gathered:
-    """Copies of rows in arrival order, handed out again in blocks of some sixteen megabytes."""
+    """Copies of the rows of a table of ``width`` columns, handed out as blocks of some sixteen megabytes.
 
-    def __init__(self) -> None:
-        self._parts: list[NDArray[np.float64]] = []
-        self._bytes = 0
+    A block has the shape (width, k), one contiguous line a column, and is good until the next one is asked for.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._block = np.empty((width, max(1, _BYTES // (8 * max(1, width)))))
+        self._filled = 0
 
     def add(self, rows: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-        """Take in ``rows``, shape (k, columns), and yield the blocks that have become full."""
-        step = max(1, _BYTES // (8 * max(1, rows.shape[1])))
-        for start in range(0, len(rows), step):
-            part = rows[start : start + step].copy()
-            self._parts.append(part)
-            self._bytes += part.nbytes
-            if self._bytes >= _BYTES:
+        """Take in ``rows``, shape (k, width), and yield the blocks that have become full."""
+        taken = 0
+        while taken < len(rows):
+            part = rows[taken : taken + self._block.shape[1] - self._filled]
+            self._block[:, self._filled : self._filled + len(part)] = part.T
+            taken += len(part)
+            self._filled += len(part)
+            if self._filled == self._block.shape[1]:
                 yield from self.rest()
 
     def rest(self) -> Iterator[NDArray[np.float64]]:
@@ -31,6 +35,6 @@ class Gathered:
         The rows are forgotten first: where the receiver is interrupted, rows may miss at the end of a partial
         file, but none can stand there twice.
         """
-        parts, self._parts, self._bytes = self._parts, [], 0
-        if parts:
-            yield np.concatenate(parts)
+        filled, self._filled = self._filled, 0
+        if filled:
+            yield self._block[:, :filled]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.export import block_file, csv_table
+from lagcli.export import block_file, doubles
 
 
 class Writer:
@@ -15,22 +15,16 @@ class Writer:
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self._columns = tuple(columns)
-        self._separator = "\n"
-        self._file = block_file.BlockFile(path)
+        self._separator = b"\n"
         names = json.dumps(self._columns, ensure_ascii=False)
-        self._file.append(f'{{"columns": {names}, "rows": ['.encode())
+        self._file = block_file.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
 
     def write(self, rows: NDArray[np.float64]) -> None:
         """Append ``rows``, shape (k, columns); ValueError for nan and infinity, which JSON cannot hold."""
-        infinite = np.flatnonzero(~np.isfinite(rows).all(axis=0))
-        if infinite.size:
-            raise ValueError(
-                f'JSON has no word for the value that is not finite in "{self._columns[infinite[0]]}"'
-            )
-        for part in csv_table.slices(rows):
-            text = ",\n".join("[" + ", ".join(map(repr, row)) + "]" for row in part.tolist())
-            self._file.append((self._separator + text).encode())
-            self._separator = ",\n"
+        doubles.require_finite(rows, self._columns)
+        for part in doubles.slices(rows):
+            self._file.append(self._separator + doubles.json_lines(part))
+            self._separator = b",\n"
 
     def finish(self) -> None:
         """Complete and close the file."""

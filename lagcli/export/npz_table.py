@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lagcli.export import gathered
 
-_BYTES_IN_MEMORY = 1 << 25
+_BYTES_IN_MEMORY = 1 << 23
 
 
 class Writer:
@@ -24,7 +24,7 @@ class Writer:
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self._path = path
         self._columns = tuple(columns)
-        self._gathered = gathered.Gathered()
+        self._gathered = gathered.Gathered(len(self._columns))
         self._spool = tempfile.SpooledTemporaryFile(  # noqa: SIM115 (closed by finish or abandon)
             max_size=_BYTES_IN_MEMORY, dir=str(path.parent)
         )
@@ -58,8 +58,8 @@ class Writer:
     def _store(self, block: NDArray[np.float64]) -> None:
         # Sought, not merely appended: an interrupted block must be overwritten by the next.
         self._spool.seek(8 * len(self._columns) * sum(self._lengths))
-        self._spool.write(block.T.astype("<f8").tobytes())
-        self._lengths.append(len(block))
+        self._spool.write(np.ascontiguousarray(block, "<f8").data)
+        self._lengths.append(block.shape[1])
 
     def _places(self, index: int) -> list[tuple[int, int]]:
         """Where column ``index`` stands in the spool: (first byte, bytes) of each block."""

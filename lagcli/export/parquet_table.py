@@ -18,7 +18,7 @@ class Writer:
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         fields = [pyarrow.field(name, pyarrow.float64(), nullable=False) for name in columns]
         self._schema = pyarrow.schema(fields)
-        self._gathered = gathered.Gathered()
+        self._gathered = gathered.Gathered(len(columns))
         # Dictionaries do not shrink columns in which hardly a number comes twice.
         self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=False)
 
@@ -40,5 +40,5 @@ class Writer:
             self._writer.close()
 
     def _store(self, block: NDArray[np.float64]) -> None:
-        arrays = [pyarrow.array(np.ascontiguousarray(column)) for column in block.T]
+        arrays = [pyarrow.array(column) for column in block]
         self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema))

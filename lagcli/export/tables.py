@@ -165,6 +165,7 @@ class _StreamSink(_Base):
     def __init__(self, stream: BinaryIO | TextIO, columns: Sequence[str]) -> None:
         super().__init__(columns)
         # Written with the first rows, so that a run which fails before them leaves the stream empty.
+        self._columns = tuple(columns)
         self._header = csv_table.header(columns)
         self._text: TextIO | None = None
         if isinstance(stream, io.TextIOBase):
@@ -176,7 +177,7 @@ class _StreamSink(_Base):
             self._bytes = cast(BinaryIO, stream)
 
     def write(self, rows: NDArray[np.float64]) -> None:
-        parts = csv_table.lines(self._checked(rows))
+        parts = csv_table.lines(self._checked(rows), self._columns)
         self._put(self._header)
         self._header = b""
         for part in parts:
@@ -195,11 +196,11 @@ class _StreamSink(_Base):
     def discard(self) -> None:
         self._ended = True
 
-    def _put(self, data: bytes) -> None:
+    def _put(self, data: bytes | memoryview) -> None:
         if self._bytes is not None:
             self._bytes.write(data)
         elif self._text is not None:
-            self._text.write(data.decode())
+            self._text.write(bytes(data).decode())
 
     def _flush(self) -> None:
         stream = self._bytes if self._bytes is not None else self._text
