@@ -1,0 +1,62 @@
+"""What it takes to read, count and compile a large model: `python -m tests.benchmarks.building chain 1000`.
+
+One model a process, since what is compiled is kept. Prints one JSON object.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sys
+import time
+from typing import Any
+
+from lagcli import pipeline
+
+from . import models
+
+# Seconds of motion: a few steps, enough to know what a step costs.
+DURATIONS = {"chain": 0.01, "cloth": 0.05}
+
+
+def measure(kind: str, size: int) -> dict[str, Any]:
+    """Seconds of each stage, of a step, and the peak of the memory in GB (None where the system does not say)."""
+    text = models.chain(size, "distance") if kind == "chain" else models.cloth(size)
+    clock = [time.perf_counter()]
+    model = pipeline.loads(text)
+    clock.append(time.perf_counter())
+    counted = pipeline.count(model)
+    clock.append(time.perf_counter())
+    running = pipeline.Running(
+        model, pipeline.run_settings(model, {"duration": DURATIONS[kind], "samples": 2})
+    )
+    clock.append(time.perf_counter())
+    for _ in running.blocks():
+        pass
+    stats = running.stats
+    read, count, build = (b - a for a, b in itertools.pairwise(clock))
+    return {
+        "kind": kind,
+        "size": size,
+        "freedoms": counted.configuration_dof,
+        "read_seconds": read,
+        "count_seconds": count,
+        "compile_seconds": build,
+        "total_seconds": clock[-1] - clock[0],
+        "step_seconds": stats.solve_seconds / (stats.steps + stats.rejected),
+        "peak_gigabytes": peak(),
+    }
+
+
+def peak() -> float | None:
+    """The largest resident memory of this process so far, in GB."""
+    try:
+        import resource
+    except ImportError:  # there is no such module on Windows
+        return None
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most / (1e9 if sys.platform == "darwin" else 1e6)
+
+
+if __name__ == "__main__":
+    print(json.dumps(measure(sys.argv[1], int(sys.argv[2]))))
