@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 
-from lagcli.export import block_file, columns, doubles, endings, tables
+from lagcli.export import block_file, columns, doubles, endings, tables, thinned
 
 NAMES = ("t", "p[1][2].x", "rate(theta)", "lambda.größe", "file")
 HARD = [5e-324, 1e308, -0.0, 0.1, 1 / 3, -2.2250738585072014e-308, 1.7976931348623157e308, 123456789.0]
@@ -472,3 +472,29 @@ def test_an_empty_pattern_is_refused() -> None:
 def test_a_pattern_of_many_stars_is_answered_at_once() -> None:
     with pytest.raises(columns.UnknownColumn):
         columns.select(["a" * 200], "*a" * 40 + "b")
+
+
+# Rows for a figure
+
+
+@pytest.mark.parametrize(
+    ("count", "block"), [(1, 1), (4096, 4096), (4097, 100), (100_000, 777), (65_537, 65_537)]
+)
+def test_rows_for_a_figure_are_bounded_and_even(count, block, monkeypatch):
+    monkeypatch.setattr(thinned, "NUMBERS", 1)
+    table = np.column_stack([np.arange(count, dtype=float), np.arange(count) % 7.0])
+    kept = thinned.Thinned()
+    for start in range(0, count, block):
+        kept.add(table[start : start + block])
+    rows = kept.rows()
+    assert len(rows) <= thinned.FEWEST_ROWS + 1
+    assert len(rows) >= min(count, thinned.FEWEST_ROWS // 2)
+    assert np.array_equal(rows, table[rows[:, 0].astype(int)])
+    steps = np.diff(rows[:, 0])
+    assert rows[0, 0] == 0
+    assert rows[-1, 0] == count - 1
+    assert len(set(steps[:-1])) <= 1
+
+
+def test_no_rows_make_no_figure():
+    assert len(thinned.Thinned().rows()) == 0

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lagcli import pipeline
 from lagcli.cli import console, exits, machine, signals
-from lagcli.export import aside, checkpoint_file, columns, endings, tables
+from lagcli.export import aside, checkpoint_file, columns, endings, tables, thinned
 from lagcli.integrate import checkpoint, driver
 from lagcli.model import Model, Simulation
 from lagcli.trajectory import Stats
@@ -106,7 +106,7 @@ def run(ready: pipeline.Running, wishes: Wishes) -> None:
     for warning in () if wishes.quiet else ready.warnings:
         exits.say(warning.render())
     _tell_start(ready, wishes)
-    kept: list[Floats] = []
+    kept = thinned.Thinned()
     with signals.unwinding():
         stopped = _write_rows(ready, wishes, picked, kept)
         try:
@@ -154,7 +154,7 @@ def _tell_start(ready: pipeline.Running, wishes: Wishes) -> None:
 
 
 def _write_rows(
-    ready: pipeline.Running, wishes: Wishes, picked: list[int], kept: list[Floats]
+    ready: pipeline.Running, wishes: Wishes, picked: list[int], kept: thinned.Thinned
 ) -> driver.Stopped | None:
     """Pass the blocks on as they come; the reason if the run stopped before its end.
 
@@ -169,7 +169,7 @@ def _write_rows(
             if sink is not None:
                 sink.write(block[:, picked])
             if wishes.plot is not None:
-                kept.append(block)
+                kept.add(block)
             if keeper is not None:
                 with exits.writing(wishes.checkpoint or ""):
                     keeper.take(ready.checkpoint())
@@ -248,10 +248,11 @@ def _keep_partial(sink: tables.Sink) -> None:
     exits.say(f"lagcli: interrupted; the complete rows are in {path}")
 
 
-def _finish(ready: pipeline.Running, wishes: Wishes, kept: list[Floats]) -> None:
+def _finish(ready: pipeline.Running, wishes: Wishes, kept: thinned.Thinned) -> None:
     """The figure and the account."""
     account = ready.stats.as_json()
-    if wishes.plot is not None and kept:
+    rows = kept.rows()
+    if wishes.plot is not None and len(rows):
         # matplotlib takes a third of a second to load: only where a figure is asked for.
         from lagcli.export import figure
 
@@ -260,7 +261,7 @@ def _finish(ready: pipeline.Running, wishes: Wishes, kept: list[Floats]) -> None
             figure.draw(
                 pathlib.Path(wishes.plot),
                 ready.columns,
-                np.concatenate(kept),
+                rows,
                 title=title,
                 units=ready.model.units,
             )
