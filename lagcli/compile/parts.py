@@ -14,7 +14,8 @@ from lagcli.mechanics.system import System
 
 # Below this a norm is taken as zero where it divides; B has no row without entries.
 TINY = 1e-300
-SHARED_ENTRIES = 2000
+# Nodes of a graph in which common subexpressions are looked for.
+SHARED_NODES = 20_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,11 +82,18 @@ def parts(system: System) -> Parts:
     expressions = [rows.f, rows.B, rows.b, rows.gamma, dynamics.M, dynamics.h, dynamics.power]
     # Shared here, before the factorizations, which are large and have nothing left to share. The search takes
     # time that grows faster than the model, and large models repeat small parts that share nothing.
-    if rows.B.nnz() <= SHARED_ENTRIES:
+    if is_shared(system):
         expressions = ca.cse(expressions)
     f, B, b, gamma, M, h, power = expressions
     force = ca.Function("force", [t, system.symbols.q, v, system.p], [h, gamma, power])
     return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, force)
+
+
+def is_shared(system: System) -> bool:
+    """Whether common subexpressions are looked for: in graphs that are small enough."""
+    rows, dynamics = system.rows, system.dynamics
+    entries = ca.vertcat(*rows.B.nonzeros()) if rows.B.nnz() <= SHARED_NODES else rows.f
+    return int(ca.n_nodes(ca.vertcat(entries, rows.gamma, dynamics.h))) <= SHARED_NODES
 
 
 def state_rate(parts: Parts, a: Any, lam: Any) -> Any:

@@ -28,6 +28,5 @@ def table(system: System, parts: Parts) -> Any:
     )
     rate = ca.vertcat(ca.SX.sym("v", n), system.a, ca.SX.sym("power"))
     inputs = [symbols.t, parts.y, rate, system.lam, system.p]
-    # What the columns share is worth finding where they are few (see `parts.SHARED_ENTRIES`).
-    options = {"cse": system.rows.B.nnz() <= shared.SHARED_ENTRIES}
+    options = {"cse": shared.is_shared(system)}
     return ca.Function("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)
