@@ -23,6 +23,8 @@ ITERATIONS = 12
 # Where the Gram matrix shows a smaller value than this, its own rounding is in the way.
 CERTAIN = 3e-5
 SHIFT = 1e-14
+# More rows than these are never looked at densely: their singular values would take minutes.
+DENSE = 150
 
 
 class Rows:
@@ -126,26 +128,46 @@ class MetricRows:
 
     @cached_property
     def are_independent(self) -> bool:
-        """Whether the smallest singular value is certainly far above rounding.
-
-        Inverse iteration on the Gram matrix, whose smallest eigenvalue is the square of that value.
-        """
+        """Whether the smallest singular value is certainly far above rounding."""
         if self.count == 0:
             return True
         if self.count > self._unit.shape[1] or 0 in self._norms_of_units():
             return False
+        return self._weakest[0] > CERTAIN**2
+
+    @property
+    def weakest(self) -> Floats:
+        """A combination (C,) of rows of length one that nearly vanishes, where one does: all that depend on
+        one another take part in it."""
+        return self._weakest[1]
+
+    @cached_property
+    def _weakest(self) -> tuple[float, Floats]:
+        """The smallest eigenvalue of the Gram matrix, the square of the singular value, and its vector."""
         # Exactly dependent rows would leave a zero to divide by; the shift is far below what is asked for.
         shifted = self._gram + SHIFT * ca.DM.eye(self.count)
         x = np.random.default_rng(0).standard_normal(self.count)
         value = 0.0
         for _ in range(ITERATIONS):
-            x = np.array(self._factors.solve(shifted, ca.DM(x))).ravel()
-            length = float(np.linalg.norm(x))
+            found = np.array(self._factors.solve(shifted, ca.DM(x))).ravel()
+            length = float(np.linalg.norm(found))
             if not np.isfinite(length) or length == 0.0:
-                return False
-            value = 1.0 / length
-            x = x / length
-        return value > CERTAIN**2
+                return 0.0, x
+            value, x = 1.0 / length, found / length
+        return value, x
+
+    def above(self, size: float) -> int:
+        """How many singular values are above a size: by Sylvester's law of inertia, from sparse factors."""
+        shifted = self._gram - size**2 * ca.DM.eye(self.count)
+        factors = ca.Linsol("inertia", "ldl", shifted.sparsity())
+        factors.sfact(shifted)
+        factors.nfact(shifted)
+        return self.count - int(factors.neig(shifted))
+
+    @property
+    def is_large(self) -> bool:
+        """Whether the rows are too many to be looked at densely."""
+        return self.count > DENSE
 
     def _norms_of_units(self) -> Floats:
         return Rows(self._unit).norms
@@ -153,8 +175,9 @@ class MetricRows:
     def correction(self, residual: Floats) -> Floats:
         """The smallest step (n,) in the metric that solves B step = -residual, by least squares if it must."""
         scaled = residual / self._lengths
-        if self.are_independent:
-            weights = np.array(self._factors.solve(self._gram, ca.DM(scaled))).ravel()
+        if self.are_independent or self.is_large:
+            gram = self._gram if self.are_independent else self._gram + SHIFT * ca.DM.eye(self.count)
+            weights = np.array(self._factors.solve(gram, ca.DM(scaled))).ravel()
         else:
             weights = np.linalg.lstsq(np.array(self._gram), scaled, rcond=1e-12)[0]
         return -self._metric.unwhitened(np.array(ca.mtimes(self._unit.T, ca.DM(weights))).ravel())

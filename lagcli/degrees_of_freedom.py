@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import diagnostics, rank
+from lagcli import constraint_rows, diagnostics, rank
 from lagcli.classification import Alone
 from lagcli.compile import NumericSystem, curvature
 from lagcli.constraint_rows import MetricRows
@@ -111,7 +111,7 @@ def count(system: System, numeric: NumericSystem, alone: Mapping[str, Alone]) ->
     if on.highest[1] < len(names):  # rows that are independent at the start are so nearby
         beside = _ranks(numeric, _beside(system, state), whole)
     if not (_is_regular(numeric, state) and on.possible == on.highest == beside.possible):
-        points = _walk(numeric, state, whole)
+        points = [state] if len(names) > constraint_rows.DENSE else _walk(numeric, state, whole)
         on = _ranks(numeric, points, whole)
     if on.highest[1] < len(names):
         _refuse_contradiction(system, numeric, state)
@@ -226,9 +226,11 @@ def _obstructed(system: System, points: list[State]) -> bool:
     of_row = curvature.function(system, system.rows.B.shape[0] - 1)
     for point in points:
         Omega, rows = (np.array(part) for part in of_row(point.t, point.q, point.v, point.p))
+        size = np.abs(Omega).max(initial=0.0)
+        if not (np.isfinite(rows).all() and 1e-300 < size < np.inf):
+            continue
         basis = rank.null_basis(_unit(rows))
-        value = np.abs(basis.T @ Omega @ basis).max(initial=0.0)
-        if value > rank.LARGE * max(1e-300, np.abs(Omega).max(initial=0.0)):
+        if np.abs(basis.T @ (Omega / size) @ basis).max(initial=0.0) > rank.LARGE:
             return True
     return False
 
@@ -317,5 +319,7 @@ def _normalized_rows(numeric: NumericSystem, point: State) -> MetricRows:
 
 def _unit(rows: Floats) -> Floats:
     """Rows of length one; a row that vanishes stays zero."""
-    lengths = np.linalg.norm(rows, axis=1)
-    return np.asarray(rows / np.where(lengths > 0, lengths, 1.0)[:, None])
+    largest = np.abs(rows).max(axis=1, initial=0.0)
+    scaled = rows / np.where(largest > 0, largest, 1.0)[:, None]  # squares of large numbers overflow
+    lengths = np.linalg.norm(scaled, axis=1)
+    return np.asarray(scaled / np.where(lengths > 0, lengths, 1.0)[:, None])

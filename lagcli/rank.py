@@ -25,7 +25,10 @@ WEIGHT = 1e-6
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Rank:
-    """The rank lies between `low` and `high`; `dependences` are the left null vectors beyond `low` (d, C)."""
+    """The rank lies between `low` and `high`; `dependences` are the left null vectors beyond `low` (d, C).
+
+    Of rows too many to be looked at densely it is one vector, in which all that depend on others take part.
+    """
 
     low: int
     high: int
@@ -52,19 +55,28 @@ def rank(rows: MetricRows) -> Rank:
 def _rank(rows: MetricRows) -> Rank:
     if rows.are_independent:
         return Rank(rows.count, rows.count, np.zeros((0, rows.count)))
+    if rows.is_large:
+        large = rows.above(LARGE)
+        dependences = rows.weakest[None] if large < rows.count else np.zeros((0, rows.count))
+        return Rank(large, rows.above(SMALL), dependences)
     sigma = np.zeros(rows.count)
-    found = np.linalg.svd(rows.dense, compute_uv=False)
+    # The left vectors are wanted whole; of the right ones there may be many more.
+    wide = rows.dense.shape[1] >= rows.count
+    left, found, _ = np.linalg.svd(rows.dense, full_matrices=not wide)
     sigma[: found.size] = found
     large, small = int((sigma > LARGE).sum()), int((sigma > SMALL).sum())
     if large == rows.count:
         return Rank(large, small, np.zeros((0, rows.count)))
-    return Rank(large, small, np.linalg.svd(rows.dense)[0].T[large:])
+    return Rank(large, small, left.T[large:])
 
 
 def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
-    """Which rows depend on rows before them (Gram-Schmidt in their order, twice for rounding)."""
+    """Which rows depend on rows before them (Gram-Schmidt in their order, twice for rounding).
+
+    Of more rows than are looked at densely none is named.
+    """
     flags = np.zeros(rows.count, dtype=bool)
-    if rows.are_independent:
+    if rows.are_independent or rows.is_large:
         return flags
     basis = np.zeros((0, rows.dense.shape[1]))
     for i, row in enumerate(rows.dense):

@@ -8,7 +8,7 @@ import pytest
 import reference_models
 
 import lagcli
-from lagcli import classification
+from lagcli import classification, constraint_rows
 
 FRAMEWORKS = reference_models.frameworks()
 
@@ -449,3 +449,27 @@ particles:
 holonomic: {rod: "distance(a, b) = 10"}
 """
     assert lagcli.dof(lagcli.loads(text)).configuration_dof == 5
+
+
+@pytest.mark.parametrize("twins", [0, 1, 5])
+def test_many_rows_are_counted_from_sparse_factors(twins, monkeypatch):
+    """The same count and the same names, whether the rows are looked at densely or not."""
+    text = (
+        "lagcli: 1\nparameters: {N: 12, K: 0}\nparticles:\n"
+        '  p[i]: {for: "i = 1..N", mass: i, position: "[i, sin(i), cos(2*i)]"}\n'
+        "holonomic:\n"
+        '  rod[i]: {for: "i = 2..N", equation: "distance(p[i-1], p[i]) = sqrt(1 + (sin(i) - sin(i - 1))**2'
+        ' + (cos(2*i) - cos(2*(i - 1)))**2)"}\n'
+        '  twin[i]: {for: "i = 2..K+1", equation: "dot(p[i] - p[i-1], p[i] - p[i-1]) = 1 + (sin(i) - sin(i - 1))**2'
+        ' + (cos(2*i) - cos(2*(i - 1)))**2"}\n'
+    )
+    model = lagcli.loads(text, {"K": twins})
+    dense = lagcli.dof(model)
+    monkeypatch.setattr(constraint_rows, "DENSE", 3)
+    sparse = lagcli.dof(model)
+    assert sparse.configuration_dof == dense.configuration_dof == 36 - 11
+    assert sparse.redundant == dense.redundant == twins
+    if twins:
+        with pytest.raises(lagcli.ModelError, match="not independent") as caught:
+            lagcli.simulate(model, duration=1)
+        assert all(f"`twin[{i}]`" in str(caught.value) for i in range(2, twins + 2))

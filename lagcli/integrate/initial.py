@@ -249,8 +249,8 @@ class Assembly:
 
 def held(system: System, keep: tuple[str, ...]) -> npt.NDArray[np.bool_]:
     """Which of the n coordinates `keep` names (`theta`, `a`, `a.x`)."""
-    names = system.model.coordinate_names
-    return np.array([name in keep or name.partition(".")[0] in keep for name in names], dtype=bool)
+    names, kept = system.model.coordinate_names, frozenset(keep)
+    return np.array([name in kept or name.partition(".")[0] in kept for name in names], dtype=bool)
 
 
 def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...]) -> Assembly:
