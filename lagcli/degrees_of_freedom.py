@@ -188,16 +188,13 @@ def _refuse_contradiction(system: System, numeric: NumericSystem, state: State) 
         if not np.isfinite(B.nonzeros()).all() or not np.array(b).any():
             continue
         v = projection.velocity(np.zeros(q.size), B, np.array(b).ravel(), initial.metric_at(numeric, later))
-        found = initial.inconsistencies(
-            system, initial.residuals(system, numeric, dataclasses.replace(later, v=v))
-        )
-        if found:
-            names = ", ".join(
-                f"`{row.name}`" for row in system.rows.rows if row.location in [d.location for d in found]
-            )
+        broken = initial.residuals(system, numeric, dataclasses.replace(later, v=v)).violated
+        if broken:
+            names = initial.names_of(system, broken)
             message = f"{names} cannot be satisfied together with the other rows: at t = {t:.6g} they part"
+            location = system.rows.rows[broken[0]].location
             raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("contradictory-constraints", message, found[0].location)]
+                [diagnostics.Diagnostic("contradictory-constraints", message, location)]
             )
 
 

@@ -163,11 +163,12 @@ def _write_rows(
     names = [ready.columns[i] for i in picked]
     keeper = checkpoint_file.Keeper(wishes.checkpoint) if wishes.checkpoint is not None else None
     over, complete = False, False
+    everything = picked == list(range(len(ready.columns)))
     with _sink(wishes, names) as sink:
 
         def take(block: Floats) -> None:
             if sink is not None:
-                sink.write(block[:, picked])
+                sink.write(block if everything else block[:, picked])
             if wishes.plot is not None:
                 kept.add(block)
             if keeper is not None:

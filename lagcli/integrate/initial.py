@@ -28,6 +28,8 @@ PROBES, ROUNDINGS = 12, 64
 NEAR, ASIDE, NEARER = 1e-3, 1e-2, 1e-9
 # A row whose gradient along the coordinates that may move is this part of the whole one has nothing to move.
 STUCK = 1e-5
+# Rows that a message names one by one.
+MOST_TOLD = 20
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -52,9 +54,22 @@ class Residuals:
     @property
     def consistent(self) -> bool:
         """Whether every residual is within rounding of the declared values."""
-        return bool(
-            (self.position <= self.position_limit).all() and (self.velocity <= self.velocity_limit).all()
-        )
+        return not self.violated
+
+    @property
+    def violated(self) -> list[int]:
+        """The rows that are not."""
+        broken = ~(self.velocity <= self.velocity_limit)
+        broken[: self.position.size] |= ~(self.position <= self.position_limit)
+        return [int(i) for i in np.flatnonzero(broken)]
+
+    def in_position(self, i: int) -> bool:
+        """Whether a row that is violated is so in whole coordinates."""
+        return i < self.position.size and not self.position[i] <= self.position_limit[i]
+
+    def size(self, i: int) -> float:
+        """How far a row is violated, in whole coordinates or else in velocities."""
+        return float(self.position[i] if self.in_position(i) else self.velocity[i])
 
 
 def declared(system: System) -> State:
@@ -194,21 +209,33 @@ def _sizes(rows: Rows, values: Floats) -> Floats:
 
 
 def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagnostic]:
-    """One diagnostic for each row that the start violates."""
-    units = system.model.units
-    cartesian = not system.model.coordinates
-    length, speed = (f" {units.length}", f" {units.length}/{units.time}") if cartesian else ("", "")
-    report = []
-    hint = "mend the initial values, or use `--assemble` to move them to the nearest consistent state"
-    for i, row in enumerate(system.rows.rows):
-        if i < found.position.size and found.position[i] > found.position_limit[i]:
-            message = f"the initial positions violate `{row.name}` by {found.position[i]:.6g}{length}"
-        elif found.velocity[i] > found.velocity_limit[i]:
-            message = f"the initial velocities violate `{row.name}` by {found.velocity[i]:.6g}{speed}"
-        else:
-            continue
-        report.append(diagnostics.Diagnostic("inconsistent-start", message, row.location, hint))
+    """One diagnostic for each row that the start violates; of a family `MOST_TOLD`, and one for the rest of it."""
+    report: list[diagnostics.Diagnostic] = []
+    by_place: dict[diagnostics.Location, list[int]] = {}
+    for i in found.violated:
+        by_place.setdefault(system.rows.rows[i].location, []).append(i)
+    for location, broken in by_place.items():
+        report += (_violation(system, found, i) for i in broken[:MOST_TOLD])
+        rest = broken[MOST_TOLD:]
+        if rest:
+            worst = _violation(system, found, max(rest, key=found.size))
+            message = f"so do {len(rest)} more rows of this family; of them the most: {worst.message}"
+            report.append(diagnostics.Diagnostic("inconsistent-start", message, location, worst.hint))
     return report
+
+
+def _violation(system: System, found: Residuals, i: int) -> diagnostics.Diagnostic:
+    """How far the start violates a row."""
+    row, units = system.rows.rows[i], system.model.units
+    cartesian = not system.model.coordinates
+    if found.in_position(i):
+        unit = f" {units.length}" if cartesian else ""
+        message = f"the initial positions violate `{row.name}` by {found.position[i]:.6g}{unit}"
+    else:
+        unit = f" {units.length}/{units.time}" if cartesian else ""
+        message = f"the initial velocities violate `{row.name}` by {found.velocity[i]:.6g}{unit}"
+    hint = "mend the initial values, or use `--assemble` to move them to the nearest consistent state"
+    return diagnostics.Diagnostic("inconsistent-start", message, row.location, hint)
 
 
 def require_consistent(system: System, found: Residuals) -> None:
@@ -226,15 +253,16 @@ def require_independent(system: System, numeric: NumericSystem, state: State, me
         return
     report = []
     for null_vector in found.dependences:
-        rows = [system.rows.rows[i] for i in rank.participants(null_vector)]
-        names = ", ".join(f"`{row.name}`" for row in rows)
+        rows = rank.participants(null_vector)
+        names = names_of(system, rows)
         message = (
             f"the rows {names} are not independent at the start, so their multipliers are not unique"
             if len(rows) > 1
             else f"the row {names} has no direction at the start: its gradient vanishes there"
         )
         hint = "leave out a row that follows from the others"
-        report.append(diagnostics.Diagnostic("dependent-constraints", message, rows[-1].location, hint))
+        at = system.rows.rows[rows[-1]].location
+        report.append(diagnostics.Diagnostic("dependent-constraints", message, at, hint))
     raise diagnostics.ModelError(report)
 
 
@@ -314,7 +342,7 @@ def _nearest(system: System, numeric: NumericSystem, state: State, fixed: npt.ND
 
 def _stuck(system: System, rows: list[int]) -> diagnostics.ModelError:
     """The error for rows that no coordinate which may move can satisfy."""
-    names = ", ".join(f"`{system.rows.rows[i].name}`" for i in rows)
+    names = names_of(system, rows)
     message = f"with the coordinates that `keep` holds, nothing is left to satisfy {names}"
     location = system.rows.rows[rows[0]].location
     hint = "let `keep` hold fewer coordinates"
@@ -326,18 +354,21 @@ def no_configuration(
 ) -> diagnostics.ModelError:
     """The error for constraints that no state near the start satisfies: the rows that remain violated."""
     found = residuals(system, numeric, state)
-    broken = inconsistencies(system, found)
-    names = ", ".join(f"`{row.name}`" for i, row in enumerate(system.rows.rows) if _violated(found, i))
+    broken = found.violated
     message = (
-        f"no state that satisfies all constraints was found near the start; {names or 'some'} remain violated"
+        "no state that satisfies all constraints was found near the start;"
+        f" {names_of(system, broken) or 'some'} remain violated"
     )
     hint = "the constraints may contradict each other, or the start may be too far away"
     if keep:
         hint += "; `keep` may hold too many coordinates"
-    location = broken[0].location if broken else diagnostics.Location(system.model.path, 1, 1)
+    location = (
+        system.rows.rows[broken[0]].location if broken else diagnostics.Location(system.model.path, 1, 1)
+    )
     return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location, hint)])
 
 
-def _violated(found: Residuals, i: int) -> bool:
-    position = i < found.position.size and found.position[i] > found.position_limit[i]
-    return bool(position or found.velocity[i] > found.velocity_limit[i])
+def names_of(system: System, rows: list[int]) -> str:
+    """The names of rows, the first of them where they are many."""
+    names = ", ".join(f"`{system.rows.rows[i].name}`" for i in rows[:MOST_TOLD])
+    return names + (f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else "")
