@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 
 from lagcli import catalogue
 from lagcli.expression import evaluate
-from lagcli.reader import keys, scope
+from lagcli.reader import keys, names
 
 HERE = pathlib.Path(__file__).parent / "reference"
 PART = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -40,7 +40,7 @@ def _walk(parent: keys.Key, prefix: str) -> Iterator[tuple[str, keys.Key]]:
 
 def reserved_names() -> str:
     """Names that may not be taken."""
-    everywhere, columns = _listed(scope.RESERVED), _listed(scope.NOT_FOR_COLUMNS)
+    everywhere, columns = _listed(names.RESERVED), _listed(names.NOT_FOR_COLUMNS)
     return (
         f"Reserved everywhere: {everywhere}. Particles, coordinates and outputs may not be called {columns}."
     )

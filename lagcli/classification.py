@@ -40,17 +40,18 @@ def differential(model: nouns.Model, limit: float = DEFAULT_LIMIT) -> tuple[Verd
     if not model.differential:
         return ()
     # Loaded here and not above: SymPy costs half a second that holonomic models need not spend.
-    from lagcli.pfaffian import alone, translate
+    from lagcli.pfaffian import alike, translate
     from lagcli.pfaffian import limit as clock
 
     deadline = clock.after(limit)
+    judge = alike.Judge()
     verdicts = []
     for row, form in translate.forms(model).items():
         if isinstance(form, translate.TooLarge):
             reason = "the form is too large for exact algebra"
             verdicts.append(Verdict(row, "differential", "undecided", None, None, reason, "none"))
             continue
-        found = alone.classify(form, deadline)
+        found = judge.classify(form, deadline)
         integral = None if found.integral is None else translate.written(found.integral)
         factor = None if found.integrating_factor is None else translate.written(found.integrating_factor)
         verdicts.append(Verdict(row, "differential", found.kind, integral, factor, found.method, found.proof))

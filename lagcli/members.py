@@ -61,6 +61,7 @@ class Roll:
     def __init__(self, entries: Iterable[Members] = ()) -> None:
         self._numbers: dict[str, dict[Indices, int]] = {}
         self._ends: list[int] = []
+        self._extremes: dict[str, tuple[Indices, Indices]] = {}
         self.names: list[str] = []
         for entry in entries:
             self.add(entry)
@@ -75,6 +76,7 @@ class Roll:
         """Number the members of a further entry; the name of the first that is there already, or nothing."""
         known = self._numbers.setdefault(members.base, {})
         first, repeated = len(self), ""
+        self._extremes.pop(members.base, None)
         for number, (name, indices) in enumerate(zip(members.names, members.indices, strict=True), first):
             if known.setdefault(indices, number) != number and not repeated:
                 repeated = name
@@ -90,10 +92,11 @@ class Roll:
         """The numbers of all members of a base name."""
         return list(self._numbers[base].values())
 
-    def ends(self, base: str) -> tuple[Indices, Indices] | None:
-        """The first and the last of the indices there are."""
-        known = list(self._numbers[base])
-        return (known[0], known[-1]) if known else None
+    def ends(self, base: str) -> tuple[Indices, Indices]:
+        """The least and the greatest of the indices there are; there must be some."""
+        if base not in self._extremes:
+            self._extremes[base] = min(self._numbers[base]), max(self._numbers[base])
+        return self._extremes[base]
 
     def find(self, base: str, indices: Sequence[int | Whole]) -> Whole:
         """The numbers of members: (1,) for numbers, (K,) for index vectors. Raises `MissingMember`."""

@@ -9,7 +9,9 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import re
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -176,6 +178,32 @@ def difference(equation: str, names: dict[str, Any]) -> list[Any]:
     return list(value) if isinstance(value, Vec) else [value]
 
 
+def flat_name(name: str, numbers: dict[str, Any] | None = None) -> str:
+    """The name a formula of this file has for a member of a family: `p[1][2].x` is `p_1_2.x`, `p[-1]` is `p_m1`.
+
+    `numbers` are the values of index variables and parameters in the brackets.
+    """
+
+    def one(found: re.Match[str]) -> str:
+        return f"_{whole(found.group(1), numbers or {})}".replace("-", "m")
+
+    return re.sub(r"(?<=[\w\]])\[([^\[\]]*)\]", one, name)
+
+
+def whole(text: str, numbers: dict[str, Any]) -> int:
+    """The value of an integer expression, by fractions."""
+    value = exact(text, numbers)
+    assert value == int(value), text
+    return int(value)
+
+
+def exact(text: str, numbers: dict[str, Any]) -> Any:
+    """The value of an integer expression or filter, by fractions."""
+    names = {key: Fraction(value) for key, value in numbers.items()}
+    known = {"Fraction": Fraction, "abs": abs, "min": min, "max": max, "__builtins__": {}}
+    return eval(re.sub(r"(?<![\w.])\d+", r"Fraction(\g<0>)", text), known, names)
+
+
 @dataclasses.dataclass
 class Spec:
     """A model as its generator knows it; texts in the notation of the format. Vectors are one text."""
@@ -184,7 +212,7 @@ class Spec:
     coordinates: dict[str, list[float]] = dataclasses.field(default_factory=dict)
     masses: dict[str, str] = dataclasses.field(default_factory=dict)
     free: dict[str, list[list[float]]] = dataclasses.field(default_factory=dict)
-    dependent: dict[str, str] = dataclasses.field(default_factory=dict)
+    dependent: dict[str, str] = dataclasses.field(default_factory=dict)  # each after those it uses
     definitions: dict[str, str] = dataclasses.field(default_factory=dict)
     lagrangian: str = ""
     potentials: dict[str, str] = dataclasses.field(default_factory=dict)
@@ -311,10 +339,9 @@ class Oracle:
             names[name] = Vec(z[at : at + 3], Vec(z[at + n : at + n + 3]))
         for j, name in enumerate(spec.coordinates, 1 + 3 * len(free)):
             names[name] = z[j]
-        for name in spec.particles:
-            if name in spec.dependent:
-                place = Vec(self._lifted(c) for c in evaluate(spec.dependent[name], names))
-                names[name] = Vec(place, Vec(self.rate(c) for c in place))
+        for name, text in spec.dependent.items():
+            place = Vec(self._lifted(c) for c in evaluate(text, names))
+            names[name] = Vec(place, Vec(self.rate(c) for c in place))
         for key, text in spec.definitions.items():
             names[key] = evaluate(text, names)
         return names

@@ -333,6 +333,10 @@ def changed(**changes: Any) -> Callable[[dict[str, Any]], None]:
         changed(mark__figures={}),
         changed(mark__figures=None),
         changed(mark__row=None),
+        changed(mark__row=-1e308),
+        changed(mark__t=-1e308),
+        changed(mark__t=0.5),
+        changed(mark__evaluations=7),
         changed(identity__q=[0.0]),
         changed(identity__parameters=[1]),
         changed(identity__parameters={"ramp": [1]}),
@@ -347,6 +351,13 @@ def test_a_damaged_checkpoint_is_refused(damage: Callable[[dict[str, Any]], None
     point.write_text(json.dumps(whole))
     with pytest.raises(ValueError, match="it is a damaged checkpoint"):
         lagcli.simulate(lagcli.loads(SLEIGH), duration=2, resume=point)
+
+
+def test_a_checkpoint_laid_out_in_another_way_is_the_same(point: Path) -> None:
+    whole = json.loads(point.read_text())
+    point.write_text(json.dumps(whole, indent=1, sort_keys=True))
+    run = lagcli.simulate(lagcli.loads(SLEIGH), duration=2, samples=5, resume=point)
+    assert same_bits(run.rows, lagcli.simulate(lagcli.loads(SLEIGH), duration=2, samples=5).rows[-2:])
 
 
 @pytest.mark.parametrize(

@@ -56,3 +56,9 @@ def test_large_systems_are_factored_numerically():
     chain = system.build(lagcli.load(MODELS / "double-pendulum.yaml"))
     parts = compile.parts.parts(chain)
     assert compile.solving.operations(parts.S) < 100
+
+
+def test_particles_that_are_many_and_free_cost_no_memory_by_their_square():
+    text = 'lagcli: 1\nparticles:\n  p[i]: {for: "i = 1..N", mass: 2, position: "[i, 0, 0]"}\nparameters: {N: 10000}\n'
+    # M has as many entries as rows; its zeros alone would take gigabytes.
+    assert lagcli.dof(lagcli.loads(text)).configuration_dof == 30_000

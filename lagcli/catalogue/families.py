@@ -34,8 +34,9 @@ PAGES = (
     ),
     Page(
         code="too-many-members",
-        meaning="The families of the model have more members than the program takes.",
-        why="A file of a few lines could otherwise ask for any amount of memory.",
+        meaning="The families of the model have more members than the program takes, a force acts more often, or the"
+        " expressions of all members have together too many parts.",
+        why="A file of a few lines could otherwise ask for any amount of memory and time.",
         example=_CHAIN.replace("N: 3", "N: 10000000"),
         cure="Model fewer.",
         old="N: 10000000",

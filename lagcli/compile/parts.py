@@ -79,12 +79,15 @@ def parts(system: System) -> Parts:
     rows, dynamics = system.rows, system.dynamics
     t, v = system.symbols.t, system.symbols.v
     y = ca.vertcat(system.symbols.q, v, ca.SX.sym("W"))
-    expressions = [rows.f, rows.B, rows.b, rows.gamma, dynamics.M, dynamics.h, dynamics.power]
+    B, M = rows.B, dynamics.M
+    expressions = [rows.f, B.nz[:], rows.b, rows.gamma, M.nz[:], dynamics.h, dynamics.power]
     # Shared here, before the factorizations, which are large and have nothing left to share. The search takes
-    # time that grows faster than the model, and large models repeat small parts that share nothing.
+    # time that grows faster than the model, and large models repeat small parts that share nothing. Of matrices it
+    # sees the entries alone: the zeros would take memory and time by their number.
     if is_shared(system):
         expressions = ca.cse(expressions)
-    f, B, b, gamma, M, h, power = expressions
+    f, B_entries, b, gamma, M_entries, h, power = expressions
+    B, M = ca.SX(B.sparsity(), B_entries), ca.SX(M.sparsity(), M_entries)
     force = ca.Function("force", [t, system.symbols.q, v, system.p], [h, gamma, power])
     return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, force)
 

@@ -1,12 +1,13 @@
 """A run at a step boundary, as a noun and as JSON: what it takes to go on bit for bit, and for which model.
 
-Doubles are written so that they read back to the same double. What is read is checked to the last number: a
-checkpoint is a file like any other, and may be torn or of another make.
+Doubles are written so that they read back to the same double. What is read is checked to the last number, and
+all numbers together by a sum: a checkpoint is a file like any other, and may be torn, damaged or of another make.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 import os
@@ -126,11 +127,21 @@ def _shown(value: object) -> str:
 
 def encoded(point: Checkpoint) -> bytes:
     """The checkpoint as JSON."""
+    parts = _parts(point)
+    whole = {"lagcli-checkpoint": FORMAT, **parts, "sum": control_sum(parts)}
+    return json.dumps(whole, allow_nan=False).encode() + b"\n"
+
+
+def _parts(point: Checkpoint) -> dict[str, Any]:
     mark = {field.name: getattr(point.mark, field.name) for field in dataclasses.fields(Mark)}
     mark |= {"y": point.mark.y.tolist(), "k": point.mark.k.tolist()}
     mark["figures"] = dataclasses.asdict(point.mark.figures)
-    whole = {"lagcli-checkpoint": FORMAT, "identity": dataclasses.asdict(point.identity), "mark": mark}
-    return json.dumps(whole, allow_nan=False).encode() + b"\n"
+    return {"identity": dataclasses.asdict(point.identity), "mark": mark}
+
+
+def control_sum(parts: dict[str, Any]) -> str:
+    """Tells whether any number of a checkpoint has changed; how the file is laid out plays no part in it."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def read(path: str | os.PathLike[str]) -> Checkpoint:
@@ -165,6 +176,10 @@ def decoded(data: bytes) -> Checkpoint:
         == 2 * len(point.identity.v) + 1
     ):
         raise CheckpointError("it is a damaged checkpoint: its parts are not of one length")
+    if min(point.mark.t, point.mark.row) < point.identity.start:
+        raise CheckpointError("it is a damaged checkpoint: it stands before the start of its run")
+    if control_sum(_parts(point)) != whole.get("sum"):
+        raise CheckpointError("it is a damaged checkpoint: its numbers are not those that were written")
     return point
 
 

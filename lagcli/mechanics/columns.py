@@ -48,7 +48,9 @@ class Columns:
 
 def taken(column: Any, rows: Whole) -> Any:
     """Rows of a column, in any order."""
-    return column[rows.tolist()] if rows.size != 1 else column[int(rows[0])]
+    if rows.size == 1:
+        return column[int(rows[0])]
+    return ca.vec(column[rows.tolist()])  # CasADi takes of a single row a line, not a column
 
 
 def _is_all(rows: Whole, column: Any) -> bool:

@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 # The base takes the first particles that extend the span well, by this part of the body's size; where none does,
 # the one that extends it most, if by more than rounding.
 WELL, ROUNDING = 1e-2, 1e-9
+# Distances between places beyond this overflow.
+FAR = 1e307
 
 
 class DegenerateBody(ValueError):
@@ -58,15 +60,17 @@ class Geometry:
 
 
 def geometry(points: Floats) -> Geometry:
-    """Geometry of a body from the positions of its particles, shape (K, 3). Raises `DegenerateBody`."""
-    size = float(np.max(np.linalg.norm(points - points[0], axis=1)))
+    """Geometry of a body from the positions of its particles, shape (K, 3), below `FAR`. Raises `DegenerateBody`."""
+    offsets = points - points[0]
+    size = float(np.abs(offsets).max())
     if size == 0.0:
         raise DegenerateBody
-    base = _base(points, size)
+    points = offsets / size  # squares of lengths neither overflow nor vanish
+    base = _base(points)
     pairs = tuple(itertools.combinations(range(len(base)), 2))
     # In the order of the specification: (1,2), (1,3), (2,3), (1,4), ...
     pairs = tuple(sorted(pairs, key=lambda pair: (pair[1], pair[0])))
-    distances = tuple(float(np.linalg.norm(points[base[i]] - points[base[j]])) for i, j in pairs)
+    distances = tuple(size * float(np.linalg.norm(points[base[i]] - points[base[j]])) for i, j in pairs)
     further = tuple(k for k in range(len(points)) if k not in base)
     edges = (points[list(base[1:])] - points[base[0]]).T
     alpha = np.zeros((len(further), len(base)))
@@ -78,17 +82,18 @@ def geometry(points: Floats) -> Geometry:
     if len(base) == 3:
         normal = np.cross(edges[:, 0], edges[:, 1])
         heights = (points[list(further)] - points[base[0]]) @ normal / (normal @ normal)
-        if np.abs(heights).max(initial=0.0) * np.linalg.norm(normal) > 1e-12 * size:
-            gamma = heights
+        if np.abs(heights).max(initial=0.0) * np.linalg.norm(normal) > 1e-12:
+            gamma = heights / size
     return Geometry(tuple(base), pairs, distances, further, alpha, gamma)
 
 
-def _base(points: Floats, size: float) -> list[int]:
+def _base(points: Floats) -> list[int]:
     """The first particles that span the body, each well off the span of those before it."""
     base = [0]
     directions = np.zeros((0, 3))
+    offsets = points - points[0]
+    size = np.linalg.norm(offsets, axis=1).max()
     while len(base) < 4:
-        offsets = points - points[0]
         rest = offsets - offsets @ directions.T @ directions
         lengths = np.linalg.norm(rest, axis=1)
         well = np.flatnonzero(lengths > WELL * size)

@@ -150,6 +150,8 @@ def _refuse_empty(names: Sequence[Row], B: Any, values: Any) -> None:
         if not (names[i].name != names[i].constraint and values[i].is_zero())
     ]
     if empty:
+        # Of a family the first says it for all: they are one text.
+        empty = list({row.location: row for row in reversed(empty)}.values())[::-1]
         raise diagnostics.ModelError(
             diagnostics.Diagnostic(
                 "no-coordinates",

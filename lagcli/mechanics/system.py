@@ -163,8 +163,14 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[rigid.
     points = np.array(where(model.simulation.start, q, p)).reshape(-1, 3)
     found = []
     for body in model.rigid:
+        places = points[np.searchsorted(numbers, body.particles)]
+        if not np.abs(places).max() < rigid.FAR:
+            message = f"the particles of the body `{body.name}` do not start at finite places"
+            raise diagnostics.ModelError(
+                [diagnostics.Diagnostic("not-finite-at-start", message, body.location)]
+            )
         try:
-            found.append(rigid.geometry(points[np.searchsorted(numbers, body.particles)]))
+            found.append(rigid.geometry(places))
         except rigid.DegenerateBody:
             message = f"all particles of the body `{body.name}` start at one point"
             raise diagnostics.ModelError(

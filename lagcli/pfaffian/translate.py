@@ -68,14 +68,14 @@ def forms(model: nouns.Model) -> dict[str, Form | TooLarge]:
 
 def _form(names: _Names, row: str, value: Any) -> Form:
     _require_small(value)
-    at_rest = dict.fromkeys((*names.differentials.values(), _DT), 0)
     present = value.free_symbols
-    coefficients = {x: sympy.diff(value, d) for x, d in names.differentials.items() if d in present}
+    coefficients = {x: sympy.diff(value, names.differentials[x]) for x in names.moved(present)}
+    at_rest = {d: sympy.Integer(0) for d in (*(names.differentials[x] for x in coefficients), _DT)}
     # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
-    coefficients[TIME] = sympy.diff(value, _DT) + value.subs(at_rest)
+    coefficients[TIME] = sympy.diff(value, _DT) + value.xreplace(at_rest)
     used = set().union(*(c.free_symbols for c in coefficients.values()))
-    order = (*names.differentials, TIME)
-    variables = tuple(x for x in order if coefficients.get(x, 0) != 0 or x in used)
+    moving = {x for x, a in coefficients.items() if a != 0}
+    variables = names.ordered(used | moving)
     parameters = tuple(p for p in names.parameters if p in used)
     return Form(row, variables, tuple(coefficients.get(x, sympy.Integer(0)) for x in variables), parameters)
 
@@ -106,6 +106,8 @@ class _Names(Operators):
         self._model = model
         self._coordinates = {name: sympy.Symbol(name, real=True) for name in model.coordinate_names}
         self.differentials = {x: sympy.Symbol(f"d({x.name})", real=True) for x in self._coordinates.values()}
+        self._moved = {d: x for x, d in self.differentials.items()}
+        self._rank = {x: n for n, x in enumerate((*self.differentials, TIME))}
         self._parameters = {p.name: _parameter(p) for p in model.parameters}
         self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
         self._particles = Roll(p.members for p in model.particles)
@@ -128,6 +130,14 @@ class _Names(Operators):
                     continue
                 for place in step.places.tolist():
                     self._position(self._particles.first(step.entry) + place)
+
+    def moved(self, symbols: set[Any]) -> tuple[Any, ...]:
+        """The coordinates whose differentials are among these symbols, in their order."""
+        return self.ordered({self._moved[d] for d in symbols if d in self._moved})
+
+    def ordered(self, symbols: set[Any]) -> tuple[Any, ...]:
+        """The coordinates and time among these symbols, in their order, time last."""
+        return tuple(sorted((x for x in symbols if x in self._rank), key=self._rank.__getitem__))
 
     def at(self, members: Members, place: int) -> _Names:
         """The same for one member of a family: its indices are numbers."""
@@ -191,10 +201,8 @@ class _Names(Operators):
         return self._along(value) + sympy.diff(value, TIME)
 
     def _along(self, value: Any) -> Any:
-        used = value.free_symbols
-        return sum(
-            (sympy.diff(value, x) * d for x, d in self.differentials.items() if x in used), sympy.Integer(0)
-        )
+        used = (x for x in self.ordered(value.free_symbols) if x != TIME)
+        return sum((sympy.diff(value, x) * self.differentials[x] for x in used), sympy.Integer(0))
 
     def _named(self, name: str) -> Any:
         constants: Mapping[str, Any] = {"t": TIME, "pi": sympy.pi, "dt": _DT}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,7 +14,7 @@ from lagcli import diagnostics, members, model, settings, source
 from lagcli.expression import facts, parser, tokens, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members
-from lagcli.reader import families, keys, laws, order, overrides, scope, sections
+from lagcli.reader import families, keys, laws, multipliers, names, order, overrides, scope, sections, starts
 from lagcli.reader.formula import Formulas
 
 T = TypeVar("T")
@@ -25,7 +25,7 @@ def _same(value: T) -> T:
     return value
 
 
-_NAMING: tuple[tuple[str, scope.Kind], ...] = (
+_NAMING: tuple[tuple[str, names.Kind], ...] = (
     ("parameters", "parameter"),
     ("coordinates", "coordinate"),
     ("particles", "particle"),
@@ -44,7 +44,8 @@ def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = No
     is wrong.
     """
     root = source.parse(data, path)
-    return _Document(root, overrides.apply(root, changes or {})).read()
+    changed, of_members = overrides.apply(root, changes or {})
+    return _Document(root, changed).read(of_members)
 
 
 class _Document:
@@ -59,7 +60,8 @@ class _Document:
         self._defined: dict[str, model.Expression] = {}
         self._members: dict[tuple[str, str], Members | None] = {}  # of a section and a key; None where broken
 
-    def read(self) -> model.Model:
+    def read(self, of_members: Sequence[overrides.OfMember]) -> model.Model:
+        """The model, with the changes to single members made."""
         self._check_sections()
         texts = {section: self._text(section) for section in ("title", "description", "source")}
         units = self._units()
@@ -95,6 +97,9 @@ class _Document:
         # Nothing may be left out in silence: without an error every entry has become a noun.
         assert sum(map(len, read)) == sum(1 for section in _NAMED for _ in self._entries(section))
         evaluation = order.evaluation(self._formulas, particles, definitions)
+        changes = {s: [one for one in of_members if one.section == s] for s in ("coordinates", "particles")}
+        coordinates = starts.coordinates(self._formulas, coordinates, changes["coordinates"])
+        particles = starts.particles(self._formulas, particles, changes["particles"])
         self._found.raise_errors()
         return model.Model(
             path=self._root.text.path,
@@ -116,7 +121,7 @@ class _Document:
             simulation=simulation,
             warnings=self._found.warnings,
             order=evaluation,
-            structure=tuple(sorted(self._scope.structure.items())),
+            structure=tuple(sorted(self._scope.indexed.structure.items())),
         )
 
     def _check_sections(self) -> None:
@@ -157,11 +162,11 @@ class _Document:
             for name, value in self._entries(section):
                 is_family = section in _FAMILIES and families.is_family(name, value)
                 base = families.base(name) if is_family else name.value
-                trouble = self._scope.declare(name.value, base, kind)
+                trouble = self._scope.names.declare(name.value, base, kind)
                 if trouble:
-                    code = "duplicate-name" if base in self._scope else "bad-name"
+                    code = "duplicate-name" if base in self._scope.names else "bad-name"
                     self._formulas.report(name, code, trouble)
-                    self._scope.spoil(base, kind)
+                    self._scope.names.spoil(name.value, base, kind)
 
     def _take_constraint_names(self) -> None:
         """Constraints have names of their own, told apart in the columns `lambda.NAME`."""
@@ -173,7 +178,7 @@ class _Document:
                 if not tokens.is_name(word):
                     message = "a name is a letter or `_`, then letters, digits and `_`"
                     self._formulas.report(name, "bad-name", message)
-                elif word in scope.RESERVED:
+                elif word in names.RESERVED:
                     self._formulas.report(name, "bad-name", f"`{word}` is reserved")
                 elif section != "forces":
                     if word in taken and not (is_family and taken[word] == (section, True)):
@@ -182,7 +187,7 @@ class _Document:
                             name, "duplicate-name", message, "two columns would have one name"
                         )
                     taken.setdefault(word, (section, is_family))
-                    self._scope.take_law(word, is_family)
+                    self._scope.laws.take(word, is_family)
 
     def _count_members(self) -> None:
         """Say of every entry which members it has."""
@@ -206,9 +211,9 @@ class _Document:
             return
         base = families.base(name)
         if found is None:
-            self._scope.spoil(base, kind)
-        elif not self._scope.is_broken(base):
-            self._refuse_repeated(name, found, self._scope.number(name.value, found))
+            self._scope.names.spoil(name.value, base, kind)
+        elif not self._scope.names.is_broken(base):
+            self._refuse_repeated(name, found, self._scope.names.number(name.value, found))
 
     def _refuse_repeated(self, name: source.Scalar, found: Members, repeated: str) -> None:
         """Report two members of one name."""
@@ -224,7 +229,7 @@ class _Document:
         read = []
         for name, node in self._entries("parameters"):
             found = sections.parameter(self._formulas, node)
-            self._scope.define(name.value, functools.partial(_same, found))
+            self._scope.names.define(name.value, functools.partial(_same, found))
             if found is not None:
                 read.append(model.Parameter(name.value, sections.parameter_value(found)))
                 self._look(name.value)
@@ -232,10 +237,10 @@ class _Document:
 
     def _look(self, key: str) -> Any:
         """Have the facts of an entry found now; whatever is wrong has been reported."""
-        return self._scope.settle(key)
+        return self._scope.names.settle(key)
 
     def _coordinate(self, name: source.Scalar, node: source.AnyNode) -> model.Coordinate | None:
-        self._scope.define(name.value, lambda: scope.PLACE)
+        self._scope.names.define(name.value, lambda: names.PLACE)
         formulas = self._formulas_of("coordinates", name)
         return None if formulas is None else sections.coordinate(formulas, name, node)
 
@@ -246,7 +251,7 @@ class _Document:
             if formulas is None:
                 continue
             reader = readers[name.value] = sections.ParticleReader(formulas, name, node)
-            self._scope.define(name.value, reader.find, reader.uses)
+            self._scope.names.define(name.value, reader.find, reader.uses)
         # Definitions must be known before positions are looked at: a position may use one.
         self._define_definitions()
         read = []
@@ -270,7 +275,7 @@ class _Document:
             if expression is not None:
                 self._defined[name.value] = expression
                 uses = tree.names(expression.tree)
-            self._scope.define(name.value, self._definition_finder(name.value, expression, order), uses)
+            self._scope.names.define(name.value, self._definition_finder(name.value, expression, order), uses)
 
     def _definition_finder(
         self, name: str, expression: model.Expression | None, order: Mapping[str, int]
@@ -304,7 +309,7 @@ class _Document:
 
     def _forces(self, particles: tuple[model.Particle, ...]) -> tuple[model.Force, ...]:
         masses = np.concatenate([np.zeros(0), *(particle.mass_values for particle in particles)])
-        complete = masses.size == len(self._scope.rolls["particle"])
+        complete = masses.size == len(self._scope.names.rolls["particle"])
 
         def one(name: source.Scalar, node: source.AnyNode) -> model.Force | None:
             formulas = self._formulas_of("forces", name)
@@ -333,9 +338,9 @@ class _Document:
         base = families.base(name)
         if base not in self._scope.laws:
             return
-        shape: scope.Shape = "vector" if law is not None and law.is_vector else "scalar"
+        shape: multipliers.Shape = "vector" if law is not None and law.is_vector else "scalar"
         found = members.one(base) if law is None else law.members
-        self._refuse_repeated(name, found, self._scope.number_law(found, None if law is None else shape))
+        self._refuse_repeated(name, found, self._scope.laws.number(found, None if law is None else shape))
 
     def _long_form(
         self, formulas: Formulas, node: source.AnyNode, section: str, key: str
@@ -352,7 +357,7 @@ class _Document:
         def one(name: source.Scalar, node: source.AnyNode) -> model.RigidBody | None:
             body = sections.rigid(self._formulas, name, node)
             if name.value in self._scope.laws:
-                self._scope.number_law(members.one(name.value), None if body is None else "body")
+                self._scope.laws.number(members.one(name.value), None if body is None else "body")
             return body
 
         return self._named("rigid", one)
@@ -367,7 +372,7 @@ class _Document:
             expression = value = None
             if not isinstance(node, source.Mapping):
                 expression, value = sections.either(formulas, node, facts.OUTPUT, "an output")
-            self._scope.define(name.value, functools.partial(_same, value))
+            self._scope.names.define(name.value, functools.partial(_same, value))
             self._look(name.value)
             if expression is not None and value is not None:
                 read.append(model.Output(formulas.members, expression, isinstance(value, tuple)))
@@ -424,12 +429,12 @@ class _Document:
         return value
 
     def _keep(self, node: source.AnyNode, particles: tuple[model.Particle, ...]) -> tuple[str, ...] | None:
-        names = sections.name_list(self._formulas, node)
-        if names is None:
+        listed = sections.name_list(self._formulas, node)
+        if listed is None:
             return None
         cartesian = {name for p in particles if not p.is_dependent for name in p.members.names}
         found: list[str] = []
-        for name in names:
+        for name in listed:
             word, dot, axis = name.value.strip().rpartition(".")
             if dot and word in cartesian and axis in "xyz":
                 found.append(name.value.strip())
@@ -446,15 +451,15 @@ class _Document:
         return tuple(found)
 
     def _kept(
-        self, node: source.Scalar, kind: scope.Kind, numbers: model.Whole, cartesian: set[str]
+        self, node: source.Scalar, kind: names.Kind, numbers: model.Whole, cartesian: set[str]
     ) -> list[str]:
         """The names of the coordinates and Cartesian particles of these numbers."""
-        names = [self._scope.rolls[kind].names[number] for number in numbers.tolist()]
-        dependent = [] if kind == "coordinate" else [name for name in names if name not in cartesian]
+        kept = [self._scope.names.rolls[kind].names[number] for number in numbers.tolist()]
+        dependent = [] if kind == "coordinate" else [name for name in kept if name not in cartesian]
         if dependent:
             message = f"the particle `{dependent[0]}` has no coordinates of its own"
             self._formulas.report(node, "unknown-name", message, "keep the coordinates it depends on")
-        return names
+        return kept
 
 
 def _fingerprint(content: str, particles: tuple[model.Particle, ...]) -> str:

@@ -10,7 +10,7 @@ from lagcli import members, source
 from lagcli.expression import parser, tokens, tree, whole
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members, Whole
-from lagcli.reader import scope as scopes
+from lagcli.reader import names
 from lagcli.reader.formula import Formulas
 
 # Members of all families of a model together, counted before `if:` filters them.
@@ -70,6 +70,8 @@ class Reader:
         return self._named(name, key, variables, count)
 
     def _key(self, name: source.Scalar) -> tree.Index | None:
+        if not tokens.is_name(base(name)):
+            return None  # reported where names are taken
         try:
             key = parser.parse_reference(name.value)
         except ExpressionError as error:
@@ -84,7 +86,7 @@ class Reader:
     def _ranges(self, node: source.AnyNode) -> list[tuple[source.Scalar, tree.Range]] | None:
         items = node.items if isinstance(node, source.Sequence) else (node,)
         ranges: list[tuple[source.Scalar, tree.Range]] = []
-        names: set[str] = set()
+        taken: set[str] = set()
         for item in items:
             if not isinstance(item, source.Scalar) or source.is_empty(item):
                 self._formulas.report(item, "bad-range", "a range is needed here", "for example `i = 1..N`")
@@ -94,11 +96,11 @@ class Reader:
             except ExpressionError as error:
                 self._formulas.trouble(item, error)
                 return None
-            trouble = self._taken(one.name, names)
+            trouble = self._taken(one.name, taken)
             if trouble:
                 self._formulas.report(item, "bad-range", trouble, "give the index another name")
                 return None
-            names.add(one.name)
+            taken.add(one.name)
             ranges.append((item, one))
         if not items:
             self._formulas.report(node, "bad-range", "the list of ranges is empty")
@@ -109,19 +111,22 @@ class Reader:
         """Why an index may not have this name, or nothing."""
         if name in indices:
             return f"the index `{name}` has two ranges"
-        if name in scopes.RESERVED:
+        if name in names.RESERVED:
             return f"`{name}` is reserved"
         if name in self._closed:
             return f"`{name}` is the particle's own in a force"
-        if name in self._formulas.scope:
-            return f"`{name}` is already the name of a {self._formulas.scope.kind(name)}"
+        kind = self._formulas.scope.names.kind(name)
+        if kind is not None:
+            return f"`{name}` is already the name of {names.article(kind)}"
         return ""
 
     def _expanded(
         self, node: source.Scalar, one: tree.Range, variables: dict[str, Whole], count: int
     ) -> tuple[dict[str, Whole], int] | None:
         """The index vectors with one more range: each member so far, repeated for the values of the new index."""
-        lookup = self._formulas.scope.whole(variables)
+        lookup = self._formulas.scope.indexed.whole(variables)
+        if not all(self._formulas.affords(node, bound, count) for bound in (one.low, one.high)):
+            return None
         try:
             low, high = (whole.evaluate(bound, lookup) for bound in (one.low, one.high))
         except ExpressionError as error:
@@ -146,7 +151,10 @@ class Reader:
             self._formulas.report(node, "bad-range", "a condition is needed here", "for example `i != j`")
             return None
         try:
-            kept = whole.holds(parser.parse_filter(node.value), self._formulas.scope.whole(variables))
+            condition = parser.parse_filter(node.value)
+            if not self._formulas.affords(node, condition, count):
+                return None
+            kept = whole.holds(condition, self._formulas.scope.indexed.whole(variables))
         except ExpressionError as error:
             self._formulas.within(members.family("", (), variables)).trouble(node, error)
             return None
@@ -157,7 +165,9 @@ class Reader:
         self, name: source.Scalar, key: tree.Index, variables: dict[str, Whole], count: int
     ) -> Members | None:
         try:
-            lookup = self._formulas.scope.whole(variables)
+            lookup = self._formulas.scope.indexed.whole(variables)
+            if not self._formulas.affords(name, key, count):
+                return None
             columns = [np.broadcast_to(whole.evaluate(index, lookup), count) for index in key.indices]
         except ExpressionError as error:
             self._formulas.within(members.family("", (), variables)).trouble(name, error)

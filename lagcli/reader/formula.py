@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -13,13 +15,27 @@ from lagcli.expression.facts import FactsAlgebra, Flag
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members
 from lagcli.model import Expression, Floats, VectorExpression
+from lagcli.reader import names
 from lagcli.reader import scope as scopes
 
 Lookup = Callable[[tree.Node], Any]
 
 ALONE = members.one("")
 
-Parsed = dict[tuple[Callable[[str], tree.Node], str], tree.Node]
+# Parts of expressions times members of families: what one model may ask to be evaluated, some seconds of it.
+MAX_WORK = 100_000_000
+LARGE = 1000  # members from which on parts are counted
+
+
+@dataclasses.dataclass(slots=True)
+class Reading:
+    """What the expressions of one model share: the trees of texts that were read, and the work that is left.
+
+    A long model writes the same short texts again and again; trees hold offsets in their own text only.
+    """
+
+    trees: dict[tuple[Callable[[str], tree.Node], str], tree.Node] = dataclasses.field(default_factory=dict)
+    work: int = MAX_WORK
 
 
 class Formulas:
@@ -33,19 +49,22 @@ class Formulas:
         scope: scopes.Scope,
         found: diagnostics.Collector,
         members: Members | None = None,
-        parsed: Parsed | None = None,
+        reading: Reading | None = None,
     ) -> None:
         self.scope = scope
         self.found = found
         self.members = members or ALONE
-        # A long model writes the same short texts again and again; trees hold offsets in their own text only.
-        self._parsed: Parsed = {} if parsed is None else parsed
+        self._reading = reading or Reading()
         self.lookup = scope.lookup_in(self.members)
-        self.lookup_with_own = scope.lookup_in(self.members, own=True)
+
+    @property
+    def lookup_with_own(self) -> Lookup:
+        """The lookup with `m`, `r`, `v` of a particle open."""
+        return self.scope.lookup_in(self.members, own=True)
 
     def within(self, members: Members) -> Formulas:
         """The same for expressions of an entry with these members."""
-        return Formulas(self.scope, self.found, members, self._parsed)
+        return Formulas(self.scope, self.found, members, self._reading)
 
     def report(self, node: source.AnyNode, code: str, message: str, hint: str = "") -> None:
         """An error at a node of the document."""
@@ -63,7 +82,7 @@ class Formulas:
 
     def trouble(self, origin: source.Scalar, error: ExpressionError) -> None:
         """An error inside an expression."""
-        if error.code != scopes.BROKEN:
+        if error.code != names.BROKEN:
             location = origin.locate(error.start, error.end)
             hint = source.QUOTES if origin.is_torn else error.hint
             message = error.message + self.where(error.place)
@@ -86,14 +105,32 @@ class Formulas:
         if source.is_empty(node):
             self.report(node, "missing-value", "an expression is missing")
             return None
-        known = self._parsed.get((read, node.value))
+        trees = self._reading.trees
+        known = trees.get((read, node.value))
         if known is None:
             try:
-                known = self._parsed[read, node.value] = read(node.value)
+                known = trees[read, node.value] = read(node.value)
             except ExpressionError as error:
                 self.trouble(node, error)
                 return None
+        if not self.affords(node, known, self.members.count):
+            return None
         return Expression(known, node)
+
+    def affords(self, node: source.AnyNode, found: tree.Node, count: int) -> bool:
+        """Whether an expression may be evaluated for this many members; if not, that is reported."""
+        reading = self._reading
+        if count < LARGE:
+            return True
+        if reading.work < 0:
+            return False  # that has been said
+        parts = sum(1 for _ in itertools.islice(tree.walk(found), reading.work // count + 1))
+        reading.work -= parts * count
+        if reading.work >= 0:
+            return True
+        message = f"the expressions of all members have together more than {MAX_WORK} parts"
+        self.report(node, "too-many-members", message, "shorten the expression, or the family")
+        return False
 
     def facts(
         self,
@@ -149,6 +186,8 @@ class Formulas:
 
     def values(self, value: float | Floats) -> Floats:
         """A constant as one value for each member, (K,)."""
+        if self.members.count == 1:
+            return np.array([value] if isinstance(value, float) else value, dtype=float).reshape(1)
         return np.array(np.broadcast_to(value, self.members.count), dtype=float)
 
     def vector_expression(self, node: source.AnyNode) -> VectorExpression | None:
@@ -183,4 +222,7 @@ class Formulas:
 
     def vectors(self, found: Any) -> Floats:
         """The values of three constants, one vector for each member, (K, 3)."""
-        return np.column_stack([self.values(part.value) for part in found])
+        values = [part.value for part in found]
+        if self.members.count == 1 and all(isinstance(value, float) for value in values):
+            return np.array([values])
+        return np.column_stack([self.values(value) for value in values])

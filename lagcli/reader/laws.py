@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
+
 from lagcli import source
 from lagcli.expression import evaluate, facts, parser, tree
 from lagcli.expression.facts import Facts, FactsAlgebra
@@ -68,7 +70,7 @@ def _form(node: tree.Node, found: tuple[Facts, ...], algebra: FactsAlgebra) -> b
             message = "differentials and velocities are mixed in one equation"
             hint = "write the whole law with `d(...)` and `dt`, or the whole law with rates"
             raise ExpressionError("mixed-forms", message, term.start, term.end, hint)
-        if any(part.low == 0 and part.value != 0.0 for part in parts):
+        if any(part.low == 0 and np.any(part.value != 0.0) for part in parts):
             message = "every term of a law in differentials holds a differential, and this one holds none"
             raise ExpressionError("no-differential", message, term.start, term.end, "multiply it by `dt`")
     return True

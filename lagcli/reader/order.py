@@ -156,7 +156,7 @@ class _Members:
     ) -> list[tuple[Node, set[Node]]]:
         count = self._units[number].count
         if isinstance(node, tree.Index) and node.owner in self._roll:
-            targets = np.broadcast_to(self._formulas.scope.numbers(node, variables), count)
+            targets = np.broadcast_to(self._formulas.scope.indexed.numbers(node, variables), count)
             entries = self._roll.entries(targets)
             pairs = enumerate(zip(targets.tolist(), entries.tolist(), strict=True))
             return [

@@ -24,11 +24,54 @@ class OverrideError(Exception):
     """A change names nothing that can be changed, or is no expression."""
 
 
-def apply(root: source.Mapping, changes: Mapping[str, object]) -> source.Mapping:
-    """The document with the changes written into it. Raises `OverrideError`."""
+@dataclasses.dataclass(frozen=True, slots=True)
+class OfMember:
+    """A change to one member of a family, `p[3].x`: it cannot be written into the document, where the family is
+    one entry. `axis`: of the component of `field` that changes, or None for all of it."""
+
+    name: str
+    section: str
+    owner: str
+    field: str
+    axis: int | None
+    value: source.AnyNode
+
+
+def apply(root: source.Mapping, changes: Mapping[str, object]) -> tuple[source.Mapping, tuple[OfMember, ...]]:
+    """The document with the changes written into it, and those to single members. Raises `OverrideError`."""
+    of_members = []
     for name, value in changes.items():
-        root = _apply(root, name, _node(f"--set {name}", value))
-    return root
+        node = _node(f"--set {name}", value)
+        one = _of_member(root, name, node)
+        if one is not None:
+            of_members.append(one)
+        else:
+            root = _apply(root, name, node)
+    return root, tuple(of_members)
+
+
+def _of_member(root: source.Mapping, name: str, value: source.AnyNode) -> OfMember | None:
+    """The change, where it is of a member of a family and not of an entry."""
+    owner, field = _parts(name)
+    section = "particles" if field in _COMPONENTS else _INITIAL.get(field)
+    base, bracket, _ = owner.partition("[")
+    entries = root.get(section) if section else None
+    if not bracket or section is None or not isinstance(entries, source.Mapping):
+        return None
+    if entries.get(owner) is not None or all(key.value.partition("[")[0] != base for key, _ in entries):
+        return None
+    if field not in _COMPONENTS:
+        return OfMember(name, section, owner, field, None, value)
+    if not isinstance(value, source.Scalar):
+        raise OverrideError(f"--set {name}: a number or an expression is needed")
+    return OfMember(name, section, owner, *_COMPONENTS[field], value)
+
+
+def _parts(name: str) -> tuple[str, str]:
+    """What stands before and after the dot of `p[1].x`."""
+    head, bracket, rest = name.rpartition("]")
+    word, _, field = rest.partition(".")
+    return head + bracket + word, field
 
 
 def _node(label: str, value: object) -> source.AnyNode:
@@ -52,7 +95,7 @@ def _node(label: str, value: object) -> source.AnyNode:
 
 
 def _apply(root: source.Mapping, name: str, value: source.AnyNode) -> source.Mapping:
-    owner, _, field = name.partition(".")
+    owner, field = _parts(name)
     if not field:
         parameters = root.get("parameters")
         if isinstance(parameters, source.Mapping) and parameters.get(name) is not None:
@@ -81,7 +124,7 @@ def _set_field(
 
 
 def _set_component(root: source.Mapping, name: str, owner: str, value: source.AnyNode) -> source.Mapping:
-    field, index = _COMPONENTS[name.partition(".")[2]]
+    field, index = _COMPONENTS[_parts(name)[1]]
     particles = root.get("particles")
     entry = particles.get(owner) if isinstance(particles, source.Mapping) else None
     if not isinstance(entry, source.Mapping):
@@ -119,8 +162,11 @@ def _unknown(root: source.Mapping, name: str) -> str:
         node = root.get(section)
         for key, _ in node if isinstance(node, source.Mapping) else ():
             own = [key.value + field for field in fields]
-            if key.value == name.partition(".")[0]:
+            written, owner = key.value, _parts(name)[0]
+            if owner in (written, written.partition("[")[0]) or owner.partition("[")[0] == written:
                 return f"--set {name}: write " + " or ".join(f"`{word}`" for word in own)
+            if "[" in owner and owner.partition("[")[0] == written.partition("[")[0]:
+                return f"--set {name}: write " + " or ".join(f"`{owner}{field}`" for field in fields)
             known += own
     hint = diagnostics.nearest(name, known)
     sentence = f"--set {name}: there is no parameter or initial value of that name"

@@ -9,7 +9,7 @@ import numpy as np
 from lagcli import diagnostics, model, source
 from lagcli.expression import facts, parser, tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.reader import families, keys, scope
+from lagcli.reader import families, keys, names, scope
 from lagcli.reader.formula import Formulas
 
 FAMILY = ("for", "if")
@@ -22,14 +22,15 @@ def fields(formulas: Formulas, node: source.AnyNode, key: keys.Key) -> dict[str,
         formulas.report(node, "not-a-mapping", f"a mapping is needed here, with the keys {known}")
         return None
     found: dict[str, source.AnyNode] = {}
+    by_name = {field.name: field for field in key.keys}
     for name, value in node:
         if name.value in FAMILY:
             continue  # what they say has become the members of the entry
-        if name.value not in key.names:
+        if name.value not in by_name:
             known = ", ".join(f"`{k.name}`" for k in key.keys if k.supported)
             hint = diagnostics.nearest(name.value, key.names) or f"the keys here are {known}"
             formulas.report(name, "unknown-key", f"there is no key `{name.value}` here", hint)
-        elif not key.key(name.value).supported:
+        elif not by_name[name.value].supported:
             formulas.report(name, "not-supported-yet", f"`{name.value}` is not supported yet")
         else:
             found[name.value] = value
@@ -192,13 +193,13 @@ def force(formulas: Formulas, node: source.AnyNode) -> model.Force | None:
     kind, action = targets
     if kind == "coordinate":
         expression = formulas.scalar(found["force"], facts.MOTION, "a generalized force")
-        if expression is None:
+        if expression is None or not formulas.affords(found["force"], expression.tree, action.targets.size):
             return None
         return model.GeneralizedForce(formulas.members, action, expression)
     return _particle_force(formulas, action, found["force"])
 
 
-def _targets(formulas: Formulas, node: source.AnyNode) -> tuple[scope.Kind, model.Action] | None:
+def _targets(formulas: Formulas, node: source.AnyNode) -> tuple[names.Kind, model.Action] | None:
     """What `to:` says: the kind of the targets, and which member of the force acts on which of them."""
     named = references(formulas, node, ("particle", "coordinate"), everything=True)
     if named is None:
@@ -216,57 +217,60 @@ def _targets(formulas: Formulas, node: source.AnyNode) -> tuple[scope.Kind, mode
         return None
     acting = [np.arange(count) if each else np.repeat(np.arange(count), n.size) for _, n, each in named]
     targets = [np.broadcast_to(n, count) if each else np.tile(n, count) for _, n, each in named]
+    if len(named) == 1:
+        return named[0][0], model.Action(targets[0], acting[0])
     # A target named twice is acted on once.
-    pairs = np.unique(np.column_stack([np.concatenate(acting), np.concatenate(targets)]), axis=0)
-    return named[0][0], model.Action(pairs[:, 1].copy(), pairs[:, 0].copy())
+    total = len(formulas.scope.names.rolls[named[0][0]])
+    pairs = np.unique(np.concatenate(acting) * total + np.concatenate(targets))
+    return named[0][0], model.Action(pairs % total, pairs // total)
 
 
-Named = tuple[scope.Kind, model.Whole, bool]
+Named = tuple[names.Kind, model.Whole, bool]
 
 
 def references(
-    formulas: Formulas, node: source.AnyNode, kinds: tuple[scope.Kind, ...], everything: bool = False
+    formulas: Formulas, node: source.AnyNode, kinds: tuple[names.Kind, ...], everything: bool = False
 ) -> list[Named] | None:
     """What one name or a list of names stands for: kind, numbers, and whether there is one for each member.
 
     The bare name of a family stands for all its members, `all` (where `everything`) for all particles.
     """
-    names = name_list(formulas, node)
-    if names is None:
+    listed = name_list(formulas, node)
+    if listed is None:
         return None
-    rolls = formulas.scope.rolls
-    if everything and [n.value.strip() for n in names] == ["all"]:
-        if not len(rolls["particle"]) and not formulas.scope.names("particle"):
+    rolls = formulas.scope.names.rolls
+    if everything and [n.value.strip() for n in listed] == ["all"]:
+        if not len(rolls["particle"]) and not formulas.scope.names.of("particle"):
             formulas.report(node, "no-particles", "there are no particles for `all` to stand for")
             return None
         return [("particle", np.arange(len(rolls["particle"])), False)]
     found = []
-    for name in names:
+    for name in listed:
         one = _reference(formulas, name, kinds, everything)
         if one is None:
             continue
         found.append(one)
-    return found if len(found) == len(names) else None
+    return found if len(found) == len(listed) else None
 
 
 def _reference(
-    formulas: Formulas, name: source.Scalar, kinds: tuple[scope.Kind, ...], everything: bool
+    formulas: Formulas, name: source.Scalar, kinds: tuple[names.Kind, ...], everything: bool
 ) -> Named | None:
     try:
         written = parser.parse_reference(name.value)
         base = written.owner if isinstance(written, tree.Index) else written.name
-        kind = formulas.scope.kind(base)
+        kind = formulas.scope.names.kind(base)
         if kind not in kinds:
-            known = [*formulas.scope.names(*kinds), *(("all",) if everything else ())]
+            known = [*formulas.scope.names.of(*kinds), *(("all",) if everything else ())]
             hint = diagnostics.nearest(base, known)
             message = f"there is no {' or '.join(kinds)} `{base}`"
             formulas.report(name, "unknown-name", message, hint)
             return None
-        if formulas.scope.is_broken(base):
+        if formulas.scope.names.is_broken(base):
             return None
-        if isinstance(written, tree.Name) and formulas.scope.is_family(base):
-            return kind, np.array(formulas.scope.rolls[kind].family(base), dtype=np.int64), False
-        numbers = formulas.scope.numbers(written, formulas.members.variables)
+        if isinstance(written, tree.Name) and formulas.scope.names.is_family(base):
+            return kind, np.array(formulas.scope.names.rolls[kind].family(base), dtype=np.int64), False
+        numbers = formulas.scope.indexed.numbers(written, formulas.members.variables)
         return kind, numbers, isinstance(written, tree.Index)
     except ExpressionError as error:
         formulas.trouble(name, error)
@@ -279,18 +283,19 @@ def name_list(formulas: Formulas, node: source.AnyNode) -> list[source.Scalar] |
     if not items:
         formulas.report(node, "missing-value", "the list is empty")
         return None
-    names = [item for item in items if isinstance(item, source.Scalar) and not source.is_empty(item)]
+    named = [item for item in items if isinstance(item, source.Scalar) and not source.is_empty(item)]
     for item in items:
         if not isinstance(item, source.Scalar) or source.is_empty(item):
             formulas.report(item, "not-a-name", "a name is needed here")
-    return names if len(names) == len(items) else None
+    return named if len(named) == len(items) else None
 
 
 def _particle_force(
     formulas: Formulas, action: model.Action, node: source.AnyNode
 ) -> model.ParticleForce | None:
     vector = formulas.vector_expression(node)
-    if vector is None:
+    count = action.targets.size
+    if vector is None or not all(formulas.affords(node, part.tree, count) for part in vector.parts):
         return None
     found = formulas.vector_facts(vector, facts.FORCE, "the force on a particle", formulas.lookup_with_own)
     if found is None:
@@ -307,9 +312,9 @@ def warn_of_shadows(formulas: Formulas, force: model.ParticleForce, masses: mode
     for part in force.force.parts:
         used = tree.names(part.tree) & scope.OWN.keys()
         for name in sorted(used):
-            kind = formulas.scope.kind(name)
+            kind = formulas.scope.names.kind(name)
             own = set(masses[force.action.targets].tolist()) if name == "m" else set()
-            same = kind == "parameter" and own == {formulas.scope.constant(name)}
+            same = kind == "parameter" and own == {formulas.scope.names.constant(name)}
             # An output cannot be used in a force at all, so it is not shadowed there.
             if kind not in (None, "output") and not same:
                 message = f"`{name}` is the particle's own {_OWN_WORDS[name]} here, not the {kind} `{name}`"
@@ -346,7 +351,7 @@ def rigid(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> mode
 
 
 def _is_family(formulas: Formulas, node: source.AnyNode) -> bool:
-    return isinstance(node, source.Scalar) and formulas.scope.is_family(node.value.strip())
+    return isinstance(node, source.Scalar) and formulas.scope.names.is_family(node.value.strip())
 
 
 def either(formulas: Formulas, node: source.AnyNode, allowed: frozenset[facts.Flag], subject: str) -> Any:
