@@ -280,6 +280,12 @@ FOUND = (
     "differential": {"w[i]": {"for": "i = 1..2", "equation": "d(p[i].x) - i"}}}""",
     """{"lagcli": 1, "parameters": {"c": 1}, "particles": {
     "c[i]": {"for": "i = 1..2", "mass": 1, "position": "[i, 0, 0]"}}}""",
+    # More rows than coordinates, of which there is one.
+    """{"lagcli": 1, "coordinates": {"q": {}}, "lagrangian": "rate(q)**2/2",
+    "differential": {"w0": "d(q) + q*dt", "w1": "d(q) + q*dt"}}""",
+    # A mapping in the place of an equation.
+    """{"lagcli": 1, "particles": {"a": {"mass": 1, "position": [1, 0, 0]}}, "holonomic": {"h": {"equation": {}}},
+    "differential": {"w": {"equation": {}}}, "outputs": {"o": {"expression": {}}}}""",
 )
 
 

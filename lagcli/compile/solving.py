@@ -28,7 +28,10 @@ def _scaled(factors: Any, right: Any) -> Any:
     if right.shape[1] == 1:
         return factors * right
     rows = np.asarray(right.sparsity().row(), dtype=np.int64)
-    return ca.SX(right.sparsity(), factors[rows.tolist()] * ca.vec(right.nz[:])) if rows.size else right
+    if not rows.size:
+        return right
+    each = ca.vec(factors[rows.tolist()])  # CasADi takes of a single factor a line, not a column
+    return ca.SX(right.sparsity(), each * ca.vec(right.nz[:]))
 
 
 def operations(S: Any) -> float:

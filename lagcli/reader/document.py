@@ -327,8 +327,8 @@ class _Document:
             formulas = self._formulas_of(section, name)
             found = None
             if formulas is not None:
-                node = self._long_form(formulas, node, section, "equation") or node
-                found = None if isinstance(node, source.Mapping) else law(formulas, node)
+                equation = self._expression(formulas, node, section, "equation")
+                found = None if equation is None else law(formulas, equation)
             self._number_law(name, found)
             return found
 
@@ -342,12 +342,12 @@ class _Document:
         found = members.one(base) if law is None else law.members
         self._refuse_repeated(name, found, self._scope.laws.number(found, None if law is None else shape))
 
-    def _long_form(
+    def _expression(
         self, formulas: Formulas, node: source.AnyNode, section: str, key: str
     ) -> source.AnyNode | None:
-        """What stands under `key` where an entry is a mapping."""
+        """An entry itself, or what stands under `key` where it is a mapping; None where nothing does."""
         if not isinstance(node, source.Mapping):
-            return None
+            return node
         fields = sections.fields(formulas, node, keys.FORMAT.key(section)) or {}
         if key not in fields:
             formulas.report(node, "missing-key", f"the key `{key}` is missing")
@@ -368,10 +368,10 @@ class _Document:
             formulas = self._formulas_of("outputs", name)
             if formulas is None:
                 continue
-            node = self._long_form(formulas, node, "outputs", "expression") or node
+            written = self._expression(formulas, node, "outputs", "expression")
             expression = value = None
-            if not isinstance(node, source.Mapping):
-                expression, value = sections.either(formulas, node, facts.OUTPUT, "an output")
+            if written is not None:
+                expression, value = sections.either(formulas, written, facts.OUTPUT, "an output")
             self._scope.names.define(name.value, functools.partial(_same, value))
             self._look(name.value)
             if expression is not None and value is not None:

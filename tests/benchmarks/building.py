@@ -17,6 +17,7 @@ from . import models
 
 # Seconds of motion: a few steps, enough to know what a step costs.
 DURATIONS = {"chain": 0.01, "cloth": 0.05}
+TOLERANCE = 1e-7
 
 
 def measure(kind: str, size: int) -> dict[str, Any]:
@@ -27,9 +28,8 @@ def measure(kind: str, size: int) -> dict[str, Any]:
     clock.append(time.perf_counter())
     counted = pipeline.count(model)
     clock.append(time.perf_counter())
-    running = pipeline.Running(
-        model, pipeline.run_settings(model, {"duration": DURATIONS[kind], "samples": 2})
-    )
+    wanted = {"duration": DURATIONS[kind], "samples": 2, "rtol": TOLERANCE, "atol": TOLERANCE}
+    running = pipeline.Running(model, pipeline.run_settings(model, wanted))
     clock.append(time.perf_counter())
     for _ in running.blocks():
         pass

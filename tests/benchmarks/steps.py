@@ -21,8 +21,10 @@ from lagcli.integrate import call, initial
 from . import models, networks, yardstick
 
 TOLERANCE = 1e-9
+# lagcli holds a step to a hundredth of what is asked for: this asks for the steps of the yardstick.
+ASKED = 100 * TOLERANCE
 # A run takes hundreds of steps where the chain is short, and some dozens where it is long.
-DURATIONS = {3: 20.0, 10: 10.0, 100: 2.0, 1000: 0.1, 10000: 0.01}
+DURATIONS = {3: 20.0, 10: 10.0, 100: 2.0, 1000: 0.1, 10000: 0.02}
 STEPS_PER_ROW = 10
 TARGETS = {"square": 1.2, "distance": 1.6}
 
@@ -94,7 +96,7 @@ class _Pair:
     def attempts(self) -> int:
         """Attempted steps of a run of lagcli."""
         made = lagcli.simulate(
-            self.model, duration=self.duration, samples=2, rtol=TOLERANCE, columns="t"
+            self.model, duration=self.duration, samples=2, rtol=ASKED, atol=ASKED, columns="t"
         ).stats
         return made.steps + made.rejected
 
@@ -104,7 +106,8 @@ class _Pair:
             self.model,
             duration=self.duration,
             samples=rows,
-            rtol=TOLERANCE,
+            rtol=ASKED,
+            atol=ASKED,
             columns="t",
         ).stats
         return made.solve_seconds / (made.steps + made.rejected)
