@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import pathlib
 import sys
 import time
 from typing import Any
@@ -50,6 +51,10 @@ def measure(kind: str, size: int) -> dict[str, Any]:
 
 def peak() -> float | None:
     """The largest resident memory of this process so far, in GB."""
+    status = pathlib.Path("/proc/self/status")
+    if status.exists():  # what `getrusage` says there includes the process that started this one
+        (line,) = (line for line in status.read_text().splitlines() if line.startswith("VmHWM:"))
+        return int(line.split()[1]) * 1024 / 1e9
     try:
         import resource
     except ImportError:  # there is no such module on Windows
