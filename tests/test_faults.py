@@ -73,15 +73,8 @@ def started(folder: Path, length: dict[str, float], *arguments: str, **how: Any)
     command = [sys.executable, "-m", "lagcli", "simulate", "../model.yaml", "-q", "--columns", COLUMNS]
     # Without compiled modules on the disk, which a limit on files would cut.
     env = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
-    usual = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return subprocess.Popen(
-        [*command, *options, *arguments], cwd=folder, env=env, **(usual | {"preexec_fn": heed} | how)
-    )
-
-
-def heed() -> None:
-    """Tests may themselves run under `nohup`, whose children ignore this signal."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen([*command, *options, *arguments], cwd=folder, env=env, **(streams | how))
 
 
 def ended(process: "subprocess.Popen[bytes]") -> tuple[int, str]:
