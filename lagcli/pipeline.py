@@ -255,7 +255,7 @@ def simulate(
     stop: driver.Stop | None = None
     try:
         for block in ready.blocks():
-            blocks.append(block if len(names) == block.shape[1] else block[:, picked])
+            blocks.append(block if names == ready.columns else block[:, picked])
             if keeper is not None:
                 keeper.take(ready.checkpoint())
     except driver.Stopped as stopped:

@@ -195,6 +195,15 @@ def test_a_model_is_data_that_can_be_used_again() -> None:
         model.title = "another"  # type: ignore[misc]
 
 
+def test_columns_in_another_order_keep_their_values() -> None:
+    model = lagcli.loads(PENDULUM)
+    plain, turned = lagcli.simulate(model), lagcli.simulate(model, columns="lambda.*,R.*,*")
+    assert turned.columns != plain.columns
+    assert set(turned.columns) == set(plain.columns)
+    for column in plain.columns:
+        assert np.array_equal(turned[column], plain[column])
+
+
 # What is loaded
 
 WATCHED = (
