@@ -43,8 +43,12 @@ def one(name: str) -> Members:
 
 def family(base: str, indices: Sequence[Indices], variables: Mapping[str, Whole]) -> Members:
     """The members with these indices."""
-    names = tuple(base + "".join(f"[{i}]" for i in place) for place in indices)
-    return Members(base, names, tuple(indices), variables)
+    return Members(base, tuple(name(base, place) for place in indices), tuple(indices), variables)
+
+
+def name(base: str, indices: Iterable[int]) -> str:
+    """`p[1][2]`; the bare name of what has no indices."""
+    return base + "".join(f"[{i}]" for i in indices)
 
 
 class MissingMember(LookupError):

@@ -7,6 +7,7 @@ import os
 import time
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -202,7 +203,11 @@ class Running:
 
     def checkpoint(self) -> checkpoints.Checkpoint:
         """Where to go on from after all blocks so far; for the time between two of them, or after the last."""
-        return checkpoints.Checkpoint(checkpoints.identity(self.model), self._run.mark())
+        return checkpoints.Checkpoint(self._identity, self._run.mark())
+
+    @cached_property
+    def _identity(self) -> checkpoints.Identity:
+        return checkpoints.identity(self.model)
 
     @property
     def stats(self) -> Stats:

@@ -470,12 +470,6 @@ def test_words_of_filters_are_names_elsewhere() -> None:
     assert tree.names(parser.parse("and + or*not")) == {"and", "or", "not"}
 
 
-def test_the_names_in_brackets_are_told() -> None:
-    node = parser.parse("L*q[i] + p[N - 1][max(j, M)].x + a.x")
-    assert tree.index_names(node) == {"i", "N", "j", "M"}
-    assert tree.names(node) == {"L", "q", "i", "p", "N", "j", "M", "a"}
-
-
 @pytest.mark.parametrize("opened", ["(", "not ", "not (", "2*("])
 def test_the_depth_of_a_filter_is_bounded(opened: str) -> None:
     with pytest.raises(ExpressionError) as caught:

@@ -22,7 +22,7 @@ class Expanded:
     @cached_property
     def rhs(self) -> Any:
         """rhs(t, y, p) -> y'."""
-        a, lam = _acceleration(self._parts, self._schur)
+        a, lam = _acceleration(self._parts, self._parts.inertia, self._schur)
         return ca.Function("rhs", self._parts.inputs, [shared.state_rate(self._parts, a, lam)])
 
     @cached_property
@@ -45,16 +45,16 @@ class Expanded:
 
         One factorization serves all, unless M depends on the velocity that is projected.
         """
-        parts, schur = self._parts, self._schur
+        parts, inertia, schur = self._parts, self._parts.inertia, self._schur
         y, v, n = parts.y, parts.v, parts.v.numel()
         if parts.B.shape[0]:
-            v = v - parts.inertia(parts.B.T @ schur(parts.B @ v + parts.b))
+            v = v - inertia(parts.B.T @ schur(parts.B @ v + parts.b))
         v = ca.densify(v)
         there = parts.moving(v)
         if ca.depends_on(parts.M, parts.v):
             there = dataclasses.replace(there, M=ca.substitute(parts.M, parts.v, v))
-            schur = solving.solver(there.S)
-        a, lam = _acceleration(there, schur)
+            inertia, schur = there.inertia, solving.solver(there.S)
+        a, lam = _acceleration(there, inertia, schur)
         landed = ca.densify(ca.vertcat(y[:n], v, y[2 * n]))
         outputs = [landed, shared.state_rate(there, a, lam), lam, shared.position_residual(parts)]
         return ca.Function("landing", parts.inputs, outputs)
@@ -65,10 +65,10 @@ class Expanded:
         return solving.solver(self._parts.S)
 
 
-def _acceleration(parts: Parts, schur: solving.Solve) -> tuple[Any, Any]:
-    """a and lambda of (D.24)."""
-    free = parts.inertia(parts.h)
+def _acceleration(parts: Parts, inertia: solving.Solve, schur: solving.Solve) -> tuple[Any, Any]:
+    """a and lambda of (D.24), with M^-1 and S^-1 as solvers."""
+    free = inertia(parts.h)
     if parts.B.shape[0] == 0:
         return free, ca.SX(0, 1)
     lam = ca.densify(schur(parts.gamma - parts.B @ free))
-    return parts.inertia(parts.h + parts.reaction(lam)), lam
+    return inertia(parts.h + parts.reaction(lam)), lam

@@ -38,10 +38,13 @@ class NumericSystem:
 
     def __init__(self, system: System) -> None:
         self._system = system
-        self._parts = parts = shared.parts(system)
+        self._parts = shared.parts(system)
         self.n: int = system.symbols.q.numel()
-        is_small = solving.operations(parts.S) <= EXPANDED_OPERATIONS
-        self._way = Expanded(parts) if is_small else Factored(parts)
+
+    @cached_property
+    def _way(self) -> Expanded | Factored:
+        is_small = solving.operations(self._parts.S) <= EXPANDED_OPERATIONS
+        return Expanded(self._parts) if is_small else Factored(self._parts)
 
     @property
     def rhs(self) -> Any:

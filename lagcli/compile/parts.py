@@ -20,10 +20,7 @@ SHARED_NODES = 20_000
 
 @dataclasses.dataclass(frozen=True)
 class Parts:
-    """The expressions of (D.24) with their common subexpressions shared.
-
-    force(t, q, v, p) -> h (n,), gamma (C,) and power are the same as a function, to be had at another velocity.
-    """
+    """The expressions of (D.24) with their common subexpressions shared, where the graph `is_small`."""
 
     t: Any
     y: Any
@@ -36,10 +33,16 @@ class Parts:
     M: Any
     h: Any
     power: Any
-    force: Any
+    is_small: bool
+
+    @cached_property
+    def force(self) -> Any:
+        """force(t, q, v, p) -> h (n,), gamma (C,) and power, to be had at another velocity."""
+        q = self.y[: self.v.numel()]
+        return ca.Function("force", [self.t, q, self.v, self.p], [self.h, self.gamma, self.power])
 
     def moving(self, v: Any) -> Parts:
-        """The same with another velocity, as far as it enters h, gamma and power."""
+        """The same with another velocity, as far as it enters h, gamma and power; M stays."""
         h, gamma, power = self.force(self.t, self.y[: v.numel()], v, self.p)
         return dataclasses.replace(self, v=v, h=h, gamma=gamma, power=power)
 
@@ -84,19 +87,13 @@ def parts(system: System) -> Parts:
     # Shared here, before the factorizations, which are large and have nothing left to share. The search takes
     # time that grows faster than the model, and large models repeat small parts that share nothing. Of matrices it
     # sees the entries alone: the zeros would take memory and time by their number.
-    if is_shared(system):
+    graph = ca.vertcat(ca.vec(B.nz[:]), rows.gamma, dynamics.h)
+    is_small = B.nnz() <= SHARED_NODES and int(ca.n_nodes(graph)) <= SHARED_NODES
+    if is_small:
         expressions = ca.cse(expressions)
     f, B_entries, b, gamma, M_entries, h, power = expressions
     B, M = ca.SX(B.sparsity(), B_entries), ca.SX(M.sparsity(), M_entries)
-    force = ca.Function("force", [t, system.symbols.q, v, system.p], [h, gamma, power])
-    return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, force)
-
-
-def is_shared(system: System) -> bool:
-    """Whether common subexpressions are looked for: in graphs that are small enough."""
-    rows, dynamics = system.rows, system.dynamics
-    entries = ca.vertcat(*rows.B.nonzeros()) if rows.B.nnz() <= SHARED_NODES else rows.f
-    return int(ca.n_nodes(ca.vertcat(entries, rows.gamma, dynamics.h))) <= SHARED_NODES
+    return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, is_small)
 
 
 def state_rate(parts: Parts, a: Any, lam: Any) -> Any:

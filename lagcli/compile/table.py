@@ -28,5 +28,5 @@ def table(system: System, parts: Parts) -> Any:
     )
     rate = ca.vertcat(ca.SX.sym("v", n), system.a, ca.SX.sym("power"))
     inputs = [symbols.t, parts.y, rate, system.lam, system.p]
-    options = {"cse": shared.is_shared(system)}
+    options = {"cse": parts.is_small}
     return ca.Function("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)

@@ -191,12 +191,3 @@ def names(node: Node) -> set[str]:
         elif isinstance(part, (Member, Index)):
             found.add(part.owner)
     return found
-
-
-def index_names(node: Node) -> set[str]:
-    """The names that stand in the brackets of indices: what decides which member is meant."""
-    found = set[str]()
-    for part in walk(node):
-        if isinstance(part, Index):
-            found.update(*(names(index) for index in part.indices))
-    return found

@@ -41,9 +41,6 @@ class Call:
             self._buffer.set_res(i, memoryview((array.T if array.ndim > 1 else array).data))
             self.results.append(array)
 
-    def __call__(self) -> None:
-        self.trigger()
-
 
 def cells(array: Floats) -> memoryview[float]:
     """The numbers of an array (k,), read and written as plain floats without numpy's conversion."""

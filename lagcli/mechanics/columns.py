@@ -71,6 +71,11 @@ def interleaved(parts: Sequence[Any], count: int) -> Any:
     return ca.vec(ca.horzcat(*(column(part, count) for part in parts)).T)
 
 
+def rate(value: Any, q: Any, v: Any, t: Any) -> Any:
+    """d/dt of a function of (q, t), its differential divided by dt, dense; of one that holds v too, with v held."""
+    return ca.densify(ca.jtimes(value, q, v) + ca.jtimes(value, t, ca.SX(1)))
+
+
 def scattered(values: Any, rows: Whole, n: int) -> Any:
     """A column (n, 1) with each value added to its row."""
     if rows.size == 0:

@@ -12,7 +12,7 @@ from lagcli import model as nouns
 from lagcli.expression import evaluate, tree
 from lagcli.mechanics.algebra import SymbolicAlgebra
 from lagcli.mechanics.atoms import Atoms, Leaves, Names, Results
-from lagcli.mechanics.columns import Columns, Triple, column, interleaved, taken
+from lagcli.mechanics.columns import Columns, Triple, column, interleaved, rate, taken
 from lagcli.mechanics.symbols import FixedExponents, Symbols
 from lagcli.members import Whole
 
@@ -136,8 +136,7 @@ class Environment:
 
     def rate(self, value: Any) -> Any:
         """d/dt of a function of (q, t): its differential, divided by dt."""
-        s = self.symbols
-        return ca.densify(ca.jtimes(value, s.q, s.v) + ca.jtimes(value, s.t, ca.SX(1)))
+        return rate(value, self.q, self.v, self.t)
 
     def generalized(self, numbers: Whole, rates: bool) -> Any:
         """Generalized coordinates or their rates, (K, 1)."""

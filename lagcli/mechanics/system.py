@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import diagnostics
+from lagcli import diagnostics, members
 from lagcli import model as nouns
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
@@ -124,7 +124,9 @@ def with_values(built: System, model: nouns.Model) -> System | None:
     fixed = FixedExponents(model)
     if any(fixed.value(name) != value for name, value in built.built_in):
         return None
-    bodies = geometries(model, built.symbols, Environment(model, built.symbols, fixed))
+    # An environment evaluates every position: only where a body asks for some.
+    env = Environment(model, built.symbols, fixed) if model.rigid else None
+    bodies = geometries(model, built.symbols, env) if env else ()
     if [body.shape for body in bodies] != [body.shape for body in built.bodies]:
         return None
     return dataclasses.replace(built, model=model, bodies=bodies)
@@ -238,7 +240,7 @@ class _Results:
         places: list[tuple[int, ...]] = [()]
         if isinstance(node, tree.Index):
             places = self._environment.names.indices(node, variables)
-        names = [base + "".join(f"[{i}]" for i in place) for place in places]
+        names = [members.name(base, place) for place in places]
         if member:
             return self._lam_of(node, [f"{name}.{member}" for name in names])
         if all(name in self._rows for name in names):

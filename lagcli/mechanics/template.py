@@ -15,7 +15,7 @@ import numpy as np
 
 from lagcli import model as nouns
 from lagcli.expression import evaluate, tree
-from lagcli.mechanics.columns import Triple, scattered
+from lagcli.mechanics.columns import Triple, rate, scattered
 from lagcli.mechanics.environment import Environment
 from lagcli.members import Whole
 
@@ -178,7 +178,7 @@ class Leaves:
 
     def rate(self, value: Any) -> Any:
         """d/dt of a function of (u, t)."""
-        return ca.densify(ca.jtimes(value, self.q, self.v) + ca.jtimes(value, self.t, ca.SX(1)))
+        return rate(value, self.q, self.v, self.t)
 
     def mapped(self, outputs: list[Any], count: int) -> list[Any]:
         """Dense outputs (k,) of one member as (k, K) over all members."""

@@ -175,8 +175,3 @@ class Reader:
         self._budget.left -= count
         indices = list(zip(*(column.tolist() for column in columns), strict=True))
         return members.family(key.owner, indices, variables)
-
-
-def entry_key(name: source.Scalar) -> str:
-    """The name of an entry as it is written, without the spaces around it: what tells entries apart."""
-    return name.value.strip() if tokens.is_name(base(name)) else name.value

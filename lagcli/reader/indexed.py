@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 
+from lagcli import members
 from lagcli.expression import tree, whole
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import MissingMember, Roll, Whole
@@ -79,14 +80,9 @@ class Indexed:
                 message = f"the family `{base}` has no members"
                 raise ExpressionError("no-such-member", message, node.start, node.end) from None
             least, most = roll.ends(base)
-            hint = f"the members go from `{member(base, least)}` to `{member(base, most)}`"
-            message = f"there is no member `{member(base, missing.indices)}`"
+            hint = f"the members go from `{members.name(base, least)}` to `{members.name(base, most)}`"
+            message = f"there is no member `{members.name(base, missing.indices)}`"
             place = missing.place if any(not isinstance(index, int) for index in indices) else None
             raise ExpressionError(
                 "no-such-member", message, node.start, node.end, hint, place=place
             ) from None
-
-
-def member(base: str, indices: Iterable[int]) -> str:
-    """`p[1][2]`."""
-    return base + "".join(f"[{i}]" for i in indices)

@@ -79,7 +79,7 @@ def _bound_step(model: Any, h: float) -> call.Call:
     t, y = np.zeros(1), np.concatenate([start.q, start.v, [0.0]])
     p = np.ascontiguousarray(start.p, dtype=float)
     rate = call.Call(ready.numeric.rhs, [t, y, p])
-    rate()
+    rate.trigger()
     tolerance = np.full(2, TOLERANCE)
     return call.Call(ready.scheme().step, [t, np.array([h]), y, rate.results[0], tolerance, p])
 
