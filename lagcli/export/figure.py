@@ -97,15 +97,19 @@ def draw(
     """
     target = Path(path)
     fmt = endings.of(target, endings.FIGURES)
-    with _style():
-        drawn = compose(columns, rows, title=title, units=units)
-        place = aside.Aside(target)
-        try:
-            drawn.savefig(place.path, format=fmt, metadata=_METADATA[fmt])
-            place.commit()
-        except BaseException:
-            place.discard()
-            raise
+    with style():
+        write(target, fmt, compose(columns, rows, title=title, units=units))
+
+
+def write(target: Path, fmt: str, drawn: figure.Figure) -> None:
+    """A figure in a format of ``endings.FIGURES``, written aside and moved into place. Raises OSError."""
+    place = aside.Aside(target)
+    try:
+        drawn.savefig(place.path, format=fmt, metadata=_METADATA[fmt])
+        place.commit()
+    except BaseException:
+        place.discard()
+        raise
 
 
 def compose(
@@ -114,7 +118,7 @@ def compose(
     """The figure that ``draw`` writes; arguments and errors are those of ``draw``."""
     found = panels.bands(columns, rows, units)
     time = panels.with_unit("t", units.time.strip())
-    with _style():
+    with style():
         ruler = _Ruler([title, *columns, units.length, units.mass, units.time])
         matplotlib.rcParams["font.family"] = ruler.families
         blocks = [_text(ruler, title, size=11, weight="bold", gap=0.04)] if title.strip() else []
@@ -129,7 +133,7 @@ def compose(
 
 
 @contextlib.contextmanager
-def _style() -> Iterator[None]:
+def style() -> Iterator[None]:
     """The project's look whatever the user's matplotlibrc says, which is left as it is."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
