@@ -85,10 +85,10 @@ def simulate(model: Model, **options: Any) -> Trajectory:
     """Integrate m a = F + sum lambda_i B_i (D.24) and return the table.
 
     Options: start, duration, samples, output_step, method, rtol, atol, assemble, keep, whose defaults are the
-    model's, columns ("t,lambda.*"), and checkpoint and resume, files to keep the state of the run in and to go on
-    from: rows then begin after the last one of the run before. Raises `ModelError` where the start is
-    inconsistent, `ValueError` for bad options and for a checkpoint of another run, `OSError`, `SimulationStopped`
-    where the integration cannot go on.
+    model's, columns ("t,lambda.*"), limit (seconds to find the first integrals that are held), and checkpoint and
+    resume, files to keep the state of the run in and to go on from: rows then begin after the last one of the run
+    before. Raises `ModelError` where the start is inconsistent, `ValueError` for bad options and for a checkpoint of
+    another run, `OSError`, `SimulationStopped` where the integration cannot go on.
     """
     run: Trajectory = _pipeline().simulate(model, **options)
     return run

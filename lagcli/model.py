@@ -65,10 +65,11 @@ class Units:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Parameter:
-    """A named constant, a number or a vector."""
+    """A named constant, a number or a vector; `formula` is what it was computed from, where that is one expression."""
 
     name: str
     value: float | Vector3
+    formula: Expression | None = dataclasses.field(default=None, compare=False)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

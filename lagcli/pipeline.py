@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import time
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
-from functools import cached_property
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import classification, compile, degrees_of_freedom, diagnostics, report, settings, source
+from lagcli import compile, conserved, degrees_of_freedom, diagnostics, report, settings, source, walk
+from lagcli.classification import classify, rows
 from lagcli.export import checkpoint_file
 from lagcli.export import columns as selection
+from lagcli.expression.tree import ExpressionError
 from lagcli.integrate import checkpoint as checkpoints
-from lagcli.integrate import dop853, driver, initial
+from lagcli.integrate import dop853, driver, holding, initial
 from lagcli.mechanics import system
 from lagcli.model import Model, Simulation
 from lagcli.reader import document
@@ -25,6 +27,7 @@ from lagcli.trajectory import SimulationStopped, Stats, Trajectory
 
 Floats = npt.NDArray[np.float64]
 Path = str | os.PathLike[str]
+Integrals = tuple[conserved.FirstIntegral, ...]
 
 REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol"))
 KEPT_SYSTEMS = 8  # compiled systems that stay for another run with other parameters
@@ -45,26 +48,36 @@ def loads(text: str, parameters: Mapping[str, object] | None = None, path: str =
 
 
 class Compiled:
-    """A system with its functions. The scheme is built when a run first asks for it."""
+    """A system with its functions, also with integrals held. A scheme is built when a run first asks for it."""
 
-    def __init__(self, built: system.System, numeric: compile.NumericSystem | None = None) -> None:
+    def __init__(self, built: system.System, functions: holding.Functions | None = None) -> None:
         self.system = built
-        self.numeric = numeric or compile.NumericSystem(built)
-        self._scheme: list[dop853.Scheme] = []
+        self.functions = functions or holding.Functions(compile.NumericSystem(built))
+        self._integrals: dict[Integrals, holding.Integrals] = {}
+
+    @property
+    def numeric(self) -> compile.NumericSystem:
+        """The functions of the system by itself."""
+        return self.functions.numeric
 
     def scheme(self) -> dop853.Scheme:
         """The compiled step and dense output."""
-        if not self._scheme:
-            self._scheme.append(dop853.scheme(self.numeric))
-        return self._scheme[0]
+        return self.functions.scheme
+
+    def integrals(self, found: Integrals) -> holding.Integrals:
+        """These integrals with their functions, built anew where a value is built in that has changed."""
+        known = self._integrals.get(found)
+        if known is None or not known.hold_for(self.system):
+            known = self._integrals[found] = holding.Integrals(self.system, self.functions, found)
+        return known
 
     def with_values(self, model: Model) -> Compiled | None:
         """The same functions for other values of parameters and start, or None where they do not fit."""
         moved = system.with_values(self.system, model)
         if moved is None:
             return None
-        same = Compiled(moved, self.numeric)
-        same._scheme = self._scheme
+        same = Compiled(moved, self.functions)
+        same._integrals = self._integrals
         return same
 
 
@@ -81,29 +94,30 @@ def compiled(model: Model) -> Compiled:
     return result
 
 
-def count(model: Model, limit: float = classification.DEFAULT_LIMIT) -> degrees_of_freedom.DofCount:
+def count(model: Model, limit: float = classify.DEFAULT_LIMIT) -> degrees_of_freedom.DofCount:
     """The degrees of freedom. Raises `diagnostics.ModelError`."""
     ready = compiled(model)
-    verdicts = classification.differential(model, limit)
-    return degrees_of_freedom.count(ready.system, ready.numeric, {v.row: v.alone for v in verdicts})
+    begin = walk.begin(ready.system, ready.numeric)
+    found = classify.classify(ready.system, ready.numeric, begin, limit)
+    return degrees_of_freedom.count(ready.system, ready.numeric, begin, found)
 
 
-def check(model: Model, limit: float = classification.DEFAULT_LIMIT) -> report.Report:
+def check(model: Model, limit: float = classify.DEFAULT_LIMIT) -> report.Report:
     """Everything that can be said before a run. Raises `diagnostics.ModelError` for an impossible model."""
     ready = compiled(model)
     built, numeric = ready.system, ready.numeric
-    differential = classification.differential(model, limit)
-    counted = degrees_of_freedom.count(built, numeric, {v.row: v.alone for v in differential})
-    names = tuple(row.name for row in built.rows.rows)
-    verdicts = (*classification.holonomic(model, names), *differential)
+    begin = walk.begin(built, numeric)
+    found = classify.classify(built, numeric, begin, limit)
+    counted = degrees_of_freedom.count(built, numeric, begin, found)
+    verdicts = (*rows.holonomic(model, tuple(row.name for row in built.rows.rows)), *found.verdicts)
     residuals = initial.residuals(built, numeric, initial.declared(built))
-    found = [*_inertia(built, numeric), *initial.inconsistencies(built, residuals)]
+    faults = [*_inertia(built, numeric), *initial.inconsistencies(built, residuals)]
     return report.Report(
         title=model.title,
         path=model.path,
         dof=counted,
         constraints=tuple(report.ConstraintReport(v, v.row in counted.redundant_rows) for v in verdicts),
-        joint=report.joint(counted, differential, built.holonomic_count),
+        joint=report.joint(counted, found),
         initial=report.Initial(
             float(residuals.position.max(initial=0.0)),
             float(residuals.velocity.max(initial=0.0)),
@@ -112,7 +126,7 @@ def check(model: Model, limit: float = classification.DEFAULT_LIMIT) -> report.R
         warnings=(
             *model.warnings,
             *built.warnings,
-            *(dataclasses.replace(d, severity="warning") for d in found),
+            *(dataclasses.replace(d, severity="warning") for d in faults),
         ),
     )
 
@@ -124,6 +138,23 @@ def _inertia(built: system.System, numeric: compile.NumericSystem) -> tuple[diag
     except diagnostics.ModelError as error:
         return error.diagnostics
     return ()
+
+
+def first_integrals(ready: Compiled, limit: float = classify.DEFAULT_LIMIT) -> Integrals:
+    """The first integrals of the differential rows, as far as they are found in `limit` seconds.
+
+    Where numbers show that there are none, no algebra is asked.
+    """
+    built, numeric = ready.system, ready.numeric
+    if not built.model.differential:
+        return ()
+    begin = walk.begin(built, numeric)
+    if classify.certainly_nonholonomic(built, numeric, begin):
+        return ()
+    return classify.classify(built, numeric, begin, limit).integrals
+
+
+Find = Callable[[Compiled], Integrals]
 
 
 def run_settings(model: Model, changes: Mapping[str, Any]) -> Simulation:
@@ -148,12 +179,17 @@ def run_settings(model: Model, changes: Mapping[str, Any]) -> Simulation:
 class Running:
     """A run that is ready to go: columns, then `blocks` of rows once, then `stats`.
 
-    `resumed` is where an earlier run of the same model stood: this one goes on from there.
+    `resumed` is where an earlier run of the same model stood: this one goes on from there. `find` gives the first
+    integrals of the differential rows, which are held at their values at the start as far as that can be.
     Raises `diagnostics.ModelError`, `checkpoints.CheckpointError` where it is of another run or nothing is left.
     """
 
     def __init__(
-        self, model: Model, chosen: Simulation, resumed: checkpoints.Checkpoint | None = None
+        self,
+        model: Model,
+        chosen: Simulation,
+        resumed: checkpoints.Checkpoint | None = None,
+        find: Find = first_integrals,
     ) -> None:
         began = time.perf_counter()
         self.model = model = dataclasses.replace(model, simulation=chosen)
@@ -161,15 +197,22 @@ class Running:
             checkpoints.require_same(resumed.identity, model)
         ready = compiled(model)
         self.assembly: initial.Assembly | None = None
+        self.warnings = (*model.warnings, *ready.system.warnings)
+        columns = ready.system.columns
+        self.columns = ("t", *columns)
         state = initial.declared(ready.system)
         # The start of a run that goes on was examined, and perhaps assembled, when it began.
         if resumed is None:
             state = self._examined(ready, state)
-        self.warnings = (*model.warnings, *ready.system.warnings)
-        columns = ready.system.columns
-        self.columns = ("t", *columns)
-        begin = (state.q, state.v) if resumed is None else resumed.mark
-        self._run = driver.Run(ready.numeric, ready.scheme(), begin, state.p, chosen, columns)
+            self._found = find(ready)
+            held, notes = holding.begin(ready.integrals(self._found), state)
+            with_constants = dataclasses.replace(state, p=held.parameters)
+            initial.require_finite(ready.system, held.functions.numeric, with_constants)
+            self._run = driver.Run(held, (state.q, state.v), chosen, columns, notes)
+        else:
+            self._found = resumed.integrals
+            held = holding.Holding(_resumed(ready, resumed), resumed.mark.levels, state.p)
+            self._run = driver.Run(held, resumed.mark, chosen, columns)
         self.grid = self._run.grid
         self._compile_seconds = time.perf_counter() - began
 
@@ -184,7 +227,6 @@ class Running:
         else:
             initial.require_consistent(built, residuals)
         initial.require_independent(built, numeric, start, metric)
-        initial.require_finite(built, numeric, start)
         return start
 
     @property
@@ -203,11 +245,16 @@ class Running:
 
     def checkpoint(self) -> checkpoints.Checkpoint:
         """Where to go on from after all blocks so far; for the time between two of them, or after the last."""
-        return checkpoints.Checkpoint(self._identity, self._run.mark())
+        return checkpoints.Checkpoint(self._identity, self._run.mark(), self._found)
 
-    @cached_property
+    @functools.cached_property
     def _identity(self) -> checkpoints.Identity:
         return checkpoints.identity(self.model)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What there is to say so far about integrals that are not held all the time."""
+        return self._run.account.notes
 
     @property
     def stats(self) -> Stats:
@@ -227,13 +274,26 @@ class Running:
         )
 
 
-def running(model: Model, chosen: Simulation, resume: Path | None = None) -> Running:
-    """A run from its start, or from the checkpoint in a file.
+def _resumed(ready: Compiled, point: checkpoints.Checkpoint) -> holding.Integrals:
+    """The integrals of a checkpoint. Raises `checkpoints.CheckpointError` where one is none of this system."""
+    try:
+        return ready.integrals(point.integrals)
+    except (ExpressionError, KeyError):
+        raise checkpoints.CheckpointError(
+            "it is a damaged checkpoint: it holds integrals of other names"
+        ) from None
+
+
+def running(
+    model: Model, chosen: Simulation, resume: Path | None = None, limit: float = classify.DEFAULT_LIMIT
+) -> Running:
+    """A run from its start, or from the checkpoint in a file; `limit`: seconds to find first integrals.
 
     Raises as `Running`, and `OSError`; what is wrong with the checkpoint is told with the name of the file.
     """
+    find = functools.partial(first_integrals, limit=limit)
     try:
-        return Running(model, chosen, checkpoints.read(resume) if resume is not None else None)
+        return Running(model, chosen, checkpoints.read(resume) if resume is not None else None, find)
     except checkpoints.CheckpointError as error:
         raise checkpoints.CheckpointError(f"{os.fspath(resume or '')}: {error}") from None
 
@@ -244,15 +304,16 @@ def simulate(
     columns: str = "*",
     checkpoint: Path | None = None,
     resume: Path | None = None,
+    limit: float = classify.DEFAULT_LIMIT,
     **changes: Any,
 ) -> Trajectory:
-    """The whole run of a model; keywords as the options of the command line, `columns` among them.
+    """The whole run of a model; keywords as the options of the command line, `columns` and `limit` among them.
 
     Raises `diagnostics.ModelError`, `ValueError` for bad settings and for a checkpoint that does not fit,
     `OSError` for one that cannot be read or written, `SimulationStopped` with the rows so far.
     """
     began = time.perf_counter()
-    ready = running(model, run_settings(model, changes), resume)
+    ready = running(model, run_settings(model, changes), resume, limit)
     picked = selection.select(ready.columns, columns)
     names = tuple(ready.columns[i] for i in picked)
     keeper = checkpoint_file.Keeper(checkpoint) if checkpoint is not None else None
@@ -273,7 +334,7 @@ def simulate(
     # What is left of the wall time went into the rows: taken together, chosen, kept.
     stats = ready.stats
     seconds = time.perf_counter() - began - stats.compile_seconds
-    result = Trajectory(names, rows, dataclasses.replace(stats, solve_seconds=seconds))
+    result = Trajectory(names, rows, dataclasses.replace(stats, solve_seconds=seconds), ready.notes)
     if stop is not None:
         raise SimulationStopped(stop.reason, stop.t, result)
     return result

@@ -6,7 +6,8 @@ import dataclasses
 from typing import Any
 
 from lagcli import diagnostics
-from lagcli.classification import Verdict
+from lagcli.classification.verdict import Classification, Verdict
+from lagcli.conserved import FirstIntegral
 from lagcli.degrees_of_freedom import DofCount
 
 
@@ -38,12 +39,31 @@ class ConstraintReport:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Joint:
-    """The joint part of the verdict; `derived_flag` is empty and `proof` `none` where it is not decided."""
+    """The joint part of the verdict; `derived_flag` is empty and `proof` `none` where it is not decided.
+
+    combinations: first integrals with the rows whose combination each integrates; unsolved: forms of the integrable
+    part without a known integral; dimension: of the surface of the
+    holonomic rows in the space of all coordinates, time among them where it occurs;
+    remarks: where the flag drops, and for which parameters it may be another.
+    """
 
     derived_flag: tuple[int, ...]
-    integrals: tuple[str, ...]
+    combinations: tuple[FirstIntegral, ...]
+    unsolved: tuple[str, ...]
     growth_vector: tuple[int, ...]
+    dimension: int
     proof: str
+    remarks: tuple[str, ...]
+
+    @property
+    def integrals(self) -> tuple[str, ...]:
+        """The first integrals."""
+        return tuple(one.text for one in self.combinations)
+
+    @property
+    def is_bracket_generating(self) -> bool:
+        """Whether brackets of allowed displacements reach every direction of the surface (Chow, Rashevskii)."""
+        return bool(self.growth_vector) and self.growth_vector[-1] == self.dimension
 
     def as_json(self) -> dict[str, Any]:
         """The object `joint`."""
@@ -55,21 +75,19 @@ class Joint:
         }
 
 
-def joint(count: DofCount, differential: tuple[Verdict, ...], holonomic_rows: int) -> Joint:
-    """The joint part as far as verdicts alone decide it.
-
-    All rows integrable: the flag of their independent combinations stays. One row that is not, and nothing
-    else: it drops to zero. Otherwise the joint question is open.
-    """
-    kinds = [verdict.kind for verdict in differential]
-    integrals = tuple(verdict.integral for verdict in differential if verdict.integral is not None)
-    if count.configuration_dof is None or count.holonomic is None:
-        return Joint((), integrals, (), "none")
-    if all(kind in ("exact", "integrable") for kind in kinds):
-        proof = "symbolic" if kinds and not holonomic_rows else "numeric"
-        return Joint((count.holonomic,) * 2 if count.holonomic else (0,), integrals, (), proof)
-    return Joint((count.holonomic + 1, count.holonomic, *((count.holonomic,) if count.holonomic else ())),
-                 integrals, (), "numeric" if holonomic_rows else "symbolic")  # fmt: skip
+def joint(count: DofCount, found: Classification) -> Joint:
+    """The joint part: the flag of all rows, df of the holonomic ones included (their rank stays to the end)."""
+    unsolved = tuple(form for group in found.groups for form in group.unsolved)
+    dimension = count.coordinates + found.depends_on_time
+    if count.holonomic is None:
+        return Joint((), found.integrals, unsolved, (), dimension, "none", found.remarks)
+    surface = count.holonomic - found.flag[-1]
+    dims = [surface + extra for extra in found.flag]
+    # The end is 0, or a dimension that is met again.
+    flag = tuple(dims if dims[-1] == 0 else [*dims, dims[-1]])
+    dimension -= surface
+    growth = tuple(dimension - found.flag[0] + more for more in found.growth)
+    return Joint(flag, found.integrals, unsolved, growth, dimension, count.proof, found.remarks)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

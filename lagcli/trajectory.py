@@ -16,8 +16,10 @@ class Stats:
     """The account of a run, the object of `--stats`.
 
     steps: accepted ones; evaluations: of the right-hand side; seconds of wall time; position_drift and
-    velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over all rows written; energy_imbalance:
-    largest deviation from the energy balance over all rows, as a part of the energies exchanged.
+    velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over all rows written, the first also over
+    |g_j| / |dg_j| of the first integrals that are held, g_j being the integral less its value at the start;
+    energy_imbalance: largest deviation from the energy balance over all rows, as a part of the energies
+    exchanged.
     """
 
     steps: int
@@ -37,11 +39,13 @@ class Stats:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """The table of a run: `rows` (T, len(columns)), the first column `t`."""
+    """The table of a run: `rows` (T, len(columns)), the first column `t`; notes: sentences about first integrals
+    that were not held all the time."""
 
     columns: tuple[str, ...]
     rows: Floats
     stats: Stats
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, column: str) -> Floats:
         """A column (T,) by its name, such as `lambda.rod`. Raises `KeyError`."""

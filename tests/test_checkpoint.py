@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import pipeline
+from lagcli import conserved, pipeline
 from lagcli.export import checkpoint_file
 from lagcli.integrate import checkpoint, driver
 
@@ -90,9 +90,14 @@ MODELS = {
 every_model = pytest.mark.parametrize("text", MODELS.values(), ids=MODELS.keys())
 
 
-def ready(text: str, resumed: checkpoint.Checkpoint | None = None, **options: Any) -> pipeline.Running:
+def ready(
+    text: str,
+    resumed: checkpoint.Checkpoint | None = None,
+    found: tuple[conserved.FirstIntegral, ...] = (),
+    **options: Any,
+) -> pipeline.Running:
     model = lagcli.loads(text)
-    return pipeline.Running(model, pipeline.run_settings(model, options), resumed)
+    return pipeline.Running(model, pipeline.run_settings(model, options), resumed, lambda _: found)
 
 
 def kept(point: checkpoint.Checkpoint) -> checkpoint.Checkpoint:
@@ -257,6 +262,84 @@ def test_checkpoints_are_written_at_once_then_now_and_then_and_at_the_end(
     assert written == sorted(written)
 
 
+# Integrals that are held.
+
+LINE = """\
+lagcli: 1
+coordinates: {x: {value: -1, rate: 1}, y: {value: -0.5, rate: 0.5}}
+lagrangian: (rate(x)**2 + rate(y)**2)/2 - (x**2 + 3*y**2)
+differential: {row: y*d(x) - x*d(y) = 0}
+"""
+GOOD = conserved.Chart("y", "x")
+ROOT = conserved.Chart("sqrt(-x)", "sqrt(-y)")  # ends where the motion passes the origin, at t = 0.62
+LOG = conserved.Chart("log(-x) - log(-y)")
+HELD = {"stays": (GOOD,), "for another": (ROOT, LOG, GOOD), "let go": (LOG,)}
+
+
+def line(*charts: conserved.Chart) -> tuple[conserved.FirstIntegral, ...]:
+    return (conserved.FirstIntegral("y/x", ("row",), charts),)
+
+
+every_holding = pytest.mark.parametrize("charts", HELD.values(), ids=HELD.keys())
+
+
+@every_holding
+@pytest.mark.parametrize("samples", [11, 801])
+def test_a_run_with_an_integral_goes_on_bit_for_bit_before_and_after_a_change_of_charts(
+    charts: tuple[conserved.Chart, ...], samples: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options: dict[str, Any] = {"found": line(*charts), "duration": 2, "samples": samples}
+    whole = ready(LINE, **options)
+    uncut = np.concatenate(list(whole.blocks()))
+    monkeypatch.setattr(driver, "BLOCK_VALUES", 30)
+    monkeypatch.setattr(driver, "PAUSE", 0.0)
+    used = set()
+    for rows in np.unique(np.linspace(1, 0.9 * samples, 30).astype(int)):
+        first, point = cut(LINE, int(rows), **options)
+        used |= {level and level.chart for level in point.mark.levels}
+        second = ready(LINE, point, **options)
+        rest = np.concatenate(list(second.blocks()))
+        assert same_bits(np.concatenate([first, rest]), uncut)
+        assert untimed(second.stats) == untimed(whole.stats)
+        assert second.notes == whole.notes
+    assert (
+        used
+        == {"stays": {0}, "for another": {0, 2}, "let go": {0, None}}[
+            next(name for name, held in HELD.items() if held == charts)
+        ]
+    )
+
+
+@every_holding
+def test_the_end_of_a_run_with_an_integral_leaves_no_trace(charts: tuple[conserved.Chart, ...]) -> None:
+    found = line(*charts)
+    whole = ready(LINE, found=found, duration=2, output_step=0.125)
+    rows = np.concatenate(list(whole.blocks()))
+    for duration in np.linspace(0.45, 0.8, 30):
+        _, point = cut(LINE, 10**9, found=found, duration=duration, output_step=0.125)
+        again = ready(LINE, point, found=found, duration=2, output_step=0.125)
+        assert same_bits(np.concatenate(list(again.blocks())), rows[rows[:, 0] > duration])
+        assert again.stats.steps == whole.stats.steps
+        assert again.notes == whole.notes
+
+
+def test_a_run_goes_on_with_the_integrals_it_began_with() -> None:
+    """What a search finds may depend on the time it has: it is not asked again."""
+    _, point = cut(LINE, 1, found=line(GOOD), duration=1, samples=3)
+    again = checkpoint.decoded(checkpoint.encoded(point))
+    assert again.integrals == line(GOOD)
+    for other in ((), line(LOG)):
+        assert ready(LINE, again, found=other, duration=2).checkpoint().integrals == line(GOOD)
+
+
+def test_integrals_that_are_none_of_the_system_are_damage() -> None:
+    _, point = cut(LINE, 1, found=line(GOOD), duration=1, samples=3)
+    for text in ("x - unknown", "x - (", "x*d(y)"):
+        strange = dataclasses.replace(line(GOOD)[0], charts=(conserved.Chart(text),))
+        with pytest.raises(checkpoint.CheckpointError, match="damaged checkpoint: it holds integrals"):
+            ready(LINE, dataclasses.replace(point, integrals=(strange,)), duration=2)
+
+
 # Refusals.
 
 
@@ -333,6 +416,15 @@ def changed(**changes: Any) -> Callable[[dict[str, Any]], None]:
         changed(mark__figures={}),
         changed(mark__figures=None),
         changed(mark__row=None),
+        changed(mark__levels=None),
+        changed(mark__levels=7),
+        changed(mark__levels=[[0, 1.0]]),
+        changed(mark__levels=[[0.5, 1.0, 1.0]]),
+        changed(mark__levels=[[0, 1.0, float("inf")]]),
+        changed(mark__levels=[[0, 1.0, 1.0]]),
+        changed(mark__notes=[1]),
+        lambda whole: whole.pop("integrals"),
+        lambda whole: whole.update(integrals="0"),
         changed(mark__row=-1e308),
         changed(mark__t=-1e308),
         changed(mark__t=0.5),
@@ -370,7 +462,7 @@ def test_a_checkpoint_laid_out_in_another_way_is_the_same(point: Path) -> None:
         (b"[1, 2]", "no checkpoint"),
         (b"t,x\n0,1\n", "no checkpoint, or torn"),
         (b'{"columns": [], "rows": []}', "no checkpoint"),
-        (b'{"lagcli-checkpoint": 2}', "another version"),
+        (b'{"lagcli-checkpoint": 1}', "another version"),
     ],
 )
 def test_a_file_that_is_no_checkpoint_is_refused(data: bytes, sentence: str, point: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 import reference_models
 
 import lagcli
-from lagcli import classification, constraint_rows
+from lagcli import constraint_rows
 
 FRAMEWORKS = reference_models.frameworks()
 
@@ -317,23 +317,20 @@ differential:
     assert (found.configuration_dof, found.velocity_dof) == expected
 
 
-@pytest.mark.parametrize("name", [n for n, s in reference_models.systems().items() if len(s["forms"]) == 1])
-def test_reference_forms_that_stand_alone(name):
+@pytest.mark.parametrize("name", reference_models.systems())
+def test_reference_systems(name):
     system = reference_models.systems()[name]
-    found = counted(reference_models.as_forms(system))
-    time = "t" in system["coords"]
+    report = lagcli.check(lagcli.loads(reference_models.as_forms(system)))
+    found, time = report.dof, "t" in system["coords"]
     assert found.coordinates == len(system["coords"]) - time
     assert found.holonomic == system["holonomic_count"]
     assert found.nonholonomic == system["rank"] - system["holonomic_count"]
-
-
-def test_several_rows_that_are_not_integrable_alone_stay_open():
-    for name, system in reference_models.systems().items():
-        if len(system["forms"]) > 1 and not all(system["each_integrable"]):
-            found = counted(reference_models.as_forms(system))
-            assert found.configuration_dof is None, name
-            low, high = found.bounds
-            assert low <= len(system["coords"]) - system["holonomic_count"] <= high, name
+    assert found.proof == "symbolic"
+    assert list(report.joint.derived_flag) == system["derived_flag"]
+    assert list(report.joint.growth_vector) == system["growth"]
+    assert report.joint.is_bracket_generating == (system["holonomic_count"] == 0)
+    kinds = [c.verdict.kind for c in report.constraints]
+    assert [kind in ("exact", "integrable") for kind in kinds] == system["each_integrable"]
 
 
 def test_integrable_rows_that_depend_on_each_other_count_once():
@@ -356,7 +353,7 @@ holonomic: {flat: z = 0}
 differential: {row: d(z) - y*d(x) = 0}
 """
     found = counted(text)
-    assert found.configuration_dof in (None, 1)
+    assert (found.configuration_dof, found.velocity_dof, found.redundant) == (1, 1, 0)
     skate = (
         text.replace("{z: {}", "{w: {}, z: {}")
         .replace("z: {}}", "z: {}, w: {value: 0.4}}")
@@ -385,8 +382,10 @@ def test_a_form_too_large_for_exact_algebra_is_undecided_at_once(coefficient):
         f'differential: {{w: "d(a.z) - {coefficient}*d(a.x)", u: d(a.y)}}\n'
     )
     began = time.process_time()
-    verdicts = classification.differential(lagcli.loads(text), limit=60.0)
-    assert [verdict.kind for verdict in verdicts] == ["undecided", "exact"]
+    verdicts = [c.verdict for c in lagcli.check(lagcli.loads(text)).constraints]
+    assert verdicts[1].kind == "exact"
+    assert verdicts[0].integral is None
+    assert verdicts[0].proof != "symbolic"
     assert time.process_time() - began < 10.0
 
 
@@ -395,7 +394,7 @@ def test_a_number_below_the_smallest_double_is_zero_in_exact_algebra_too():
         "lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0.5, 0.25]}}\n"
         "differential: {w: d(a.z) - 1e-99999999*a.y*d(a.x)}\n"
     )
-    (verdict,) = classification.differential(lagcli.loads(text))
+    verdict = lagcli.check(lagcli.loads(text)).constraints[0].verdict
     assert (verdict.kind, verdict.integral) == ("exact", "a.z")
 
 

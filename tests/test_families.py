@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli import classification, diagnostics, pipeline
+from lagcli import diagnostics, pipeline
 from lagcli.mechanics import system, template
 from lagcli.pfaffian import alone
 from lagcli.reader import overrides
@@ -726,10 +726,11 @@ def test_equal_laws_are_judged_once_and_told_of_each(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(
         alone, "classify", lambda form, deadline: asked.append(form.name) or classify(form, deadline)
     )
-    verdicts = {v.row: v for v in classification.differential(lagcli.loads(BLADES))}
+    verdicts = {c.name: c.verdict for c in lagcli.check(lagcli.loads(BLADES)).constraints}
     assert asked == ["knife[1]", "roll[1]", "odd[1]", "odd[2]", "odd[3]"]
     assert len(verdicts) == 63
-    assert {verdicts[f"knife[{i}]"].kind for i in range(1, 31)} == {"nonholonomic"}
+    # Two forms in three coordinates: the knife is integrable together with the rolling.
+    assert {verdicts[f"knife[{i}]"].kind for i in range(4, 31)} == {"jointly-integrable"}
     assert "(x[30], y[30], a[30])" in verdicts["knife[30]"].method
     first, last = verdicts["roll[1]"], verdicts["roll[29]"]
     assert (first.kind, last.kind) == ("integrable", "integrable")

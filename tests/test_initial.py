@@ -219,7 +219,8 @@ differential:
   g: rate(a.x) = 2
 """
     (diagnostic,) = refused(text, assemble=True)
-    assert "remain violated" in diagnostic.message
+    assert diagnostic.code == "contradictory-constraints"
+    assert "`f`, `g`" in diagnostic.message
 
 
 def test_assembly_from_far():

@@ -10,7 +10,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.pfaffian import alone, enclosure, form, limit, potential, tower, zero
+from lagcli.pfaffian import alike, alone, enclosure, form, limit, linear, potential, tower, zero
 
 # An interrupt of late work may land in a callback of the garbage collector set by hypothesis; it is repeated.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -180,6 +180,81 @@ def test_integrals_are_written_as_a_person_would(variables, coefficients, text):
     assert str(judged(variables, coefficients).integral) == text
 
 
+cos, sin, exp, tan, sqrt, log = sympy.cos, sympy.sin, sympy.exp, sympy.tan, sympy.sqrt, sympy.log
+b, c = sympy.symbols("b c", real=True)
+
+TEXTBOOK = {
+    "quotient of sums": (
+        (x, y, z),
+        (z * (z + y**2), z * (z + x**2), -x * y * (x + y)),
+        "z*(x + y)/(x*y - z)",
+    ),
+    "homogeneous": ((x, y, z), (y * z * (y + z), z * x * (z + x), x * y * (x + y)), "x*y*z/(x + y + z)"),
+    "circles": ((x, y, z), (y * (1 + z**2), -x * (1 + z**2), x**2 + y**2), "(x + y*z)/(x*z - y)"),
+    "cone": ((x, y, z), (y**2 + z**2 - x**2, -2 * x * y, -2 * x * z), "x/(x**2 + y**2 + z**2)"),
+    "as a sum": ((x, y, z), (x**2 * z - y**3, 3 * x * y**2, x**3), "x*z + y**3/x"),
+    "logarithm in the form": ((x, y, z), (y * z * log(z), -z * x * log(z), x * y), "x*log(z)/y"),
+    "root of a sum": ((x, y, z), (x, y, z - sqrt(x**2 + y**2 + z**2)), "z - sqrt(x**2 + y**2 + z**2)"),
+    "two lines and a conic": (
+        (x, y),
+        (y * (1 - x - 2 * y), -x * (1 - 2 * x - y)),
+        "y**2*(6*x**2 - 3*x + y)/(x - y)**3",
+    ),
+    "Lotka and Volterra": ((x, y), (y * (c - a * x), x * (k - b * y)), "x**c*y**k*exp(-a*x - b*y)"),
+    "irrational power": ((x, y), (sqrt(2) * (x - y) + x + y, sqrt(2) * (x - y) - x - y), None),
+    "linear with a parameter": ((x, y), (k * y - sin(x), 1), "(k**2*y - k*sin(x) + y + cos(x))*exp(k*x)"),
+    "Bernoulli": ((x, y), (y + x**2 * y**2, x), "x - 1/(x*y)"),
+    "separable roots": ((x, y), (sqrt(1 - y**2), -sqrt(1 - x**2)), "x*sqrt(1 - y**2) - y*sqrt(1 - x**2)"),
+    "symbolic power": ((x, y), (k * y + x**k, -x), "x*exp(-y/x**k)"),
+    "factor of z": ((x, y, z), (y, x, -x * y * cos(z) / sin(z) - sin(z) ** 2), "x*y/sin(z) + cos(z)"),
+    "root of z": (
+        (x, y, z),
+        (2 * x * (z**2 + 1), z**2 + 1, (x**2 + y) * z + sqrt(z**2 + 1)),
+        "z + (x**2 + y)*sqrt(z**2 + 1)",
+    ),
+    "half angle above": ((x, th), (sin(th), -(1 + cos(th))), "(1 - cos(th))*exp(-x)"),
+    "half angle below": ((x, th), (sin(th), -x * (1 - cos(th))), "x*(cos(th) + 1)"),
+    "exponential of a half angle": ((x, th), (1 + cos(th), -x), "x*exp(-tan(th/2))"),
+    "rational in the angle": ((x, th), (2 + cos(th), x), None),
+    "secant": ((x, th), (cos(th) ** 2, 1), "x + tan(th)"),
+    "hyperbolic": ((x, y, z), (exp(2 * y) - 1, x * (exp(2 * y) + 1), 4 * z * exp(y)), "x*sinh(y) + z**2"),
+    "angle": ((x, y, th), (-y, x, -(x**2 + y**2)), "th - atan2(y, x)"),
+    "spiral": ((x, y), (x - y, x + y), "log(x**2 + y**2) + 2*atan2(y, x)"),
+    "decimal powers": ((x, y), (0.37 * y, 1.21 * x), "37*log(Abs(x)) + 121*log(Abs(y))"),
+    "nearly equal powers": ((x, y), (sympy.Rational(10**30 + 1, 10**30) * y, x), None),
+}
+
+
+@pytest.mark.parametrize("name", TEXTBOOK)
+def test_total_differential_equations_of_textbooks_are_integrated(name):
+    variables, coefficients, text = TEXTBOOK[name]
+    coefficients = [sympy.sympify(e) for e in coefficients]
+    parameters = set().union(*(e.free_symbols for e in coefficients)) - set(variables)
+    started = time.process_time()
+    verdict = judged(variables, coefficients, sorted(parameters, key=str))
+    assert time.process_time() - started < 2 * PROMPT
+    assert verdict.kind == "integrable"
+    exactly = [sympy.nsimplify(e, rational=True) if e.has(sympy.Float) else e for e in coefficients]
+    assert verified(variables, exactly, verdict)
+    if text is not None:
+        assert str(verdict.integral) == text
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "text"),
+    [
+        ((1 / x, 1 / y), "log(Abs(x)) + log(Abs(y))"),
+        ((tan(x), 1), "y - log(Abs(cos(x)))"),
+        ((log(y) + 1, x / y), "x*(log(y) + 1)"),
+        ((sympy.sign(x), y), "y**2/2 + Abs(x)"),
+        ((x + y - 3, x - y - 1), "x**2/2 + x*y - 3*x - y**2/2 - y"),
+    ],
+)
+def test_potentials_hold_on_both_sides_of_zero(coefficients, text):
+    verdict = judged((x, y), coefficients)
+    assert (verdict.kind, str(verdict.integral)) == ("exact", text)
+
+
 NONHOLONOMIC = {
     "contact": ((x, y, z), (-y, 0, 1), ()),
     "knife edge": ((x, y, th), (sympy.sin(th), -sympy.cos(th), 0), ()),
@@ -212,6 +287,88 @@ def test_exceptional_parameters_are_named():
     assert verdict.kind == "nonholonomic"
     assert verdict.exceptional == (k,)
     assert "k = 0" in verdict.method
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "special"),
+    [
+        ((-(y**2), 0, 1), (y,)),
+        ((-(y**3) * (1 + x**2) * exp(x), 0, 1), (y,)),
+        ((y**2 * z, 0, x), (x, y, z)),
+        ((-y, 0, 1), ()),
+        ((exp(y), 0, 1), ()),
+        ((abs(x) * y, 0, 1), (x,)),
+        ((y * sqrt(x), 0, 1), (x,)),
+        ((y * cos(x) ** 2, 0, 1), (cos(x),)),
+    ],
+)
+def test_surfaces_where_a_form_ceases_to_be_nonholonomic_are_named(coefficients, special):
+    verdict = judged((x, y, z), coefficients)
+    assert (verdict.kind, verdict.special) == ("nonholonomic", special)
+    assert all(f"{s} = 0" in verdict.method for s in special)
+    row = pfaffian((x, y, z), coefficients)
+    for surface in special:
+        root = next(iter(sympy.solve(surface, next(iter(surface.free_symbols)))))
+        symbol = next(iter(surface.free_symbols))
+        assert all(component.subs(symbol, root) == 0 for component in row.wedge().values())
+
+
+def test_what_is_found_for_one_member_is_told_of_the_others():
+    members = [sympy.symbols(f"p[{n}].x p[{n}].x2 p[{n}].z", real=True) for n in (1, 2)]
+    judge = alike.Judge()
+    first, second = (
+        judge.classify(pfaffian(m, (-abs(m[1]) * m[1] ** 2, 0, 1)), limit.after(SECONDS)) for m in members
+    )
+    assert second.special == (members[1][1],)
+    assert second.method == first.method.replace("p[1]", "p[2]")
+    assert [name for name, _ in second.witness.value.point] == ["p[2].x2"]
+
+
+@pytest.mark.parametrize(
+    "coefficients",
+    [
+        (abs(x * y) - abs(x) * abs(y), y, z),
+        (sqrt(x**2) * y - abs(x) * y, y, z),
+        (y * (sqrt(3 + 2 * sqrt(2)) - 1 - sqrt(2)), 0, 1),
+        (sympy.Min(x, y) + sympy.Max(x, y), x, z),
+        (exp(log(x)) * y, x**2 / 2, z),
+        (sin(8 * x) - 8 * sin(x) * cos(x) * cos(2 * x) * cos(4 * x), y, z),
+    ],
+)
+def test_hidden_identities_do_not_hide_that_a_form_is_exact(coefficients):
+    verdict = judged((x, y, z), coefficients)
+    assert verdict.kind == "exact"
+
+
+@pytest.mark.parametrize(
+    "coefficients",
+    [
+        (y * sqrt(x - 1000), 0, 1),
+        (y * log(x - 100) + 1, 0, log(x - 100)),
+        (y + abs(y), 0, 1),
+        (sympy.Min(x, y), 0, 1),
+        (y / sympy.Integer(10) ** 40, 0, 1),
+    ],
+)
+def test_far_domains_kinks_and_small_numbers_do_not_hide_a_witness(coefficients):
+    assert judged((x, y, z), coefficients).kind == "nonholonomic"
+
+
+@pytest.mark.parametrize(
+    "coefficients", [(sin(x * y), 1), (exp(x * y) + x, 1 + y**2 * x), (y * cos(x) + y**3, 1)]
+)
+def test_a_hopeless_search_ends_soon(coefficients):
+    started = time.process_time()
+    verdict = judged((x, y), coefficients)
+    assert time.process_time() - started < 5
+    assert (verdict.kind, verdict.integral) == ("integrable", None)
+
+
+def test_constants_of_linear_equations_are_exact_in_parameters_and_roots():
+    columns = [[x, sympy.Integer(0)], [k * x, sympy.Integer(1)], [sqrt(2) * x, y], [(k + sqrt(2)) * x, 1 + y]]
+    vectors = linear.null_vectors(columns, frozenset([k]))
+    assert vectors == [(0, -1, -1, 1)]
+    assert linear.null_vectors([[sin(x)], [cos(x)], [x]], frozenset()) == []
 
 
 def test_integrable_without_closed_form_is_said():
@@ -343,6 +500,14 @@ def test_late_work_is_ended_and_leaves_no_thread():
     assert threading.active_count() == before
 
 
+def test_effort_is_counted_in_processor_time():
+    with pytest.raises(limit.TimeUpError):
+        limit.run(limit.after(20), lambda: [sum(range(1000)) for _ in iter(int, 1)], effort=0.1)
+    started = time.monotonic()
+    assert limit.run(limit.after(20), lambda: time.sleep(0.3) or 7, effort=0.2) == 7
+    assert time.monotonic() - started > 0.2
+
+
 def test_limits_pass_values_and_errors_on():
     assert limit.run(limit.after(5), lambda: 7) == 7
     with pytest.raises(ZeroDivisionError):
@@ -436,6 +601,32 @@ def test_a_factor_without_zeros_keeps_the_verdict(row, mu):
 @given(row=FORMS, order=st.permutations([0, 1, 2]))
 def test_the_order_of_the_coordinates_keeps_the_verdict(row, order):
     assert integrable([row[n] for n in order], tuple((x, y, z)[n] for n in order)) == integrable(row)
+
+
+@FEW
+@given(phi=POTENTIALS, mu=MULTIPLIERS, order=st.permutations([0, 1, 2]))
+def test_the_surfaces_do_not_depend_on_factor_and_order(phi, mu, order):
+    variables = [(x, y, z)[n] for n in order]
+    verdict = judged(variables, [mu * sympy.diff(phi, v) for v in variables])
+    assert verdict.integral is not None
+    assert dependent(verdict.integral, phi, (x, y, z))
+
+
+CURVED = [
+    {x: exp(x), y: y, z: z + x},
+    {x: x * cos(y), y: x * sin(y), z: z},
+    {x: x, y: y + x**3, z: z * (1 + x**2)},
+]
+
+
+@FEW
+@given(row=FORMS, new=st.sampled_from(CURVED))
+def test_curved_coordinates_keep_the_verdict(row, new):
+    moved = [
+        sum(a.subs(new, simultaneous=True) * sympy.diff(e, v) for a, e in zip(row, new.values(), strict=True))
+        for v in (x, y, z)
+    ]
+    assert integrable(moved) == integrable(row)
 
 
 @FEW

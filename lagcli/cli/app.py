@@ -67,6 +67,7 @@ def dof(
     changes: SetOption = None,
     as_json: JsonOption = False,
     explain: Annotated[bool, typer.Option("--explain", help="show the count line by line")] = False,
+    limit: LimitOption = 20.0,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     debug: DebugOption = False,
@@ -79,7 +80,7 @@ def dof(
     from lagcli.cli import tellings
 
     read = _reported(lambda: _load(model, changes), as_json)
-    counted = _reported(lambda: pipeline.count(read), as_json)
+    counted = _reported(lambda: pipeline.count(read, limit), as_json)
     if as_json:
         print(machine.text(counted.as_json()))
     elif explain:
@@ -107,6 +108,13 @@ def check(
     as_json: JsonOption = False,
     strict: Annotated[bool, typer.Option("--strict", help="exit 1 on warnings")] = False,
     limit: LimitOption = 20.0,
+    witness: Annotated[
+        str | None,
+        typer.Option("--witness", metavar="NAME", help="a loop that shows a row to be nonholonomic"),
+    ] = None,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of that loop: png, svg, pdf")
+    ] = None,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     debug: DebugOption = False,
@@ -117,25 +125,33 @@ def check(
     """
     from lagcli import pipeline
     from lagcli.cli import tellings
+    from lagcli.cli import witness as showing
 
     _require_files(models)
+    wish = showing.wish(witness, plot, models)
     answers: list[dict[str, Any]] = []
     codes: list[int] = []
     for path in models:
         began = time.perf_counter()
         try:
-            report = pipeline.check(_load(path, changes), limit)
+            read = _load(path, changes)
+            report = pipeline.check(read, limit)
+            shown = wish.shown(read, report, limit) if wish is not None else None
         except diagnostics.ModelError as error:
             codes.append(exits.of(error))
             answers.append(machine.errors(error))
             if not as_json:
                 exits.say(str(error))
             continue
-        answers.append(report.as_json())
+        answers.append(
+            report.as_json() if shown is None else {**report.as_json(), "witness": shown.as_json()}
+        )
         codes.append(exits.INVALID if strict and report.warnings else exits.DONE)
         if not as_json:
             tellings.report(report, heading=len(models) > 1)
             exits.say_all(() if quiet else (warning.render() for warning in report.warnings))
+        if shown is not None:
+            codes.append(shown.tell(as_json))
         if verbose:
             exits.say(f"{report.path}: checked in {time.perf_counter() - began:.3f} s")
     if as_json:
@@ -173,6 +189,7 @@ def simulate(
     resume: Annotated[
         str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
     ] = None,
+    limit: LimitOption = 20.0,
     changes: SetOption = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="errors, and the account if stdout is free, as JSON on stdout")
@@ -189,7 +206,7 @@ def simulate(
     from lagcli import pipeline
     from lagcli.cli import running
 
-    wishes = running.Wishes(output, plot, stats, columns, as_json, quiet, verbose, checkpoint, resume)
+    wishes = running.Wishes(output, plot, stats, columns, as_json, quiet, verbose, checkpoint, resume, limit)
     wishes.check(model)
     read = _reported(lambda: _load(model, changes), as_json)
     given = {

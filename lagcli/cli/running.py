@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import pipeline
+from lagcli.classification import classify
 from lagcli.cli import console, exits, machine, signals
 from lagcli.export import aside, checkpoint_file, columns, endings, tables, thinned
 from lagcli.integrate import checkpoint, driver
@@ -37,6 +38,7 @@ class Wishes:
     verbose: bool
     checkpoint: str | None = None
     resume: str | None = None
+    limit: float = classify.DEFAULT_LIMIT
 
     @property
     def to_stdout(self) -> bool:
@@ -91,7 +93,7 @@ class Wishes:
 def ready(model: Model, chosen: Simulation, wishes: Wishes) -> pipeline.Running:
     """The run, from its start or from a checkpoint. Raises `exits.UsageError`, `diagnostics.ModelError`."""
     try:
-        return pipeline.running(model, chosen, wishes.resume)
+        return pipeline.running(model, chosen, wishes.resume, wishes.limit)
     except checkpoint.CheckpointError as error:
         raise exits.UsageError(f"--resume {error}") from None
     except FileNotFoundError:
@@ -116,6 +118,8 @@ def run(ready: pipeline.Running, wishes: Wishes) -> None:
             _tell_complete(wishes)
             raise
     if not wishes.quiet:
+        for note in ready.notes:
+            exits.say(f"note: {note}")
         _tell_account(ready.stats, stopped is None)
     if stopped is not None:
         exits.say(f"lagcli: {stopped.stop.reason}")

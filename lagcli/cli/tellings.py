@@ -7,7 +7,7 @@ import sys
 from lagcli import diagnostics
 from lagcli.cli import console
 from lagcli.degrees_of_freedom import DofCount
-from lagcli.report import ConstraintReport, Report
+from lagcli.report import ConstraintReport, Joint, Report
 
 ALWAYS, FORMULAS = ("constraint", "declared", "verdict"), ("integral", "factor")
 NARROW = 60  # columns of a terminal below which a table is folded beyond reading
@@ -22,6 +22,10 @@ def report(found: Report, heading: bool) -> None:
     if found.constraints:
         _constraints(found.constraints)
         print()
+        if any(one.verdict.declared == "differential" for one in found.constraints):
+            for line in _joint(found.joint):
+                console.paragraph(line, "    ")
+            print()
     for line in count(found.dof):
         console.paragraph(line, "    ")
     print()
@@ -55,6 +59,24 @@ def _constraints(constraints: tuple[ConstraintReport, ...]) -> None:
         print()
     for name, sentence in below:
         console.paragraph(f"{name}: {sentence}", "    ")
+
+
+def _joint(joint: Joint) -> list[str]:
+    """What all rows are together: derived flag, growth vector, integrals."""
+    lines = []
+    if joint.derived_flag:
+        dims = ", ".join(map(str, joint.derived_flag))
+        lines.append(f"derived flag of all rows: [{dims}]")
+        growth = ", ".join(map(str, joint.growth_vector))
+        reach = "" if joint.is_bracket_generating else "not "
+        lines.append(f"growth vector: ({growth}) of {joint.dimension}, {reach}bracket-generating")
+    else:
+        lines.append("derived flag of all rows: undecided")
+    for one in joint.combinations:
+        lines.append(f"first integral of {', '.join(one.rows)}: {one.text} = const")
+    lines += [f"integrable, without a known integral: {form} = 0" for form in joint.unsolved]
+    lines += joint.remarks
+    return [diagnostics.printable(line) for line in lines]
 
 
 def _picked(rows: list[dict[str, str]], shown: list[str]) -> list[list[str]]:

@@ -27,16 +27,16 @@ class Expanded:
 
     @cached_property
     def position(self) -> Any:
-        """position(t, y, p) -> y after one Newton step onto f = 0 along M^-1 B^T.
+        """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T.
 
         That is towards the nearest point in the mass-weighted norm.
         """
         parts = self._parts
-        y, n, s = parts.y, parts.v.numel(), parts.f.numel()
-        if s == 0:
+        y, n = parts.y, parts.v.numel()
+        if parts.held.numel() == 0:
             return ca.Function("position", parts.inputs, [y])
-        schur = self._schur if s == parts.B.shape[0] else solving.solver(parts.S_whole)
-        q = y[:n] - parts.inertia(parts.B_whole.T @ schur(parts.f))
+        schur = self._schur if parts.S_held is parts.S else solving.solver(parts.S_held)
+        q = y[:n] - parts.inertia(parts.B_held.T @ schur(parts.held))
         return ca.Function("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
 
     @cached_property

@@ -33,21 +33,21 @@ class Factored:
 
     @cached_property
     def position(self) -> Any:
-        """position(t, y, p) -> y after one Newton step onto f = 0 along M^-1 B^T."""
+        """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T."""
         parts = self._parts
-        y, n, s = parts.y, parts.v.numel(), parts.f.numel()
-        if s == 0:
+        y, n = parts.y, parts.v.numel()
+        if parts.held.numel() == 0:
             return ca.Function("position", parts.inputs, [y])
-        mu = ca.SX.sym("mu", s)
-        before = ca.Function("before", parts.inputs, [parts.S_whole, parts.f])
-        moved = ca.densify(ca.vertcat(y[:n] - parts.inertia(parts.B_whole.T @ mu), y[n:]))
+        mu = ca.SX.sym("mu", parts.held.numel())
+        before = ca.Function("before", parts.inputs, [parts.S_held, parts.held])
+        moved = ca.densify(ca.vertcat(y[:n] - parts.inertia(parts.B_held.T @ mu), y[n:]))
         after = ca.Function("after", [*parts.inputs, mu], [moved])
         inputs = self._inputs()
         return ca.Function("position", inputs, [after(*inputs, _solved(before, inputs))])
 
     @cached_property
     def landing(self) -> Any:
-        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, and the residual of f."""
+        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, and the residual of f and g."""
         parts = self._parts
         y, v, n = parts.y, parts.v, parts.v.numel()
         mu = ca.SX.sym("mu", parts.B.shape[0])

@@ -13,6 +13,7 @@ S and M are factored as L D L^T with their sparsity: S by expanded graphs while 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +23,7 @@ from lagcli.compile import parts as shared
 from lagcli.compile import solving, table
 from lagcli.compile.expanded import Expanded
 from lagcli.compile.factored import Factored
+from lagcli.mechanics.integrals import Chart
 from lagcli.mechanics.system import System
 
 # Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
@@ -32,19 +34,28 @@ NEWTON_STEPS = 2
 # longer to build than a run takes, and a numeric factorization is no slower.
 EXPANDED_OPERATIONS = 3e5
 
+# How far integrals may move a landing state, weighed against its residual: of a state that lands where 1e-9 of its
+# size is left, by a hundredth of its size.
+THROWN = 1e-7
+
 
 class NumericSystem:
     """Compiled functions of one system, each built when it is first asked for: a count needs no step."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, parts: shared.Parts | None = None) -> None:
         self._system = system
-        self._parts = shared.parts(system)
+        self._parts = parts or shared.parts(system)
         self.n: int = system.symbols.q.numel()
+
+    def holding(self, charts: Sequence[Chart]) -> NumericSystem:
+        """The same with first integrals held in these charts; its p goes on with the two constants of each."""
+        return NumericSystem(self._system, self._parts.holding(charts))
 
     @cached_property
     def _way(self) -> Expanded | Factored:
-        is_small = solving.operations(self._parts.S) <= EXPANDED_OPERATIONS
-        return Expanded(self._parts) if is_small else Factored(self._parts)
+        parts = self._parts
+        largest = max(map(solving.operations, (parts.S, parts.S_held) if parts.g.numel() else (parts.S,)))
+        return Expanded(parts) if largest <= EXPANDED_OPERATIONS else Factored(parts)
 
     @property
     def rhs(self) -> Any:
@@ -56,10 +67,12 @@ class NumericSystem:
         """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, and an outcome of two.
 
         These are the residual (largest |f_i| / |B_i| over the largest |q|) and the sum of y', finite only where
-        all of y' is.
+        all of y' is. A state that g = 0 threw far off counts as not landed: it is on another branch.
         """
         t, y, p = inputs = _inputs(self._way.landing)
         landed, rate, _, residual = self._way.landing(t, self._projected(t, y, p), p)
+        if self._parts.g.numel():
+            residual += THROWN * ca.norm_inf((landed - y)[: self.n])
         outcome = ca.vertcat(residual / (ca.norm_inf(landed[: self.n]) + shared.TINY), ca.sum1(rate))
         return ca.Function("land", inputs, [landed, rate, ca.densify(outcome)])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +11,7 @@ import casadi as ca
 
 from lagcli.compile import solving
 from lagcli.mechanics import system as mechanics
+from lagcli.mechanics.integrals import Chart
 from lagcli.mechanics.system import System
 
 # Below this a norm is taken as zero where it divides; B has no row without entries.
@@ -20,7 +22,11 @@ SHARED_NODES = 20_000
 
 @dataclasses.dataclass(frozen=True)
 class Parts:
-    """The expressions of (D.24) with their common subexpressions shared, where the graph `is_small`."""
+    """The expressions of (D.24) with their common subexpressions shared, where the graph `is_small`.
+
+    g (k,), dg (k, n): what is held at zero besides f, first integrals of differential rows less their values at
+    the start, and the gradient by q. They enter the projection of positions and nothing else.
+    """
 
     t: Any
     y: Any
@@ -34,6 +40,8 @@ class Parts:
     h: Any
     power: Any
     is_small: bool
+    g: Any
+    dg: Any
 
     @cached_property
     def force(self) -> Any:
@@ -66,8 +74,10 @@ class Parts:
         return self.B @ self.inertia(self.B.T)
 
     @cached_property
-    def S_whole(self) -> Any:
-        """The same for the rows that belong to f, (s, s)."""
+    def S_held(self) -> Any:
+        """The same for the rows of `B_held`, (s + k, s + k)."""
+        if self.g.numel():
+            return self.B_held @ self.inertia(self.B_held.T)
         s = self.f.numel()
         return self.S if s == self.B.shape[0] else self.S[:s, :s]
 
@@ -75,6 +85,29 @@ class Parts:
     def B_whole(self) -> Any:
         """The rows of B that belong to f."""
         return self.B[: self.f.numel(), :]
+
+    @cached_property
+    def held(self) -> Any:
+        """f and g, (s + k,): what the projection of positions brings to zero."""
+        return ca.vertcat(self.f, self.g) if self.g.numel() else self.f
+
+    @cached_property
+    def B_held(self) -> Any:
+        """Their gradients by q, (s + k, n)."""
+        return ca.vertcat(self.B_whole, self.dg) if self.g.numel() else self.B_whole
+
+    def holding(self, charts: Sequence[Chart]) -> Parts:
+        """The same with integrals held in these charts; p goes on with two constants for each, above and below.
+
+        With a, b the constants, above and below at the start over their hypotenuse, g = above b - below a; with
+        a period g = above - a less its whole periods.
+        """
+        c = ca.SX.sym("c", 2 * len(charts))
+        each = ca.vertsplit(c)
+        g = [_level(chart, a, b) for chart, a, b in zip(charts, each[::2], each[1::2], strict=True)]
+        levels = ca.densify(ca.vertcat(*g)) if g else ca.SX(0, 1)
+        dg = ca.jacobian(levels, self.y[: self.v.numel()])
+        return dataclasses.replace(self, p=ca.vertcat(self.p, c), g=levels, dg=dg)
 
 
 def parts(system: System) -> Parts:
@@ -93,7 +126,15 @@ def parts(system: System) -> Parts:
         expressions = ca.cse(expressions)
     f, B_entries, b, gamma, M_entries, h, power = expressions
     B, M = ca.SX(B.sparsity(), B_entries), ca.SX(M.sparsity(), M_entries)
-    return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, is_small)
+    nothing, no_rows = ca.SX(0, 1), ca.SX(0, v.numel())
+    return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, is_small, nothing, no_rows)
+
+
+def _level(chart: Chart, a: Any, b: Any) -> Any:
+    if chart.period is None:
+        return chart.above * b - chart.below * a
+    turned = chart.above - a
+    return turned - chart.period * ca.floor(turned / chart.period + 0.5)
 
 
 def state_rate(parts: Parts, a: Any, lam: Any) -> Any:
@@ -102,10 +143,10 @@ def state_rate(parts: Parts, a: Any, lam: Any) -> Any:
 
 
 def position_residual(parts: Parts) -> Any:
-    """Largest |f_i| / |B_i|, a length where q are lengths."""
-    if parts.f.numel() == 0:
+    """Largest |f_i| / |B_i|, and |g_j| / |dg_j|, a length where q are lengths."""
+    if parts.held.numel() == 0:
         return ca.SX(0)
-    return ca.mmax(ca.fabs(parts.f) / _row_norms(parts.B_whole))
+    return ca.mmax(ca.fabs(parts.held) / _row_norms(parts.B_held))
 
 
 def velocity_residual(parts: Parts) -> Any:

@@ -27,6 +27,6 @@ def table(system: System, parts: Parts) -> Any:
         dynamics.rest,
     )
     rate = ca.vertcat(ca.SX.sym("v", n), system.a, ca.SX.sym("power"))
-    inputs = [symbols.t, parts.y, rate, system.lam, system.p]
+    inputs = [symbols.t, parts.y, rate, system.lam, parts.p]
     options = {"cse": parts.is_small}
     return ca.Function("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)

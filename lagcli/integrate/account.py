@@ -18,7 +18,7 @@ ROUNDING = 1e-10
 class Figures:
     """Extremes over the rows of a run, each of which is a float; energies in the model's unit.
 
-    position_drift, velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i|
+    position_drift, velocity_drift: largest |f_i| / |B_i|, |g_j| / |dg_j|, and |B_i v + b_i| / |B_i|
     start, rest: the Jacobi energy H and its part without velocities at the start
     imbalance: largest |H(t) - H(start) - W(t)|; moving, resting: largest |H - rest| and |rest - rest(start)|;
     largest: largest |H| and |rest|
@@ -58,7 +58,8 @@ def _size(values: Floats) -> float:
 class Account:
     """The account of a run; `figures` is None before its first row.
 
-    steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time.
+    steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time; notes: what there
+    is to say about integrals that are not held all the time.
     """
 
     steps: int = 0
@@ -66,6 +67,7 @@ class Account:
     evaluations: int = 0
     solve_seconds: float = 0.0
     figures: Figures | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def energy_imbalance(self) -> float:

@@ -17,13 +17,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.conserved import Chart, FirstIntegral
 from lagcli.integrate.account import Figures
+from lagcli.integrate.holding import Level, Levels
 from lagcli.mechanics import system
 from lagcli.model import Model, Vector3
 
 Floats = npt.NDArray[np.float64]
 
-FORMAT = 1
+FORMAT = 2
 METHOD = "dop853"
 MOST_BYTES = 2**28
 MOST_COUNT = 2**53
@@ -39,7 +41,8 @@ class Mark:
 
     t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
     look at the pace; steps, rejected, evaluations: the account up to t; row: time of the last row handed out,
-    which may lie on either side of t; figures: those of all rows handed out.
+    which may lie on either side of t; figures: those of all rows handed out; levels: how each integral is held;
+    notes: what has been said about them.
     """
 
     t: float
@@ -52,6 +55,8 @@ class Mark:
     evaluations: int
     row: float
     figures: Figures
+    levels: Levels = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -73,10 +78,11 @@ class Identity:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Checkpoint:
-    """A run, and whose."""
+    """A run, and whose; integrals: those that were found of its differential rows when it began."""
 
     identity: Identity
     mark: Mark
+    integrals: tuple[FirstIntegral, ...]
 
 
 def identity(model: Model) -> Identity:
@@ -136,11 +142,14 @@ def _parts(point: Checkpoint) -> dict[str, Any]:
     mark = {field.name: getattr(point.mark, field.name) for field in dataclasses.fields(Mark)}
     mark |= {"y": point.mark.y.tolist(), "k": point.mark.k.tolist()}
     mark["figures"] = dataclasses.asdict(point.mark.figures)
-    return {"identity": dataclasses.asdict(point.identity), "mark": mark}
+    mark["levels"] = [None if level is None else dataclasses.astuple(level) for level in point.mark.levels]
+    mark["notes"] = list(point.mark.notes)
+    integrals = [dataclasses.asdict(integral) for integral in point.integrals]
+    return {"identity": dataclasses.asdict(point.identity), "mark": mark, "integrals": integrals}
 
 
-def control_sum(parts: dict[str, Any]) -> str:
-    """Tells whether any number of a checkpoint has changed; how the file is laid out plays no part in it."""
+def control_sum(parts: Any) -> str:
+    """Tells whether any number or text has changed; how a file is laid out plays no part in it."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
@@ -164,7 +173,8 @@ def decoded(data: bytes) -> Checkpoint:
     if whole["lagcli-checkpoint"] != FORMAT:
         raise CheckpointError(f"it is a checkpoint of another version than {FORMAT}")
     try:
-        point = Checkpoint(_identity(whole["identity"]), _mark(whole["mark"]))
+        integrals = tuple(_integral(**value) for value in whole["integrals"])
+        point = Checkpoint(_identity(whole["identity"]), _mark(whole["mark"], integrals), integrals)
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError):
         raise CheckpointError(
             "it is a damaged checkpoint: something is missing or no finite number"
@@ -196,7 +206,7 @@ def _identity(value: dict[str, Any]) -> Identity:
     )
 
 
-def _mark(value: dict[str, Any]) -> Mark:
+def _mark(value: dict[str, Any], integrals: tuple[FirstIntegral, ...]) -> Mark:
     figures = value["figures"]
     mark = Mark(
         _number(value["t"]),
@@ -209,10 +219,30 @@ def _mark(value: dict[str, Any]) -> Mark:
         _count(value["evaluations"]),
         _number(value["row"]),
         Figures(**{field.name: _number(figures[field.name]) for field in dataclasses.fields(Figures)}),
+        tuple(
+            None if level is None else _level(len(integral.charts), *level)
+            for integral, level in zip(integrals, value["levels"], strict=True)
+        ),
+        tuple(_text(note) for note in value["notes"]),
     )
     if mark.step <= 0:
         raise ValueError("a step that does not advance")
     return mark
+
+
+def _level(charts: int, chart: object, above: object, below: object) -> Level:
+    number = _count(chart)
+    if number >= charts:
+        raise ValueError("a chart that there is not")
+    return Level(number, _number(above), _number(below))
+
+
+def _integral(text: object, rows: list[object], charts: list[dict[str, object]]) -> FirstIntegral:
+    return FirstIntegral(_text(text), tuple(map(_text, rows)), tuple(_chart(**chart) for chart in charts))
+
+
+def _chart(above: object, below: object, period: object) -> Chart:
+    return Chart(_text(above), _text(below), None if period is None else _text(period))
 
 
 def _number(value: object) -> float:

@@ -14,12 +14,12 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compile import NumericSystem
-from lagcli.integrate import dop853, tableau
+from lagcli.integrate import dop853, holding, initial, tableau
 from lagcli.integrate import grid as grids
 from lagcli.integrate.account import Account, Figures
 from lagcli.integrate.call import Call, cells
 from lagcli.integrate.checkpoint import CheckpointError, Mark
+from lagcli.integrate.holding import Holding
 from lagcli.model import Simulation
 
 Floats = npt.NDArray[np.float64]
@@ -29,10 +29,16 @@ PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed ou
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
 # A landed state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
 LANDING = 1e-9
+# A step of this error is right, and so are rows that are independent: where it does not land, integrals may be the
+# reason.
+CERTAIN = 1e-6
 # Errors of steps add up over a run, and what is promised is about the result: the scheme is held to a hundredth
 # of the tolerance asked for, but not below where its error estimate is rounding.
 TIGHTENING, FINEST = 100.0, 1e-14
 EXPONENT = -1.0 / dop853.ORDER
+# A row where nothing has a value is a limit from points at this part of a step, where the differences of columns
+# shrink by half of their distance, or are rounding.
+NEAR, SHRINKS, ROUNDING = 1e-4, 0.75, 1e-6
 # The first step where nothing moves and the scale of time is unknown: of the unit of time, or of the time itself.
 REST, REST_OF_TIME = 1e-6, 1e-10
 # Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
@@ -64,26 +70,25 @@ def step_tolerance(settings: Simulation) -> Floats:
 class Run:
     """One integration, from a consistent start or from where another run was marked; `columns` after t.
 
-    Iterate `blocks` once; `account` is filled as they come.
+    held: the functions, with the integrals that are held at the start or at the mark; notes: what was said about
+    them at the start. Iterate `blocks` once; `account` is filled as they come.
     """
 
     def __init__(
         self,
-        numeric: NumericSystem,
-        scheme: dop853.Scheme,
+        held: Holding,
         begin: tuple[Floats, Floats] | Mark,
-        p: Floats,
         settings: Simulation,
         columns: tuple[str, ...],
+        notes: tuple[str, ...] = (),
     ) -> None:
         self.grid = grid = grids.grid(settings)
         self._columns = columns
-        self.account = Account()
+        self.account = Account(notes=notes)
         self._resumed = begin if isinstance(begin, Mark) else None
         state = np.concatenate([*begin, [0.0]]) if isinstance(begin, tuple) else begin.y
-        self._bind(
-            numeric, scheme, np.array(state, dtype=float), np.array(p, dtype=float), step_tolerance(settings)
-        )
+        self._tolerance = step_tolerance(settings)
+        self._bind(held, np.array(state, dtype=float))
         self.t = self._reached = self._pace_from = self._t_cell[0] = grid.start
         self._step_size = self._taken = self._proposed = 0.0
         self._in_step = self._has_dense = False
@@ -94,12 +99,13 @@ class Run:
             self._resume(self._resumed)
         self._row_time = grid.time(self._next_row)
         self._row = -math.inf if self._resumed is None else self._resumed.row
-        self._counted = self._counts()
+        self._settle()
 
-    def _bind(
-        self, numeric: NumericSystem, scheme: dop853.Scheme, y: Floats, p: Floats, tolerance: Floats
-    ) -> None:
+    def _bind(self, held: Holding, y: Floats) -> None:
         """The compiled functions on their arrays: y and k at the begin of a step, new and k_new at its end."""
+        self._held = held
+        numeric, scheme, p = held.functions.numeric, held.functions.scheme, held.parameters
+        tolerance = self._tolerance
         t, h, at, x = (np.zeros(1) for _ in range(4))
         k = np.zeros(y.size)
         self._y, self._k = y, k
@@ -118,7 +124,7 @@ class Run:
         self._line_begin = Call(scheme.line_at, [at, y, p], given=line)
         self._line_end = Call(scheme.line_at, [at, new, p], given=line)
         self._line = line[0]
-        self._new, self._k_new, self._tolerance = new, k_new, tolerance
+        self._new, self._k_new = new, k_new
         # What every step and every row reads and writes.
         self._t_cell, self._h_cell, self._at_cell, self._x_cell = map(cells, (t, h, at, x))
         self._outcome, self._line_cells = cells(outcome), cells(self._line)
@@ -128,7 +134,7 @@ class Run:
         self.t = self._reached = self._t_cell[0] = mark.t
         self._k[:] = mark.k
         self._step_size, self._pace_from = mark.step, mark.pace_from
-        self.account = Account(mark.steps, mark.rejected, mark.evaluations, 0.0, mark.figures)
+        self.account = Account(mark.steps, mark.rejected, mark.evaluations, 0.0, mark.figures, mark.notes)
         # The rows that another grid has between the last one handed out and the mark are lost.
         after = grid.after(mark.row)
         self._next_row = max(after, grid.first(mark.t))
@@ -147,13 +153,15 @@ class Run:
         return dataclasses.replace(base, row=self._row, figures=figures)
 
     def _here(self, figures: Figures) -> Mark:
-        t, counted = self._t_cell[0], self._counted
-        return Mark(
-            t, self._y.copy(), self._k.copy(), self._step_size, self._pace_from, *counted, self._row, figures
-        )  # fmt: skip
+        state = self._t_cell[0], self._y.copy(), self._k.copy(), self._step_size, self._pace_from
+        return Mark(*state, *self._counted, self._row, figures, self._levels, self._notes)
 
-    def _counts(self) -> tuple[int, int, int]:
-        return self.account.steps, self.account.rejected, self.account.evaluations
+    def _settle(self) -> None:
+        """Keep what belongs to the state from which the next step is tried."""
+        account = self.account
+        self._counted = account.steps, account.rejected, account.evaluations
+        self._levels, self._notes = self._held.levels, account.notes
+        self._tried: holding.Tried = frozenset()
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty.
@@ -214,7 +222,7 @@ class Run:
         if not np.isfinite(self._k).all():
             self._stop("the accelerations are not finite at the start")
         self._step_size = self._first_step()
-        self._counted = self._counts()
+        self._settle()
         self._at_cell[0] = self.t
         self._line_begin.trigger()
         self._put_line()
@@ -246,6 +254,8 @@ class Run:
                 h = shorter
                 continue
             self.account.rejected += 1
+            if self._held.is_any and error < CERTAIN and self._let_go(last):
+                continue
             grow = 1.0
             # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
             known = math.isfinite(error) and error >= 1.0 and landed
@@ -261,12 +271,36 @@ class Run:
         self._reached, self._taken = reached, taken
         self._proposed = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
 
+    def _let_go(self, is_last: bool) -> bool:
+        """After a step that did not land though it is right: leave the integrals that are the reason, if any."""
+        t, y, k, h = self.t, self._y, self._k, self._h_cell[0]
+        arguments = [np.array([t]), np.array([h]), y, k, self._tolerance, self._held.p]
+        step = Call(self._held.plain.functions.scheme.step, arguments, wanted=3)
+        step.trigger()
+        self.account.evaluations += tableau.STAGES
+        new, _, (error, residual, everything) = step.results
+        if not (error < 1.0 and residual <= LANDING and math.isfinite(everything)):
+            return False
+        if is_last:
+            # A longer run may be in another place when it comes to this.
+            self._undisturbed = self._undisturbed or self._here(self._figures())
+        n = y.size // 2
+        here, ahead = (
+            initial.State(at, state[:n], state[n : 2 * n], self._held.p)
+            for at, state in ((t, y), (t + h, new))
+        )
+        held, notes, self._tried = holding.let_go(self._held, here, ahead, self._tried)
+        self.account.notes += notes
+        self._bind(held, y)
+        self._t_cell[0], self._h_cell[0], self._k[:] = t, h, k
+        return True
+
     def _accept(self) -> None:
         self._in_step = False
         self._t_cell[0] = self.t = self._reached
         self._y[:], self._k[:] = self._new, self._k_new
         self._step_size = self._proposed
-        self._counted = self._counts()
+        self._settle()
         if self.account.steps % PACE == 0:
             pace_from, self._pace_from = self._pace_from, self.t
             self._check_pace(self.t - pace_from)
@@ -291,8 +325,38 @@ class Run:
             self._put_line()
         return True
 
+    def _mend(self) -> None:
+        """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
+
+        Where the integrals are the reason, it is the row without them. Else it is the limit along the motion, from
+        two points on either side, where all columns have one: their differences then shrink with the distance,
+        and where one has a jump or a pole they do not.
+        """
+        at, x, taken = self._at_cell[0], self._x_cell[0], self._taken
+        if self._held.is_any:
+            arguments = [at, x, self._y, self._dense.results[0], self._held.p]
+            plain = np.array(self._held.plain.functions.scheme.line_inside(*arguments)).ravel()
+            if math.isfinite(plain[-1]):
+                self._line[:] = plain
+                return
+        lines = []
+        for side in (-2, -1, 1, 2):
+            self._x_cell[0], self._at_cell[0] = x + side * NEAR, at + side * NEAR * taken
+            self._line_inside.trigger()
+            lines.append(self._line.copy())
+        self._at_cell[0] = at
+        outer, inner, inner_after, outer_after = lines
+        with np.errstate(invalid="ignore"):  # what is not finite is told by name when it is put
+            rounding = ROUNDING * (np.abs(inner) + np.abs(inner_after))
+            has_limit = np.abs(inner_after - inner) <= SHRINKS * np.abs(outer_after - outer) + rounding
+            limit = (4 * (inner + inner_after) - (outer + outer_after)) / 6
+        self._line[:] = np.where(has_limit, limit, np.nan)
+        self._line[0] = at
+
     def _put_line(self) -> None:
         if not math.isfinite(self._line_cells[-1]):
+            if self._in_step and self._at_cell[0] < self._reached:
+                self._mend()
             self._require_finite()
         self._lines[self._filled] = self._line
         self._filled += 1

@@ -11,7 +11,7 @@ from lagcli import diagnostics, rank
 from lagcli import model as nouns
 from lagcli.compile import NumericSystem, nearest
 from lagcli.constraint_rows import MetricRows, Rows
-from lagcli.integrate import projection
+from lagcli.integrate import conflict, projection
 from lagcli.mechanics import system as mechanics
 from lagcli.mechanics.system import System
 from lagcli.metric import Metric, NotDefiniteError
@@ -301,7 +301,8 @@ def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[s
     v = projection.velocity(state.v, rows.B, b, metric)
     there = dataclasses.replace(there, v=v)
     if not residuals(system, numeric, there).consistent:
-        raise no_configuration(system, numeric, there, keep)
+        parting = conflict.least(rows, b)
+        raise contradiction(system, parting) if parting else no_configuration(system, numeric, there, keep)
     return Assembly(there, whole.length(q - state.q), whole.length(v - state.v))
 
 
@@ -347,6 +348,15 @@ def _stuck(system: System, rows: list[int]) -> diagnostics.ModelError:
     location = system.rows.rows[rows[0]].location
     hint = "let `keep` hold fewer coordinates"
     return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location, hint)])
+
+
+def contradiction(system: System, rows: list[int]) -> diagnostics.ModelError:
+    """The error for rows of which a combination says dt = 0: no velocity satisfies them together."""
+    message = f"{names_of(system, rows)} contradict each other: a combination of them says dt = 0"
+    if len(rows) == 1:
+        message = f"{names_of(system, rows)} can never hold: it says dt = 0"
+    location = system.rows.rows[rows[-1]].location
+    return diagnostics.ModelError([diagnostics.Diagnostic("contradictory-constraints", message, location)])
 
 
 def no_configuration(

@@ -54,18 +54,22 @@ def _told(verdict: Verdict, known: Form, form: Form) -> Verdict:
         return None if expression is None else expression.xreplace(renamed)
 
     names = {x.name: y.name for x, y in renamed.items() if x != y}
-    written = re.compile(r"(?<!\w)(?:" + "|".join(map(re.escape, names)) + ")") if names else None
+    longest_first = sorted(map(re.escape, names), key=len, reverse=True)
+    written = re.compile(rf"(?<!\w)(?:{'|'.join(longest_first)})(?!\w)") if names else None
     method = verdict.method if written is None else written.sub(lambda m: names[m[0]], verdict.method)
     witness = verdict.witness
     if witness is not None:
         i, j, k = (renamed[x] for x in witness.variables)
-        witness = dataclasses.replace(
-            witness, variables=(i, j, k), component=witness.component.xreplace(renamed)
-        )
+        component, value = witness.component.xreplace(renamed), witness.value
+        if value is not None:
+            point = tuple((names.get(name, name), number) for name, number in value.point)
+            value = dataclasses.replace(value, point=point)
+        witness = alone.Witness((i, j, k), component, value)
     return dataclasses.replace(
         verdict,
         integral=turn(verdict.integral),
         integrating_factor=turn(verdict.integrating_factor),
         method=method,
         witness=witness,
+        special=tuple(e.xreplace(renamed) for e in verdict.special),
     )

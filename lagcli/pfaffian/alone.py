@@ -8,21 +8,22 @@ the form is defined and not zero; parameter values at which a verdict may change
 """
 
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import partial
 from itertools import combinations
-from typing import Literal
+from typing import Any, Literal
 
 import sympy
 
-from lagcli.pfaffian import enclosure, factors, limit, potential, tidy, tower, zero
+from lagcli.pfaffian import enclosure, factors, limit, potential, printing, tidy, tower, zero
 from lagcli.pfaffian import form as forms
 
 Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
 
 _CLOSED = "The mixed partial derivatives agree, so the form is exact"
 _SEARCH_SHARE = 0.8
-_SEARCH_SECONDS = 8.0
+_SEARCH_EFFORT = 3.0
 _WITNESS_SECONDS = 2.0
+_SHARED_EFFORT = 0.3
 _SHOWN = 160
 
 
@@ -41,7 +42,8 @@ class Verdict:
 
     `integrating_factor` * omega = d `integral`, both None where no closed form is known; the factor of an
     exact form is 1. `method` is a sentence for the user. `exceptional` holds expressions of the parameters
-    at whose zeros the verdict or the integral may be another one.
+    at whose zeros the verdict or the integral may be another one; `special` holds irreducible expressions in the
+    variables of a nonholonomic form: where one of them is zero, all of omega ^ d omega vanishes.
     """
 
     kind: Kind
@@ -51,6 +53,7 @@ class Verdict:
     proof: zero.Proof
     witness: Witness | None = None
     exceptional: tuple[sympy.Expr, ...] = ()
+    special: tuple[sympy.Expr, ...] = ()
 
 
 def classify(form: forms.Form, deadline: float) -> Verdict:
@@ -63,22 +66,10 @@ def classify(form: forms.Form, deadline: float) -> Verdict:
     prepared = forms.Form(
         form.name,
         tuple(real[x] for x in form.variables),
-        tuple(_plain(a.xreplace(real)) for a in form.coefficients),
+        tuple(forms.plain(a.xreplace(real)) for a in form.coefficients),
         tuple(real[p] for p in form.parameters),
     )
     return _spoken(_judge(prepared, deadline), back)
-
-
-def _plain(coefficient: sympy.Expr) -> sympy.Expr:
-    """min, max and sign in terms of |u|."""
-    if coefficient.has(sympy.Min, sympy.Max):
-        coefficient = coefficient.replace(
-            sympy.Min, lambda *u: reduce(lambda a, b: (a + b - sympy.Abs(a - b)) / 2, u)
-        )
-        coefficient = coefficient.replace(
-            sympy.Max, lambda *u: reduce(lambda a, b: (a + b + sympy.Abs(a - b)) / 2, u)
-        )
-    return coefficient.replace(sympy.sign, lambda u: sympy.Abs(u) / u)
 
 
 def _judge(form: forms.Form, deadline: float) -> Verdict:
@@ -125,13 +116,14 @@ def _exact(form: forms.Form, deadline: float) -> Verdict:
 def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
     """A verified potential of the exact form, tidy if that can be verified."""
     orders = [form, forms.Form(form.name, form.variables[::-1], form.coefficients[::-1], form.parameters)]
+    given = frozenset().union(*(a.atoms(sympy.log) for a in form.coefficients))
     for way in orders:
         until = min(deadline, limit.after(factors.SLICE))
         try:
             phi = limit.run(until, partial(potential.of, way))
             if phi is None:
                 continue
-            for each in (limit.run(until, partial(tidy.potential, phi, form.variables)), phi):
+            for each in (limit.run(until, partial(tidy.potential, phi, form.variables, given)), phi):
                 pairs = zip(form.variables, form.coefficients, strict=True)
                 defects = [forms.partial(each, x) - a for x, a in pairs]
                 if potential.writable(each) and zero.vanish(defects, until).truth is zero.Truth.YES:
@@ -159,7 +151,8 @@ def _not_exact(form: forms.Form, closed: zero.Finding, deadline: float) -> Verdi
 
 def _search(form: forms.Form, deadline: float) -> factors.Found | None:
     try:
-        return factors.search(form, limit.after(min(_SEARCH_SHARE * limit.left(deadline), _SEARCH_SECONDS)))
+        until = limit.after(_SEARCH_SHARE * limit.left(deadline))
+        return limit.run(until, lambda: factors.search(form, until), _SEARCH_EFFORT)
     except limit.TimeUpError:
         return None
 
@@ -198,14 +191,19 @@ def _nonholonomic(
     numeric = zero.is_zero(component, until).value
     try:
         shown = limit.run(until, lambda: tidy.ratio(component, sympy.Integer(1)))
-        exceptional = limit.run(until, lambda: _parameter_factors(form))
     except limit.NO_ANSWER:
-        shown, exceptional = component, ()
+        shown = component
+    try:
+        shared = limit.run(until, lambda: _shared_factors(form), _SHARED_EFFORT)
+    except limit.NO_ANSWER:
+        shared = ()
+    exceptional = tuple(p for p in shared if p.free_symbols <= set(form.parameters))
+    special = tuple(p for p in shared if p not in exceptional)
     i, j, k = (form.variables[n] for n in index)
     proof: zero.Proof = (
         "symbolic" if exact.truth is zero.Truth.NO and exact.proof == "symbolic" else "numeric"
     )
-    value = f" = {shown}" if len(str(shown)) <= _SHOWN else ""
+    value = f" = {printing.written(shown)}" if len(str(shown)) <= _SHOWN else ""
     text = (
         f"The component ({i}, {j}, {k}) of omega ^ d omega{value} is not zero: no integrating factor exists"
     )
@@ -214,30 +212,64 @@ def _nonholonomic(
         error = max(numeric.error, 1e-300)
         text += f" (value {numeric.value:.6g}, error below {error:.1g}, at {place})"
     if exceptional:
-        text += "; it may for " + " or ".join(f"{e} = 0" for e in exceptional)
-    return Verdict(
-        "nonholonomic", None, None, text + ".", proof, Witness((i, j, k), shown, numeric), exceptional
-    )
+        text += "; it may for " + " or ".join(f"{printing.written(e)} = 0" for e in exceptional)
+    if special:
+        text += "; omega ^ d omega drops to zero where " + " or ".join(
+            f"{printing.written(e)} = 0" for e in special
+        )
+    witness = Witness((i, j, k), shown, numeric)
+    return Verdict("nonholonomic", None, None, text + ".", proof, witness, exceptional, special)
 
 
-def _parameter_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
-    """Factors of parameters alone that all components of omega ^ d omega share: at their zeros all vanish."""
-    if not form.parameters:
-        return ()
-    components = [c for c in form.wedge().values() if c != 0]
-    try:
-        basis = tower.Tower(components)
-        numerators = [e.numer for e in tower.elements(basis, components) if e.numer]
-    except tower.NoNormalFormError:
-        return ()
-    common = reduce(lambda a, b: a.gcd(b), numerators)
-    parts = (basis.expression(p) for p, _ in common.factor_list()[1])
-    return tuple(p for p in parts if p.free_symbols and p.free_symbols <= set(form.parameters))
+def _shared_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
+    """Irreducible factors that all components of omega ^ d omega share: at their zeros all vanish.
+
+    Those that evidently have no real zero are left out.
+    """
+    components = sorted((c for c in form.wedge().values() if c != 0), key=lambda c: c.count_ops())
+    basis = tower.Tower(components)
+    above = below = basis.ring.zero
+    for component in components:  # short ones first: two of them show that most forms share nothing
+        element = basis.element(component)
+        if element.numer:
+            above, below = above.gcd(element.numer), below.gcd(element.denom)
+        if above and above.is_ground:
+            return ()
+
+    def factors_of(common: Any) -> dict[sympy.Expr, None]:
+        return dict.fromkeys(_plain_zero(basis.expression(p)) for p, _ in common.factor_list()[1])
+
+    jumps = factors_of(below)  # |u|/u jumps where u = 0 and does not vanish
+    factors = [f for f in factors_of(above) if f not in jumps]
+    shown = [f for f in _with_cosines(factors) if f.free_symbols and _may_vanish(f)]
+    return tuple(sorted(shown, key=str))
+
+
+def _plain_zero(factor: sympy.Expr) -> sympy.Expr:
+    """What vanishes where |u| or a root of u does: u."""
+    while isinstance(factor, sympy.Abs) or (factor.is_Pow and factor.exp.is_positive):
+        factor = factor.args[0]
+    return -factor if factor.could_extract_minus_sign() else factor
+
+
+def _with_cosines(factors: list[sympy.Expr]) -> list[sympy.Expr]:
+    """cos(u) for 1 - sin(u) and 1 + sin(u), its square in the normal form."""
+    for factor in factors:
+        for sine in factor.atoms(sympy.sin) if factor.is_Add else ():
+            both = [f for f in factors if f in (sine - 1, sine + 1, 1 - sine, -1 - sine)]
+            if len(both) == 2:
+                cosine = sympy.cos(sine.args[0])
+                return _with_cosines([cosine, *(f for f in factors if f not in (*both, cosine))])
+    return factors
+
+
+def _may_vanish(factor: sympy.Expr) -> bool:
+    return not (factor.is_positive or factor.is_negative or factor.is_Pow)
 
 
 def _poles(phi: sympy.Expr, form: forms.Form) -> tuple[sympy.Expr, ...]:
-    """Parameter expressions by which the integral divides."""
-    below = {b for e in phi.atoms(sympy.Pow) for b in [e.base] if e.exp.is_negative}
+    """Parameter expressions by which the integral divides, or of which it takes a root."""
+    below = {e.base for e in phi.atoms(sympy.Pow) if e.exp.is_negative or e.exp.is_Integer is False}
     constants = (b for b in below if b.free_symbols and b.free_symbols <= set(form.parameters))
     return tuple(sorted(constants, key=str))
 
@@ -264,4 +296,5 @@ def _spoken(verdict: Verdict, back: dict[sympy.Symbol, sympy.Symbol]) -> Verdict
         verdict.proof,
         witness,
         tuple(e.xreplace(back) for e in verdict.exceptional),
+        tuple(e.xreplace(back) for e in verdict.special),
     )

@@ -53,14 +53,14 @@ def pivot(form: forms.Form) -> int:
     return min(candidates, key=lambda i: (form.coefficients[i].count_ops(), i))
 
 
-def pieces(form: forms.Form) -> Pieces:
+def pieces(form: forms.Form, below: Sequence[sympy.Expr] = ()) -> Pieces:
     """Candidates from the coefficients: their letters and irreducible factors, monomials of degree two.
 
-    Raises `tower.NoNormalFormError`.
+    `below` are denominators the form once had. Raises `tower.NoNormalFormError`.
     """
     variables = set(form.variables)
     euler = sum((x * a for x, a in zip(form.variables, form.coefficients, strict=True)), sympy.Integer(0))
-    basis = tower.Tower([*form.coefficients, *form.variables])
+    basis = tower.Tower([*form.coefficients, *form.variables, *below])
     factors: list[sympy.Expr] = []
     letters: list[sympy.Expr] = []
     summands: list[sympy.Expr] = []
@@ -75,7 +75,7 @@ def pieces(form: forms.Form) -> Pieces:
         factors.append(meaning)
         if isinstance(meaning, (sympy.sin, sympy.cos)):
             factors.append(1 + meaning)
-    for a in [*form.coefficients, euler]:
+    for a in [*form.coefficients, euler, *below]:
         element = basis.element(a)
         for part in (element.numer, element.denom):
             factors += [basis.expression(f) for f, _ in part.factor_list()[1]]

@@ -20,7 +20,9 @@ _SEED = 20240229
 _NO_VALUE = (ComplexResult, ArithmeticError, ValueError, NotImplementedError)
 _EXPONENT_LIMIT = 10_000
 _NEAR = [(0, 1), (-1, 1), (1, 3), (-3, 3), (0, 1), (-1, 0), (2, 9), (-9, 9)]
-_SCALES = [*_NEAR * 3, (10, 100), (-100, -10), (-100, 100), (100, 1000), (-1000, 1000)]
+_FAR = [(10, 100), (-100, -10), (-100, 100), (100, 1000), (-1000, 1000), (1000, 10_000), (-10_000, -1000)]
+_SCALES = [*_NEAR * 3, *_FAR]
+_MIXED = 16
 
 Point = Mapping[sympy.Symbol, Fraction]
 
@@ -41,13 +43,19 @@ class NoValueError(Exception):
 def points(symbols: Sequence[sympy.Symbol]) -> Iterator[dict[sympy.Symbol, Fraction]]:
     """The fixed sequence of random rational test points.
 
-    Different scales, since the domains of log, sqrt and asin are not known beforehand. The same symbols
-    always get the same points.
+    Different scales, since the domains of log, sqrt and asin are not known beforehand; at the end one of its own
+    for each symbol. The same symbols always get the same points.
     """
     generator = random.Random(_SEED)
     ordered = sorted(symbols, key=lambda s: s.name)
     for low, high in _SCALES:
-        yield {s: low + (high - low) * Fraction(generator.randrange(1, 997), 997) for s in ordered}
+        yield {s: _between(low, high, generator) for s in ordered}
+    for _ in range(_MIXED if len(ordered) > 1 else 0):
+        yield {s: _between(*generator.choice(_SCALES), generator) for s in ordered}
+
+
+def _between(low: int, high: int, generator: random.Random) -> Fraction:
+    return low + (high - low) * Fraction(generator.randrange(1, 997), 997)
 
 
 def nonzero(expression: sympy.Expr) -> NonZero | None:

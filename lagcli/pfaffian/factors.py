@@ -19,7 +19,8 @@ from lagcli.pfaffian import form as forms
 Value = TypeVar("Value")
 
 SLICE = 3.0
-"""Seconds for one strategy."""
+EFFORT = 0.8
+"""Seconds of processor time for one step of a strategy."""
 MAX_KINKS = 4
 
 
@@ -71,7 +72,11 @@ def _active_part(form: forms.Form) -> forms.Form:
 def _proposals(form: forms.Form, deadline: float) -> Iterator[tuple[sympy.Expr, str]]:
     """First integrals that are proposed for the form, and how they were found."""
     slim = _attempt(lambda: primitive(form), deadline) or _active_part(form)
-    parts = _attempt(lambda: ansatz.pieces(slim), deadline) or ansatz.Pieces(slim.variables, slim.variables)
+    below = {sympy.fraction(sympy.together(a))[1] for a in form.coefficients}
+    once = sorted((b for b in below if b.free_symbols & set(slim.variables)), key=str)
+    parts = _attempt(lambda: ansatz.pieces(slim, once), deadline) or ansatz.Pieces(
+        slim.variables, slim.variables
+    )
     tried: set[sympy.Expr] = set()
     for strategy, how in _STRATEGIES:
         hints = _attempt(partial(_listed, strategy, slim, parts), deadline) or []
@@ -108,7 +113,7 @@ def _attempt(work: Callable[[], Value], deadline: float) -> Value | None:
     """
     limit.check(deadline)
     try:
-        return limit.run(min(deadline, limit.after(SLICE)), work)
+        return limit.run(deadline, work, EFFORT)
     except limit.NO_ANSWER:
         return None
 
@@ -117,8 +122,9 @@ def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> F
     """phi made tidy, with its factor, if d phi = mu omega is proved; the tidy form first, then phi as it
     came.
     """
+    given = frozenset().union(*(a.atoms(sympy.log) for a in form.coefficients))
     try:
-        ways = [limit.run(deadline, lambda: tidy.integral(phi, form.variables))]
+        ways = [limit.run(deadline, lambda: tidy.integral(phi, form.variables, given))]
     except limit.NO_ANSWER:
         ways = []
     for way in dict.fromkeys([*ways, phi]):
@@ -148,6 +154,7 @@ def verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr |
         if zero.is_zero(side, deadline).truth is not zero.Truth.NO:
             return None
     choices = [i for i, a in enumerate(form.coefficients) if a != 0]
+    choices = sorted(choices, key=lambda i: form.coefficients[i].count_ops() + gradient[i].count_ops())[:2]
     ways = limit.run(deadline, lambda: [tidy.ratio(gradient[i], form.coefficients[i]) for i in choices])
     mu = min(ways, key=lambda way: (way.count_ops(), len(str(way))))
     sound = zero.is_zero(mu * form.coefficients[k] - gradient[k], deadline).truth is zero.Truth.YES
@@ -257,12 +264,11 @@ def _rate(form: forms.Form, u: sympy.Expr, pair: tuple[sympy.Symbol, sympy.Symbo
     wedge = forms.partial(u, v[i]) * a[k] - forms.partial(u, v[k]) * a[i]
     if _vanishes(wedge):
         return None
-    rate = tidy.ratio(forms.partial(a[i], v[k]) - forms.partial(a[k], v[i]), wedge)
-    if rate.free_symbols & (set(v) - set(pair)):
-        return None
+    rate = (forms.partial(a[i], v[k]) - forms.partial(a[k], v[i])) / wedge
     x, y = pair
     jacobian = forms.partial(rate, x) * forms.partial(u, y) - forms.partial(rate, y) * forms.partial(u, x)
-    return rate if _vanishes(jacobian) else None
+    foreign = (forms.partial(rate, other) for other in v if other not in pair)
+    return tidy.ratio(rate, sympy.Integer(1)) if all(map(_vanishes, (jacobian, *foreign))) else None
 
 
 def _inverse_polynomial(form: forms.Form, parts: ansatz.Pieces) -> Hints:

@@ -4,7 +4,9 @@ derivatives.
 The symbols are real. Where |u|, sign(u), min or max occur, the derivatives are those away from the kinks.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 from itertools import combinations
 
 import sympy
@@ -46,6 +48,10 @@ class Form:
         """The form factor * omega."""
         return Form(self.name, self.variables, tuple(factor * a for a in self.coefficients), self.parameters)
 
+    def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> "Form":
+        """The same for given values of all parameters."""
+        return Form(self.name, self.variables, tuple(a.xreplace(values) for a in self.coefficients))
+
     def exterior(self) -> dict[tuple[int, int], sympy.Expr]:
         """Components (d omega)_ij = dA_j/dx_i - dA_i/dx_j for i < j, not simplified."""
         return {(i, j): self._curl(i, j) for i, j in combinations(range(len(self.variables)), 2)}
@@ -74,3 +80,27 @@ def partial(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
         derivative = derivative.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
         derivative = derivative.replace(sympy.sign, lambda u: sympy.Abs(u) / u)
     return derivative
+
+
+def plain(coefficient: sympy.Expr) -> sympy.Expr:
+    """Rational numbers, min, max and sign in terms of |u|, |u v| as |u| |v|, roots of roots made single."""
+    if coefficient.has(sympy.Float):
+        coefficient = sympy.nsimplify(coefficient, rational=True)
+    if coefficient.has(sympy.Min, sympy.Max):
+        coefficient = coefficient.replace(
+            sympy.Min, lambda *u: reduce(lambda a, b: (a + b - sympy.Abs(a - b)) / 2, u)
+        )
+        coefficient = coefficient.replace(
+            sympy.Max, lambda *u: reduce(lambda a, b: (a + b + sympy.Abs(a - b)) / 2, u)
+        )
+    coefficient = coefficient.replace(sympy.sign, lambda u: sympy.Abs(u) / u)
+    coefficient = coefficient.replace(sympy.Abs, _modulus)
+    return coefficient.replace(_is_nested, sympy.sqrtdenest)
+
+
+def _modulus(u: sympy.Expr) -> sympy.Expr:
+    return sympy.Mul(*(sympy.Abs(f) for f in sympy.Mul.make_args(u)))
+
+
+def _is_nested(e: sympy.Basic) -> bool:
+    return bool(e.is_Pow and e.exp == sympy.Rational(1, 2) and e.base.is_number and e.base.has(sympy.Pow))

@@ -37,6 +37,7 @@ verdict.
 _STACK_BYTES = 64 * 1024 * 1024
 _KILL_INTERVAL = 0.02
 _KILL_PATIENCE = 1.0
+_POLL = 0.05
 _local = threading.local()
 
 
@@ -69,21 +70,24 @@ def check(deadline: float) -> None:
         raise TimeUpError("no time left")
 
 
-def run(deadline: float, work: Callable[[], Value]) -> Value:
+def run(deadline: float, work: Callable[[], Value], effort: float | None = None) -> Value:
     """The value of `work()`, computed before `deadline` (monotonic clock, s).
 
-    Exceptions of `work` are raised here. Raises `TimeUpError` at the deadline; the worker is ended. Inside a
-    limited piece of work a later or equal deadline costs nothing: the outer limit already holds.
+    With `effort` the work also ends after so many seconds of processor time of this process: what is found does
+    not depend on what else the machine is doing. Exceptions of `work` are raised here. Raises `TimeUpError` at
+    the limit; the worker is ended. Inside a limited piece of work a later or equal deadline costs nothing: the
+    outer limit already holds.
     """
     check(deadline)
     outer: float | None = getattr(_local, "deadline", None)
-    if outer is not None and deadline >= outer:
+    if outer is not None and deadline >= outer and effort is None:
         return work()
     values: list[Value] = []
     errors: list[Exception] = []
+    until = deadline if outer is None else min(deadline, outer)
 
     def worker() -> None:
-        _local.deadline = deadline
+        _local.deadline = until
         try:
             values.append(work())
         except Exception as error:  # noqa: BLE001 - handed on to the caller below, whatever it is
@@ -91,11 +95,16 @@ def run(deadline: float, work: Callable[[], Value]) -> Value:
         except _INTERRUPT:
             return
 
+    spent = time.process_time()
     thread = _start(worker)
-    thread.join(max(left(deadline), 0.0))
-    if thread.is_alive():
+    try:
+        while thread.is_alive():
+            rest = left(until) if effort is None else min(left(until), spent + effort - time.process_time())
+            if rest <= 0:
+                raise TimeUpError("the time limit was reached")
+            thread.join(min(rest, _POLL))  # short: an interrupt from outside waits for the end of a join
+    finally:
         _end(thread)
-        raise TimeUpError("the time limit was reached")
     if errors:
         raise errors[0]
     if not values:

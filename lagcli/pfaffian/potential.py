@@ -1,5 +1,10 @@
 """The potential of an exact form by integrating along the coordinate axes, one coordinate after the other."""
 
+from collections.abc import Callable
+from functools import reduce
+from math import lcm
+from typing import Any
+
 import sympy
 
 from lagcli.pfaffian import form as forms
@@ -11,16 +16,27 @@ WRITABLE = (
 )  # fmt: skip
 """The functions an integral may hold: those of the model format."""
 
+_SUBSTITUTIONS = 8
+_TABLE: dict[Any, Callable[[sympy.Expr], sympy.Expr]] = {
+    sympy.sin: lambda u: -sympy.cos(u),
+    sympy.cos: sympy.sin,
+    sympy.sinh: sympy.cosh,
+    sympy.cosh: sympy.sinh,
+    sympy.log: lambda u: u * sympy.log(u) - u,
+}
+
 
 def of(form: forms.Form) -> sympy.Expr | None:
     """phi with d phi = omega for a form with d omega = 0, or None where no closed form was found.
 
     The result is a proposal: the caller verifies it. May run long: call it under `limit.run`.
     """
-    variables = form.variables
+    pairs = list(zip(form.variables, form.coefficients, strict=True))
+    # What is easily integrated comes first: it leaves less for the others.
+    pairs.sort(key=lambda pair: not pair[1].is_polynomial(pair[0]))
     phi: sympy.Expr = sympy.Integer(0)
-    for n, (x, coefficient) in enumerate(zip(variables, form.coefficients, strict=True)):
-        rest = _without(coefficient - forms.partial(phi, x), variables[:n])
+    for n, (x, coefficient) in enumerate(pairs):
+        rest = _without(coefficient - forms.partial(phi, x), tuple(earlier for earlier, _ in pairs[:n]))
         part = antiderivative(rest, x) if rest is not None else None
         if part is None:
             return None
@@ -57,13 +73,24 @@ def antiderivative(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None
         return _with_moduli(expression, x)
     positive = {s: sympy.Dummy(s.name, positive=True) for s in sorted(expression.free_symbols, key=str)}
     x = positive.get(x, x)
-    found = _integrated(expression.xreplace(positive), x)
-    return None if found is None else found.xreplace({dummy: s for s, dummy in positive.items()})
+    masked = expression.xreplace(positive)
+    # What is constant goes under a name of its own: sin(y) would only burden the algebra.
+    fixed = [e for e in masked.atoms(sympy.Function, sympy.Pow) if not e.has(x) and not _is_rational_power(e)]
+    names = {e: sympy.Dummy(f"c{n}", positive=True) for n, e in enumerate(sorted(fixed, key=str))}
+    found = _integrated(masked.xreplace(names), x)
+    if found is None:
+        return None
+    found = found.xreplace({dummy: e for e, dummy in names.items()})
+    return found.xreplace({dummy: s for s, dummy in positive.items()})
+
+
+def _is_rational_power(e: sympy.Expr) -> bool:
+    return bool(e.is_Pow and e.exp.is_Rational)
 
 
 def _with_moduli(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
-    """The rule for |a x + b| with constant coefficient: u|u|/(2a), which has no jump at the kink; no other
-    moduli.
+    """The rules for |u|, u = a x + b, with constant coefficient: the integral of |u| is u|u|/(2a), that of |u|/u is
+    |u|/a; neither jumps at the kink. No other moduli.
     """
     rest, moduli = sympy.expand(expression), sorted(expression.atoms(sympy.Abs), key=str)
     names = {m: sympy.Dummy(f"m{n}", positive=True) for n, m in enumerate(moduli)}
@@ -75,6 +102,10 @@ def _with_moduli(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
         slope = sympy.diff(u, x)
         if slope == 0:
             continue
+        step = rest.coeff(dummy, 1).coeff(1 / u, 1)
+        if not (step.has(x) or slope.has(x) or slope.has(sympy.Abs)):
+            total += step * dummy / slope
+            rest = sympy.expand(rest - step * dummy / u)
         weight = rest.coeff(dummy, 1)
         if weight.has(x) or slope.has(x) or slope.has(sympy.Abs):
             return None
@@ -89,18 +120,112 @@ def _with_moduli(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
 def _integrated(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
     if x not in expression.free_symbols:
         return expression * x
-    if expression.is_polynomial(x):
-        terms = sympy.Poly(expression, x).terms()
-        return sum((c * x ** (n + 1) / (n + 1) for (n,), c in terms), sympy.Integer(0))
-    try:
-        found = sympy.integrate(expression, x)
-    except limit.FAILURES:
+    total: sympy.Expr = sympy.Integer(0)
+    rest: sympy.Expr = sympy.Integer(0)
+    for term in sympy.Add.make_args(sympy.expand(expression, log=False)):
+        constant, varying = term.as_independent(x, as_Add=False)
+        known = _tabled(varying, x)
+        if known is None:
+            rest += term
+        else:
+            total += constant * known
+    if rest == 0:
+        return total
+    for way in (_substituted, _rationalized, _solved):
+        try:
+            found = way(sympy.factor_terms(rest), x)
+        except limit.FAILURES:
+            continue
+        if found is not None and writable(found):
+            return total + found
+    return None
+
+
+def _tabled(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
+    """The integral of one function of a linear argument, for generic parameters."""
+    if e == 1:
+        return x
+    power, exponent = (e.base, e.exp) if e.is_Pow and not isinstance(e, sympy.exp) else (e, sympy.Integer(1))
+    if exponent.has(x):
         return None
+    if isinstance(power, (sympy.sin, sympy.cos)) and exponent in (-1, -2):
+        return _reciprocal(power, int(exponent), x)
+    u = e.args[0] if isinstance(e, sympy.exp) or type(e) in _TABLE else power
+    slope = sympy.diff(u, x)
+    if slope == 0 or slope.has(x):
+        return None
+    if isinstance(e, sympy.exp):
+        return e / slope
+    if type(e) in _TABLE:
+        return _TABLE[type(e)](u) / slope
+    if exponent == -1:
+        return sympy.log(u) / slope
+    return u ** (exponent + 1) / (slope * (exponent + 1))
+
+
+def _reciprocal(turned: sympy.Expr, exponent: int, x: sympy.Symbol) -> sympy.Expr | None:
+    """The integrals of 1/sin u, 1/cos u and their squares."""
+    u = turned.args[0]
+    slope = sympy.diff(u, x)
+    if slope.has(x):
+        return None
+    if isinstance(turned, sympy.sin):
+        return (sympy.log(sympy.tan(u / 2)) if exponent == -1 else -sympy.cos(u) / sympy.sin(u)) / slope
+    return (sympy.log((1 + sympy.sin(u)) / sympy.cos(u)) if exponent == -1 else sympy.tan(u)) / slope
+
+
+def _substituted(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
+    """The integral of g(u) u' by the one of g, for the functions u that occur and their arguments."""
+    new = sympy.Dummy("s", positive=True)
+    functions = sorted(
+        (f for f in e.atoms(sympy.Function) if f.has(x)), key=lambda f: (f.count_ops(), str(f))
+    )
+    bases = sorted((p.base for p in e.atoms(sympy.Pow) if p.base.is_Add and p.base.has(x)), key=str)
+    inner = dict.fromkeys([*bases, *(f.args[0] for f in functions if f.args[0] != x), *functions])
+    for u in list(inner)[:_SUBSTITUTIONS]:
+        rest = sympy.cancel(e / sympy.diff(u, x)).xreplace({u: new})
+        if not rest.has(x):
+            found = _integrated(rest, new)
+            return None if found is None else found.xreplace({new: u})
+    return None
+
+
+def _rationalized(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
+    """A rational function of sin u, cos u or of a root of x, by the half angle or the root as new variable."""
+    new = sympy.Dummy("s", positive=True)
+    turned = [f for f in e.atoms(sympy.sin, sympy.cos, sympy.tan) if f.has(x)]
+    roots = [
+        p for p in e.atoms(sympy.Pow) if p.has(x) and not p.exp.is_Integer and not isinstance(p, sympy.exp)
+    ]
+    if turned and not roots:
+        below = sympy.fraction(sympy.together(e))[1]
+        u = min((f.args[0] for f in turned), key=lambda a: (a.count_ops(), str(a)))
+        slope = sympy.diff(u, x)
+        if slope.has(x) or not below.has(sympy.sin, sympy.cos, sympy.tan):
+            return None
+        sine, cosine = sympy.sin(u), sympy.cos(u)
+        plain = sympy.expand_trig(e).replace(sympy.tan, lambda a: sympy.sin(a) / sympy.cos(a))
+        written = plain.xreplace({sine: 2 * new / (1 + new**2), cosine: (1 - new**2) / (1 + new**2)})
+        back, weight = sympy.tan(u / 2), 2 / (slope * (1 + new**2))
+    elif roots and all(p.base == x and p.exp.is_Rational for p in roots):
+        q = reduce(lcm, (int(p.exp.q) for p in roots))
+        written = sympy.powdenest(e.subs(x, new**q), force=True)
+        back, weight = x ** sympy.Rational(1, q), q * new ** (q - 1)
+    else:
+        return None
+    if written.has(x):
+        return None
+    written = sympy.cancel(sympy.together(written * weight))
+    return _solved(written, new).subs(new, back) if written.is_rational_function(new) else None
+
+
+def _solved(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
+    found = sympy.integrate(expression, x)
     if found.has(sympy.Piecewise):
         # The first branch is the one for generic parameters, as in x**(k + 1)/(k + 1) with k != -1.
         found = sympy.piecewise_fold(found)
         found = found.replace(lambda e: isinstance(e, sympy.Piecewise), lambda e: e.args[0][0])
-    return found if writable(found) else None
+    return found
 
 
 def writable(expression: sympy.Expr) -> bool:

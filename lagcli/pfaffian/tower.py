@@ -19,6 +19,7 @@ from math import gcd, lcm
 from typing import Any
 
 import sympy
+from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, ring
 
 MAX_MULTIPLE = 24
@@ -36,10 +37,11 @@ class Tower:
     """The generators of the given expressions, and the normal form of rational expressions in them.
 
     All expressions that are to be compared must be given at once, since the generators depend on all of
-    them. Raises `NoNormalFormError` for unknown functions and for multiple angles beyond `MAX_MULTIPLE`.
+    them. `surface`: expressions that count as zero; then a remainder that is not zero proves nothing.
+    Raises `NoNormalFormError` for unknown functions and for multiple angles beyond `MAX_MULTIPLE`.
     """
 
-    def __init__(self, expressions: Iterable[sympy.Expr]) -> None:
+    def __init__(self, expressions: Iterable[sympy.Expr], surface: Sequence[sympy.Expr] = ()) -> None:
         self.meaning: dict[sympy.Symbol, sympy.Expr] = {}
         self.independent = True
         self._relations: list[sympy.Expr] = []
@@ -48,11 +50,12 @@ class Tower:
         self._units: dict[tuple[str, sympy.Expr], sympy.Rational] = {}
         self._written: dict[sympy.Expr, sympy.Expr] = {}
         self._split_memo: dict[sympy.Expr, list[tuple[sympy.Rational, sympy.Expr]]] = {}
-        listed = [sympy.sympify(e) for e in expressions]
+        listed = [sympy.sympify(e) for e in (*expressions, *surface)]
         for e in listed:
             self._collect(e)
         written = [self._write(e) for e in listed]
         self._check_roots()
+        self.independent = self.independent and not surface
         letters = set().union(*(e.free_symbols for e in [*written, *self._relations]), set())
         rank = {g: n for n, g in enumerate(self.meaning)}
         # Later generators stand on earlier ones and come first: the relations lead with their powers.
@@ -61,6 +64,9 @@ class Tower:
         self.ring: Any = ring(self.letters, sympy.QQ)[0]
         self.field: Any = self.ring.to_field()
         self._ideal: list[PolyElement] = [self.ring.from_expr(r) for r in self._relations]
+        if surface:
+            vanishing = [self.field.from_expr(e).numer for e in written[-len(surface) :]]
+            self._ideal = groebner([p for p in (*self._ideal, *vanishing) if p], self.ring)
 
     def element(self, expression: sympy.Expr) -> Any:
         """The expression as a fraction of polynomials, the numerator reduced. `field` element.

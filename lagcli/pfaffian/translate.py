@@ -7,19 +7,22 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import functools
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import sympy
-from sympy.printing.str import StrPrinter
 
 from lagcli import members
 from lagcli import model as nouns
+from lagcli.conserved import FirstIntegral
 from lagcli.expression import evaluate, tree, whole
 from lagcli.expression.operators import Operators
 from lagcli.members import Members, Roll
+from lagcli.pfaffian import charts, printing
+from lagcli.pfaffian.block import Block
 from lagcli.pfaffian.form import Form
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -39,6 +42,8 @@ MAX_OPERATIONS = 4000
 # digits cannot be interrupted, so that no time limit would hold.
 MAX_DIGITS = 300
 MAX_EXPONENT = 200
+# Below this an expression vanishes for given numbers.
+ROUNDING = 1e-12
 TIME = sympy.Symbol("t", real=True)
 _DT = sympy.Symbol("dt", real=True)
 _ALONE = members.one("")
@@ -48,22 +53,92 @@ class TooLarge(Exception):
     """The form of a row has more operations, digits or larger powers than exact algebra is tried on."""
 
 
-def forms(model: nouns.Model) -> dict[str, Form | TooLarge]:
-    """The form of every differential row, by row name; `TooLarge` in place of one that is not attempted."""
-    names = _Names(model)
-    found: dict[str, Form | TooLarge] = {}
-    for law in model.differential:
-        assert isinstance(law.equation.tree, tree.Relation)
-        each = 3 if law.is_vector else 1
-        for place in range(law.members.count):
-            rows = law.rows[place * each : (place + 1) * each]
-            try:
-                _require_short(law.equation.tree)
-                values = evaluate.difference(law.equation.tree, names.at(law.members, place))
-                found |= {row: _form(names, row, value) for row, value in zip(rows, values, strict=True)}
-            except TooLarge as failure:
-                found |= dict.fromkeys(rows, failure)
-    return found
+class Translation:
+    """The rows of a model in SymPy symbols, all in the same ones."""
+
+    def __init__(self, model: nouns.Model) -> None:
+        self._model = model
+        self._names = _Names(model)
+
+    def forms(self) -> dict[str, Form | TooLarge]:
+        """The form of every differential row, by row name; `TooLarge` in place of one that is not attempted."""
+        return {
+            row: value if isinstance(value, TooLarge) else self._form(row, value)
+            for row, value in self._differences(self._model.differential)
+        }
+
+    def surface(self, rows: frozenset[str]) -> dict[str, Any]:
+        """f of the holonomic rows of these names, by row name; `TooLarge` in place of one that is not attempted.
+
+        Rows of rigid bodies have no text: they are missing.
+        """
+        laws = [law for law in self._model.holonomic if not rows.isdisjoint(law.rows)]
+        return {
+            row: _attempted(functools.partial(_given, value))
+            for row, value in self._differences(laws)
+            if row in rows
+        }
+
+    def block(self, forms: Sequence[Form], surface: Sequence[Any]) -> Block:
+        """Forms over all coordinates that they and the f of the surface hold, time last."""
+        used = set().union(*(f.free_symbols for f in surface), *(form.variables for form in forms))
+        variables = self._names.ordered(used)
+        used = used.union(*(form.parameters for form in forms))
+        rows = []
+        for form in forms:
+            coefficients = dict(zip(form.variables, form.coefficients, strict=True))
+            rows.append(tuple(coefficients.get(x, sympy.Integer(0)) for x in variables))
+        parameters = tuple(p for p in self._names.parameters if p in used)
+        return Block(tuple(form.name for form in forms), variables, tuple(rows), parameters, tuple(surface))
+
+    def vanishes(self, expression: Any, coordinates: Sequence[float] = (), t: float = 0.0) -> bool:
+        """Whether an expression is zero, but for rounding, for the values of parameters, coordinates and time."""
+        numbers = zip((*self._names.differentials, TIME), (*coordinates, t), strict=False)
+        values = self.values | {x: sympy.Float(number) for x, number in numbers}
+        number = expression.xreplace(values).evalf()
+        return bool(number.is_number) and abs(number) <= ROUNDING
+
+    @functools.cached_property
+    def values(self) -> dict[Any, Any]:
+        """The parameters and their values, as they are written, or as exact decimals."""
+        found: dict[Any, Any] = {}
+        for parameter in self._model.parameters:
+            symbols, value = self._names.parameter(parameter.name), parameter.value
+            if isinstance(value, tuple):
+                found |= {symbol: _exact(part) for symbol, part in zip(symbols, value, strict=True)}
+            else:
+                # pi/3 is pi/3 and not a decimal near it: an angle may be the one for which a verdict changes.
+                written = None if parameter.formula is None else self._constant(parameter.formula)
+                found[symbols] = _exact(value) if written is None else written.xreplace(found)
+        return found
+
+    def _constant(self, formula: nouns.Expression) -> Any | None:
+        """The value of a parameter in terms of others; None where it is too large."""
+        try:
+            _require_short(formula.tree)
+            return _require_small(evaluate.evaluate(formula.tree, self._names))
+        except TooLarge:
+            return None
+
+    def _form(self, row: str, value: Any) -> Form | TooLarge:
+        try:
+            return _form(self._names, row, value)
+        except TooLarge as failure:
+            return failure
+
+    def _differences(self, laws: Iterable[nouns.Holonomic | nouns.Differential]) -> Iterator[tuple[str, Any]]:
+        """Left side minus right side of every row, by name."""
+        for law in laws:
+            assert isinstance(law.equation.tree, tree.Relation)
+            each = 3 if law.is_vector else 1
+            for place in range(law.members.count):
+                rows = law.rows[place * each : (place + 1) * each]
+                try:
+                    _require_short(law.equation.tree)
+                    there = self._names.at(law.members, place)
+                    yield from zip(rows, evaluate.difference(law.equation.tree, there), strict=True)
+                except TooLarge as failure:
+                    yield from dict.fromkeys(rows, failure).items()
 
 
 def _form(names: _Names, row: str, value: Any) -> Form:
@@ -130,6 +205,10 @@ class _Names(Operators):
                     continue
                 for place in step.places.tolist():
                     self._position(self._particles.first(step.entry) + place)
+
+    def parameter(self, name: str) -> Any:
+        """The symbol of a parameter, or the three of a vector."""
+        return self._parameters[name]
 
     def moved(self, symbols: set[Any]) -> tuple[Any, ...]:
         """The coordinates whose differentials are among these symbols, in their order."""
@@ -249,6 +328,11 @@ class _Names(Operators):
         return position["xyz".index(node.member)] if node.member else position
 
 
+def _exact(value: float) -> Any:
+    """The shortest decimal that reads as this double."""
+    return sympy.Rational(repr(float(value)))
+
+
 def _attempted(compute: Callable[[], Any]) -> Any:
     """The value, or the `TooLarge` that came instead: it is not computed again at every use."""
     try:
@@ -274,22 +358,6 @@ def _parameter(parameter: nouns.Parameter) -> Any:
     return sympy.Symbol(parameter.name, real=True)
 
 
-class _Printer(StrPrinter):  # type: ignore[misc] # SymPy has no types
-    """Prints in the notation of the model format."""
-
-    def _print_Abs(self, expression: Any) -> str:
-        return f"abs({self._print(expression.args[0])})"
-
-    def _print_Min(self, expression: Any) -> str:
-        return f"min({', '.join(map(self._print, expression.args))})"
-
-    def _print_Max(self, expression: Any) -> str:
-        return f"max({', '.join(map(self._print, expression.args))})"
-
-    def _print_Exp1(self, expression: Any) -> str:
-        return "exp(1)"
-
-
-def written(expression: Any) -> str:
-    """The text of an expression in the notation of the model format."""
-    return str(_Printer().doprint(expression))
+def first_integral(phi: Any, rows: tuple[str, ...], parameters: Iterable[Any]) -> FirstIntegral:
+    """A first integral in the notation of the model, with its charts."""
+    return FirstIntegral(printing.written(phi), rows, charts.charts(phi, parameters))

@@ -12,7 +12,7 @@ from typing import Literal
 
 import sympy
 
-from lagcli.pfaffian import enclosure, limit, tower
+from lagcli.pfaffian import enclosure, limit, points, tower
 
 Proof = Literal["symbolic", "numeric", "none"]
 
@@ -35,8 +35,14 @@ class Finding:
     value: enclosure.NonZero | None = None
 
 
-def is_zero(expression: sympy.Expr, deadline: float) -> Finding:
-    """Whether the expression vanishes identically. Ends at `deadline` (monotonic clock, s) with "unknown"."""
+def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...] = ()) -> Finding:
+    """Whether the expression vanishes identically, or wherever all expressions of `surface` do.
+
+    Ends at `deadline` (monotonic clock, s) with "unknown". On a surface "no" is numeric: a value at points found
+    by Newton's method with 50 digits.
+    """
+    if surface:
+        return _test_on(expression, surface, deadline)
     return _test(expression, deadline, exact_first=False)
 
 
@@ -45,13 +51,13 @@ def is_zero_exactly(expression: sympy.Expr, deadline: float) -> Finding:
     return _test(expression, deadline, exact_first=True)
 
 
-def vanish(expressions: list[sympy.Expr], deadline: float) -> Finding:
+def vanish(expressions: list[sympy.Expr], deadline: float, surface: tuple[sympy.Expr, ...] = ()) -> Finding:
     """Whether all the expressions vanish identically: the first that does not decides, then the first
     unknown one.
     """
     doubt: Finding | None = None
     for expression in expressions:
-        finding = is_zero(expression, deadline)
+        finding = is_zero(expression, deadline, surface)
         if finding.truth is Truth.NO:
             return finding
         if finding.truth is Truth.UNKNOWN:
@@ -78,6 +84,28 @@ def _test(expression: sympy.Expr, deadline: float, exact_first: bool) -> Finding
     except limit.TimeUpError:
         return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
     return exact
+
+
+def _test_on(expression: sympy.Expr, surface: tuple[sympy.Expr, ...], deadline: float) -> Finding:
+    finding = _test(expression, deadline, exact_first=False)
+    if finding.truth is Truth.YES or expression.is_Rational:
+        return finding
+    try:
+        values = limit.run(deadline, lambda: points.values(expression, surface))
+        if any(abs(value) > points.ZERO for value in values):
+            return Finding(Truth.NO, "numeric")
+        remainder = limit.run(deadline, lambda: tower.Tower([expression], surface).element(expression))
+    except tower.NoNormalFormError as error:
+        return Finding(Truth.UNKNOWN, "none", str(error))
+    except limit.TimeUpError:
+        return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
+    except limit.FAILURES as error:
+        return Finding(Truth.UNKNOWN, "none", f"no normal form ({type(error).__name__})")
+    if remainder == 0:
+        return Finding(Truth.YES, "symbolic")
+    return Finding(
+        Truth.UNKNOWN, "none", "whether it vanishes on the surface of the constraints is not known"
+    )
 
 
 def _normal_form(expression: sympy.Expr) -> Finding:

@@ -228,10 +228,10 @@ class _Document:
     def _parameters(self) -> tuple[model.Parameter, ...]:
         read = []
         for name, node in self._entries("parameters"):
-            found = sections.parameter(self._formulas, node)
+            found, formula = sections.parameter(self._formulas, node)
             self._scope.names.define(name.value, functools.partial(_same, found))
             if found is not None:
-                read.append(model.Parameter(name.value, sections.parameter_value(found)))
+                read.append(model.Parameter(name.value, sections.parameter_value(found), formula))
                 self._look(name.value)
         return tuple(read)
 

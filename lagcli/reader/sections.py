@@ -48,14 +48,19 @@ def text(formulas: Formulas, node: source.AnyNode) -> str:
     return node.value
 
 
-def parameter(formulas: Formulas, node: source.AnyNode) -> Any:
-    """Facts of a parameter: a number, an expression of earlier parameters, or a constant vector."""
+def parameter(formulas: Formulas, node: source.AnyNode) -> tuple[Any, model.Expression | None]:
+    """Facts of a parameter (a number, an expression of earlier parameters, or a constant vector) and its formula.
+
+    The facts are None where there is a fault; a vector in brackets has several formulas, and so none.
+    """
     subject = "a parameter"
     if isinstance(node, source.Sequence):
         vector = formulas.vector_expression(node)
-        return None if vector is None else formulas.vector_facts(vector, facts.NOTHING, subject)
+        return None if vector is None else formulas.vector_facts(vector, facts.NOTHING, subject), None
     expression = formulas.parse(node, parser.parse)
-    return None if expression is None else formulas.facts(expression, facts.NOTHING, subject, shape="either")
+    if expression is None:
+        return None, None
+    return formulas.facts(expression, facts.NOTHING, subject, shape="either"), expression
 
 
 def parameter_value(found: Any) -> float | model.Vector3:

@@ -1,0 +1,222 @@
+"""Coupled rows -> their verdicts, alone and together, told in the notation of the model.
+
+Exact algebra decides where it can. Where it cannot, the flag is taken from numbers on the surface.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from typing import Any
+
+from lagcli import numeric_flag
+from lagcli.classification import coupling, places
+from lagcli.classification.verdict import Joint, Kind, Proof, Verdict
+from lagcli.conserved import FirstIntegral
+from lagcli.integrate import initial
+from lagcli.mechanics.system import System
+from lagcli.numeric_flag import NumericFlag
+from lagcli.pfaffian import alike, alone, field, joint, limit, printing, translate, zero
+from lagcli.pfaffian.block import Block
+
+# Seconds of processor time for the exact flag of a group before numbers are asked, and after they have shown that it
+# does not vanish.
+PROMPT, PATIENT = 0.6, 2.0
+# More holonomic rows than these are not treated exactly.
+MOST_ROWS = 40
+# Longer expressions are not told as places where the flag is another.
+SHORT = 60
+EXCEPTIONAL = (
+    "the verdict is that for these values of the parameters: for nearly all others it would be another"
+)
+
+
+class Judge:
+    """Judges the groups of one model, each kind of them once."""
+
+    def __init__(self, system: System, where: places.Places, deadline: float) -> None:
+        self._system, self._places, self._deadline = system, where, deadline
+        self._translation = translate.Translation(system.model)
+        self._forms = self._translation.forms()
+        self._alike, self._joint = alike.Judge(), joint.Judge()
+
+    def judge(self, group: coupling.Group) -> tuple[tuple[Verdict, ...], Joint]:
+        """The verdicts of the rows of a group, and their joint one."""
+        names, block = self._names(group.differential), self._block(group)
+        note: tuple[str, ...] = ()
+        try:
+            flagged = self._flagged(block, PROMPT)
+        except field.ExceptionalError:
+            assert block is not None
+            block, note = block.with_values(self._translation.values), (EXCEPTIONAL,)
+            flagged = self._flagged(block, PROMPT)
+        if flagged is not None and flagged.flag.contradiction:
+            raise initial.contradiction(
+                self._system, [group.differential[i] for i in flagged.flag.contradiction]
+            )
+        numbers = None if flagged is not None else self._numbers(group)
+        if numbers is not None and numbers.is_certain and numbers.extra[-1]:
+            flagged = self._flagged(block, PATIENT)
+        single = [self._alone(name) for name in names]
+        exact = None if block is None or flagged is None else self._exact(block, flagged, single)
+        together = exact or self._numeric(names, numbers, single)
+        together = dataclasses.replace(together, notes=(*note, *together.notes))
+        return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
+
+    def _alone(self, name: str) -> alone.Verdict | None:
+        """The verdict of a row by itself, for the values of the parameters; None where it is too large."""
+        form = self._forms[name]
+        if isinstance(form, translate.TooLarge):
+            return None
+        found = self._alike.classify(form, self._deadline)
+        if any(self._translation.vanishes(e) for e in found.exceptional) or self._is_unseen(found):
+            return self._alike.classify(form.with_values(self._translation.values), self._deadline)
+        return found
+
+    def _is_unseen(self, found: alone.Verdict) -> bool:
+        """Whether the witness that no integrating factor exists may be nothing for the values of the parameters."""
+        if (
+            found.witness is None
+            or not found.witness.component.free_symbols & self._translation.values.keys()
+        ):
+            return False
+        component = found.witness.component.xreplace(self._translation.values)
+        return zero.is_zero(component, self._deadline).truth is not zero.Truth.NO
+
+    def _names(self, rows: Iterable[int]) -> tuple[str, ...]:
+        return tuple(self._system.rows.rows[i].name for i in rows)
+
+    def _block(self, group: coupling.Group) -> Block | None:
+        """The group in symbols; None where a row is too large for exact algebra, or has no text."""
+        if len(group.holonomic) > MOST_ROWS:
+            return None
+        names, whole = self._names(group.differential), self._names(group.holonomic)
+        surface = self._translation.surface(frozenset(whole)) if whole else {}
+        forms = [self._forms[name] for name in names]
+        parts: list[Any] = [*forms, *(surface.get(name) for name in whole)]
+        if any(part is None or isinstance(part, translate.TooLarge) for part in parts):
+            return None
+        return self._translation.block(parts[: len(names)], parts[len(names) :])
+
+    def _flagged(self, block: Block | None, effort: float) -> joint.Flagged | None:
+        """The flag of exact algebra; None where `effort` (seconds of processor time) is too little for it."""
+        if block is None:
+            return None
+        values = {p: self._translation.values[p] for p in block.parameters}
+
+        def work() -> joint.Flagged:
+            return self._joint.flagged(block, translate.TIME, values, self._deadline)
+
+        try:
+            return limit.run(self._deadline, work, effort)
+        except (field.NotDecidedError, limit.TimeUpError):
+            return None
+
+    def _numbers(self, group: coupling.Group) -> NumericFlag:
+        return numeric_flag.flag(self._system, self._places.listed, group.rows, self._deadline)
+
+    def _exact(self, block: Block, flagged: joint.Flagged, single: list[alone.Verdict | None]) -> Joint:
+        """The joint verdict of exact algebra."""
+        found, names = flagged.flag, block.names
+        integrals: tuple[FirstIntegral, ...] = ()
+        unsolved: tuple[str, ...] = ()
+        if found.dims[-1]:
+            solved = self._joint.solution(block, flagged, single, self._deadline)
+            integrals = tuple(
+                translate.first_integral(one.phi, one.rows, self._translation.values)
+                for one in solved.integrals
+            )
+            unsolved = tuple(printing.written(form) for form in solved.unsolved)
+        told = {printing.written(e): self._is_at_start(e) for e in found.special}
+        special = {text: at for text, at in told.items() if len(text) <= SHORT}
+        remarks = [f"special where {text} = 0: there the derived flag is another" for text in special]
+        if found.exceptional:
+            values = " or ".join(f"{printing.written(e)} = 0" for e in found.exceptional)
+            remarks.append(f"shown for parameters in general; with {values} it may be another")
+        notes = tuple(
+            f"the start is a special configuration: {text} = 0 there" for text, at in special.items() if at
+        )
+        proof: Proof = "symbolic" if found.is_exact else "numeric"
+        idle = frozenset(names[i] for i in found.vanishing)
+        inside = _picked(names, found.inside)
+        return Joint(
+            names,
+            found.dims,
+            found.growth,
+            inside,
+            integrals,
+            unsolved,
+            proof,
+            "",
+            tuple(remarks),
+            notes,
+            idle,
+        )
+
+    def _is_at_start(self, expression: Any) -> bool:
+        return self._translation.vanishes(expression, list(self._places.begin.q), self._places.begin.t)
+
+    def _numeric(
+        self, names: tuple[str, ...], numbers: NumericFlag | None, single: list[alone.Verdict | None]
+    ) -> Joint:
+        """The joint verdict of numbers. Without exact algebra for all, integrals are those of rows alone."""
+        assert numbers is not None
+        if not numbers.is_certain:
+            return Joint(names, (), (), frozenset(), (), (), "none", reason=numbers.reason)
+        inside = _picked(names, numbers.inside)
+        integrals = tuple(
+            translate.first_integral(one.integral, (name,), self._translation.values)
+            for name, one in zip(names, single, strict=True)
+            if name in inside and one is not None and one.integral is not None
+        )
+        remark = (
+            f"proved by numbers of {numbers.digits} digits on the surface: of their size, what counts as zero is below"
+            f" {max(numbers.error, 1e-300):.0e}, all else above {numbers.least:.0e}"
+        )
+        return Joint(
+            names, numbers.extra, numbers.growth, inside, integrals, (), "numeric", remarks=(remark,)
+        )
+
+
+def _picked(names: tuple[str, ...], flags: tuple[bool, ...]) -> frozenset[str]:
+    return frozenset(name for name, flag in zip(names, flags, strict=True) if flag)
+
+
+def _verdict(name: str, one: alone.Verdict | None, together: Joint) -> Verdict:
+    """The verdict of a row from what it is alone and what all are together."""
+    kind: Kind = "undecided" if one is None else one.kind
+    method = "the form is too large for exact algebra" if one is None else one.method
+    proof: Proof = "none" if one is None else one.proof
+    integral = None if one is None or one.integral is None else printing.written(one.integral)
+    factor = None
+    if one is not None and one.integrating_factor is not None:
+        factor = printing.written(one.integrating_factor)
+    if kind in ("exact", "integrable"):
+        return Verdict(name, "differential", kind, integral, factor, method, proof)
+    if not together.is_decided:
+        if (kind == "nonholonomic" and len(together.rows) > 1) or together.reason:
+            method = f"{method} Whether it is integrable together with the rows it meets is open: {together.reason}."
+            kind, proof = "undecided", "none"
+        return Verdict(name, "differential", kind, None, None, method, proof)
+    if name in together.vanishing:
+        text = "The form vanishes identically where the holonomic constraints hold: it says nothing."
+        return Verdict(name, "differential", "exact", None, None, text, together.proof)
+    if name in together.inside:
+        found = _integral_of(name, together)
+        where = "It lies in the integrable part of all rows together (derived flag)."
+        text = (
+            f"{where} Alone it does not: {method[0].lower()}{method[1:]}" if kind == "nonholonomic" else where
+        )
+        return Verdict(name, "differential", "jointly-integrable", found, None, text, together.proof)
+    if kind == "undecided":
+        method = (
+            "It does not lie in the integrable part of all rows together, so that alone it is not integrable."
+        )
+        return Verdict(name, "differential", "nonholonomic", None, None, method, together.proof)
+    return Verdict(name, "differential", "nonholonomic", None, None, method, proof)
+
+
+def _integral_of(name: str, together: Joint) -> str | None:
+    """An integral in which the row takes part, one of as few rows as there are."""
+    own = [one for one in together.integrals if name in one.rows]
+    return min(own, key=lambda one: len(one.rows)).text if own else None

@@ -1,0 +1,108 @@
+"""What the classification finds: of every row, of every group of rows, and of all of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal
+
+from lagcli.conserved import FirstIntegral
+
+Declared = Literal["holonomic", "differential"]
+Kind = Literal["holonomic", "exact", "integrable", "jointly-integrable", "nonholonomic", "undecided"]
+Proof = Literal["symbolic", "numeric", "none"]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is proved of one row. `integral` and `integrating_factor` are texts in the model's notation."""
+
+    row: str
+    declared: Declared
+    kind: Kind
+    integral: str | None
+    integrating_factor: str | None
+    method: str
+    proof: Proof
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Joint:
+    """The derived flag of coupled differential rows, beyond the df of the holonomic rows they meet.
+
+    flag: dim I, I', I'', ... without the df, to the one that stays; empty where it is not decided, and then
+    `reason` says why. growth: by how much D, D + [D, D], ... exceed D = ker I.
+    inside: the rows that lie in the integrable part I^(oo). integrals: functions whose differentials span it as
+    far as they were found; `unsolved` says in words which of its forms have none. remarks: where the flag drops and
+    for which parameters; notes: what of that concerns this very start and these parameters. vanishing: rows that
+    vanish identically where the holonomic rows hold.
+    """
+
+    rows: tuple[str, ...]
+    flag: tuple[int, ...]
+    growth: tuple[int, ...]
+    inside: frozenset[str]
+    integrals: tuple[FirstIntegral, ...]
+    unsolved: tuple[str, ...]
+    proof: Proof
+    reason: str = ""
+    remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    vanishing: frozenset[str] = frozenset()
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether the flag is known."""
+        return bool(self.flag)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Classification:
+    """Verdicts of the differential rows in their order, and of the groups they fall into."""
+
+    verdicts: tuple[Verdict, ...]
+    groups: tuple[Joint, ...]
+    depends_on_time: bool
+
+    @property
+    def undecided(self) -> tuple[Joint, ...]:
+        """The groups whose flag is not known."""
+        return tuple(group for group in self.groups if not group.is_decided)
+
+    @property
+    def flag(self) -> tuple[int, ...]:
+        """The flags of the groups added up, its end not repeated; empty where one is not known."""
+        return _summed([group.flag for group in self.groups]) if not self.undecided else ()
+
+    @property
+    def growth(self) -> tuple[int, ...]:
+        """The growths of the groups added up; empty where one is not known."""
+        return _summed([group.growth for group in self.groups]) if not self.undecided else ()
+
+    @property
+    def integrals(self) -> tuple[FirstIntegral, ...]:
+        """All first integrals that were found."""
+        return tuple(integral for group in self.groups for integral in group.integrals)
+
+    @property
+    def vanishing(self) -> frozenset[str]:
+        """Rows that vanish identically."""
+        return frozenset(name for group in self.groups for name in group.vanishing)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the groups have to say besides, each once."""
+        return tuple(dict.fromkeys(remark for group in self.groups for remark in group.remarks))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What concerns this start and these parameters, each once."""
+        return tuple(dict.fromkeys(note for group in self.groups for note in group.notes))
+
+
+def _summed(sequences: list[tuple[int, ...]]) -> tuple[int, ...]:
+    """The sums of sequences that stay at their last value."""
+    length = max((len(s) for s in sequences), default=1)
+    sums = [sum(s[min(k, len(s) - 1)] for s in sequences) for k in range(length)]
+    while len(sums) > 1 and sums[-1] == sums[-2]:
+        sums.pop()
+    return tuple(sums)

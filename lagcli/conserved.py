@@ -1,0 +1,31 @@
+"""First integrals of differential constraints, phi(r, q, t) = const, as texts in the notation of the model."""
+
+from __future__ import annotations
+
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Chart:
+    """A way to hold an integral without a pole or a jump: above/below is phi or a monotone function of it.
+
+    Both are finite wherever the chart serves, so that above * below(0) - below * above(0) stays zero, also where
+    `below` vanishes. `period`: phi jumps by whole multiples of it where an atan2 crosses its branch cut; then
+    `below` is "1".
+    """
+
+    above: str
+    below: str = "1"
+    period: str | None = None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class FirstIntegral:
+    """phi as it is shown, the differential rows whose combination it integrates, and charts, the best first.
+
+    Without a chart the integral is known and not held: the velocity row alone keeps it.
+    """
+
+    text: str
+    rows: tuple[str, ...]
+    charts: tuple[Chart, ...] = ()

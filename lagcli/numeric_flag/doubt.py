@@ -1,0 +1,22 @@
+"""Why a search ends without an answer that is certain."""
+
+from __future__ import annotations
+
+import time
+
+
+class Undecided(Exception):
+    """The search cannot go on; the text says why."""
+
+
+class NoGap(Undecided):
+    """A value that counts neither as zero nor as certainly not zero."""
+
+    def __init__(self, size: float) -> None:
+        super().__init__(f"a bracket has the relative size {size:.1e}, neither zero nor certainly not")
+
+
+def require_time(deadline: float) -> None:
+    """Raise `Undecided` after a value of `time.monotonic`."""
+    if time.monotonic() > deadline:
+        raise Undecided("the time limit ended the search for brackets")

@@ -1,0 +1,77 @@
+"""The rows of a block at one point: their size, their ranks, and which are independent."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import rank
+from lagcli.compile import column_sizes
+from lagcli.compile.block import Block
+from lagcli.constraint_rows import MetricRows
+from lagcli.metric import Metric
+
+Floats = npt.NDArray[np.float64]
+
+
+class Ranks:
+    """The rows at one point x (N,): scaled, their ranks, and which of them are independent of those before."""
+
+    def __init__(self, block: Block, x: Floats, p: Floats) -> None:
+        self.block, self.x, self.p = block, x, p
+        A, _ = block.rows(x, p)
+        self.is_finite = bool(np.isfinite(A.nonzeros()).all())
+        if self.is_finite:
+            self.sizes = column_sizes.of(A, block.kinds)
+            self.plain, self.A = A, column_sizes.applied(A, self.sizes)
+            self.rows = MetricRows(self.A, Metric.unit(block.size))
+
+    @cached_property
+    def all(self) -> rank.Rank:
+        """The rank of all rows."""
+        return rank.rank(self.rows)
+
+    @cached_property
+    def surface(self) -> rank.Rank:
+        """The rank of the holonomic rows."""
+        return rank.rank(self.rows.take(list(range(len(self.block.holonomic)))))
+
+    @cached_property
+    def still(self) -> rank.Rank:
+        """The rank of all rows without time."""
+        n = len(self.block.columns)
+        return rank.rank(MetricRows(self.A[:, :n], Metric.unit(n))) if self.block.has_time else self.all
+
+    @cached_property
+    def independent(self) -> list[int]:
+        """Rows that do not depend on rows before them."""
+        return np.flatnonzero(~rank.redundant(self.rows)).tolist()
+
+    @property
+    def are_independent(self) -> bool:
+        """Whether no row depends on others."""
+        return self.all.low == self.rows.count
+
+    @property
+    def dimension(self) -> int:
+        """Of the kernel D."""
+        return self.block.size - self.all.low
+
+    @property
+    def kept(self) -> list[int]:
+        """The differential ones of them, numbered from the first differential row."""
+        s = len(self.block.holonomic)
+        return [i - s for i in self.independent if i >= s]
+
+    @property
+    def ranks(self) -> tuple[int, int]:
+        """Of the holonomic rows and of all."""
+        return self.surface.low, self.all.low
+
+    def in_kernel(self, u: Floats) -> Floats:
+        """The field of D at this point nearest to u (N,), both in scaled coordinates."""
+        for _ in range(2):
+            u = u + self.rows.correction(np.array(self.A @ u).ravel())
+        return u

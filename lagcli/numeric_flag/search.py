@@ -1,0 +1,142 @@
+"""The search for the derived flag: at which point, with which brackets, and what they say of the rows (D.3)."""
+
+from __future__ import annotations
+
+import dataclasses
+import decimal
+import math
+from collections.abc import Sequence
+from decimal import Decimal
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compile.block import Block
+from lagcli.integrate.initial import State
+from lagcli.mechanics.system import System
+from lagcli.numeric_flag import dependent, doubt, exact, growth, values
+from lagcli.numeric_flag.answer import NumericFlag
+from lagcli.numeric_flag.growth import Growth
+from lagcli.numeric_flag.place import Place
+from lagcli.numeric_flag.points import Points
+from lagcli.numeric_flag.span import Span
+from lagcli.numeric_flag.values import Values
+
+Floats = npt.NDArray[np.float64]
+
+# What a start that was declared in decimals shows where it lies on a special place.
+AT_START = Decimal("1e-11")
+
+
+def flag(
+    system: System, points: Sequence[State], rows: Sequence[int], deadline: float = math.inf
+) -> NumericFlag:
+    """The flag of the differential ones among `rows`, indices of rows of the system, the others holonomic.
+
+    points: on the surface, the start first; one of its own is added where it is needed. deadline: a value of
+    `time.monotonic` at which the search is given up.
+    """
+    block = Block(system, sorted(rows))
+    nothing = NumericFlag(block.differential, block.has_time)
+    try:
+        with decimal.localcontext(prec=exact.DIGITS):
+            return _found(nothing, Points(block, system, points, deadline), deadline)
+    except doubt.Undecided as why:
+        return dataclasses.replace(nothing, reason=str(why))
+
+
+def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag:
+    """The flag; `nothing` holds what is known without a search."""
+    start, generic = points.start, points.generic()
+    if generic.all.value is None or generic.surface.value is None:
+        raise doubt.Undecided("no gap in the singular values of the constraint rows decides their rank")
+    known = dataclasses.replace(
+        nothing,
+        dimension=generic.dimension,
+        contradiction=generic.still.high < generic.all.low,
+        special=start.ranks != generic.ranks,
+        is_certain=True,
+    )
+    if generic.first == len(generic.kept):
+        return _open(known, start, generic)
+    if generic is start and generic.dimension > 1:  # one field has no brackets
+        raise doubt.Undecided("no other point of the surface was found, and the start may be special")
+    try:
+        return _searched(known, start, Values(generic, deadline, is_spelled=True))
+    except doubt.NoGap:
+        return _searched(known, start, Values(generic, deadline, is_spelled=False))
+
+
+def _open(known: NumericFlag, start: Place, place: Place) -> NumericFlag:
+    """The flag where brackets of two fields, in doubles, certainly show that no combination stays."""
+    m = len(place.kept)
+    whole = None if place.are_independent else values.in_digits(place, is_spelled=True)
+    return dataclasses.replace(
+        known,
+        extra=(m, 0) if m else (0,),
+        growth=(0, m) if m else (0,),
+        inside=tuple(not any(weights) for weights in dependent.weights(place, whole)),
+        combinations=np.zeros((0, len(place.block.differential))),
+        special=known.special or start.first != m,
+        least=float(place.turning[m - 1]) if m else math.inf,
+    )
+
+
+def _searched(known: NumericFlag, start: Place, given: Values) -> NumericFlag:
+    """The flag by brackets."""
+    place = given.place
+    grown = growth.of(given) if place.dimension > 1 else Growth(given.span())
+    if grown.span.rank < grown.span.count:
+        _require_one_piece(place, start)
+    told = dataclasses.replace(
+        known,
+        growth=grown.ranks,
+        inside=tuple(not grown.span.touches(w) for w in dependent.weights(place, given.exact)),
+        combinations=_staying(grown.span, place),
+        digits=given.digits,
+        error=float(grown.span.error),
+        least=float(grown.span.least),
+    )
+    if place.dimension > 1 and not told.special:
+        there = _at_start(start, grown, given)
+        told = dataclasses.replace(told, special=None if there is None else there.ranks != grown.ranks)
+        if there is not None and not told.special:
+            told = dataclasses.replace(told, combinations=_staying(there.span, start))
+    try:
+        extra, span = growth.derived(given, grown)
+    except doubt.NoGap:
+        raise
+    except doubt.Undecided as why:
+        return dataclasses.replace(told, is_certain=False, reason=str(why))
+    error, least = max(told.error, float(span.error)), min(told.least, float(span.least))
+    return dataclasses.replace(told, extra=extra, error=error, least=least)
+
+
+def _require_one_piece(place: Place, start: Place) -> None:
+    """Raise `doubt.Undecided` where a combination that stays here need not stay elsewhere on the surface."""
+    if place.block.has_kinks:
+        raise doubt.Undecided(
+            "what holds on one side of a kink (abs, sign, min, max) need not hold on the other"
+        )
+    if start.surface.low < place.surface.low:
+        raise doubt.Undecided("the surface is singular at the start, and its branches may differ")
+
+
+def _at_start(start: Place, grown: Growth, given: Values) -> Growth | None:
+    """Brackets at the start, of as many fields, or None where they are not known."""
+    try:
+        there = growth.of(given.at(start, AT_START), len(grown.levels))
+    except doubt.Undecided:
+        return None
+    if there.ranks > grown.ranks:
+        raise doubt.Undecided("brackets have a lower rank at the point that was taken than at the start")
+    return there
+
+
+def _staying(span: Span, place: Place) -> Floats:
+    """The combinations (k, m) of the differential rows that vanish on a span, the largest weight 1."""
+    found = np.zeros((span.count - span.rank, len(place.block.differential)))
+    for row, weights in zip(found, span.annihilators(), strict=True):
+        largest = max(map(abs, weights))
+        row[place.kept] = [float(a / largest) for a in weights]
+    return found

@@ -1,0 +1,275 @@
+"""First integrals as combinations of given functions with constant coefficients: sum_l c_l X_j(m_l) = 0.
+
+Which functions combine, and how, is found in double precision at random points; the constants are then made
+exact: as fractions, or by comparing coefficients where parameters occur (`linear`). The result is a proposal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations_with_replacement
+from math import comb, lcm
+from typing import Any
+
+import numpy as np
+import sympy
+
+from lagcli.pfaffian import form as forms
+from lagcli.pfaffian import frame as frames
+from lagcli.pfaffian import linear, sampling, tower
+
+MAX_MONOMIALS = 330
+_SPARE, _NEAR = 12, 4
+_DEPENDENT, _SMALL, _RANK = 1e-11, 1e-7, 1e-6
+_MANY = 12
+_MAX_DENOMINATOR, _SAME = 360, 1e-9
+_UNBOUNDED = 99
+
+
+@dataclass(frozen=True, slots=True)
+class Alphabet:
+    """Functions of which monomials are made, with the highest power of each (others follow from a relation)."""
+
+    letters: tuple[sympy.Expr, ...]
+    highest: tuple[int, ...]
+
+    def monomials(self, degree: int) -> list[tuple[int, ...]]:
+        """The index tuples of the monomials up to `degree`, fewer where they are more than `MAX_MONOMIALS`."""
+        size = len(self.letters)
+        while degree > 1 and comb(size + degree, degree) > MAX_MONOMIALS:
+            degree -= 1
+        opposite = {
+            (i, k)
+            for i, a in enumerate(self.letters)
+            for k, b in enumerate(self.letters)
+            if i < k and a * b == 1
+        }
+        found = []
+        for d in range(1, degree + 1):
+            for m in combinations_with_replacement(range(size), d):
+                allowed = all(m.count(i) <= self.highest[i] for i in set(m))
+                if allowed and not any(i in m and k in m for i, k in opposite):
+                    found.append(m)
+        return found[:MAX_MONOMIALS]
+
+    def largest(self, degree: int) -> bool:
+        """Whether the monomials of `degree` are few enough."""
+        return comb(len(self.letters) + degree, degree) <= MAX_MONOMIALS
+
+
+def alphabet(
+    entries: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol], more: Sequence[sympy.Expr] = ()
+) -> Alphabet:
+    """The variables and the functions that occur in the entries, and `more`.
+
+    Raises `tower.NoNormalFormError`.
+    """
+    basis = tower.Tower(entries)
+    moving = set(variables)
+    letters: dict[sympy.Expr, int] = dict.fromkeys(variables, _UNBOUNDED)
+    for letter in basis.letters[::-1]:
+        meaning = basis.meaning.get(letter, letter)
+        if not meaning.free_symbols & moving:
+            continue
+        if isinstance(meaning, sympy.exp):
+            letters[meaning] = letters[1 / meaning] = _UNBOUNDED
+        elif isinstance(meaning, (sympy.cos, sympy.Abs)):
+            letters[meaning] = 1
+        elif meaning.is_Pow and meaning.exp.is_Rational and not meaning.exp.is_Integer:
+            letters[meaning] = int(meaning.exp.q) - 1
+        else:
+            letters.setdefault(meaning, _UNBOUNDED)
+    for m in more:
+        letters.setdefault(m, _UNBOUNDED)
+    return Alphabet(tuple(letters), tuple(letters.values()))
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """Values of N functions at points: along (rows, N) the defects of each, terms (rows, N) the size of the terms
+    that add up to them, slopes (N, C, near) the derivatives for the pivots at a few of the points.
+    """
+
+    along: Any
+    terms: Any
+    slopes: Any
+
+
+class Field:
+    """A frame with sample points: the numbers of functions along its fields."""
+
+    def __init__(
+        self,
+        frame: frames.Frame,
+        entries: Sequence[sympy.Expr],
+        columns: int,
+        surface: Sequence[sympy.Expr] = (),
+    ) -> None:
+        count = int(1.3 * columns / max(len(frame.free), 1)) + _SPARE
+        probes = [*(e for row in frame.solved for e in row), *entries]
+        self.frame = frame
+        self.sample = sampling.draw(probes, frame.variables, frame.parameters, count, surface)
+        self._solved = [[self.sample.of(e) for e in row] for row in frame.solved]
+
+    def derivatives(self, function: sympy.Expr) -> tuple[Any, Any, Any]:
+        """X_j(function) (n - C, points), the size of its terms, and the derivatives for the pivots (C, points)."""
+        frame = self.frame
+        slopes = [self.sample.of(forms.partial(function, frame.variables[p])) for p in frame.pivots]
+        rates, sizes = [], []
+        for column, j in enumerate(frame.free):
+            terms = [row[column] * s for row, s in zip(self._solved, slopes, strict=True)]
+            terms.append(self.sample.of(forms.partial(function, frame.variables[j])))
+            rates.append(sum(terms))
+            sizes.append(sum(abs(e) for e in terms))
+        return np.array(rates), np.array(sizes), np.array(slopes)
+
+    def monomials(self, letters: Alphabet, chosen: Sequence[tuple[int, ...]], weight: Any = None) -> Numbers:
+        """The numbers of the monomials m; `weight` (n - C, points): of X_j(m) - weight_j m instead."""
+        values = np.array([self.sample.of(g) for g in letters.letters])
+        found = [self.derivatives(g) for g in letters.letters]
+        rates, sizes, slopes = (
+            np.array([f[n] / v for f, v in zip(found, values, strict=True)]) for n in range(3)
+        )
+        sizes = np.abs(sizes)
+        along, terms, near = [], [], []
+        for m in chosen:
+            index = list(m)
+            value = np.prod(values[index], axis=0)
+            rate, size = rates[index].sum(axis=0), sizes[index].sum(axis=0)
+            if weight is not None:
+                rate, size = rate - weight, size + np.abs(weight)
+            along.append((rate * value).ravel())
+            terms.append((size * np.abs(value)).ravel())
+            near.append((slopes[index].sum(axis=0) * value)[:, :_NEAR])
+        return Numbers(np.array(along).T, np.array(terms).T, np.array(near))
+
+    def functions(self, chosen: Sequence[sympy.Expr]) -> Numbers:
+        """The numbers of any functions."""
+        found = [self.derivatives(g) for g in chosen]
+        along, terms = (np.array([f[n].ravel() for f in found]).T for n in range(2))
+        return Numbers(along, terms, np.array([f[2][:, :_NEAR] for f in found]))
+
+
+def join(first: Numbers, second: Numbers) -> Numbers:
+    """The numbers of the functions of both."""
+    return Numbers(
+        np.concatenate([first.along, second.along], axis=1),
+        np.concatenate([first.terms, second.terms], axis=1),
+        np.concatenate([first.slopes, second.slopes]),
+    )
+
+
+def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
+    """Combinations of the columns of defects that vanish: {column: coefficient}, the last coefficient 1.
+
+    Each column that depends on earlier ones gives one, in those earlier columns that depend on no others.
+    """
+    finite = np.all(np.isfinite(numbers.terms), axis=1)
+    along, terms = numbers.along[finite], numbers.terms[finite]
+    if not len(along):
+        return []
+    scale = terms.max(axis=1)
+    scale[scale == 0] = 1.0
+    rows = along / scale[:, None]
+    lengths = np.linalg.norm(terms / scale[:, None], axis=0)
+    count = along.shape[1]
+    Q = np.zeros((len(rows), min(count, len(rows))))
+    R = np.zeros((Q.shape[1], count))
+    kept: list[int] = []
+    dependent: list[int] = []
+    for k in range(count):
+        rest, n = rows[:, k].copy(), len(kept)
+        for _ in range(2):
+            part = Q[:, :n].T @ rest
+            R[:n, k] += part
+            rest = rest - Q[:, :n] @ part
+        size = float(np.linalg.norm(rest))
+        if size <= _DEPENDENT * lengths[k]:
+            dependent.append(k)
+        elif n < Q.shape[1]:
+            Q[:, n], R[n, k] = rest / size, size
+            kept.append(k)
+    c = np.linalg.solve(R[: len(kept), kept], R[: len(kept), dependent])
+    found = []
+    for n, k in enumerate(dependent):
+        least = _SMALL * max(float(lengths[k]), 1e-300)
+        parts = ((i, -float(v)) for i, v in zip(kept, c[:, n], strict=True) if i < k)
+        found.append({i: v for i, v in parts if abs(v) * lengths[i] > least} | {k: 1.0})
+    return found
+
+
+class Known:
+    """The integrals already taken, to see which proposals are new."""
+
+    def __init__(self, field: Field, taken: Sequence[sympy.Expr]) -> None:
+        self._taken = list(field.functions(taken).slopes) if taken else []
+
+    def is_new(self, slopes: Any) -> bool:
+        """Whether the slopes (C, near) are independent of those taken, at one of the points."""
+        for n in range(slopes.shape[1]):
+            matrix = np.array([t[:, n] for t in (*self._taken, slopes)])
+            norms = np.linalg.norm(matrix, axis=1)
+            if not np.all(np.isfinite(matrix)) or not np.all(norms > _DEPENDENT):
+                continue
+            singular = np.linalg.svd(matrix / norms[:, None], compute_uv=False)
+            if len(singular) == len(matrix) and singular[-1] > _RANK:
+                return True
+        return False
+
+    def take(self, slopes: Any) -> None:
+        """Add what was accepted."""
+        self._taken.append(slopes)
+
+
+def proposals(
+    frame: frames.Frame, numbers: Numbers, functions: Sequence[sympy.Expr], known: Known
+) -> Iterator[tuple[sympy.Expr, Any]]:
+    """Combinations of the functions that seem to be new first integrals, simple ones first, with their slopes."""
+    found = null_vectors(numbers)
+
+    def length(vector: dict[int, float]) -> tuple[bool, int, int]:
+        # An angle jumps where it starts again: last.
+        return any(functions[i].has(sympy.atan2) for i in vector), len(vector), max(vector)
+
+    for vector in sorted(found, key=length):
+        slopes: Any = sum(c * numbers.slopes[i] for i, c in vector.items())
+        if known.is_new(slopes):
+            phi = exact(vector, functions, frame.rates, constants_of(frame))
+            if phi is not None:
+                yield phi, slopes
+
+
+def constants_of(frame: frames.Frame) -> frozenset[sympy.Expr]:
+    """The parameters and irrational numbers that occur in the frame."""
+    entries = [e for row in frame.solved for e in row]
+    numbers = {p for e in entries for p in sympy.preorder_traversal(e) if p.is_number and not p.is_Rational}
+    return frozenset(numbers | {s for e in entries for s in e.free_symbols if s in frame.parameters})
+
+
+def exact(
+    vector: dict[int, float],
+    functions: Sequence[sympy.Expr],
+    defects: Callable[[sympy.Expr], list[sympy.Expr]],
+    constants: frozenset[sympy.Expr],
+) -> sympy.Expr | None:
+    """The combination with exact constants, free of denominators; `defects` gives what is to vanish.
+
+    Constants that are not fractions of small numbers hold parameters."""
+    fractions = {i: Fraction(c).limit_denominator(_MAX_DENOMINATOR) for i, c in vector.items()}
+    sure = all(abs(float(f) - vector[i]) <= _SAME * max(1.0, abs(vector[i])) for i, f in fractions.items())
+    if sure:
+        scale = lcm(*(f.denominator for f in fractions.values()))
+        return sympy.Add(*(int(f * scale) * functions[i] for i, f in fractions.items()))
+    used = sorted(vector)
+    if not constants or len(used) > _MANY:  # smooth functions may nearly depend on each other
+        return None
+    columns = [defects(functions[i]) for i in used]
+    for found in linear.null_vectors(columns, constants):
+        if found[-1] == 0:
+            continue
+        common = sympy.lcm_list([sympy.fraction(c)[1] for c in found])
+        pairs = zip(found, used, strict=True)
+        return sympy.Add(*(sympy.cancel(c * common) * functions[i] for c, i in pairs))
+    return None

@@ -1,0 +1,74 @@
+"""First integrals of a completely integrable Pfaffian system (D.3, for rows that are holonomic jointly).
+
+By the theorem of Frobenius C such forms in n variables have C functionally independent integrals phi_a, whose
+differentials span the forms. They are sought "by some hook or crook", cheap ways first; each one counts only
+when X(phi) = 0 is proved for every field of a frame of the kernel, and all together only when they are proved
+independent.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import sympy
+
+from lagcli.pfaffian import block as blocks
+from lagcli.pfaffian import descent, elimination, guesses, limit, quest
+from lagcli.pfaffian import form as forms
+
+Found = quest.Found
+
+_WAYS: quest.Ways = (
+    (guesses.fixed, 1.0),
+    (partial(guesses.polynomials, (1, 2, 3)), 2.0),
+    (guesses.products, 2.0),
+    (guesses.rational, 1.0),
+    (guesses.linear_flow, 2.0),
+    (guesses.invariant_surfaces, 1.5),
+    (descent.eliminations, 3.0),
+    (guesses.one_form, 3.0),
+    (guesses.single_rows, 2.0),
+    (descent.eliminations, 3.0),
+    (descent.reductions, 3.0),
+    (partial(guesses.polynomials, (4,)), 1.0),
+)
+"""Ways of searching, cheap ones first, and the seconds that each may take."""
+
+
+def search(block: blocks.Block, deadline: float) -> tuple[Found, ...]:
+    """Verified and independent first integrals of the rows (C, n), at most C; ends at `deadline`.
+
+    The rows are completely integrable, on the surface of the block where it has one; the deadline is a value of
+    the monotonic clock, s. Fewer than C, or none, where no closed form was found.
+    """
+    real = {s: sympy.Symbol(s.name, real=True) for s in (*block.variables, *block.parameters)}
+    spoken = {r: s for s, r in real.items()}
+    try:
+        flat = limit.run(deadline, lambda: elimination.eliminated(_renamed(block, real))[0])
+        plain, back = limit.run(deadline, lambda: elimination.in_angles(flat))
+    except limit.NO_ANSWER:
+        return ()
+    found = quest.pursued(plain, _WAYS, deadline)
+    return tuple(Found(_put_back(f.integral, back).xreplace(spoken), f.how) for f in found)
+
+
+def _renamed(block: blocks.Block, names: dict[sympy.Symbol, sympy.Symbol]) -> blocks.Block:
+    def turn(e: sympy.Expr) -> sympy.Expr:
+        return forms.plain(sympy.sympify(e).xreplace(names))
+
+    return blocks.Block(
+        block.names,
+        tuple(names[x] for x in block.variables),
+        tuple(tuple(turn(a) for a in row) for row in block.rows),
+        tuple(names[p] for p in block.parameters),
+        tuple(turn(f) for f in block.surface),
+    )
+
+
+def _put_back(phi: sympy.Expr, angles: elimination.Substitutions) -> sympy.Expr:
+    """phi with the coordinates of circles instead of their angles."""
+    if not phi.free_symbols & angles.keys():
+        return phi
+    plain = sympy.expand_trig(phi)
+    outer = {e: value for e, value in angles.items() if not e.is_Symbol}
+    return plain.xreplace(outer).xreplace(angles)

@@ -1,0 +1,124 @@
+"""Values of expressions at many random points at once, in double precision: hints for the exact search, no proof."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import sympy
+
+from lagcli.pfaffian import form as forms
+
+Values = Any
+"""A NumPy array of shape (points,)."""
+
+_FUNCTIONS: dict[Any, Callable[..., Values]] = {
+    sympy.sin: np.sin, sympy.cos: np.cos, sympy.tan: np.tan,
+    sympy.asin: np.arcsin, sympy.acos: np.arccos, sympy.atan: np.arctan, sympy.atan2: np.arctan2,
+    sympy.sinh: np.sinh, sympy.cosh: np.cosh, sympy.tanh: np.tanh,
+    sympy.exp: np.exp, sympy.log: np.log, sympy.Abs: np.abs,
+}  # fmt: skip
+_SEED = 20240317
+_RANGES = ((-1.6, 1.6), (0.2, 1.8), (1.1, 3.0), (0.05, 0.9))
+_CROWD = 4
+_STEPS, _LANDED = 30, 1e-12
+
+
+class NoSampleError(ArithmeticError):
+    """No points were found at which the expressions have values."""
+
+
+class Sample:
+    """Random points, and the values of expressions there; shared subexpressions are computed once."""
+
+    def __init__(self, symbols: Iterable[sympy.Symbol], count: int, span: tuple[float, float]) -> None:
+        generator = np.random.default_rng(_SEED)
+        self.count = count
+        self._known: dict[sympy.Basic, Values] = {
+            s: generator.uniform(*span, count) for s in sorted(symbols, key=lambda s: s.name)
+        }
+
+    def kept(self, which: Values) -> None:
+        """Keep the points `which` (indices) only."""
+        self._known = {s: v[which] for s, v in self._known.items() if s.is_Symbol}
+        self.count = len(which)
+
+    def fix(self, symbols: Iterable[sympy.Symbol]) -> None:
+        """Give each symbol its first value at all points: a constant."""
+        for s in symbols:
+            self._known[s] = np.full(self.count, self._known[s][0])
+
+    def land(self, surface: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> None:
+        """Move the points onto the surface by Newton's method; those that do not arrive become nan."""
+        gradients = [[forms.partial(f, x) for x in variables] for f in surface]
+        place = np.array([self.of(x) for x in variables]).T
+        for _ in range(_STEPS):
+            self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
+            self._known |= dict(zip(variables, place.T, strict=True))
+            f = np.array([self.of(e) for e in surface]).T
+            if np.all(np.abs(f) < _LANDED):
+                return
+            B = np.moveaxis(np.array([[self.of(e) for e in row] for row in gradients]), 2, 0)
+            bad = ~(np.all(np.isfinite(f), axis=1) & np.all(np.isfinite(B), axis=(1, 2)))
+            f[bad], B[bad] = 0.0, 0.0
+            step = np.linalg.pinv(B) @ f[:, :, None]
+            place = place - step[:, :, 0]
+        place[np.any(np.abs(f) > _LANDED, axis=1) | bad] = np.nan
+        self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
+        self._known |= dict(zip(variables, place.T, strict=True))
+
+    def of(self, expression: sympy.Expr) -> Values:
+        """The values (points,); nan where there is no real value. Raises `NoSampleError` for unknown functions."""
+        with np.errstate(all="ignore"):
+            return self._visit(expression)
+
+    def _visit(self, e: sympy.Basic) -> Values:
+        known = self._known.get(e)
+        if known is None:
+            known = self._compute(e)
+            self._known[e] = known
+        return known
+
+    def _compute(self, e: sympy.Basic) -> Values:
+        if e.is_number:
+            try:
+                return np.full(self.count, float(e))
+            except TypeError as error:
+                raise NoSampleError(f"{e} is not real") from error
+        u = [self._visit(a) for a in e.args]
+        if isinstance(e, sympy.Add):
+            return sum(u[1:], u[0])
+        if isinstance(e, sympy.Mul):
+            return np.prod(u, axis=0)
+        if isinstance(e, sympy.Pow):
+            return u[0] ** (int(e.exp) if e.exp.is_Integer else u[1])
+        if type(e) in _FUNCTIONS:
+            return _FUNCTIONS[type(e)](*u)
+        raise NoSampleError(f"{type(e).__name__} has no value")
+
+
+def draw(
+    expressions: Sequence[sympy.Expr],
+    variables: Sequence[sympy.Symbol],
+    parameters: Sequence[sympy.Symbol],
+    count: int,
+    surface: Sequence[sympy.Expr] = (),
+) -> Sample:
+    """`count` points of the surface where all expressions are finite.
+
+    The parameters have the same values at all of them, other ones at each point of a surface.
+    """
+    for span in _RANGES:
+        for crowd in (1, _CROWD):
+            sample = Sample([*variables, *parameters], (count + 2) * crowd, span)
+            if surface:
+                sample.land(surface, variables)
+            else:
+                sample.fix(parameters)
+            good = np.all([np.isfinite(sample.of(e)) for e in expressions], axis=0)
+            which = np.flatnonzero(good)[:count]
+            if len(which) == count:
+                sample.kept(which)
+                return sample
+    raise NoSampleError("no points with values")
