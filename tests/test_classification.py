@@ -233,3 +233,40 @@ differential:
     assert found.joint.integrals[6] == found.joint.integrals[0].replace("[1]", "[7]")
     assert found.joint.combinations[6].rows == ("left[7]", "right[7]")
     assert found.joint.derived_flag == (80, 40, 40)
+
+
+def test_a_start_at_which_time_is_special_is_judged_by_what_follows():
+    found = report({"row": "t*rate(y) = 0"})
+    assert verdicts(found) == {"row": "integrable"}
+    assert (found.dof.holonomic, found.dof.configuration_dof) == (1, 2)
+    assert any("special configuration" in note for note in found.dof.notes)
+
+
+@pytest.mark.parametrize(("value", "kind"), [("0", "exact"), ("0.5", "nonholonomic")])
+def test_a_long_row_that_a_parameter_makes_integrable(value, kind):
+    # Too long for a search for the factors that its components share: the witness is looked at for the value.
+    factor = " + ".join(f"sin({n}*x + y**{n})*exp({n}*z)" for n in range(1, 25))
+    found = report({"row": f"d(z) - k*({factor})*d(x) = 0"}, parameters=f"k: {value}")
+    assert verdicts(found) == {"row": kind}
+
+
+def test_rows_without_a_closed_integral_are_judged_in_time():
+    rows = {"row": "exp(x*y)*d(x) + sin(x + y**2)*d(y) = 0"}
+    report({"row": "d(x) = 0"})  # loads the libraries
+    began = time.process_time()
+    found = report(rows)
+    assert time.process_time() - began < 2 * PROMPT
+    assert (verdicts(found), found.joint.integrals) == ({"row": "integrable"}, ())
+    assert len(found.joint.unsolved) == 1
+
+
+def test_dense_rows_give_their_count_and_their_integral():
+    rows = {
+        "n1": "d(p) + (x*y + sin(z))*(d(z) - y*d(x)) + exp(x)*(d(w) - z*d(x)) = 0",
+        "n2": "(2 + sin(w))*(d(z) - y*d(x)) + x*d(p) + (x**2 + y*w)*(d(w) - z*d(x)) = 0",
+        "n3": "(1 + y**2)*(d(w) - z*d(x)) + cos(x*w)*d(p) + z*y*(d(z) - y*d(x)) = 0",
+    }
+    found = report(rows, "x: 0.3, y: 0.4, z: 0.5, w: 0.6, p: 0.7")
+    assert found.joint.derived_flag == (3, 2, 1, 1)
+    assert found.joint.integrals == ("p",)
+    assert (found.dof.holonomic, found.dof.nonholonomic) == (1, 2)

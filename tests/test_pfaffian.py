@@ -508,6 +508,19 @@ def test_effort_is_counted_in_processor_time():
     assert time.monotonic() - started > 0.2
 
 
+def test_no_thread_of_late_work_goes_on():
+    def forever():
+        return [sum(range(1000)) for _ in iter(int, 1)]
+
+    def nested(depth):
+        return limit.run(limit.after(10 + depth), lambda: nested(depth - 1), 30) if depth else forever()
+
+    for _ in range(5):
+        with pytest.raises(limit.TimeUpError):
+            limit.run(limit.after(20), lambda: nested(3), effort=0.02)
+    assert not [t for t in threading.enumerate() if t.name == "lagcli-algebra"]
+
+
 def test_limits_pass_values_and_errors_on():
     assert limit.run(limit.after(5), lambda: 7) == 7
     with pytest.raises(ZeroDivisionError):

@@ -55,11 +55,14 @@ class Judge:
                 self._system, [group.differential[i] for i in flagged.flag.contradiction]
             )
         numbers = None if flagged is not None else self._numbers(group)
-        if numbers is not None and numbers.is_certain and numbers.extra[-1]:
-            flagged = self._flagged(block, PATIENT)
         single = [self._alone(name) for name in names]
+        solved: tuple[FirstIntegral, ...] = ()
+        if numbers is not None and block is not None:
+            solved = self._without_flag(block, numbers, single) if numbers.is_certain else ()
+            if not numbers.is_certain or len(solved) < numbers.extra[-1]:
+                flagged = self._flagged(block, PATIENT)
         exact = None if block is None or flagged is None else self._exact(block, flagged, single)
-        together = exact or self._numeric(names, numbers, single)
+        together = exact or self._numeric(names, numbers, single, solved)
         together = dataclasses.replace(together, notes=(*note, *together.notes))
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
 
@@ -153,18 +156,37 @@ class Judge:
             idle,
         )
 
+    def _without_flag(
+        self, block: Block, numbers: NumericFlag, single: list[alone.Verdict | None]
+    ) -> tuple[FirstIntegral, ...]:
+        """All integrals of rows whose flag is known by numbers, or none where not all were found."""
+        wanted = numbers.extra[-1]
+        if not wanted:
+            return ()
+        try:
+            found = joint.without_flag(block, wanted, single, self._deadline).integrals
+        except limit.NO_ANSWER:
+            return ()
+        values = self._translation.values
+        told = tuple(translate.first_integral(one.phi, one.rows, values) for one in found)
+        return told if len(told) == wanted else ()
+
     def _is_at_start(self, expression: Any) -> bool:
         return self._translation.vanishes(expression, list(self._places.begin.q), self._places.begin.t)
 
     def _numeric(
-        self, names: tuple[str, ...], numbers: NumericFlag | None, single: list[alone.Verdict | None]
+        self,
+        names: tuple[str, ...],
+        numbers: NumericFlag | None,
+        single: list[alone.Verdict | None],
+        solved: tuple[FirstIntegral, ...],
     ) -> Joint:
-        """The joint verdict of numbers. Without exact algebra for all, integrals are those of rows alone."""
+        """The joint verdict of numbers, with the integrals `solved`, or else those of rows alone."""
         assert numbers is not None
         if not numbers.is_certain:
             return Joint(names, (), (), frozenset(), (), (), "none", reason=numbers.reason)
         inside = _picked(names, numbers.inside)
-        integrals = tuple(
+        integrals = solved or tuple(
             translate.first_integral(one.integral, (name,), self._translation.values)
             for name, one in zip(names, single, strict=True)
             if name in inside and one is not None and one.integral is not None

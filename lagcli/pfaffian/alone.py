@@ -7,6 +7,8 @@ the form is defined and not zero; parameter values at which a verdict may change
 `Verdict.exceptional`.
 """
 
+import contextlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -21,9 +23,11 @@ Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
 
 _CLOSED = "The mixed partial derivatives agree, so the form is exact"
 _SEARCH_SHARE = 0.8
-_SEARCH_EFFORT = 3.0
+_SEARCH_EFFORT = 1.2
 _WITNESS_SECONDS = 2.0
 _SHARED_EFFORT = 0.3
+# Operations of all coefficients beyond which neither the shortest witness nor common factors are sought.
+_LONG = 200
 _SHOWN = 160
 
 
@@ -78,7 +82,7 @@ def _judge(form: forms.Form, deadline: float) -> Verdict:
         return doubt
     if all(a == 0 for a in form.coefficients):
         return _undecided("all coefficients vanish identically, the form states nothing")
-    closed = zero.vanish(list(form.exterior().values()), deadline)
+    closed = zero.vanish((c for _, c in form.curls()), deadline)
     if closed.truth is zero.Truth.YES:
         return _exact(form, deadline)
     return _not_exact(form, closed, deadline)
@@ -168,10 +172,14 @@ def _frobenius(form: forms.Form, deadline: float) -> Verdict:
         text = "A form in two variables always has an integrating factor."
         return Verdict("integrable", None, None, text, "symbolic")
     reason = ""
-    components = [
-        ((*sorted((i, j, k)),), form.wedge_component(*sorted((i, j, k)))) for i, j in combinations(active, 2)
-    ]
-    for index, component in sorted(components, key=lambda c: c[1].count_ops()):
+    size = [a.count_ops() for a in form.coefficients]
+    triples = sorted(combinations(active, 2), key=lambda pair: size[pair[0]] + size[pair[1]])
+    components: Iterable[tuple[tuple[int, ...], sympy.Expr]] = (
+        ((*sorted((i, j, k)),), form.wedge_component(*sorted((i, j, k)))) for i, j in triples
+    )
+    if sum(size) <= _LONG:  # the shortest witness is sought
+        components = sorted(components, key=lambda c: c[1].count_ops())
+    for index, component in components:
         finding = zero.is_zero(component, deadline)
         if finding.truth is zero.Truth.NO:
             return _nonholonomic(form, index, component, deadline)
@@ -193,10 +201,10 @@ def _nonholonomic(
         shown = limit.run(until, lambda: tidy.ratio(component, sympy.Integer(1)))
     except limit.NO_ANSWER:
         shown = component
-    try:
-        shared = limit.run(until, lambda: _shared_factors(form), _SHARED_EFFORT)
-    except limit.NO_ANSWER:
-        shared = ()
+    shared: tuple[sympy.Expr, ...] = ()
+    if sum(a.count_ops() for a in form.coefficients) <= _LONG:
+        with contextlib.suppress(*limit.NO_ANSWER):
+            shared = limit.run(until, lambda: _shared_factors(form), _SHARED_EFFORT)
     exceptional = tuple(p for p in shared if p.free_symbols <= set(form.parameters))
     special = tuple(p for p in shared if p not in exceptional)
     i, j, k = (form.variables[n] for n in index)

@@ -35,11 +35,14 @@ _WAYS: quest.Ways = (
 """Ways of searching, cheap ones first, and the seconds that each may take."""
 
 
-def search(block: blocks.Block, deadline: float) -> tuple[Found, ...]:
+def search(
+    block: blocks.Block, deadline: float, wanted: int | None = None, effort: float | None = None
+) -> tuple[Found, ...]:
     """Verified and independent first integrals of the rows (C, n), at most C; ends at `deadline`.
 
     The rows are completely integrable, on the surface of the block where it has one; the deadline is a value of
-    the monotonic clock, s. Fewer than C, or none, where no closed form was found.
+    the monotonic clock, s. Fewer than C, or none, where no closed form was found. Where the rows are not completely
+    integrable, `wanted` tells how many integrals there are. `effort`: seconds of processor time.
     """
     real = {s: sympy.Symbol(s.name, real=True) for s in (*block.variables, *block.parameters)}
     spoken = {r: s for s, r in real.items()}
@@ -48,7 +51,7 @@ def search(block: blocks.Block, deadline: float) -> tuple[Found, ...]:
         plain, back = limit.run(deadline, lambda: elimination.in_angles(flat))
     except limit.NO_ANSWER:
         return ()
-    found = quest.pursued(plain, _WAYS, deadline)
+    found = quest.pursued(plain, _WAYS, deadline, wanted, effort)
     return tuple(Found(_put_back(f.integral, back).xreplace(spoken), f.how) for f in found)
 
 

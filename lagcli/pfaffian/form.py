@@ -4,9 +4,9 @@ derivatives.
 The symbols are real. Where |u|, sign(u), min or max occur, the derivatives are those away from the kinks.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import reduce
+from functools import lru_cache, reduce
 from itertools import combinations
 
 import sympy
@@ -54,7 +54,12 @@ class Form:
 
     def exterior(self) -> dict[tuple[int, int], sympy.Expr]:
         """Components (d omega)_ij = dA_j/dx_i - dA_i/dx_j for i < j, not simplified."""
-        return {(i, j): self._curl(i, j) for i, j in combinations(range(len(self.variables)), 2)}
+        return dict(self.curls())
+
+    def curls(self) -> Iterator[tuple[tuple[int, int], sympy.Expr]]:
+        """The same one after the other."""
+        for i, j in combinations(range(len(self.variables)), 2):
+            yield (i, j), self._curl(i, j)
 
     def wedge(self) -> dict[tuple[int, int, int], sympy.Expr]:
         """All components (omega ^ d omega)_ijk for i < j < k, not simplified."""
@@ -73,6 +78,7 @@ class Form:
         return partial(a[j], x[i]) - partial(a[i], x[j])
 
 
+@lru_cache(maxsize=4096)
 def partial(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     """The partial derivative away from kinks: d|u| = |u|/u du."""
     derivative = sympy.diff(expression, x)

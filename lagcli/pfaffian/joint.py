@@ -22,8 +22,8 @@ from lagcli.pfaffian.field import NotDecidedError, Values
 
 Floats = npt.NDArray[np.float64]
 
-# Seconds for the search of joint integrals, which rarely ends by itself where there is no closed form.
-SEARCH = 3.0
+# Seconds of processor time for the search of joint integrals, which rarely ends by itself without a closed form.
+SEARCH = 1.2
 # A gradient counts as a combination of others below this part of its length, at points with few digits of rounding.
 DEPENDENT = 1e-9
 
@@ -146,8 +146,8 @@ def solution(found: Flagged, verdicts: Sequence[alone.Verdict | None], deadline:
     if len(kept) < wanted:
         names = tuple(f"form {i + 1}" for i in range(wanted))
         end = Block(names, block.variables, found.flag.integrable, block.parameters, block.surface)
-        until = min(deadline, limit.after(SEARCH))
-        kept += [one.integral for one in first_integrals.search(end, until) if basis.takes(one.integral)]
+        more = first_integrals.search(end, deadline, effort=SEARCH)
+        kept += [one.integral for one in more if basis.takes(one.integral)]
     told = tuple(Integral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in kept)
     unsolved = [_as_text(block, row) for row in found.flag.integrable if not basis.holds(row)]
     return Solution(told, tuple(unsolved[: wanted - len(kept)]))
@@ -159,8 +159,21 @@ def _of_row(found: Flagged, i: int, verdict: alone.Verdict | None, deadline: flo
         return verdict.integral
     if not found.values:
         return None
-    until = min(deadline, limit.after(SEARCH))
-    return alone.classify(found.block.form(i), until).integral
+    return alone.classify(found.block.form(i), deadline).integral
+
+
+def without_flag(
+    block: Block, wanted: int, verdicts: Sequence[alone.Verdict | None], deadline: float
+) -> Solution:
+    """As `solution`, from rows of which is known only how many integrals they have, `wanted`."""
+    left, gone = elimination.eliminated(block)
+    basis = _Independent(left)
+    kept = [v.integral for v in verdicts if v is not None and v.integral is not None]
+    kept = [phi for phi in kept if basis.takes(phi.xreplace(gone))]
+    if len(kept) < wanted:
+        found = first_integrals.search(left, deadline, wanted, SEARCH)
+        kept += [one.integral for one in found if basis.takes(one.integral)]
+    return Solution(tuple(Integral(phi, basis.rows_of(phi.xreplace(gone))) for phi in kept[:wanted]), ())
 
 
 def _as_text(block: Block, row: Iterable[sympy.Expr]) -> sympy.Expr:

@@ -86,8 +86,10 @@ def run(deadline: float, work: Callable[[], Value], effort: float | None = None)
     errors: list[Exception] = []
     until = deadline if outer is None else min(deadline, outer)
 
+    inner: list[_Work] = []
+
     def worker() -> None:
-        _local.deadline = until
+        _local.deadline, _local.inner = until, inner
         try:
             values.append(work())
         except Exception as error:  # noqa: BLE001 - handed on to the caller below, whatever it is
@@ -96,15 +98,21 @@ def run(deadline: float, work: Callable[[], Value], effort: float | None = None)
             return
 
     spent = time.process_time()
-    thread = _start(worker)
+    thread = threading.Thread(target=worker, name="lagcli-algebra", daemon=True)
+    own = _Work(thread, inner)
+    # Known to the outer work before it runs: an interrupt may come while the thread is being started.
+    around: list[_Work] = getattr(_local, "inner", [])
+    around.append(own)
     try:
+        _start(thread)
         while thread.is_alive():
             rest = left(until) if effort is None else min(left(until), spent + effort - time.process_time())
             if rest <= 0:
                 raise TimeUpError("the time limit was reached")
             thread.join(min(rest, _POLL))  # short: an interrupt from outside waits for the end of a join
     finally:
-        _end(thread)
+        _end(own)
+        around.remove(own)
     if errors:
         raise errors[0]
     if not values:
@@ -112,25 +120,36 @@ def run(deadline: float, work: Callable[[], Value], effort: float | None = None)
     return values[0]
 
 
-def _start(worker: Callable[[], None]) -> threading.Thread:
+class _Work:
+    """A thread, and the work it has started itself."""
+
+    def __init__(self, thread: threading.Thread, inner: list["_Work"]) -> None:
+        self.thread, self.inner = thread, inner
+
+    def alive(self) -> list[threading.Thread]:
+        """All threads of it that still run, the innermost first."""
+        found = [thread for work in list(self.inner) for thread in work.alive()]
+        return [*found, self.thread] if self.thread.is_alive() else found
+
+
+def _start(thread: threading.Thread) -> None:
     # Deep expressions recurse deeply; the default stack of a thread is half a megabyte on some systems.
     before = threading.stack_size(_STACK_BYTES)
     try:
-        thread = threading.Thread(target=worker, name="lagcli-algebra", daemon=True)
         thread.start()
     finally:
         threading.stack_size(before)
-    return thread
 
 
-def _end(thread: threading.Thread) -> None:
-    """Interrupt the thread again and again: a `finally` or a bare `except` inside may swallow one
+def _end(work: _Work) -> None:
+    """Interrupt all its threads again and again: a `finally` or a bare `except` inside may swallow one
     interrupt.
     """
     give_up = after(_KILL_PATIENCE)
-    while thread.is_alive() and left(give_up) > 0:
-        ident = thread.ident
-        if ident is None:
-            return
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(ident), ctypes.py_object(_INTERRUPT))
-        thread.join(_KILL_INTERVAL)
+    while (threads := work.alive()) and left(give_up) > 0:
+        for thread in threads:
+            if thread.ident is not None:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                    ctypes.c_ulong(thread.ident), ctypes.py_object(_INTERRUPT)
+                )
+        threads[0].join(_KILL_INTERVAL)

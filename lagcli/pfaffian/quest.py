@@ -32,11 +32,20 @@ Ways = Sequence[tuple[Strategy, float]]
 """Strategies, cheap ones first, and the seconds that each may take."""
 
 
-def pursued(block: blocks.Block, ways: Ways, deadline: float) -> list[Found]:
-    """The verified and independent integrals found in the time."""
-    quest = Quest(block, ways, deadline)
+def pursued(
+    block: blocks.Block,
+    ways: Ways,
+    deadline: float,
+    wanted: int | None = None,
+    effort: float | None = None,
+) -> list[Found]:
+    """The verified and independent integrals found in the time.
+
+    `wanted`: how many there are, one for each row else; `effort`: seconds of processor time.
+    """
+    quest = Quest(block, ways, deadline, wanted)
     with contextlib.suppress(*limit.NO_ANSWER):
-        quest.pursue()
+        limit.run(deadline, quest.pursue, effort)
     return quest.found
 
 
@@ -46,8 +55,8 @@ class Quest:
     `factors`: invariant surfaces found on the way; `used`: how many integrals were used to eliminate coordinates.
     """
 
-    def __init__(self, block: blocks.Block, ways: Ways, deadline: float) -> None:
-        self.block, self._ways, self._deadline = block, ways, deadline
+    def __init__(self, block: blocks.Block, ways: Ways, deadline: float, wanted: int | None = None) -> None:
+        self.block, self._ways, self._deadline, self._wanted = block, ways, deadline, wanted
         self.found: list[Found] = []
         self._whole: list[sympy.Expr] = []
         self.factors: list[sympy.Expr] = []
@@ -87,7 +96,7 @@ class Quest:
     @property
     def is_complete(self) -> bool:
         """Whether no more integrals exist."""
-        return len(self.integrals) >= len(self.frame.pivots)
+        return len(self.integrals) >= len(self.frame.pivots) or len(self.found) == self._wanted
 
     @property
     def integrals(self) -> list[sympy.Expr]:

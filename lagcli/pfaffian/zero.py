@@ -6,6 +6,7 @@ independent generators. Everything holds for real symbols, generic values of the
 expression is defined.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 from typing import Literal
@@ -51,7 +52,9 @@ def is_zero_exactly(expression: sympy.Expr, deadline: float) -> Finding:
     return _test(expression, deadline, exact_first=True)
 
 
-def vanish(expressions: list[sympy.Expr], deadline: float, surface: tuple[sympy.Expr, ...] = ()) -> Finding:
+def vanish(
+    expressions: Iterable[sympy.Expr], deadline: float, surface: tuple[sympy.Expr, ...] = ()
+) -> Finding:
     """Whether all the expressions vanish identically: the first that does not decides, then the first
     unknown one.
     """
