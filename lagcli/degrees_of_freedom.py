@@ -143,9 +143,10 @@ def _bounds(n: int, surface: int, total: int, found: Classification) -> tuple[in
 
 
 def _proof(found: Classification, surface: int) -> Proof:
-    """Ranks are numbers; without holonomic rows the flags alone decide."""
-    is_exact = not surface and found.groups and all(group.proof == "symbolic" for group in found.groups)
-    return "symbolic" if is_exact else "numeric"
+    """Ranks are numbers, but for those of holonomic rows that exact algebra has met on its way."""
+    known = sum(group.held for group in found.groups)
+    is_exact = known == surface and all(group.proof == "symbolic" for group in found.groups)
+    return "symbolic" if is_exact and found.groups else "numeric"
 
 
 def _undecided_rows(found: Classification, rank_beyond: int) -> str:

@@ -153,6 +153,15 @@ def test_values_of_parameters_for_which_the_verdict_is_another():
     assert report(row, parameters="a: 0, b: 0").dof.configuration_dof == 2
 
 
+def test_a_coordinate_is_not_eliminated_with_a_factor_that_is_zero():
+    # With a = 0 the row z = x**2/a is none: x = 0 is left, and the contact form with dx = 0.
+    row = {"row": "d(w) - z*d(x) = 0"}
+    found = report(row, "w: 1, x: 0.5, z: 0.5", "a: 0.5", {"valley": "a*z = x**2"})
+    assert (verdicts(found), found.dof.configuration_dof) == ({"row": "jointly-integrable"}, 1)
+    found = report(row, "w: 1, x: 0.5, z: 0.5, y: 2", "a: 0", {"wall": "a*z = x - 1/2"})
+    assert (verdicts(found), found.dof.configuration_dof) == ({"row": "jointly-integrable"}, 2)
+
+
 def test_values_of_parameters_are_those_that_were_written():
     row = {"row": "d(z) - y*(cos(a) - 1/2)*d(x) = 0"}
     found = report(row, parameters="a: pi/3")

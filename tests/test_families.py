@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import lagcli
 from lagcli import diagnostics, pipeline
 from lagcli.mechanics import system, template
-from lagcli.pfaffian import alone
+from lagcli.pfaffian.alone import frobenius
 from lagcli.reader import overrides
 
 TOLERANCE = 1e-12
@@ -722,9 +722,9 @@ differential:
 
 def test_equal_laws_are_judged_once_and_told_of_each(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
-    classify = alone.classify
+    classify = frobenius.classify
     monkeypatch.setattr(
-        alone, "classify", lambda form, deadline: asked.append(form.name) or classify(form, deadline)
+        frobenius, "classify", lambda form, deadline: asked.append(form.name) or classify(form, deadline)
     )
     verdicts = {c.name: c.verdict for c in lagcli.check(lagcli.loads(BLADES)).constraints}
     assert asked == ["knife[1]", "roll[1]", "odd[1]", "odd[2]", "odd[3]"]

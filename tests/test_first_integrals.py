@@ -9,7 +9,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from sympy import Abs, Matrix, atan2, cos, exp, log, sin, sqrt
 
-from lagcli.pfaffian import block, elimination, first_integrals, form, limit, points
+from lagcli.pfaffian import block, form
+from lagcli.pfaffian.exact import limit, points
+from lagcli.pfaffian.integrals import first_integrals
+from lagcli.pfaffian.together import elimination
 
 # An interrupt of late work may land in a callback of the garbage collector set by hypothesis; it is repeated.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -9,8 +9,9 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.pfaffian import field, flag, limit
 from lagcli.pfaffian.block import Block
+from lagcli.pfaffian.exact import limit
+from lagcli.pfaffian.together import field, flag
 
 REFERENCE = pathlib.Path(__file__).parent / "reference" / "pfaffian.json"
 SYSTEMS = {s["name"]: s for s in json.loads(REFERENCE.read_text(encoding="utf-8"))["systems"]}

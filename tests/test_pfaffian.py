@@ -10,7 +10,9 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.pfaffian import alike, alone, enclosure, form, limit, linear, potential, tower, zero
+from lagcli.pfaffian import form
+from lagcli.pfaffian.alone import alike, frobenius, potential
+from lagcli.pfaffian.exact import enclosure, limit, linear, tower, zero
 
 # An interrupt of late work may land in a callback of the garbage collector set by hypothesis; it is repeated.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -31,7 +33,7 @@ def pfaffian(variables, coefficients, parameters=()):
 
 
 def judged(variables, coefficients, parameters=()):
-    return alone.classify(pfaffian(variables, coefficients, parameters), limit.after(SECONDS))
+    return frobenius.classify(pfaffian(variables, coefficients, parameters), limit.after(SECONDS))
 
 
 def is_zero(expression):
@@ -57,7 +59,7 @@ def test_reference_rows_get_their_verdict_alone(system, n):
     letters = {c: sympy.Symbol(c, real=True) for c in system["coords"]}
     row = pfaffian(letters.values(), [sympy.sympify(c, locals=letters) for c in system["forms"][n]])
     started = time.process_time()
-    verdict = alone.classify(row, limit.after(SECONDS))
+    verdict = frobenius.classify(row, limit.after(SECONDS))
     assert time.process_time() - started < PROMPT
     assert (verdict.kind == "exact") == system["exact"][n]
     assert (verdict.kind in ("exact", "integrable")) == system["each_integrable"][n]
@@ -372,7 +374,7 @@ def test_constants_of_linear_equations_are_exact_in_parameters_and_roots():
 
 
 def test_integrable_without_closed_form_is_said():
-    verdict = alone.classify(pfaffian((x, y), (x**2 + y**2, 1)), limit.after(3))
+    verdict = frobenius.classify(pfaffian((x, y), (x**2 + y**2, 1)), limit.after(3))
     assert (verdict.kind, verdict.integral, verdict.integrating_factor) == ("integrable", None, None)
     assert "No closed form" in verdict.method
 
@@ -530,7 +532,7 @@ def test_limits_pass_values_and_errors_on():
 
 
 def test_an_expired_deadline_gives_undecided():
-    verdict = alone.classify(pfaffian((x, y, z), (sympy.sin(y), x, y)), limit.after(-1))
+    verdict = frobenius.classify(pfaffian((x, y, z), (sympy.sin(y), x, y)), limit.after(-1))
     assert verdict.kind == "undecided"
 
 

@@ -16,8 +16,11 @@ from lagcli.conserved import FirstIntegral
 from lagcli.integrate import initial
 from lagcli.mechanics.system import System
 from lagcli.numeric_flag import NumericFlag
-from lagcli.pfaffian import alike, alone, field, joint, limit, printing, translate, zero
+from lagcli.pfaffian import printing, translate
+from lagcli.pfaffian.alone import alike, frobenius
 from lagcli.pfaffian.block import Block
+from lagcli.pfaffian.exact import limit, zero
+from lagcli.pfaffian.together import field, joint
 
 # Seconds of processor time for the exact flag of a group before numbers are asked, and after they have shown that it
 # does not vanish.
@@ -66,7 +69,7 @@ class Judge:
         together = dataclasses.replace(together, notes=(*note, *together.notes))
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
 
-    def _alone(self, name: str) -> alone.Verdict | None:
+    def _alone(self, name: str) -> frobenius.Verdict | None:
         """The verdict of a row by itself, for the values of the parameters; None where it is too large."""
         form = self._forms[name]
         if isinstance(form, translate.TooLarge):
@@ -76,7 +79,7 @@ class Judge:
             return self._alike.classify(form.with_values(self._translation.values), self._deadline)
         return found
 
-    def _is_unseen(self, found: alone.Verdict) -> bool:
+    def _is_unseen(self, found: frobenius.Verdict) -> bool:
         """Whether the witness that no integrating factor exists may be nothing for the values of the parameters."""
         if (
             found.witness is None
@@ -118,7 +121,7 @@ class Judge:
     def _numbers(self, group: coupling.Group) -> NumericFlag:
         return numeric_flag.flag(self._system, self._places.listed, group.rows, self._deadline)
 
-    def _exact(self, block: Block, flagged: joint.Flagged, single: list[alone.Verdict | None]) -> Joint:
+    def _exact(self, block: Block, flagged: joint.Flagged, single: list[frobenius.Verdict | None]) -> Joint:
         """The joint verdict of exact algebra."""
         found, names = flagged.flag, block.names
         integrals: tuple[FirstIntegral, ...] = ()
@@ -154,10 +157,11 @@ class Judge:
             tuple(remarks),
             notes,
             idle,
+            len(flagged.values) + found.held,
         )
 
     def _without_flag(
-        self, block: Block, numbers: NumericFlag, single: list[alone.Verdict | None]
+        self, block: Block, numbers: NumericFlag, single: list[frobenius.Verdict | None]
     ) -> tuple[FirstIntegral, ...]:
         """All integrals of rows whose flag is known by numbers, or none where not all were found."""
         wanted = numbers.extra[-1]
@@ -178,7 +182,7 @@ class Judge:
         self,
         names: tuple[str, ...],
         numbers: NumericFlag | None,
-        single: list[alone.Verdict | None],
+        single: list[frobenius.Verdict | None],
         solved: tuple[FirstIntegral, ...],
     ) -> Joint:
         """The joint verdict of numbers, with the integrals `solved`, or else those of rows alone."""
@@ -204,7 +208,7 @@ def _picked(names: tuple[str, ...], flags: tuple[bool, ...]) -> frozenset[str]:
     return frozenset(name for name, flag in zip(names, flags, strict=True) if flag)
 
 
-def _verdict(name: str, one: alone.Verdict | None, together: Joint) -> Verdict:
+def _verdict(name: str, one: frobenius.Verdict | None, together: Joint) -> Verdict:
     """The verdict of a row from what it is alone and what all are together."""
     kind: Kind = "undecided" if one is None else one.kind
     method = "the form is too large for exact algebra" if one is None else one.method

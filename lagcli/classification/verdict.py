@@ -34,7 +34,8 @@ class Joint:
     inside: the rows that lie in the integrable part I^(oo). integrals: functions whose differentials span it as
     far as they were found; `unsolved` says in words which of its forms have none. remarks: where the flag drops and
     for which parameters; notes: what of that concerns this very start and these parameters. vanishing: rows that
-    vanish identically where the holonomic rows hold.
+    vanish identically where the holonomic rows hold. held: rank of the holonomic rows they meet, where that is proved
+    exactly.
     """
 
     rows: tuple[str, ...]
@@ -48,6 +49,7 @@ class Joint:
     remarks: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     vanishing: frozenset[str] = frozenset()
+    held: int = 0
 
     @property
     def is_decided(self) -> bool:

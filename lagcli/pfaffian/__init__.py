@@ -1,5 +1,6 @@
 """Differential constraints as Pfaffian forms: which can be integrated, and to what (D.3). SymPy only.
 
-`form.Form` states a constraint, `alone.classify` judges it by itself, `zero` is the zero test behind every
-proof.
+`form` and `block` state them, `translate` makes them of a model; `alone.frobenius` judges one form,
+`together.flag` finds the derived flag of several, `integrals` what they integrate to; `exact.zero` is the zero test
+behind every proof.
 """

@@ -19,7 +19,9 @@ from math import gcd, lcm
 import sympy
 
 from lagcli import conserved
-from lagcli.pfaffian import limit, potential, printing, tidy
+from lagcli.pfaffian import printing
+from lagcli.pfaffian.alone import potential, tidy
+from lagcli.pfaffian.exact import limit
 
 Variables = tuple[sympy.Symbol, ...]
 Quotient = tuple[sympy.Expr, sympy.Expr]

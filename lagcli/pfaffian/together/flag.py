@@ -22,9 +22,9 @@ from typing import Any
 
 import sympy
 
-from lagcli.pfaffian import limit, tower
 from lagcli.pfaffian.block import Block
-from lagcli.pfaffian.field import Field, NotDecidedError, Row, Solved, Values, may_vanish
+from lagcli.pfaffian.exact import limit, tower
+from lagcli.pfaffian.together.field import Field, NotDecidedError, Row, Solved, Values, may_vanish
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Flag:
     beyond the df, solved for pivots, shape (dims[-1], n); contradiction: indices of rows of which a combination
     is a multiple of dt, or empty; special: expressions at whose zeros I' is larger than elsewhere; is_exact: no
     value was proved not zero by its digits at points of the surface alone; exceptional: expressions of the
-    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically.
+    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; held: rank of the df.
     """
 
     dims: tuple[int, ...]
@@ -48,6 +48,7 @@ class Flag:
     is_exact: bool = True
     exceptional: tuple[sympy.Expr, ...] = ()
     vanishing: tuple[int, ...] = ()
+    held: int = 0
 
 
 def flag(
@@ -106,6 +107,7 @@ class _Search:
             is_exact=self._field.is_exact,
             exceptional=self._field.exceptional,
             vanishing=tuple(i for i, row in enumerate(self._declared) if not any(row)),
+            held=held,
         )
 
     def _derived(self, here: Solved, first: Solved) -> tuple[Solved, tuple[sympy.Expr, ...]]:

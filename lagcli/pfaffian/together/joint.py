@@ -14,11 +14,14 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
-from lagcli.pfaffian import alone, elimination, enclosure, first_integrals, limit, points
-from lagcli.pfaffian import flag as flags
 from lagcli.pfaffian import form as forms
+from lagcli.pfaffian.alone import frobenius
 from lagcli.pfaffian.block import Block
-from lagcli.pfaffian.field import NotDecidedError, Values
+from lagcli.pfaffian.exact import enclosure, limit, points
+from lagcli.pfaffian.integrals import first_integrals
+from lagcli.pfaffian.together import elimination
+from lagcli.pfaffian.together import flag as flags
+from lagcli.pfaffian.together.field import NotDecidedError, Values
 
 Floats = npt.NDArray[np.float64]
 
@@ -70,7 +73,7 @@ class Judge:
         return found if known is block else _Renaming(known, block).flagged(found)
 
     def solution(
-        self, block: Block, found: Flagged, verdicts: Sequence[alone.Verdict | None], deadline: float
+        self, block: Block, found: Flagged, verdicts: Sequence[frobenius.Verdict | None], deadline: float
     ) -> Solution:
         """As `solution` of the `found` flag of the block."""
         pattern = self._pattern(block)
@@ -125,14 +128,14 @@ def flagged(block: Block, time: sympy.Symbol, values: Values, deadline: float) -
     Raises `field.NotDecidedError`, at the latest at `deadline`, and `field.ExceptionalError`.
     """
     try:
-        left, gone = limit.run(deadline, lambda: elimination.eliminated(block))
+        left, gone = limit.run(deadline, lambda: elimination.eliminated(block, values))
     except limit.NO_ANSWER as error:
         raise NotDecidedError("the holonomic rows could not be solved in time") from error
     plain = replace(left, rows=tuple(tuple(forms.plain(a) for a in row) for row in left.rows))
     return Flagged(plain, gone, flags.flag(plain, deadline, time, values))
 
 
-def solution(found: Flagged, verdicts: Sequence[alone.Verdict | None], deadline: float) -> Solution:
+def solution(found: Flagged, verdicts: Sequence[frobenius.Verdict | None], deadline: float) -> Solution:
     """Independent first integrals of I^(oo): those of rows alone first. `verdicts`: of the rows alone."""
     wanted = found.flag.dims[-1]
     block = found.block
@@ -153,17 +156,17 @@ def solution(found: Flagged, verdicts: Sequence[alone.Verdict | None], deadline:
     return Solution(told, tuple(unsolved[: wanted - len(kept)]))
 
 
-def _of_row(found: Flagged, i: int, verdict: alone.Verdict | None, deadline: float) -> sympy.Expr | None:
+def _of_row(found: Flagged, i: int, verdict: frobenius.Verdict | None, deadline: float) -> sympy.Expr | None:
     """An integral of one row, as it is declared or on the coordinates that remain."""
     if verdict is not None and verdict.integral is not None:
         return verdict.integral
     if not found.values:
         return None
-    return alone.classify(found.block.form(i), deadline).integral
+    return frobenius.classify(found.block.form(i), deadline).integral
 
 
 def without_flag(
-    block: Block, wanted: int, verdicts: Sequence[alone.Verdict | None], deadline: float
+    block: Block, wanted: int, verdicts: Sequence[frobenius.Verdict | None], deadline: float
 ) -> Solution:
     """As `solution`, from rows of which is known only how many integrals they have, `wanted`."""
     left, gone = elimination.eliminated(block)

@@ -13,7 +13,7 @@ from typing import Literal
 
 import sympy
 
-from lagcli.pfaffian import enclosure, limit, points, tower
+from lagcli.pfaffian.exact import enclosure, limit, points, tower
 
 Proof = Literal["symbolic", "numeric", "none"]
 

@@ -8,10 +8,11 @@ exception at its next bytecode.
 """
 
 import ctypes
+import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import sympy
 from sympy.polys.polyerrors import BasePolynomialError
@@ -146,10 +147,39 @@ def _end(work: _Work) -> None:
     interrupt.
     """
     give_up = after(_KILL_PATIENCE)
-    while (threads := work.alive()) and left(give_up) > 0:
-        for thread in threads:
-            if thread.ident is not None:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(
-                    ctypes.c_ulong(thread.ident), ctypes.py_object(_INTERRUPT)
-                )
-        threads[0].join(_KILL_INTERVAL)
+    with _quiet:
+        while (threads := work.alive()) and left(give_up) > 0:
+            for thread in threads:
+                if thread.ident is not None:
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                        ctypes.c_ulong(thread.ident), ctypes.py_object(_INTERRUPT)
+                    )
+            threads[0].join(_KILL_INTERVAL)
+
+
+class _Quiet:
+    """While entered, interrupts that land in a callback of the garbage collector are not told: they are repeated."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._depth = 0
+        self._usual: Callable[[Any], Any] = sys.unraisablehook
+
+    def __enter__(self) -> None:
+        with self._lock:
+            self._depth += 1
+            if self._depth == 1:
+                self._usual, sys.unraisablehook = sys.unraisablehook, self._told
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._depth -= 1
+            if self._depth == 0:
+                sys.unraisablehook = self._usual
+
+    def _told(self, about: Any) -> None:
+        if about.exc_type is not _INTERRUPT:
+            self._usual(about)
+
+
+_quiet = _Quiet()

@@ -17,8 +17,9 @@ import numpy as np
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import frame as frames
-from lagcli.pfaffian import linear, sampling, tower
+from lagcli.pfaffian.exact import linear, tower
+from lagcli.pfaffian.integrals import frame as frames
+from lagcli.pfaffian.integrals import sampling
 
 MAX_MONOMIALS = 330
 _SPARE, _NEAR = 12, 4

@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import limit
+from lagcli.pfaffian.exact import limit
 
 WRITABLE = (
     sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.atan2,

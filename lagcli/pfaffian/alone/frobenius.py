@@ -16,8 +16,10 @@ from typing import Any, Literal
 
 import sympy
 
-from lagcli.pfaffian import enclosure, factors, limit, potential, printing, tidy, tower, zero
 from lagcli.pfaffian import form as forms
+from lagcli.pfaffian import printing
+from lagcli.pfaffian.alone import factors, potential, tidy
+from lagcli.pfaffian.exact import enclosure, limit, tower, zero
 
 Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
 

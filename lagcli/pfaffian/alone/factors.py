@@ -13,8 +13,9 @@ from typing import TypeVar
 
 import sympy
 
-from lagcli.pfaffian import ansatz, limit, potential, reduction, tidy, tower, zero
 from lagcli.pfaffian import form as forms
+from lagcli.pfaffian.alone import ansatz, potential, reduction, tidy
+from lagcli.pfaffian.exact import limit, tower, zero
 
 Value = TypeVar("Value")
 

@@ -13,8 +13,9 @@ from functools import reduce
 import numpy as np
 import sympy
 
-from lagcli.pfaffian import combinations, limit, tower
-from lagcli.pfaffian import frame as frames
+from lagcli.pfaffian.exact import limit, tower
+from lagcli.pfaffian.integrals import combinations
+from lagcli.pfaffian.integrals import frame as frames
 
 MAX_FACTORS = 24
 _DEGREES = (2, 3, 4)

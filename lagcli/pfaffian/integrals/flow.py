@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import sympy
 
-from lagcli.pfaffian import frame as frames
-from lagcli.pfaffian import limit, potential
+from lagcli.pfaffian.alone import potential
+from lagcli.pfaffian.exact import limit
+from lagcli.pfaffian.integrals import frame as frames
 
 
 @dataclass(frozen=True, slots=True)

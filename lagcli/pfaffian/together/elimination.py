@@ -14,24 +14,27 @@ import sympy
 
 from lagcli.pfaffian import block as blocks
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import limit, zero
+from lagcli.pfaffian.exact import limit, zero
 
 Substitutions = dict[sympy.Symbol, sympy.Expr]
 
 TIME = "t"
 """The name of time, which is never eliminated."""
 _SECONDS = 0.5
+_ROUNDING = 1e-12
 
 
-def eliminated(block: blocks.Block) -> tuple[blocks.Block, Substitutions]:
+def eliminated(
+    block: blocks.Block, parameters: Mapping[sympy.Symbol, sympy.Expr] | None = None
+) -> tuple[blocks.Block, Substitutions]:
     """The block on the graph of every f of the surface that is linear in a coordinate with a constant coefficient.
 
     Time is never eliminated. The block that is left has the same row names, the coordinates that remain, and the
     f that could not be used; an f that vanishes on the others is dropped. The values of the substitutions hold
     remaining coordinates only: apply them with `xreplace` to what is looked for. Coefficients are those of
-    generic parameters.
+    generic parameters, and not zero for those given.
     """
-    steps, surface = _solved(block)
+    steps, surface = _solved(block, parameters or {})
     if not steps:
         return dataclasses.replace(block, surface=tuple(surface)), {}
     values: Substitutions = {}
@@ -66,7 +69,9 @@ def pulled_back(
     return tuple(_expanded(a) for a in total.values())
 
 
-def _solved(block: blocks.Block) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]], list[sympy.Expr]]:
+def _solved(
+    block: blocks.Block, parameters: Mapping[sympy.Symbol, sympy.Expr]
+) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]], list[sympy.Expr]]:
     """The coordinates solved for, one after the other, and the f that are left."""
     pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
     places = {x: n for n, x in enumerate(block.variables)}
@@ -79,7 +84,7 @@ def _solved(block: blocks.Block) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]],
     while waiting:
         changed: set[int] = set()
         for n in waiting:
-            found = _solution(pending[n], places) if n in pending else None
+            found = _solution(pending[n], places, parameters) if n in pending else None
             if found is None:
                 continue
             del pending[n]
@@ -94,7 +99,9 @@ def _solved(block: blocks.Block) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]],
     return steps, [f for f in pending.values() if f != 0]
 
 
-def _solution(f: sympy.Expr, places: Mapping[sympy.Symbol, int]) -> tuple[sympy.Symbol, sympy.Expr] | None:
+def _solution(
+    f: sympy.Expr, places: Mapping[sympy.Symbol, int], parameters: Mapping[sympy.Symbol, sympy.Expr]
+) -> tuple[sympy.Symbol, sympy.Expr] | None:
     """(x, value) with f = 0 exactly where x = value, or None: the choice with the shortest value.
 
     `places`: the coordinates with their numbers.
@@ -102,7 +109,7 @@ def _solution(f: sympy.Expr, places: Mapping[sympy.Symbol, int]) -> tuple[sympy.
     slopes, entangled = _slopes(f, places)
     candidates = []
     for x, slope in slopes.items():
-        if x in entangled or x.name == TIME or not _is_not_zero(slope):
+        if x in entangled or x.name == TIME or not _is_not_zero(slope, parameters):
             continue
         value = _expanded((slope * x - f) / slope)
         # A slope that is a number vanishes for no value of the parameters.
@@ -130,9 +137,12 @@ def _slopes(
     return slopes, entangled
 
 
-def _is_not_zero(constant: sympy.Expr) -> bool:
+def _is_not_zero(constant: sympy.Expr, parameters: Mapping[sympy.Symbol, sympy.Expr]) -> bool:
     if constant.is_Rational:
         return bool(constant != 0)
+    number = constant.xreplace(dict(parameters)).evalf()
+    if number.is_number and abs(number) <= _ROUNDING:
+        return False
     return zero.is_zero(constant, limit.after(_SECONDS)).truth is zero.Truth.NO
 
 

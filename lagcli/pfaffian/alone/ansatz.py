@@ -13,7 +13,8 @@ from itertools import combinations_with_replacement
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import linear, potential, tower
+from lagcli.pfaffian.alone import potential
+from lagcli.pfaffian.exact import linear, tower
 
 MAX_SUMMANDS = 44
 MAX_FACTORS = 24

@@ -7,9 +7,12 @@ from collections.abc import Sequence
 import sympy
 
 from lagcli.pfaffian import block as blocks
-from lagcli.pfaffian import elimination, flow, limit, potential, tidy
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.quest import Found, Proposals, Quest
+from lagcli.pfaffian.alone import potential, tidy
+from lagcli.pfaffian.exact import limit
+from lagcli.pfaffian.integrals import flow
+from lagcli.pfaffian.integrals.quest import Found, Proposals, Quest
+from lagcli.pfaffian.together import elimination
 
 
 def eliminations(quest: Quest, slot: float) -> Proposals:

@@ -8,8 +8,8 @@ import re
 
 import sympy
 
-from lagcli.pfaffian import alone
-from lagcli.pfaffian.alone import Verdict
+from lagcli.pfaffian.alone import frobenius
+from lagcli.pfaffian.alone.frobenius import Verdict
 from lagcli.pfaffian.form import Form
 
 Pattern = tuple[tuple[sympy.Expr, ...], tuple[sympy.Symbol, ...]]
@@ -23,12 +23,12 @@ class Judge:
         self._known: dict[Pattern, tuple[Form, Verdict]] = {}
 
     def classify(self, form: Form, deadline: float) -> Verdict:
-        """As `alone.classify`."""
+        """As `frobenius.classify`."""
         pattern = self._pattern(form)
         known = self._known.get(pattern)
         if known is not None and _is_tellable(known[0], form):
             return _told(known[1], known[0], form)
-        verdict = alone.classify(form, deadline)
+        verdict = frobenius.classify(form, deadline)
         self._known.setdefault(pattern, (form, verdict))
         return verdict
 
@@ -64,7 +64,7 @@ def _told(verdict: Verdict, known: Form, form: Form) -> Verdict:
         if value is not None:
             point = tuple((names.get(name, name), number) for name, number in value.point)
             value = dataclasses.replace(value, point=point)
-        witness = alone.Witness((i, j, k), component, value)
+        witness = frobenius.Witness((i, j, k), component, value)
     return dataclasses.replace(
         verdict,
         integral=turn(verdict.integral),

@@ -8,7 +8,7 @@ from math import gcd, lcm
 import sympy
 from sympy.functions.elementary.trigonometric import TrigonometricFunction
 
-from lagcli.pfaffian import limit, tower
+from lagcli.pfaffian.exact import limit, tower
 
 _SHORT = 400
 _SMALL = 60

@@ -13,8 +13,8 @@ from typing import Any
 import mpmath
 import sympy
 
-from lagcli.pfaffian import enclosure
 from lagcli.pfaffian import form as forms
+from lagcli.pfaffian.exact import enclosure
 
 # Newton's method ends with nearly all digits; a sum of many terms loses some of them.
 ZERO = 1e-30

@@ -14,7 +14,7 @@ from typing import Any
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import tower, zero
+from lagcli.pfaffian.exact import tower, zero
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from lagcli.pfaffian import tower
+from lagcli.pfaffian.exact import tower
 
 Columns = Sequence[Sequence[sympy.Expr]]
 Values = np.ndarray[Any, np.dtype[np.float64]]

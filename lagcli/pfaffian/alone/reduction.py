@@ -8,7 +8,8 @@ from itertools import combinations
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import limit, potential, tidy
+from lagcli.pfaffian.alone import potential, tidy
+from lagcli.pfaffian.exact import limit
 
 Search = Callable[[forms.Form], sympy.Expr | None]
 

@@ -10,9 +10,12 @@ from functools import partial
 import sympy
 
 from lagcli.pfaffian import block as blocks
-from lagcli.pfaffian import combinations, elimination, limit, potential, tidy, tower, zero
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import frame as frames
+from lagcli.pfaffian.alone import potential, tidy
+from lagcli.pfaffian.exact import limit, tower, zero
+from lagcli.pfaffian.integrals import combinations
+from lagcli.pfaffian.integrals import frame as frames
+from lagcli.pfaffian.together import elimination
 
 MAX_KINKS = 3
 

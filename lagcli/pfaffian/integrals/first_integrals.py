@@ -13,8 +13,10 @@ from functools import partial
 import sympy
 
 from lagcli.pfaffian import block as blocks
-from lagcli.pfaffian import descent, elimination, guesses, limit, quest
 from lagcli.pfaffian import form as forms
+from lagcli.pfaffian.exact import limit
+from lagcli.pfaffian.integrals import descent, guesses, quest
+from lagcli.pfaffian.together import elimination
 
 Found = quest.Found
 

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 
 import sympy
 
-from lagcli.pfaffian import alone, combinations, darboux, factors, flow, tidy, zero
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import frame as frames
-from lagcli.pfaffian.quest import Found, Proposals, Quest
+from lagcli.pfaffian.alone import factors, frobenius, tidy
+from lagcli.pfaffian.exact import zero
+from lagcli.pfaffian.integrals import combinations, darboux, flow
+from lagcli.pfaffian.integrals import frame as frames
+from lagcli.pfaffian.integrals.quest import Found, Proposals, Quest
 
 MAX_RECIPROCALS = 8
 
@@ -25,7 +27,7 @@ def one_form(quest: Quest, slot: float) -> Proposals:
     if len(quest.frame.pivots) == 1 and not quest.block.surface:
         row = next(r for r in quest.block.rows if any(a != 0 for a in r))
         form = forms.Form("row", quest.block.variables, row, quest.block.parameters)
-        verdict = alone.classify(form, slot)
+        verdict = frobenius.classify(form, slot)
         if verdict.integral is not None:
             yield Found(verdict.integral, "by an integrating factor")
 

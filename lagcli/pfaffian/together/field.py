@@ -14,8 +14,8 @@ from typing import Any
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import limit, points, tower, zero
 from lagcli.pfaffian.block import Block
+from lagcli.pfaffian.exact import limit, points, tower, zero
 
 Row = list[Any]  # entries in the field of the tower
 Values = Mapping[sympy.Symbol, sympy.Expr]

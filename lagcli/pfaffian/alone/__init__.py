@@ -1,0 +1,1 @@
+"""One form by itself: Frobenius's test, and its integral by hook and crook."""

@@ -1,0 +1,1 @@
+"""First integrals of completely integrable systems: guesses and reductions, each verified."""
