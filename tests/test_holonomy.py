@@ -62,7 +62,7 @@ def verified(text: str, row: str, limit: float = 60.0) -> witness.Witness:
     names = ready.system.model.coordinate_names
     p = result.along(result.coordinate)
     for path in result.paths:
-        q = np.repeat(state.q[None], len(path.points), axis=0)
+        q = np.repeat(result.configuration[None], len(path.points), axis=0)
         q[:, [names.index(name) for name in result.names[:-1]]] = path.points[:, :-1]
         t = path.points[:, -1]
         for before, after, since, until in zip(q, q[1:], t, t[1:], strict=False):
@@ -193,7 +193,34 @@ def test_two_trailers() -> None:
         "one": "d(t1) - sin(t0 - t1)*(cos(t0)*d(x) + sin(t0)*d(y))",
         "two": "d(t2) - cos(t0 - t1)*sin(t1 - t2)*(cos(t0)*d(x) + sin(t0)*d(y))",
     }
-    verified(model_text("x y t0 t1 t2", rows), "car", limit=200)
+    verified(model_text("x y t0 t1 t2", rows), "car")
+
+
+@pytest.mark.parametrize("row", ["rear", "front", "trailer"])
+def test_the_car_with_a_trailer_parks(row: str) -> None:
+    result = verified((ROOT / "models" / "car-with-trailer.yaml").read_text(encoding="utf-8"), row, limit=20)
+    assert result.is_drawn
+    assert abs(result.amount) == pytest.approx(0.5, abs=1e-9)
+
+
+def test_a_straight_chain_is_bent_to_show_the_knife_edge_of_its_first_bead() -> None:
+    text = (ROOT / "models" / "chain.yaml").read_text(encoding="utf-8")
+    text = text.replace(
+        "particles:", "coordinates: {psi: {value: 0.3}}\nlagrangian: rate(psi)**2/2\nparticles:", 1
+    )
+    edge = "differential:\n  edge: sin(psi)*d(p[1].x) - cos(psi)*d(p[1].y)\noutputs:"
+    result = verified(text.replace("outputs:", edge, 1), "edge", limit=20)
+    assert result.is_bent
+    assert result.coordinate in ("p[1].x", "p[1].y")
+    assert "psi" in result.back
+
+
+def test_lengths_may_be_small_beside_angles() -> None:
+    """A knife edge at the end of two links of 1 mm."""
+    more = "particles:\n  a: {mass: 1, position: [0.001, 0, 0]}\n  b: {mass: 1, position: [0.001, 0.001, 0]}"
+    ties = {"one": "norm(a) = 0.001", "two": "distance(a, b) = 0.001"}
+    result = verified(model_text("psi=0.4", {"n": "sin(psi)*d(b.x) - cos(psi)*d(b.y)"}, ties, more), "n")
+    assert abs(result.amount) < 0.01
 
 
 def test_a_bead_of_a_chain_is_moved_with_its_neighbours_alone() -> None:

@@ -140,7 +140,9 @@ def lines(found: Witness) -> list[str]:
     told = [f"`{found.row}` is nonholonomic: {_headline(found)}", f"from {base}"]
     if found.holds_time:
         told.append(f"with t held at {number(found.base[-1])}")
-    if found.is_shifted:
+    if found.is_bent:
+        told.append("(in another configuration of the whole system: at the declared start no loop was found)")
+    elif found.is_shifted:
         told.append("(beside the declared start, where no loop was found)")
     for label, path in zip("ab" if found.is_timed else " ", found.paths, strict=True):
         told += [f"  {label.strip()}{k}. {move}" for k, move in enumerate(_moves(found, path), 1)]

@@ -8,11 +8,13 @@ dz/ds = X(z) u with the columns of X (k + 1, m) in the kernel of A. The scheme i
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.compile import paths
 from lagcli.holonomy.parts import Part
 from lagcli.integrate import tableau
 
@@ -20,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 SHARED = 50  # paths among which common beginnings are looked for
-SHIFT = 1e-12  # of rows of length one
+SCHEME = (tableau.A[: tableau.STAGES], tableau.B)
 
 
 class Frame(Protocol):
@@ -30,8 +32,13 @@ class Frame(Protocol):
     def part(self) -> Part:
         """Whose rows are kept."""
 
-    def velocity(self, Z: Floats, U: Floats) -> Floats:
-        """X(z) u (N, k + 1) for points Z (N, k + 1) and controls U (N, m); not finite at a pole."""
+    @property
+    def steps(self) -> paths.Steps:
+        """Steps along the fields of the part."""
+
+    @property
+    def controls(self) -> Floats:
+        """What the steps take for a control u (m,): columns (., m)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,31 +54,21 @@ class Axes:
     led: Numbers
     free: Numbers
 
-    def velocity(self, Z: Floats, U: Floats) -> Floats:
+    @cached_property
+    def steps(self) -> paths.Steps:
         """As `Frame`."""
-        result = np.zeros_like(Z)
-        result[:, self.free] = U
-        A = self.part.forms(Z)[:, self.chosen]
-        moved: Floats = np.einsum("ncf,nf->nc", A[:, :, self.free], U)
-        # Where the free coordinates that move do not enter the rows nothing follows, be it at a pole.
-        asks = np.asarray(moved.any(axis=1))  # true of nan as well
-        if asks.any():
-            result[np.ix_(asks, self.led)] = -_solved(A[asks][:, :, self.led], moved[asks])
-        return result
+        part = self.part
 
+        def build() -> paths.Steps:
+            z, A = part.expressions
+            return paths.Steps(paths.axes(z, A[self.chosen.tolist(), :], self.led, self.free), SCHEME)
 
-def _solved(pivots: Floats, moved: Floats) -> Floats:
-    """pivots^-1 moved (N, r), nan where that does not exist."""
-    try:
-        return np.asarray(np.linalg.solve(pivots, moved[:, :, None])[:, :, 0])
-    except np.linalg.LinAlgError:
-        unit = np.eye(pivots.shape[1])
-        regular: npt.NDArray[np.bool_] = np.all(np.isfinite(pivots), axis=(1, 2))
-        pivots = np.where(regular[:, None, None], pivots, unit)
-        regular &= np.linalg.det(pivots) != 0  # by the same factors as solve
-        pivots = np.where(regular[:, None, None], pivots, unit)
-        found = np.linalg.solve(pivots, moved[:, :, None])[:, :, 0]
-        return np.asarray(np.where(regular[:, None], found, np.nan))
+        return part.once((*self.chosen, -1, *self.led, -1, *self.free), build)
+
+    @cached_property
+    def controls(self) -> Floats:
+        """As `Frame`."""
+        return np.eye(self.free.size)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,23 +81,24 @@ class Projected:
     part: Part
     directions: Floats
 
-    def velocity(self, Z: Floats, U: Floats) -> Floats:
+    @cached_property
+    def steps(self) -> paths.Steps:
         """As `Frame`; U (N, m + 1)."""
-        A = self.part.forms(Z)
-        bad = ~np.isfinite(A).all(axis=(1, 2))
-        A[bad] = 0.0
-        lengths = np.linalg.norm(A[:, :, :-1], axis=2, keepdims=True)
-        A /= np.where(lengths > 0, lengths, 1.0)
-        B, b = A[:, :, :-1], A[:, :, -1]
-        # Rows may depend on others; what the shift spoils the second pass mends.
-        gram = B @ B.transpose(0, 2, 1) + SHIFT * np.eye(B.shape[1])
-        dq = U[:, :-1] @ self.directions.T
-        for _ in range(2):
-            excess = np.einsum("ncq,nq->nc", B, dq) + b * U[:, -1:]
-            dq = dq - np.einsum("ncq,nc->nq", B, _solved(gram, excess))
-        result = np.column_stack([dq, U[:, -1]])
-        result[bad] = np.nan
-        return result
+        return self.part.once((), lambda: paths.Steps(paths.projected(*self.part.expressions), SCHEME))
+
+    @cached_property
+    def controls(self) -> Floats:
+        """As `Frame`."""
+        k, m = self.directions.shape
+        found = np.zeros((k + 1, m + 1))
+        found[:k, :m], found[k, m] = self.directions, 1.0
+        return found
+
+
+def velocity(frame: Frame, Z: Floats, U: Floats) -> Floats:
+    """X(z) u (N, k + 1) for points Z (N, k + 1) and controls U (N, m); not finite at a pole."""
+    frame.part.wait()
+    return frame.steps.rate(Z, U @ frame.controls.T)
 
 
 def ends(frame: Frame, start: Floats, controls: Floats, steps: int) -> Floats:
@@ -118,24 +116,35 @@ def ends(frame: Frame, start: Floats, controls: Floats, steps: int) -> Floats:
             moving = U.any(axis=1)
             there = Z[first]
             for _ in range(steps if moving.any() else 0):
-                there[moving] = _step(frame, there[moving], U[moving], 1 / steps)
+                frame.part.wait()
+                there[moving] = frame.steps.ahead(there[moving], U[moving] @ frame.controls.T, 1 / steps)
             Z = there[which.ravel()]
     return Z
+
+
+def turned(frame: Frame, start: Floats, controls: Floats, basis: Floats, steps: int) -> tuple[Floats, Floats]:
+    """Where paths from start (k + 1,) end, (N, k + 1), and the derivatives by lengths x, (N, k + 1, q).
+
+    controls (N, S, m) change with x by basis (S, m, q).
+    """
+    Z = np.broadcast_to(start, (len(controls), start.size)).copy()
+    D = np.zeros((len(controls), start.size, basis.shape[2]))
+    with np.errstate(all="ignore"):
+        for segment in range(controls.shape[1]):
+            by_x = frame.controls @ basis[segment]
+            for _ in range(steps):
+                frame.part.wait()
+                Z, J_z, J_u = frame.steps.turned(Z, controls[:, segment] @ frame.controls.T, 1 / steps)
+                D = J_z @ D + J_u @ by_x
+    return Z, D
 
 
 def knots(frame: Frame, start: Floats, controls: Floats, steps: int) -> Floats:
     """The points of one path, (S steps + 1, k + 1): controls (S, m)."""
     points = [start]
     with np.errstate(all="ignore"):
-        for U in controls:
+        for U in controls @ frame.controls.T:
+            frame.part.wait()
             for _ in range(steps):
-                points.append(_step(frame, points[-1][None], U[None], 1 / steps)[0])
+                points.append(frame.steps.ahead(points[-1][None], U[None], 1 / steps)[0])
     return np.array(points)
-
-
-def _step(frame: Frame, Z: Floats, U: Floats, h: float) -> Floats:
-    stages: list[Floats] = []
-    for row in tableau.A[: tableau.STAGES]:
-        at = Z + h * sum(a * stage for a, stage in zip(row, stages, strict=True) if a)
-        stages.append(frame.velocity(at, U))
-    return np.asarray(Z + h * sum(w * stage for w, stage in zip(tableau.B, stages, strict=True) if w))

@@ -19,19 +19,14 @@ Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-FEW, STEPS, SURE = (
-    1,
-    2,
-    6,
-)  # of the scheme in each segment: to choose a word, to solve for its lengths, to end
-COARSE, CLOSED = 1e-9, 1e-13
-ITERATIONS, POLISH, NUDGE = 12, 4, 1e-4
-CONTRACTS, FREE_TURNS = (
-    0.7,
-    3,
-)  # a start that misses by more of what it missed before, after some turns, is left
+# Steps in each segment: to choose a word, to come near with its lengths, to end.
+FEW, STEPS, SURE = 1, 2, 12
+COARSE, CLOSED = 1e-5, 1e-13
+ITERATIONS, POLISH, REGULAR = 16, 10, 1e-6
+# A start that misses by more of what it missed before, after some turns, is left.
+CONTRACTS, FREE_TURNS = 0.7, 3
 STARTS = 4
-AT_RANDOM = 200  # trials where all combinations would be too many
+AT_RANDOM = 12  # trials where all combinations would be too many
 HALVES = (1.0, 2.0, -1.0, -2.0)
 
 
@@ -68,9 +63,13 @@ class Words:
     def offsets(self, goal: Goal, X: Floats, steps: int) -> Floats:
         """Where paths end, relative to the start or to the path of rest, (N, k + 1)."""
         ends = flow.ends(self.frame, goal.start, self.controls(X), steps)
+        return np.asarray(ends - self.resting(goal, steps))
+
+    def resting(self, goal: Goal, steps: int) -> Floats:
+        """The end (k + 1,) of what paths are compared with."""
         if self.rest is None:
-            return np.asarray(ends - goal.start)
-        return np.asarray(ends - flow.ends(self.frame, goal.start, self.rest[None], steps))
+            return goal.start
+        return np.asarray(flow.ends(self.frame, goal.start, self.rest[None], steps)[0])
 
 
 def loops(
@@ -80,7 +79,7 @@ def loops(
     letters = (2 + extra) * 2 + 1
     first, second = pair
     count_a, count_b = (letters + 1) // 2, letters // 2
-    basis = np.zeros((letters, m, count_a + count_b - 2))
+    basis = np.zeros((letters, m, letters - 2))
     for place in range(letters):
         which, number, count = (
             (first, place // 2, count_a) if place % 2 == 0 else (second, place // 2, count_b)
@@ -90,14 +89,13 @@ def loops(
             basis[place, which, offset + number] = 1.0
         else:
             basis[place, which, offset : offset + count - 1] = -1.0
-    values = [(0.0, *HALVES), *[(*HALVES, 4.0, -4.0)] * (count_a - 2)]
-    others = [(1.0,), *[(0.0, *HALVES)] * (count_b - 2)]
-    if extra > 1:  # all combinations would be too many
-        random = np.random.default_rng(letters)
-        grid = np.array([[random.choice(v) for v in (*values, *others)] for _ in range(AT_RANDOM)])
-    else:
-        grid = np.array(list(itertools.product(*values, *others)))
     scale = np.concatenate([np.full(count_a - 1, units[first]), np.full(count_b - 1, units[second])])
+    if extra > 1:  # all combinations of round lengths would be too many
+        grid = np.random.default_rng(letters).standard_normal((AT_RANDOM, letters - 2))
+    else:
+        values = [(0.0, *HALVES), *[(*HALVES, 4.0, -4.0)] * (count_a - 2)]
+        others = [(1.0,), *[(0.0, *HALVES)] * (count_b - 2)]
+        grid = np.array(list(itertools.product(*values, *others)))
     return Words(frame, basis, np.zeros((letters, m))), grid * scale
 
 
@@ -109,11 +107,10 @@ def journeys(frame: flow.Frame, m: int, axis: int, units: Floats, extra: int) ->
     basis[-1, axis] = -1.0
     fixed = np.zeros((letters, m))
     fixed[:, -1] = units[-1]
-    values = [HALVES, *[(0.0, *HALVES)] * (letters - 2)]
     if extra > 1:
-        random = np.random.default_rng(letters)
-        grid = np.array([[random.choice(v) for v in values] for _ in range(AT_RANDOM)])
+        grid = np.random.default_rng(letters).standard_normal((AT_RANDOM, letters - 1))
     else:
+        values = [HALVES, *[(0.0, *HALVES)] * (letters - 2)]
         grid = np.array(list(itertools.product(*values)))
     return Words(frame, basis, fixed, fixed), grid * units[axis]
 
@@ -131,46 +128,66 @@ def free_paths(frame: flow.Projected, size: float, timed: bool, segments: int) -
     return Words(frame, basis, fixed, fixed if timed else None), lengths
 
 
-def solved(words: Words, goal: Goal, X: Floats, varied: Flags) -> Floats:
+def solved(words: Words, goal: Goal, X: Floats, varied: Flags, enough: int | None = None) -> Floats:
     """Lengths (K, q), K <= M, of paths that close, by Gauss-Newton from X (M, q) on the lengths `varied` (M, q).
 
-    Starts that do not contract are left.
+    Rough paths with their derivatives come near, then those derivatives serve fine paths. Starts that do not
+    contract are left, and all others once `enough` are there.
     """
-    done: list[tuple[Floats, Flags]] = []
-    for steps, iterations in ((STEPS, ITERATIONS), (SURE, POLISH)):
-        close = COARSE if steps == STEPS else CLOSED
-        done, last = [], np.full(len(X), np.inf)
-        kept = varied
-        for turn in range(iterations):
-            miss, J = _missed(words, goal, X, steps)
-            worst = np.abs(miss).max(axis=1, initial=0.0)
-            there = worst <= close * goal.size
-            done += [(x, v) for x, v in zip(X[there], kept[there], strict=True)]
-            with np.errstate(invalid="ignore"):
-                on = ~there & np.isfinite(worst) & np.isfinite(J).all(axis=(1, 2))
-                on &= (worst < CONTRACTS * last) | (turn < FREE_TURNS)
-            if not on.any():
-                break
-            X, kept, last = X[on], kept[on], worst[on]
-            inverse = np.linalg.pinv(J[on] * kept[:, None, :], rcond=1e-6)
-            step = -np.einsum("nqe,ne->nq", inverse, miss[on])
-            largest = np.abs(step).max(axis=1, initial=1e-300)
-            X = X + step * np.minimum(1.0, goal.size / largest)[:, None]
-        if not done:
-            return np.zeros((0, varied.shape[1]))
-        X, varied = np.array([x for x, _ in done]), np.array([v for _, v in done])
-    return X
+    near: list[tuple[Floats, Floats]] = []
+    last = np.full(len(X), np.inf)
+    wanted = _wanted(goal)
+    for turn in range(ITERATIONS):
+        ends, J = flow.turned(words.frame, goal.start, words.controls(X), words.basis, STEPS)
+        miss, J = _asked(goal, ends - words.resting(goal, STEPS)) - wanted, _asked(goal, J)
+        worst = np.abs(miss).max(axis=1, initial=0.0)
+        with np.errstate(invalid="ignore"):
+            on = np.isfinite(worst) & np.isfinite(J).all(axis=(1, 2))
+            on &= (worst < CONTRACTS * last) | (turn < FREE_TURNS)
+            there = on & (worst <= COARSE * goal.size)
+        X, J, miss, varied, last, there = (x[on] for x in (X, J, miss, varied, worst, there))
+        if not on.any():
+            break
+        inverse = np.linalg.pinv(J * varied[:, None, :], rcond=REGULAR)
+        near += [(x, turned) for x, turned in zip(X[there], inverse[there], strict=True)]
+        if there.all() or (enough is not None and len(near) >= enough):
+            break
+        step = -np.einsum("nqe,ne->nq", inverse, miss)
+        largest = np.abs(step).max(axis=1, initial=1e-300)
+        X = (X + step * np.minimum(1.0, goal.size / largest)[:, None])[~there]
+        varied, last = varied[~there], last[~there]
+    return _polished(words, goal, near)
 
 
-def _missed(words: Words, goal: Goal, X: Floats, steps: int) -> tuple[Floats, Floats]:
-    """What paths miss, (M, e), and its derivatives by their lengths, (M, e, q)."""
-    asked, wanted = goal.closed, np.zeros(goal.closed.size)
-    if goal.amount is not None:
-        asked, wanted = np.append(asked, goal.along), np.append(wanted, goal.amount)
-    M, q = X.shape
-    nudge = NUDGE * goal.size
-    shifts = np.concatenate([np.zeros((1, q)), nudge * np.eye(q), -nudge * np.eye(q)])
-    trials = (X[:, None, :] + shifts).reshape(-1, q)
-    found = words.offsets(goal, trials, steps)[:, asked].reshape(M, 2 * q + 1, asked.size)
-    J = (found[:, 1 : q + 1] - found[:, q + 1 :]) / (2 * nudge)
-    return found[:, 0] - wanted, J.transpose(0, 2, 1)
+def _polished(words: Words, goal: Goal, near: list[tuple[Floats, Floats]]) -> Floats:
+    """Lengths of fine paths that close, from those of rough ones with the inverse of their derivatives (q, e)."""
+    done: list[Floats] = []
+    if not near:
+        return np.zeros((0, words.basis.shape[2]))
+    X, inverse = (np.array(each) for each in zip(*near, strict=True))
+    last = np.full(len(X), np.inf)
+    rest, wanted = words.resting(goal, SURE), _wanted(goal)
+    for _ in range(POLISH):
+        ends = flow.ends(words.frame, goal.start, words.controls(X), SURE)
+        miss = _asked(goal, ends - rest) - wanted
+        worst = np.abs(miss).max(axis=1, initial=0.0)
+        there = worst <= CLOSED * goal.size
+        done += list(X[there])
+        with np.errstate(invalid="ignore"):
+            on = ~there & (worst < CONTRACTS * last)
+        if not on.any():
+            break
+        X, inverse, last = X[on], inverse[on], worst[on]
+        X = X - np.einsum("nqe,ne->nq", inverse, miss[on])
+    return np.array(done).reshape(-1, words.basis.shape[2])
+
+
+def _asked(goal: Goal, found: Floats) -> Floats:
+    """What the goal asks about of ends (N, k + 1, ...): (N, e, ...)."""
+    return found[:, goal.closed if goal.amount is None else np.append(goal.closed, goal.along)]
+
+
+def _wanted(goal: Goal) -> Floats:
+    """Where those shall be, (e,)."""
+    zeros = np.zeros(goal.closed.size)
+    return zeros if goal.amount is None else np.append(zeros, goal.amount)

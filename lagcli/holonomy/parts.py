@@ -1,7 +1,7 @@
 """The part of a system near one row: the coordinates that may move, the rest held where they start.
 
-A path of the part is a path of the whole. Points are z = (q of the part, t), and the rows the forms
-A dz = B dq + b dt (D.6) that touch the part; those that touch held coordinates only hold by themselves.
+A path of the part is a path of the whole. Points are z = (q of the part, t) in units of their own, and the
+rows the forms A dz = B dq + b dt (D.6) that touch the part; those that touch held coordinates only hold by themselves.
 """
 
 from __future__ import annotations
@@ -9,12 +9,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compile import NumericSystem
+from lagcli.compile import NumericSystem, paths
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
 
@@ -25,6 +27,7 @@ LARGEST = 60  # coordinates of a part; what is further away rests
 TOUCHED = 200_000  # entries of B evaluated in one call
 PERIOD = 2 * np.pi
 SAMPLES, SEED = 5, 1909
+TURNED, STEEPEST = 1e-6, 1e5  # of a difference quotient; units between 1 / STEEPEST and STEEPEST
 
 
 class TimeUpError(Exception):
@@ -53,8 +56,26 @@ class Part:
 
     @property
     def start(self) -> Floats:
-        """The declared point (k + 1,)."""
-        return np.append(self.state.q[self.coordinates], self.state.t)
+        """The point of the state (k + 1,)."""
+        return np.append(self.state.q[self.coordinates], self.state.t) / self.scale
+
+    @cached_property
+    def scale(self) -> Floats:
+        """The units (k + 1,) in which points are counted, powers of ten.
+
+        Over about one unit of a coordinate the rows turn; without this a link of 1 cm and an angle in one row
+        could not move together.
+        """
+        q = np.append(self.state.q[self.coordinates], self.state.t)
+        shifts = TURNED * np.eye(self.k + 1)[:-1]
+        here = self._forms(q[None])[0]
+        turned = (self._forms(q + shifts) - self._forms(q - shifts)) / (2 * TURNED)
+        with np.errstate(all="ignore"):
+            lengths = np.linalg.norm(here, axis=1) / np.linalg.norm(turned, axis=2)
+            lengths[~np.isfinite(lengths) | (lengths == 0)] = np.inf
+            shortest = lengths.min(axis=1, initial=np.inf)
+        shortest[~((shortest > 1 / STEEPEST) & (shortest < STEEPEST))] = 1.0
+        return np.append(10.0 ** np.rint(np.log10(shortest)), 1.0)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -65,16 +86,40 @@ class Part:
     def whole(self, Z: Floats) -> Floats:
         """Configurations (N, n) of the whole system for points (N, k + 1)."""
         q = np.repeat(self.state.q[None], len(Z), axis=0)
-        q[:, self.coordinates] = Z[:, : self.k]
+        q[:, self.coordinates] = (Z * self.scale)[:, : self.k]
         return q
 
     def forms(self, Z: Floats) -> Floats:
-        """A (N, c, k + 1) at points Z (N, k + 1); not finite where a row is not. Raises `TimeUpError`."""
-        if time.monotonic() > self.deadline:
-            raise TimeUpError
+        """A (N, c, k + 1) at points Z (N, k + 1); not finite where a row is not. Raises `TimeUpError`.
+
+        Its columns are those of displacements in the units of the points.
+        """
+        self.wait()
+        Z = Z * self.scale
         most = max(1, TOUCHED // max(1, self._entries[0].size))
         found = [self._forms(Z[i : i + most]) for i in range(0, len(Z), most)]
-        return np.concatenate(found) if found else np.zeros((0, self.rows.size, self.k + 1))
+        return np.concatenate(found) * self.scale if found else np.zeros((0, self.rows.size, self.k + 1))
+
+    def wait(self) -> None:
+        """Raises `TimeUpError` after the deadline."""
+        if time.monotonic() > self.deadline:
+            raise TimeUpError
+
+    @cached_property
+    def expressions(self) -> tuple[Any, Any]:
+        """z (k + 1,) and A (c, k + 1) as expressions in it."""
+        held = paths.Held(self.state.q, self.state.v, self.state.p, self.scale)
+        return paths.rows(self.system, self.rows, self.coordinates, held)
+
+    def once(self, key: tuple[int, ...], build: Callable[[], paths.Steps]) -> paths.Steps:
+        """Steps built when they are first asked for."""
+        if key not in self._built:
+            self._built[key] = build()
+        return self._built[key]
+
+    @cached_property
+    def _built(self) -> dict[tuple[int, ...], paths.Steps]:
+        return {}
 
     def residual(self, Z: Floats) -> float:
         """The largest |f| of the holonomic rows that the part touches, over points (N, k + 1)."""
@@ -82,8 +127,8 @@ class Part:
         if not touched.size:
             return 0.0
         found = [
-            np.array(self.numeric.whole(z[-1], q, self.state.p)[0]).ravel()[touched]
-            for z, q in zip(Z, self.whole(Z), strict=True)
+            np.array(self.numeric.whole(t, q, self.state.p)[0]).ravel()[touched]
+            for t, q in zip(Z[:, -1] * self.scale[-1], self.whole(Z), strict=True)
         ]
         return float(np.abs(found).max())
 
@@ -96,16 +141,19 @@ class Part:
         found = np.zeros(self.k, dtype=bool)
         for i in range(self.k):
             whole, part = Z.copy(), Z.copy()
-            whole[:, i] += PERIOD
-            part[:, i] += 1.0
+            whole[:, i] += PERIOD / self.scale[i]
+            part[:, i] += 1.0 / self.scale[i]
             with np.errstate(invalid="ignore"):
                 same = np.allclose(self.forms(whole), here, rtol=1e-9, atol=1e-9)
                 found[i] = same and not np.allclose(self.forms(part), here, rtol=1e-6, atol=1e-9)
         return found
 
     def _forms(self, Z: Floats) -> Floats:
+        """The same in the units of the model."""
         state, count = self.state, len(Z)
-        B, b = self.numeric.rows(Z[:, -1][None], self.whole(Z).T, state.v, state.p)
+        q = np.repeat(state.q[:, None], count, axis=1)
+        q[self.coordinates] = Z[:, : self.k].T
+        B, b = self.numeric.rows(Z[:, -1][None], q, state.v, state.p)
         entries, rows, columns = self._entries
         A = np.zeros((count, self.rows.size, self.k + 1))
         A[:, rows, columns] = np.array(B.nonzeros(), dtype=float).reshape(count, -1)[:, entries]

@@ -22,13 +22,15 @@ from lagcli.holonomy import flow, moves, orbit
 from lagcli.holonomy.moves import Goal, Words
 from lagcli.holonomy.orbit import Orbit
 from lagcli.holonomy.parts import LARGEST, Part, TimeUpError, around
-from lagcli.integrate import initial
+from lagcli.integrate import initial, projection
+from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
 
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 SIZES = (1.0, 0.5, 0.2, 0.1, 0.02, 10.0, 100.0, 1e-3)
+USUAL = 4  # of the sizes
 SHIFTS = 4  # places tried, the start first
 CHOICES, MOVABLE = 4, 3  # of led coordinates tried for one goal; of goals
 COMBINATIONS = 200
@@ -39,6 +41,7 @@ SURVEYED, SMOOTH = 200, 1e-4  # closed paths looked at; what their ends may chan
 NEAR, NEAR_MISS = 8, 1.5  # trials whose lengths are solved for; what they miss by, of what they move
 MANY = 1  # conditions up to which all words of round lengths are tried
 SEGMENTS = (4, 6)
+ENOUGH = 2  # solutions among which the simplest is taken, of starts taken at random
 NOTHING = 1e-10  # of the size: a move that is left out
 SHOWN = 12  # points of a segment
 FINEST, COARSEST = 96, 48  # steps in a segment
@@ -46,6 +49,8 @@ EXACT, HOPELESS = 3e-12, 1e-6
 HOLDS = 1e-11  # |A dz| / (|A| |dz|)
 DIGITS = 1e-7  # an amount may not be less certain than this part of it
 SEED = 2023
+TOGETHER = 2  # parts among which the simplest witness is looked for
+BENDS, BENT, DRAWN, NUDGE = 3, 0.5, 0.7, 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,8 +69,9 @@ class Witness:
     amount is the difference of their ends. `follow` are coordinates that constraints tie to the one that moved.
     `row_residual`: the largest |A dz| / (|A| |dz|) along the paths, `surface_residual` the largest |f|, `closure`
     the largest distance of a coordinate in `back` from where it should be. `is_drawn`: each move changes one free
-    coordinate. `is_shifted`: the base is not the declared start. `holds_time`: the rows depend on t, which a closed
-    loop holds.
+    coordinate. `is_shifted`: the base is not the declared start; `is_bent`: nor is the
+    `configuration` (n,) of the whole system, of which what is not in `names` rests. `holds_time`: the rows depend
+    on t, which a closed loop holds.
     """
 
     row: str
@@ -82,6 +88,8 @@ class Witness:
     closure: float
     is_drawn: bool
     is_shifted: bool
+    is_bent: bool
+    configuration: Floats
     holds_time: bool
 
     @property
@@ -108,33 +116,90 @@ def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> W
     names = [r.name for r in system.rows.rows]
     if row not in names:
         raise KeyError(row)
-    state = initial.assemble(system, numeric, initial.declared(system), ()).state
-    everywhere = around(system, numeric, state, names.index(row), deadline)
+    declared = initial.assemble(system, numeric, initial.declared(system), ()).state
     try:
-        parts = [part for part in everywhere if part.k <= LARGEST]
-        return _found(parts, len(parts) == len(everywhere))
+        for shift, state in _places(system, numeric, declared, names.index(row)):
+            everywhere = around(system, numeric, state, names.index(row), deadline)
+            parts = [part for part in everywhere if part.k <= LARGEST]
+            found = _found(parts, len(parts) == len(everywhere), shift)
+            if found is not None:
+                is_bent = state is not declared
+                return dataclasses.replace(found, is_shifted=shift > 0 or is_bent, is_bent=is_bent)
     except TimeUpError:
+        pass
+    return None
+
+
+def _places(system: System, numeric: NumericSystem, declared: State, row: int) -> Iterator[tuple[int, State]]:
+    """Where to begin: at the declared configuration, at bent ones, and beside the declared one."""
+    yield 0, declared
+    if system.holonomic_count:
+        bent = (_bent(system, numeric, declared, row, seed) for seed in range(BENDS))
+        yield from ((0, state) for state in bent if state is not None)
+    yield from ((shift, declared) for shift in range(1, SHIFTS))
+
+
+def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: int) -> State | None:
+    """A configuration on the surface in which particles are closer to those of a row, and holonomic rows turned.
+
+    Where a chain is straight no part of it can move between ends that are held; drawn together it has room. None
+    where no way back to the surface is found.
+    """
+    noise = np.random.default_rng(seed).standard_normal(state.q.size)
+    here, there = (numeric.rows(state.t, q, state.v, state.p)[0] for q in (state.q, state.q + NUDGE * noise))
+    place, column = (np.array(x) for x in (here.sparsity().row(), here.sparsity().get_col()))
+    kept = place < system.holonomic_count
+    turned, lengths = (
+        np.sqrt(np.bincount(place[kept], np.array(x.nonzeros())[kept] ** 2, system.holonomic_count))
+        for x in (there - here, here)
+    )
+    with np.errstate(all="ignore"):
+        rates = turned / lengths / NUDGE
+    rates = rates[np.isfinite(rates) & (rates > 0)]
+    q = state.q + (BENT / float(np.median(rates)) if rates.size else BENT) * noise
+    count = state.q.size - len(system.model.generalized_names)  # components of particles come first
+    touched = np.unique(column[place == row])
+    if (touched < count).any():
+        centre = state.q[:count].reshape(-1, 3)[touched[touched < count] // 3].mean(axis=0)
+        q[:count] -= np.ravel((1 - DRAWN) * (state.q[:count].reshape(-1, 3) - centre))
+    surface = projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
+    try:
+        return dataclasses.replace(state, q=surface.feasible(q))
+    except projection.NoConfiguration:
         return None
 
 
-def _found(parts: list[Part], is_whole: bool) -> Witness | None:
-    for shift in range(SHIFTS):
-        searches = list(_searches(parts, shift, is_whole))
-        # Words that close by themselves have round lengths; then those whose lengths must be solved for.
-        stages = ((_Search.closing, SIZES), (_Search.solved, SIZES[:4]), (_Search.freely, SIZES[:2]))
+def _found(parts: list[Part], is_whole: bool, shift: int) -> Witness | None:
+    """The first witness, in few parts at a time, the smaller ones first."""
+    for first in range(0, len(parts), TOGETHER):
+        group = parts[first : first + TOGETHER]
+        searches = list(_searches(group, shift, is_whole and group[-1] is parts[-1]))
+        # Words that close by themselves have round lengths; then those whose lengths must be solved for. Sizes
+        # far from one come last: few systems need them.
+        usual, far = SIZES[:USUAL], SIZES[USUAL:]
+        stages = (
+            (_Search.closing, usual),
+            (_Search.solved, usual),
+            (_Search.shaped, usual),
+            (_Search.freely, usual[:2]),
+            (_Search.closing, far),
+        )
         for stage, sizes in stages:
             for search in searches:
                 found = stage(search) if search.size in sizes else None
                 if found is not None:
-                    return dataclasses.replace(found, is_shifted=shift > 0)
+                    return found
     return None
 
 
 def _searches(parts: list[Part], shift: int, is_whole: bool) -> Iterator[_Search]:
+    if shift == 0:
+        parts = [part for part in parts if not orbit.is_singular(part, part.start)]
+    orbits: dict[tuple[int, bool, bytes], Orbit] = {}
     for size, (part, timed) in itertools.product(SIZES, _kinds(parts, is_whole)):
         base = _base(part, size, shift)
         if base is not None:
-            yield _Search(part, base, size, timed)
+            yield _Search(part, base, size, timed, orbits)
 
 
 def _kinds(parts: list[Part], is_whole: bool) -> Iterator[tuple[Part, bool]]:
@@ -188,14 +253,19 @@ class _Search:
     base: Floats
     size: float
     timed: bool
+    orbits: dict[tuple[int, bool, bytes], Orbit]
 
     def closing(self) -> Witness | None:
         """A word of moves along axes, of round lengths."""
-        return self._first(trial.closing for trial in self._everything)
+        return self._first(trial.closing for trial in self._everything if trial.extra <= MANY)
 
     def solved(self) -> Witness | None:
         """A word of moves along axes, of lengths that are solved for."""
-        return self._first(trial.solved for trial in self._everything)
+        return self._first(trial.solved for trial in self._everything if trial.extra <= MANY)
+
+    def shaped(self) -> Witness | None:
+        """A longer word of moves along axes, solved so that the coordinate moves by a round amount."""
+        return self._first(trial.shaped for trial in self._everything if trial.extra > MANY)
 
     def freely(self) -> Witness | None:
         """A path of any shape, solved so that the coordinate moves by a round amount."""
@@ -211,7 +281,13 @@ class _Search:
 
     @cached_property
     def _orbit(self) -> Orbit | None:
-        return orbit.through(self.part, self.base, self.size, self.timed)
+        key = (self.part.k, self.timed, self.base.tobytes())
+        if key not in self.orbits:
+            found = orbit.through(self.part, self.base, self.size, self.timed)
+            if found is None or not found.is_explored:
+                return found  # at another size there may be more
+            self.orbits[key] = found
+        return self.orbits[key]
 
     @cached_property
     def _everything(self) -> list[_Trial]:
@@ -253,7 +329,8 @@ class _Search:
 
     def _trials(self, along: int) -> Iterator[_Trial]:
         """Words of moves along free coordinates, for each choice of them."""
-        units = np.append(np.where(self.part.angles, np.pi / 4 * min(1.0, self.size), self.size), self.size)
+        turns = np.pi / 4 * min(1.0, self.size) / self.part.scale[:-1]
+        units = np.append(np.where(self.part.angles, turns, self.size), self.size)
         found = self._orbit
         assert found is not None
         for axes in self._frames(found, along):
@@ -344,23 +421,26 @@ class _Search:
         clear = abs(amount) > CLEAR * self.size and error < DIGITS * abs(amount)
         if not (clear and residual < HOLDS and self._crosses(aim, amount, bool(moved.any()))):
             return None
-        part, names = self.part, self.part.names
+        part, names, scale = self.part, self.part.names, self.part.scale
+        points = [p * scale for p in points]
         steps = [(len(p) - 1) // len(c) for p, c in zip(points, paths, strict=True)]
         return Witness(
             row=part.system.rows.rows[int(part.rows[part.row])].name,
             coordinate=names[aim.along],
-            amount=amount,
-            error=error,
+            amount=amount * float(scale[aim.along]),
+            error=error * float(scale[aim.along]),
             names=names,
             back=tuple(names[i] for i in np.flatnonzero(~moved[:-1]) if i != aim.along),
             follow=tuple(names[i] for i in np.flatnonzero(moved)),
             free=_free_names(words.frame, names),
             paths=tuple(Path(p[::n], p[:: max(1, n // SHOWN)]) for p, n in zip(points, steps, strict=True)),
             row_residual=residual,
-            surface_residual=max(part.residual(p[:: max(1, len(p) // 100)]) for p in points),
-            closure=closure,
+            surface_residual=max(part.residual(p[:: max(1, len(p) // 100)] / scale) for p in points),
+            closure=float(np.abs(end * scale)[aim.closed].max(initial=0.0)),
             is_drawn=is_drawn,
             is_shifted=False,
+            is_bent=False,
+            configuration=part.whole(self.base[None])[0],
             holds_time=not self.timed and _knows_time(part),
         )
 
@@ -384,6 +464,11 @@ class _Trial:
     lengths: Floats
 
     @property
+    def extra(self) -> int:
+        """How many coordinates must come back that do not do so by themselves."""
+        return int(self.aim.closed.size - self.words.basis.shape[1])
+
+    @property
     def goal(self) -> Goal:
         """What the words shall do."""
         return Goal(self.search.base, self.aim.along, self.aim.closed, self.search.size)
@@ -400,8 +485,6 @@ class _Trial:
 
     def closing(self) -> Witness | None:
         """The simplest word that closes as it stands."""
-        if self.aim.closed.size > self.words.basis.shape[1] + MANY:
-            return None  # trials taken at random do not
         amount, miss = self.ends
         with np.errstate(invalid="ignore"):
             closing = np.isfinite(amount) & (miss < NEARLY * self.search.size)
@@ -415,17 +498,24 @@ class _Trial:
         near = near[np.argsort(miss[near] / np.abs(amount[near]), kind="stable")][:NEAR]
         if not near.size:
             return None
-        subsets = _subsets(self.lengths.shape[1], self.aim.closed.size - self.words.basis.shape[1])
+        subsets = _subsets(self.lengths.shape[1], self.extra)
         X = np.repeat(self.lengths[near], len(subsets), axis=0)
         varied = np.tile(subsets, (len(near), 1))
         return self.first(moves.solved(self.words, self.goal, X, varied), is_drawn=True)
 
+    def shaped(self) -> Witness | None:
+        """A word from lengths taken at random that closes and moves the coordinate by half the size."""
+        return self._by_half(is_drawn=True)
+
     def free(self) -> Witness | None:
         """A path that closes and moves the coordinate by half the size."""
+        return self._by_half(is_drawn=False)
+
+    def _by_half(self, is_drawn: bool) -> Witness | None:
         goal = dataclasses.replace(self.goal, amount=self.search.size / 2)
         varied = np.ones(self.lengths.shape, dtype=bool)
-        found = moves.solved(self.words, goal, self.lengths, varied)
-        return self.first(found, is_drawn=False)
+        found = moves.solved(self.words, goal, self.lengths, varied, ENOUGH)
+        return self.first(found, is_drawn)
 
     def first(self, X: Floats, is_drawn: bool) -> Witness | None:
         """The simplest of paths that close, if its proof holds."""
@@ -468,8 +558,9 @@ def _row_residual(frame: flow.Frame, points: Floats, controls: Floats) -> float:
     """The largest |A_i dz| / (|A_i| |dz|) over rows and points."""
     steps = (len(points) - 1) // len(controls)
     before, U = points[:-1], np.repeat(controls, steps, axis=0)
-    rates = frame.velocity(before, U)
-    A = frame.part.forms(before)
+    scale = frame.part.scale
+    rates = flow.velocity(frame, before, U) * scale
+    A = frame.part.forms(before) / scale
     sizes = np.linalg.norm(A, axis=2) * np.linalg.norm(rates, axis=1)[:, None]
     found = np.abs(np.einsum("ncz,nz->nc", A, rates)) / np.where(sizes > 0, sizes, 1.0)
     return float(found.max(initial=0.0))
