@@ -69,15 +69,18 @@ def loads(text: str, parameters: Mapping[str, object] | None = None) -> Model:
     return model
 
 
-def dof(model: Model) -> DofCount:
-    """The count of degrees of freedom; `configuration_dof` is None where it is undecided, with the `reason`."""
-    counted: DofCount = _pipeline().count(model)
+def dof(model: Model, **options: Any) -> DofCount:
+    """The count of degrees of freedom; `configuration_dof` is None where it is undecided, with the `reason`.
+
+    Options: limit, the seconds for proofs of integrability.
+    """
+    counted: DofCount = _pipeline().count(model, **options)
     return counted
 
 
-def check(model: Model) -> Report:
-    """Verdicts, count, redundancy and consistency: the object behind `lagcli check --json`."""
-    report: Report = _pipeline().check(model)
+def check(model: Model, **options: Any) -> Report:
+    """Verdicts, count, redundancy and consistency: the object behind `lagcli check --json`; options as of `dof`."""
+    report: Report = _pipeline().check(model, **options)
     return report
 
 

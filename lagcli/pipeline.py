@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import compile, conserved, degrees_of_freedom, diagnostics, report, settings, source, walk
-from lagcli.classification import classify, rows
+from lagcli.classification import classify, rows, unheld
 from lagcli.export import checkpoint_file
 from lagcli.export import columns as selection
 from lagcli.expression.tree import ExpressionError
@@ -28,9 +28,18 @@ from lagcli.trajectory import SimulationStopped, Stats, Trajectory
 Floats = npt.NDArray[np.float64]
 Path = str | os.PathLike[str]
 Integrals = tuple[conserved.FirstIntegral, ...]
+Values = tuple[float, ...]
 
 REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol"))
 KEPT_SYSTEMS = 8  # compiled systems that stay for another run with other parameters
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Found:
+    """First integrals of the differential rows, and notes on those that are not known."""
+
+    integrals: Integrals = ()
+    notes: tuple[str, ...] = ()
 
 
 def load(path: str | os.PathLike[str], parameters: Mapping[str, object] | None = None) -> Model:
@@ -54,6 +63,7 @@ class Compiled:
         self.system = built
         self.functions = functions or holding.Functions(compile.NumericSystem(built))
         self._integrals: dict[Integrals, holding.Integrals] = {}
+        self._searched: dict[Values, Found] = {}
 
     @property
     def numeric(self) -> compile.NumericSystem:
@@ -77,8 +87,19 @@ class Compiled:
         if moved is None:
             return None
         same = Compiled(moved, self.functions)
-        same._integrals = self._integrals
+        same._integrals, same._searched = self._integrals, self._searched
         return same
+
+    def searched(self, limit: float) -> Found:
+        """The first integrals as far as they are found in `limit` seconds; another run with the same values asks
+        for no other search."""
+        start = initial.declared(self.system)
+        values = (*start.p.tolist(), *start.q.tolist(), *start.v.tolist(), start.t, limit)
+        if values not in self._searched:
+            found = _searched(self, limit)
+            self._searched.clear()  # only the last: a study of many values asks for none of them again
+            self._searched[values] = found
+        return self._searched[values]
 
 
 _kept: OrderedDict[str, Compiled] = OrderedDict()
@@ -140,21 +161,22 @@ def _inertia(built: system.System, numeric: compile.NumericSystem) -> tuple[diag
     return ()
 
 
-def first_integrals(ready: Compiled, limit: float = classify.DEFAULT_LIMIT) -> Integrals:
-    """The first integrals of the differential rows, as far as they are found in `limit` seconds.
+def first_integrals(ready: Compiled, limit: float = classify.DEFAULT_LIMIT) -> Found:
+    """The first integrals of the differential rows, as far as they are found in `limit` seconds."""
+    return ready.searched(limit) if ready.system.model.differential else Found()
 
-    Where numbers show that there are none, no algebra is asked.
-    """
+
+def _searched(ready: Compiled, limit: float) -> Found:
+    """The same by a search. Where numbers show that there are none, no algebra is asked."""
     built, numeric = ready.system, ready.numeric
-    if not built.model.differential:
-        return ()
     begin = walk.begin(built, numeric)
     if classify.certainly_nonholonomic(built, numeric, begin):
-        return ()
-    return classify.classify(built, numeric, begin, limit).integrals
+        return Found()
+    found = classify.classify(built, numeric, begin, limit)
+    return Found(found.integrals, unheld.notes(found))
 
 
-Find = Callable[[Compiled], Integrals]
+Find = Callable[[Compiled], Found]
 
 
 def run_settings(model: Model, changes: Mapping[str, Any]) -> Simulation:
@@ -204,11 +226,12 @@ class Running:
         # The start of a run that goes on was examined, and perhaps assembled, when it began.
         if resumed is None:
             state = self._examined(ready, state)
-            self._found = find(ready)
+            found = find(ready)
+            self._found = found.integrals
             held, notes = holding.begin(ready.integrals(self._found), state)
             with_constants = dataclasses.replace(state, p=held.parameters)
             initial.require_finite(ready.system, held.functions.numeric, with_constants)
-            self._run = driver.Run(held, (state.q, state.v), chosen, columns, notes)
+            self._run = driver.Run(held, (state.q, state.v), chosen, columns, (*notes, *found.notes))
         else:
             self._found = resumed.integrals
             held = holding.Holding(_resumed(ready, resumed), resumed.mark.levels, state.p)
@@ -289,8 +312,11 @@ def running(
 ) -> Running:
     """A run from its start, or from the checkpoint in a file; `limit`: seconds to find first integrals.
 
-    Raises as `Running`, and `OSError`; what is wrong with the checkpoint is told with the name of the file.
+    Raises as `Running`, `OSError`, and `ValueError` for a limit that is none; what is wrong with the checkpoint is
+    told with the name of the file.
     """
+    if not limit >= 0:
+        raise ValueError("limit: a number of seconds is needed, 0 or more")
     find = functools.partial(first_integrals, limit=limit)
     try:
         return Running(model, chosen, checkpoints.read(resume) if resume is not None else None, find)

@@ -97,7 +97,9 @@ def ready(
     **options: Any,
 ) -> pipeline.Running:
     model = lagcli.loads(text)
-    return pipeline.Running(model, pipeline.run_settings(model, options), resumed, lambda _: found)
+    return pipeline.Running(
+        model, pipeline.run_settings(model, options), resumed, lambda _: pipeline.Found(found)
+    )
 
 
 def kept(point: checkpoint.Checkpoint) -> checkpoint.Checkpoint:

@@ -207,6 +207,14 @@ def test_a_row_with_a_kink_gets_its_verdict():
     assert verdicts(found) == {"row": "nonholonomic"}
 
 
+def test_the_time_for_proofs_is_a_keyword():
+    found = model({"slide": "d(z) - y*d(x) = 0", "still": "d(y) = 0"})
+    assert lagcli.dof(found, limit=5.0).configuration_dof == 1
+    assert lagcli.check(found, limit=5.0).dof.configuration_dof == 1
+    # Numbers need no time worth speaking of; what is not proved by then is said, and never guessed.
+    assert lagcli.dof(found, limit=0.0).configuration_dof in (1, None)
+
+
 def test_coupled_rows_of_eight_coordinates_are_judged_in_time():
     rows = {
         "n1": "cos(p)*d(x) + sin(p)*d(y) - cos(q)*d(p) + sin(u)*d(r) = 0",

@@ -269,6 +269,8 @@ def test_check_tells_of_a_missing_file_before_it_works_on_the_others(lagcli: Lag
         ["simulate", "model.yaml", "--duration", "long"],
         ["simulate", "model.yaml", "--duration", "-1"],
         ["simulate", "model.yaml", "--duration", "nan"],
+        ["simulate", "model.yaml", "--limit", "nan"],
+        ["dof", "model.yaml", "--limit", "nan"],
         ["simulate", "model.yaml", "--samples", "1"],
         ["simulate", "model.yaml", "--samples", "5", "--output-step", "0.1"],
         ["simulate", "model.yaml", "--output-step", "0"],

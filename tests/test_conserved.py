@@ -106,7 +106,9 @@ def held(text: str, *forms: Chart, rows: tuple[str, ...] = ("row",)) -> tuple[Fi
 
 def ready(text: str, found: tuple[FirstIntegral, ...] = (), **options: Any) -> pipeline.Running:
     model = lagcli.loads(text, options.pop("parameters", None))
-    return pipeline.Running(model, pipeline.run_settings(model, options), None, lambda _: found)
+    return pipeline.Running(
+        model, pipeline.run_settings(model, options), None, lambda _: pipeline.Found(found)
+    )
 
 
 def run(text: str, found: tuple[FirstIntegral, ...] = (), **options: Any) -> tuple[Any, dict[str, Any]]:
@@ -505,3 +507,75 @@ def _start(model: lagcli.Model) -> Any:
     from lagcli.integrate import initial
 
     return initial.declared(pipeline.compiled(model).system)
+
+
+# The search.
+
+NO_CLOSED_FORM = """
+lagcli: 1
+coordinates: {x: {value: 0.5, rate: 0.1}, y: {value: 1, rate: 0.1}}
+lagrangian: (rate(x)**2 + rate(y)**2)/2 - x**2
+differential: {row: d(y) - exp(-x**2)*d(x) = 0}
+simulation: {assemble: true}
+"""
+TOLD = "what is not known is not held, and the velocity rows keep it to the tolerance"
+
+
+def test_integrals_that_are_not_known_are_told() -> None:
+    for text, limit, expected in (
+        (NO_CLOSED_FORM, 20.0, f"not all integrals of `row` were found: {TOLD}"),
+        (FACTOR, 0.0, f"not all integrals of `row` were found: {TOLD}"),
+        (AXLE, 0.0, f"it is undecided whether `side`, `left`, `right` can be integrated: {TOLD}"),
+    ):
+        model = lagcli.loads(text)
+        going = pipeline.running(model, pipeline.run_settings(model, {"duration": 0.1}), None, limit)
+        assert going.notes == (expected,)
+        list(going.blocks())
+        assert going.checkpoint().mark.notes == (expected,)
+    family = '{for: "i = 1..6", equation: "q[i]*d(q[i]) = dt"}'
+    text = f"""
+lagcli: 1
+coordinates: {{"q[i]": {{for: "i = 1..6", value: 2, rate: 0.5}}}}
+lagrangian: rate(q[1])**2 + rate(q[2])**2 + rate(q[3])**2 + rate(q[4])**2 + rate(q[5])**2 + rate(q[6])**2
+differential: {{"row[i]": {family}}}
+"""
+    model = lagcli.loads(text)
+    (note,) = lagcli.simulate(model, duration=0.1, limit=0).notes
+    assert (
+        note
+        == f"it is undecided whether `row[1]`, `row[2]`, `row[3]`, `row[4]` and 2 more can be integrated: {TOLD}"
+    )
+    assert lagcli.simulate(model, duration=0.1).notes == ()
+
+
+def test_where_nothing_is_integrable_there_is_nothing_to_tell() -> None:
+    text = """
+lagcli: 1
+coordinates: {x: {}, y: {}, phi: {rate: 1}}
+lagrangian: (rate(x)**2 + rate(y)**2 + rate(phi)**2)/2
+differential: {edge: sin(phi)*d(x) - cos(phi)*d(y) = 0}
+"""
+    assert lagcli.simulate(lagcli.loads(text), duration=0.1, limit=0).notes == ()
+
+
+def test_the_search_is_done_once_for_the_same_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    searches: list[float] = []
+
+    def search(ready: pipeline.Compiled, limit: float) -> pipeline.Found:
+        searches.append(limit)
+        return pipeline.Found()
+
+    monkeypatch.setattr(pipeline, "_searched", search)
+    pipeline._kept.clear()
+    for changes in ({}, {}, {"k": 3}, {"k": 3}, {"x.value": 2}, {"x.value": 2}, {}):
+        lagcli.simulate(lagcli.loads(POWER, changes), duration=0.1, assemble=True)
+    assert len(searches) == 4
+    lagcli.simulate(lagcli.loads(POWER), duration=0.1, limit=1)
+    assert len(searches) == 5
+    pipeline._kept.clear()
+
+
+@pytest.mark.parametrize("limit", [-1.0, math.nan])
+def test_a_limit_is_a_number_of_seconds(limit: float) -> None:
+    with pytest.raises(ValueError, match="limit: a number of seconds"):
+        lagcli.simulate(lagcli.loads(FACTOR), duration=0.1, limit=limit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import math
 import os
 import time
 from collections.abc import Callable
@@ -27,6 +28,14 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+
+def _seconds(value: float) -> float:
+    """A limit as it is. Raises `typer.BadParameter` for nan, which no lower bound refuses."""
+    if math.isnan(value):
+        raise typer.BadParameter("nan is no number of seconds")
+    return value
+
+
 ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="model file; - for standard input")]
 SetOption = Annotated[
     list[str] | None,
@@ -37,7 +46,9 @@ SetOption = Annotated[
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, errors too")]
-LimitOption = Annotated[float, typer.Option("--limit", metavar="SECONDS", min=0.0, help="time for proofs")]
+LimitOption = Annotated[
+    float, typer.Option("--limit", metavar="SECONDS", min=0.0, callback=_seconds, help="time for proofs")
+]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="only errors on standard error")]
 VerboseOption = Annotated[bool, typer.Option("-v", "--verbose", help="more on standard error")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="a traceback where lagcli itself fails")]
