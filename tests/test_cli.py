@@ -1051,7 +1051,8 @@ def test_an_invalid_model_is_the_command_lines_fault_only_if_all_of_it_is() -> N
     assert exits.of(found("--set m", "model.yaml")) == 1
 
 
-def test_a_signal_waits_for_the_end_of_what_is_shielded() -> None:
+def test_a_signal_waits_for_the_end_of_what_is_shielded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signals, "_raised", [])  # nothing of it is left for others
     reached = []
 
     def shielded() -> None:
@@ -1069,7 +1070,9 @@ def test_a_signal_waits_for_the_end_of_what_is_shielded() -> None:
         pass
 
 
-def test_a_second_signal_does_not_wait() -> None:
+def test_a_second_signal_does_not_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signals, "_raised", [])
+
     def stuck() -> None:
         with signals.shielded():
             signals._handle(signal.SIGTERM, None)

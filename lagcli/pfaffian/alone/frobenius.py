@@ -25,7 +25,7 @@ Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
 
 _CLOSED = "The mixed partial derivatives agree, so the form is exact"
 _SEARCH_SHARE = 0.8
-_SEARCH_EFFORT = 1.2
+_SEARCH_EFFORT = 1.8
 _WITNESS_SECONDS = 2.0
 _SHARED_EFFORT = 0.3
 # Operations of all coefficients beyond which neither the shortest witness nor common factors are sought.
