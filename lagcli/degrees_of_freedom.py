@@ -137,9 +137,9 @@ def count(system: System, numeric: NumericSystem, begin: State, found: Classific
 
 def _bounds(n: int, surface: int, total: int, found: Classification) -> tuple[int, int]:
     """What is known without the groups that are undecided: their rows may be integrable or not."""
-    known = sum(group.flag[-1] for group in found.groups if group.is_decided)
-    held = {group.rows: group.flag[0] - group.flag[-1] for group in found.groups if group.is_decided}
-    return n - total + sum(held.values()), n - surface - known
+    decided = [group.flag for group in found.groups if group.is_decided]
+    integrable, other = sum(flag[-1] for flag in decided), sum(flag[0] - flag[-1] for flag in decided)
+    return n - total + other, n - surface - integrable
 
 
 def _proof(found: Classification, surface: int) -> Proof:

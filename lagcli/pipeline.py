@@ -15,11 +15,12 @@ import numpy.typing as npt
 
 from lagcli import compile, conserved, degrees_of_freedom, diagnostics, report, settings, source, walk
 from lagcli.classification import classify, rows, unheld
+from lagcli.classification.case import Case
 from lagcli.export import checkpoint_file
 from lagcli.export import columns as selection
 from lagcli.expression.tree import ExpressionError
 from lagcli.integrate import checkpoint as checkpoints
-from lagcli.integrate import dop853, driver, holding, initial
+from lagcli.integrate import driver, holding, initial
 from lagcli.mechanics import system
 from lagcli.model import Model, Simulation
 from lagcli.reader import document
@@ -57,7 +58,7 @@ def loads(text: str, parameters: Mapping[str, object] | None = None, path: str =
 
 
 class Compiled:
-    """A system with its functions, also with integrals held. A scheme is built when a run first asks for it."""
+    """A system with its functions, also with integrals held."""
 
     def __init__(self, built: system.System, functions: holding.Functions | None = None) -> None:
         self.system = built
@@ -70,9 +71,9 @@ class Compiled:
         """The functions of the system by itself."""
         return self.functions.numeric
 
-    def scheme(self) -> dop853.Scheme:
-        """The compiled step and dense output."""
-        return self.functions.scheme
+    def case(self) -> Case:
+        """The system at the consistent state nearest to its start. Raises `diagnostics.ModelError`."""
+        return Case(self.system, self.numeric, walk.begin(self.system, self.numeric))
 
     def integrals(self, found: Integrals) -> holding.Integrals:
         """These integrals with their functions, built anew where a value is built in that has changed."""
@@ -115,21 +116,23 @@ def compiled(model: Model) -> Compiled:
     return result
 
 
-def count(model: Model, limit: float = classify.DEFAULT_LIMIT) -> degrees_of_freedom.DofCount:
-    """The degrees of freedom. Raises `diagnostics.ModelError`."""
-    ready = compiled(model)
-    begin = walk.begin(ready.system, ready.numeric)
-    found = classify.classify(ready.system, ready.numeric, begin, limit)
-    return degrees_of_freedom.count(ready.system, ready.numeric, begin, found)
+def count(model: Model, limit: float = settings.LIMIT) -> degrees_of_freedom.DofCount:
+    """The degrees of freedom. Raises `diagnostics.ModelError`, `ValueError` for a limit that is none."""
+    _require_seconds(limit)
+    case = compiled(model).case()
+    return degrees_of_freedom.count(case.system, case.numeric, case.begin, classify.classify(case, limit))
 
 
-def check(model: Model, limit: float = classify.DEFAULT_LIMIT) -> report.Report:
-    """Everything that can be said before a run. Raises `diagnostics.ModelError` for an impossible model."""
-    ready = compiled(model)
-    built, numeric = ready.system, ready.numeric
-    begin = walk.begin(built, numeric)
-    found = classify.classify(built, numeric, begin, limit)
-    counted = degrees_of_freedom.count(built, numeric, begin, found)
+def check(model: Model, limit: float = settings.LIMIT) -> report.Report:
+    """Everything that can be said before a run.
+
+    Raises `diagnostics.ModelError` for an impossible model, `ValueError` for a limit that is none.
+    """
+    _require_seconds(limit)
+    case = compiled(model).case()
+    built, numeric = case.system, case.numeric
+    found = classify.classify(case, limit)
+    counted = degrees_of_freedom.count(built, numeric, case.begin, found)
     verdicts = (*rows.holonomic(model, tuple(row.name for row in built.rows.rows)), *found.verdicts)
     residuals = initial.residuals(built, numeric, initial.declared(built))
     faults = [*_inertia(built, numeric), *initial.inconsistencies(built, residuals)]
@@ -161,18 +164,17 @@ def _inertia(built: system.System, numeric: compile.NumericSystem) -> tuple[diag
     return ()
 
 
-def first_integrals(ready: Compiled, limit: float = classify.DEFAULT_LIMIT) -> Found:
+def first_integrals(ready: Compiled, limit: float = settings.LIMIT) -> Found:
     """The first integrals of the differential rows, as far as they are found in `limit` seconds."""
     return ready.searched(limit) if ready.system.model.differential else Found()
 
 
 def _searched(ready: Compiled, limit: float) -> Found:
     """The same by a search. Where numbers show that there are none, no algebra is asked."""
-    built, numeric = ready.system, ready.numeric
-    begin = walk.begin(built, numeric)
-    if classify.certainly_nonholonomic(built, numeric, begin):
+    case = ready.case()
+    if classify.certainly_nonholonomic(case):
         return Found()
-    found = classify.classify(built, numeric, begin, limit)
+    found = classify.classify(case, limit)
     return Found(found.integrals, unheld.notes(found))
 
 
@@ -307,16 +309,20 @@ def _resumed(ready: Compiled, point: checkpoints.Checkpoint) -> holding.Integral
         ) from None
 
 
+def _require_seconds(limit: float) -> None:
+    if not limit >= 0:  # nan neither
+        raise ValueError("limit: a number of seconds is needed, 0 or more")
+
+
 def running(
-    model: Model, chosen: Simulation, resume: Path | None = None, limit: float = classify.DEFAULT_LIMIT
+    model: Model, chosen: Simulation, resume: Path | None = None, limit: float = settings.LIMIT
 ) -> Running:
     """A run from its start, or from the checkpoint in a file; `limit`: seconds to find first integrals.
 
     Raises as `Running`, `OSError`, and `ValueError` for a limit that is none; what is wrong with the checkpoint is
     told with the name of the file.
     """
-    if not limit >= 0:
-        raise ValueError("limit: a number of seconds is needed, 0 or more")
+    _require_seconds(limit)
     find = functools.partial(first_integrals, limit=limit)
     try:
         return Running(model, chosen, checkpoints.read(resume) if resume is not None else None, find)
@@ -330,7 +336,7 @@ def simulate(
     columns: str = "*",
     checkpoint: Path | None = None,
     resume: Path | None = None,
-    limit: float = classify.DEFAULT_LIMIT,
+    limit: float = settings.LIMIT,
     **changes: Any,
 ) -> Trajectory:
     """The whole run of a model; keywords as the options of the command line, `columns` and `limit` among them.

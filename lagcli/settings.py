@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from lagcli.model import Simulation
+if TYPE_CHECKING:  # the command line reads the bounds before it has to load numbers
+    from lagcli.model import Simulation
 
 METHODS = ("auto", "dop853")
 MAX_ROWS = 10**9
+LIMIT = 20.0  # seconds for the proofs of a model
 
 
 def faults(settings: Simulation) -> Iterator[tuple[str, str]]:

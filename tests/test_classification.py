@@ -5,6 +5,7 @@ import time
 import pytest
 
 import lagcli
+from lagcli.classification import judge
 
 PROMPT = 2.0  # seconds of processor time, whatever else the machine is doing
 
@@ -151,6 +152,23 @@ def test_values_of_parameters_for_which_the_verdict_is_another():
     assert report(row, parameters="a: 0, b: 1").dof.configuration_dof == 3
     row = {"row": "d(z) - (sin(a) - b)*y*d(x) = 0"}
     assert report(row, parameters="a: 0, b: 0").dof.configuration_dof == 2
+
+
+def test_exceptional_values_are_met_at_a_second_look_too(monkeypatch):
+    # Where exact algebra is late, numbers are asked; what they leave open is looked at exactly once more.
+    monkeypatch.setattr(judge, "PROMPT", 0.0)
+    rows = {"one": "d(z) - y*d(x) + k*y*d(w) = 0", "two": "d(w) - y*d(x) = 0"}
+    found = report(rows, "w: 0, x: 1, y: 2, z: 3", "k: 0")
+    assert (found.joint.derived_flag, found.dof.configuration_dof) == ((2, 1, 1), 3)
+    assert len(found.joint.integrals) == 1
+    assert found.dof.notes == (judge.EXCEPTIONAL,)
+
+
+@pytest.mark.parametrize("limit", [float("nan"), -1.0])
+@pytest.mark.parametrize("question", [lagcli.dof, lagcli.check, lagcli.simulate])
+def test_a_limit_that_is_none_is_refused(question, limit):
+    with pytest.raises(ValueError, match="limit: a number of seconds"):
+        question(model({"row": "d(z) - y*d(x) = 0"}), limit=limit)
 
 
 def test_a_coordinate_is_not_eliminated_with_a_factor_that_is_zero():

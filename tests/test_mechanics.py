@@ -507,7 +507,7 @@ def test_other_values_need_no_new_build():
         pipeline.compiled(lagcli.loads(text, parameters=p)) for p in (None, {"m": 4, "th.value": 1})
     )
     assert second.numeric is first.numeric
-    assert second.scheme() is first.scheme()
+    assert second.functions.scheme is first.functions.scheme
     anew = pipeline.compiled(lagcli.loads(text, parameters={"n": 3}))
     assert anew.numeric is not first.numeric
 

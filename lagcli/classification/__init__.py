@@ -1,5 +1,5 @@
 """Which constraints are integrable (D.3), each alone and all together, with what they integrate to.
 
-`classify.classify` is the door: `coupling` parts the rows into groups that share no coordinate, `judge` judges them,
-at points of `places` where exact algebra does not decide; `verdict` holds what is found.
+`classify.classify` is the door: `coupling` parts the rows into groups that share no coordinate, `judge` judges them;
+`case` holds what is to be judged and what numbers say of it, `verdict` what is found.
 """

@@ -7,44 +7,33 @@ from __future__ import annotations
 
 import time
 
-from lagcli import numeric_flag
-from lagcli.classification import coupling, places
+from lagcli import settings
+from lagcli.classification.case import Case
 from lagcli.classification.verdict import Classification
-from lagcli.compile import NumericSystem, pattern
-from lagcli.integrate.initial import State
-from lagcli.mechanics.system import System
 
-DEFAULT_LIMIT = 20.0  # seconds for all rows of a model
 QUICK = 1.0  # seconds for numbers to show that nothing is integrable
 
 
-def classify(
-    system: System, numeric: NumericSystem, begin: State, limit: float = DEFAULT_LIMIT
-) -> Classification:
-    """The classification; `begin` is a consistent state. `limit`: seconds, then `undecided`.
+def classify(case: Case, limit: float = settings.LIMIT) -> Classification:
+    """The classification. `limit`: seconds for all rows, then `undecided`.
 
     Raises `diagnostics.ModelError` where a combination of rows says dt = 0.
     """
-    moving = pattern.depends_on_time(system)
-    groups = coupling.groups(system)
-    if not groups:
-        return Classification((), (), moving)
+    if not case.groups:
+        return Classification((), (), case.depends_on_time)
     # Loaded here and not above: SymPy costs half a second that holonomic models need not spend.
     from lagcli.classification import judge
 
-    deadline = time.monotonic() + limit
-    court = judge.Judge(system, places.Places(system, numeric, begin), deadline)
-    found = [court.judge(group) for group in groups]
+    court = judge.Judge(case, time.monotonic() + limit)
+    found = [court.judge(group) for group in case.groups]
     verdicts = {v.row: v for rows, _ in found for v in rows}
-    names = [row.name for row in system.rows.rows[system.holonomic_count :]]
-    return Classification(tuple(verdicts[name] for name in names), tuple(one for _, one in found), moving)
+    names = [row.name for row in case.system.rows.rows[case.system.holonomic_count :]]
+    return Classification(
+        tuple(verdicts[name] for name in names), tuple(one for _, one in found), case.depends_on_time
+    )
 
 
-def certainly_nonholonomic(system: System, numeric: NumericSystem, begin: State) -> bool:
+def certainly_nonholonomic(case: Case) -> bool:
     """Whether numbers alone show that no combination of differential rows is integrable, which takes no SymPy."""
-    points = places.Places(system, numeric, begin)
-    for group in coupling.groups(system):
-        found = numeric_flag.flag(system, points.listed, group.rows, time.monotonic() + QUICK)
-        if not found.is_certain or found.extra[-1]:
-            return False
-    return True
+    flags = (case.flag(group, time.monotonic() + QUICK) for group in case.groups)
+    return all(found.is_certain and not found.extra[-1] for found in flags)

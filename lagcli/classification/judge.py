@@ -6,15 +6,15 @@ Exact algebra decides where it can. Where it cannot, the flag is taken from numb
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable
 from typing import Any
 
-from lagcli import numeric_flag
-from lagcli.classification import coupling, places
+from lagcli.classification import coupling
+from lagcli.classification.case import Case
 from lagcli.classification.verdict import Joint, Kind, Proof, Verdict
 from lagcli.conserved import FirstIntegral
 from lagcli.integrate import initial
-from lagcli.mechanics.system import System
 from lagcli.numeric_flag import NumericFlag
 from lagcli.pfaffian import printing, translate
 from lagcli.pfaffian.alone import alike, frobenius
@@ -37,36 +37,30 @@ EXCEPTIONAL = (
 class Judge:
     """Judges the groups of one model, each kind of them once."""
 
-    def __init__(self, system: System, where: places.Places, deadline: float) -> None:
-        self._system, self._places, self._deadline = system, where, deadline
-        self._translation = translate.Translation(system.model)
+    def __init__(self, case: Case, deadline: float) -> None:
+        self._case, self._deadline = case, deadline
+        self._translation = translate.Translation(case.system.model)
         self._forms = self._translation.forms()
         self._alike, self._joint = alike.Judge(), joint.Judge()
 
     def judge(self, group: coupling.Group) -> tuple[tuple[Verdict, ...], Joint]:
         """The verdicts of the rows of a group, and their joint one."""
-        names, block = self._names(group.differential), self._block(group)
-        note: tuple[str, ...] = ()
-        try:
-            flagged = self._flagged(block, PROMPT)
-        except field.ExceptionalError:
-            assert block is not None
-            block, note = block.with_values(self._translation.values), (EXCEPTIONAL,)
-            flagged = self._flagged(block, PROMPT)
-        if flagged is not None and flagged.flag.contradiction:
-            raise initial.contradiction(
-                self._system, [group.differential[i] for i in flagged.flag.contradiction]
-            )
-        numbers = None if flagged is not None else self._numbers(group)
+        names, declared = self._names(group.differential), self._block(group)
+        block, flagged = self._flagged(group, declared, PROMPT)
+        numbers = None if flagged is not None else self._case.flag(group, self._deadline)
         single = [self._alone(name) for name in names]
         solved: tuple[FirstIntegral, ...] = ()
         if numbers is not None and block is not None:
             solved = self._without_flag(block, numbers, single) if numbers.is_certain else ()
             if not numbers.is_certain or len(solved) < numbers.extra[-1]:
-                flagged = self._flagged(block, PATIENT)
-        exact = None if block is None or flagged is None else self._exact(block, flagged, single)
-        together = exact or self._numeric(names, numbers, single, solved)
-        together = dataclasses.replace(together, notes=(*note, *together.notes))
+                block, flagged = self._flagged(group, block, PATIENT)
+        if block is not None and flagged is not None:
+            together = self._exact(block, flagged, single)
+        else:
+            assert numbers is not None
+            together = self._numeric(names, numbers, single, solved)
+        if block is not declared:
+            together = dataclasses.replace(together, notes=(EXCEPTIONAL, *together.notes))
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
 
     def _alone(self, name: str) -> frobenius.Verdict | None:
@@ -90,7 +84,7 @@ class Judge:
         return zero.is_zero(component, self._deadline).truth is not zero.Truth.NO
 
     def _names(self, rows: Iterable[int]) -> tuple[str, ...]:
-        return tuple(self._system.rows.rows[i].name for i in rows)
+        return tuple(self._case.system.rows.rows[i].name for i in rows)
 
     def _block(self, group: coupling.Group) -> Block | None:
         """The group in symbols; None where a row is too large for exact algebra, or has no text."""
@@ -104,22 +98,31 @@ class Judge:
             return None
         return self._translation.block(parts[: len(names)], parts[len(names) :])
 
-    def _flagged(self, block: Block | None, effort: float) -> joint.Flagged | None:
-        """The flag of exact algebra; None where `effort` (seconds of processor time) is too little for it."""
+    def _flagged(
+        self, group: coupling.Group, block: Block | None, effort: float
+    ) -> tuple[Block | None, joint.Flagged | None]:
+        """The flag of exact algebra, None where `effort` (seconds of processor time) is too little for it.
+
+        Where the parameters have values for which the flag may be another than in general, the block is given back
+        with these values put in. Raises `diagnostics.ModelError` where a combination of rows says dt = 0.
+        """
         if block is None:
-            return None
+            return None, None
         values = {p: self._translation.values[p] for p in block.parameters}
 
         def work() -> joint.Flagged:
             return self._joint.flagged(block, translate.TIME, values, self._deadline)
 
         try:
-            return limit.run(self._deadline, work, effort)
+            found = limit.run(self._deadline, work, effort)
+        except field.ExceptionalError:
+            return self._flagged(group, block.with_values(self._translation.values), effort)
         except (field.NotDecidedError, limit.TimeUpError):
-            return None
-
-    def _numbers(self, group: coupling.Group) -> NumericFlag:
-        return numeric_flag.flag(self._system, self._places.listed, group.rows, self._deadline)
+            return block, None
+        if found.flag.contradiction:
+            rows = [group.differential[i] for i in found.flag.contradiction]
+            raise initial.contradiction(self._case.system, rows)
+        return block, found
 
     def _exact(self, block: Block, flagged: joint.Flagged, single: list[frobenius.Verdict | None]) -> Joint:
         """The joint verdict of exact algebra."""
@@ -153,11 +156,10 @@ class Judge:
             integrals,
             unsolved,
             proof,
-            "",
-            tuple(remarks),
-            notes,
-            idle,
-            len(flagged.values) + found.held,
+            remarks=tuple(remarks),
+            notes=notes,
+            vanishing=idle,
+            held=len(flagged.values) + found.held,
         )
 
     def _without_flag(
@@ -176,17 +178,17 @@ class Judge:
         return told if len(told) == wanted else ()
 
     def _is_at_start(self, expression: Any) -> bool:
-        return self._translation.vanishes(expression, list(self._places.begin.q), self._places.begin.t)
+        begin = self._case.begin
+        return self._translation.vanishes(expression, list(begin.q), begin.t)
 
     def _numeric(
         self,
         names: tuple[str, ...],
-        numbers: NumericFlag | None,
+        numbers: NumericFlag,
         single: list[frobenius.Verdict | None],
         solved: tuple[FirstIntegral, ...],
     ) -> Joint:
         """The joint verdict of numbers, with the integrals `solved`, or else those of rows alone."""
-        assert numbers is not None
         if not numbers.is_certain:
             return Joint(names, (), (), frozenset(), (), (), "none", reason=numbers.reason)
         inside = _picked(names, numbers.inside)
@@ -196,9 +198,11 @@ class Judge:
             if name in inside and one is not None and one.integral is not None
         )
         remark = (
-            f"proved by numbers of {numbers.digits} digits on the surface: of their size, what counts as zero is below"
-            f" {max(numbers.error, 1e-300):.0e}, all else above {numbers.least:.0e}"
+            f"proved by numbers of {numbers.digits} digits on the surface: what counts as zero is below"
+            f" {max(numbers.error, 1e-300):.0e} of its size"
         )
+        if numbers.least < math.inf:
+            remark += f", all else above {numbers.least:.0e}"
         return Joint(
             names, numbers.extra, numbers.growth, inside, integrals, (), "numeric", remarks=(remark,)
         )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from lagcli import diagnostics
+from lagcli import diagnostics, settings
 from lagcli.cli import exits, machine
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def dof(
     changes: SetOption = None,
     as_json: JsonOption = False,
     explain: Annotated[bool, typer.Option("--explain", help="show the count line by line")] = False,
-    limit: LimitOption = 20.0,
+    limit: LimitOption = settings.LIMIT,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     debug: DebugOption = False,
@@ -118,7 +118,7 @@ def check(
     changes: SetOption = None,
     as_json: JsonOption = False,
     strict: Annotated[bool, typer.Option("--strict", help="exit 1 on warnings")] = False,
-    limit: LimitOption = 20.0,
+    limit: LimitOption = settings.LIMIT,
     witness: Annotated[
         str | None,
         typer.Option("--witness", metavar="NAME", help="a loop that shows a row to be nonholonomic"),
@@ -200,7 +200,7 @@ def simulate(
     resume: Annotated[
         str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
     ] = None,
-    limit: LimitOption = 20.0,
+    limit: LimitOption = settings.LIMIT,
     changes: SetOption = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="errors, and the account if stdout is free, as JSON on stdout")

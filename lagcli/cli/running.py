@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import pipeline
-from lagcli.classification import classify
+from lagcli import pipeline, settings
 from lagcli.cli import console, exits, machine, signals
 from lagcli.export import aside, checkpoint_file, columns, endings, tables, thinned
 from lagcli.integrate import checkpoint, driver
@@ -38,7 +37,7 @@ class Wishes:
     verbose: bool
     checkpoint: str | None = None
     resume: str | None = None
-    limit: float = classify.DEFAULT_LIMIT
+    limit: float = settings.LIMIT
 
     @property
     def to_stdout(self) -> bool:

@@ -81,7 +81,7 @@ def _bound_step(model: Any, h: float) -> call.Call:
     rate = call.Call(ready.numeric.rhs, [t, y, p])
     rate.trigger()
     tolerance = np.full(2, TOLERANCE)
-    return call.Call(ready.scheme().step, [t, np.array([h]), y, rate.results[0], tolerance, p])
+    return call.Call(ready.functions.scheme.step, [t, np.array([h]), y, rate.results[0], tolerance, p])
 
 
 class _Pair:

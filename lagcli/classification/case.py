@@ -1,0 +1,50 @@
+"""What is to be classified: a system at a consistent state, and what numbers say of it, each asked for once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from lagcli import constraint_rows, numeric_flag, walk
+from lagcli.classification import coupling
+from lagcli.classification.coupling import Group
+from lagcli.compile import NumericSystem, pattern
+from lagcli.integrate.initial import State
+from lagcli.mechanics.system import System
+from lagcli.numeric_flag import NumericFlag
+
+LATER = 0.01  # of the duration: how far points move on in time
+
+
+class Case:
+    """A system at its start `begin`: the groups of its rows, points of the surface, and the numeric flags."""
+
+    def __init__(self, system: System, numeric: NumericSystem, begin: State) -> None:
+        self.system, self.numeric, self.begin = system, numeric, begin
+        self._flags: dict[Group, NumericFlag] = {}
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """The groups that hold differential rows."""
+        return coupling.groups(self.system)
+
+    @cached_property
+    def depends_on_time(self) -> bool:
+        """Whether time is a coordinate of the forms."""
+        return pattern.depends_on_time(self.system)
+
+    @cached_property
+    def points(self) -> list[State]:
+        """Points of the surface near the start, which is the first."""
+        rows = list(range(self.system.holonomic_count))
+        if len(rows) > constraint_rows.DENSE:
+            # A walk would take longer than all else; one point aside is found without it.
+            return [self.begin]
+        later = LATER * (self.system.model.simulation.duration or 1.0) if self.depends_on_time else 0.0
+        return walk.along(self.numeric, self.begin, rows, later)
+
+    def flag(self, group: Group, deadline: float) -> NumericFlag:
+        """The flag of a group by numbers; `deadline`: a value of `time.monotonic`."""
+        known = self._flags.get(group)
+        if known is None or not known.is_certain:
+            known = self._flags[group] = numeric_flag.flag(self.system, self.points, group.rows, deadline)
+        return known
