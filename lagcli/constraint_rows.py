@@ -42,6 +42,16 @@ class Rows:
         """The rows one - other, of one pattern."""
         return cls(one.B - other.B)
 
+    def finite(self) -> Rows:
+        """The same rows with 0 for entries that are not finite."""
+        if np.isfinite(self.values).all():
+            return self
+        return Rows(ca.DM(self.B.sparsity(), ca.DM(np.where(np.isfinite(self.values), self.values, 0.0))))
+
+    def columns(self, numbers: list[int]) -> Rows:
+        """The same rows on some of the coordinates."""
+        return Rows(self.B[:, numbers])
+
     @property
     def count(self) -> int:
         """C."""
@@ -113,6 +123,11 @@ class MetricRows:
         change = Rows(self._unit - other._unit).values
         return float(np.abs(change).max(initial=0.0))
 
+    @property
+    def unit(self) -> Any:
+        """The rows, sparse (C, free)."""
+        return self._unit
+
     @cached_property
     def dense(self) -> Floats:
         """The rows as an array (C, free)."""
@@ -124,7 +139,8 @@ class MetricRows:
 
     @cached_property
     def _factors(self) -> Any:
-        return ca.Linsol("gram", "ldl", self._gram.sparsity())
+        # Of a row that vanishes by structure the diagonal has an entry only by what is added to it.
+        return ca.Linsol("gram", "ldl", (self._gram + ca.DM.eye(self.count)).sparsity())
 
     @cached_property
     def are_independent(self) -> bool:
@@ -172,12 +188,22 @@ class MetricRows:
     def _norms_of_units(self) -> Floats:
         return Rows(self._unit).norms
 
-    def correction(self, residual: Floats) -> Floats:
-        """The smallest step (n,) in the metric that solves B step = -residual, by least squares if it must."""
+    def correction(self, residual: Floats, damping: float = 0.0) -> Floats:
+        """The smallest step (n,) in the metric that solves B step = -residual, by least squares if it must.
+
+        Damped it is shorter: that which makes |B step + residual|^2 / damping + |step|^2 least, for rows of length
+        one.
+        """
+        weights = self.weights(residual, damping)
+        return -self._metric.unwhitened(np.array(ca.mtimes(self._unit.T, ca.DM(weights))).ravel())
+
+    def weights(self, residual: Floats, damping: float = 0.0) -> Floats:
+        """The weights (C,) of the rows of length one in -M^1/2 step, for the step of `correction`."""
         scaled = residual / self._lengths
+        if damping > 0:
+            shifted = self._gram + damping * ca.DM.eye(self.count)
+            return np.array(self._factors.solve(shifted, ca.DM(scaled))).ravel()
         if self.are_independent or self.is_large:
             gram = self._gram if self.are_independent else self._gram + SHIFT * ca.DM.eye(self.count)
-            weights = np.array(self._factors.solve(gram, ca.DM(scaled))).ravel()
-        else:
-            weights = np.linalg.lstsq(np.array(self._gram), scaled, rcond=1e-12)[0]
-        return -self._metric.unwhitened(np.array(ca.mtimes(self._unit.T, ca.DM(weights))).ravel())
+            return np.array(self._factors.solve(gram, ca.DM(scaled))).ravel()
+        return np.asarray(np.linalg.lstsq(np.array(self._gram), scaled, rcond=1e-12)[0])

@@ -1,10 +1,9 @@
 """Rows and their ranks -> the count of degrees of freedom, with names (3N - s; n - s with generalized coordinates).
 
-Where the rank of the holonomic rows at the start is the rank they have at any point beside the surface, it is
-constant nearby, and the constraints cut out a smooth surface of dimension n - rank. Where it is lower, a walk
-over the surface looks for points where it is not: then the start is a special configuration, a crossing. Where
-the rank stays lower wherever the constraints hold (three collinear particles with all their distances), the
-rank proves nothing, and the count is undecided.
+s is the codimension of the surface of the holonomic rows (`codimension`): their rank where they are independent or
+redundant, what second derivatives prove where the rank is below it (three collinear particles with all their
+distances), and what it is nearby where the start is a special configuration; or it is undecided. Differential rows
+that can be integrated add to it.
 """
 
 from __future__ import annotations
@@ -15,18 +14,19 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import constraint_rows, diagnostics, rank, walk
+from lagcli import codimension, constraint_rows, dependence, rank, walk
 from lagcli.classification.verdict import Classification
-from lagcli.compile import NumericSystem
+from lagcli.codimension import Codimension
+from lagcli.compile import NumericSystem, pattern
 from lagcli.constraint_rows import MetricRows
-from lagcli.integrate import initial, projection
+from lagcli.integrate import conflict, initial
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
 
 Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
 
-LATER = (0.001, 0.01)  # of the duration: soon, so that no other law has come to its end by then
+LATER = 0.01  # of the duration: soon, so that no other law has come to its end by then
 # A row whose direction turns by TURN within TIP of the configuration's size stands at a tip of its surface.
 TIP, TURN = 2e-12, 0.1
 SEED = 20061
@@ -38,7 +38,9 @@ class DofCount:
 
     particles N, coordinates n (3N for Cartesian particles only), holonomic s, nonholonomic m, redundant r:
     configuration_dof = n - s, velocity_dof = n - s - m. `redundant_rows` names rows that follow from rows before
-    them; `start_rank` is the rank of all rows at the start itself.
+    them; where the rank of rows is below their codimension s may exceed their number, none of them is named, and
+    redundant counts what is left of rows - s - m, if anything. `start_rank` is the rank of all rows at the start
+    itself; `rows` the number of holonomic and rigid rows, `rank` theirs at generic points of their surface.
     """
 
     particles: int
@@ -54,6 +56,8 @@ class DofCount:
     redundant_rows: tuple[str, ...]
     start_rank: int | None
     notes: tuple[str, ...]
+    rows: int
+    rank: int
 
     def as_json(self) -> dict[str, Any]:
         """The object of `dof --json`."""
@@ -87,7 +91,16 @@ class _Ranks:
         return max(r.high for r in self.whole), max(r.high for r in self.everything)
 
 
-def count(system: System, numeric: NumericSystem, begin: State, found: Classification) -> DofCount:
+@dataclasses.dataclass(frozen=True, slots=True)
+class Examined:
+    """The count, what is known of the surface of the holonomic rows, and points of it, the start first."""
+
+    count: DofCount
+    surface: Codimension
+    points: list[State]
+
+
+def examine(system: System, numeric: NumericSystem, begin: State, found: Classification) -> Examined:
     """Counts at a consistent configuration, with the verdicts on the differential rows.
 
     Raises `diagnostics.ModelError` where rows contradict each other.
@@ -97,59 +110,89 @@ def count(system: System, numeric: NumericSystem, begin: State, found: Classific
     said = [i for i, name in enumerate(names) if name not in found.vanishing]
     whole = list(range(system.holonomic_count))
     points = [begin]
-    on = beside = _ranks(numeric, points, whole, said)
+    on = _ranks(numeric, points, whole, said)
+    surface = codimension.examine(system, numeric, begin)
     if on.highest[1] < len(said):  # rows that are independent at the start are so nearby
-        beside = _ranks(numeric, walk.beside(system, begin), whole, said)
-    # The time of the start may be special too (t d(y) = 0 at t = 0).
-    later = LATER[-1] * (system.model.simulation.duration or 1.0) if found.depends_on_time else 0.0
-    is_moving = later > 0.0 and on.highest[1] < len(said)
-    if is_moving or not (walk.is_regular(numeric, begin) and on.possible == on.highest == beside.possible):
-        points = [begin] if len(names) > constraint_rows.DENSE else walk.along(numeric, begin, whole, later)
+        has_others = len(whole) < len(names) and surface.kind != "deficient"
+        if (has_others or surface.kind == "singular") and len(names) <= constraint_rows.DENSE:
+            # The time of the start may be special too (t d(y) = 0 at t = 0).
+            later = LATER * (system.model.simulation.duration or 1.0) if found.depends_on_time else 0.0
+            points = walk.along(numeric, begin, whole, later)
         on = _ranks(numeric, points, whole, said)
-    if on.highest[1] < len(said):
-        _refuse_contradiction(system, numeric, begin)
-    surface, total = on.highest
-    doubt = _undecided_tip(numeric, begin, whole) or _undecided_rank(on, beside)
-    reason = doubt or _undecided_rows(found, total - surface)
-    generic = max(range(len(points)), key=lambda i: on.everything[i].low)
-    flags = np.ones(len(names), dtype=bool)
-    flags[said] = rank.redundant(_normalized_rows(numeric, points[generic]).take(said))
+        conflict.require_lasting(system, numeric, begin)
+    doubt = surface.reason or _undecided_tip(numeric, begin, whole)
+    doubt = doubt or _undecided_rank(on, surface, len(whole) == len(names))
+    rank_beyond = on.highest[1] - on.highest[0]
+    reason = doubt or _undecided_rows(system, found, surface, rank_beyond)
     n, decided = system.symbols.q.numel(), reason == ""
-    held = surface + (found.flag[-1] if decided else 0)
-    return DofCount(
+    s = (surface.codimension or 0) + (found.flag[-1] if decided else 0)
+    total = (surface.codimension or 0) + rank_beyond
+    generic = max(range(len(points)), key=lambda i: on.everything[i].low)
+    redundant = _redundant(numeric, points[generic], said, surface)
+    counted = DofCount(
         particles=len(system.model.particle_names),
         coordinates=n,
-        holonomic=held if decided else None,
-        nonholonomic=total - held if decided else None,
-        redundant=len(names) - total if decided else None,
-        configuration_dof=n - held if decided else None,
+        holonomic=s if decided else None,
+        nonholonomic=total - s if decided else None,
+        redundant=max(len(names) - total, len(redundant)) if decided else None,
+        configuration_dof=n - s if decided else None,
         velocity_dof=n - total if decided else None,
         proof=_proof(found, surface) if decided else "none",
         # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither
         # does the number of rows.
         bounds=(0, n - on.whole[0].low) if doubt else _bounds(n, surface, total, found),
         reason=reason,
-        redundant_rows=tuple(name for name, flag in zip(names, flags, strict=True) if flag and decided),
+        redundant_rows=tuple(names[i] for i in redundant if decided),
         start_rank=on.everything[0].value,
-        notes=() if doubt else (*_notes(on), *found.notes),
+        notes=() if doubt else (*_notes(on, surface, rank_beyond), *found.notes),
+        rows=len(whole),
+        rank=surface.codimension or 0 if surface.kind == "singular" else surface.rank,
     )
+    return Examined(counted, surface, points)
 
 
-def _bounds(n: int, surface: int, total: int, found: Classification) -> tuple[int, int]:
+def _redundant(numeric: NumericSystem, point: State, said: list[int], surface: Codimension) -> list[int]:
+    """The rows, in their order, that follow from rows before them, at a generic point."""
+    rows = _normalized_rows(numeric, point)
+    flags = np.ones(rows.count, dtype=bool)
+    flags[said] = _following(rows.take(said))
+    held = int(np.count_nonzero(~flags[: numeric.whole.size1_out(0)]))
+    if held < (surface.codimension or 0):
+        # Rows whose gradients depend on others there hold the surface all the same.
+        flags[list(surface.rows)] = False
+        flags[list(surface.follow)] = True
+    return [int(i) for i in np.flatnonzero(flags)]
+
+
+def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
+    """Which rows depend on rows before them. Of very many they are looked for among rows that share a circuit."""
+    found = rank.rank(rows).value if rows.is_large else None
+    if found is None:
+        return rank.redundant(rows)
+    flags = np.zeros(rows.count, dtype=bool)
+    chosen = dependence.dependence(rows, found).selection
+    flags[[circuit[0] for circuit in chosen.circuits if len(circuit) == 1]] = True
+    for rest, support in chosen.groups():
+        among = sorted([*rest, *support])
+        flags[among] = rank.redundant(rows.take(among))
+    return flags
+
+
+def _bounds(n: int, surface: Codimension, total: int, found: Classification) -> tuple[int, int]:
     """What is known without the groups that are undecided: their rows may be integrable or not."""
     decided = [group.flag for group in found.groups if group.is_decided]
     integrable, other = sum(flag[-1] for flag in decided), sum(flag[0] - flag[-1] for flag in decided)
-    return n - total + other, n - surface - integrable
+    return n - total + other, n - (surface.codimension or 0) - integrable
 
 
-def _proof(found: Classification, surface: int) -> Proof:
+def _proof(found: Classification, surface: Codimension) -> Proof:
     """Ranks are numbers, but for those of holonomic rows that exact algebra has met on its way."""
     known = sum(group.held for group in found.groups)
-    is_exact = known == surface and all(group.proof == "symbolic" for group in found.groups)
+    is_exact = known == surface.codimension and all(group.proof == "symbolic" for group in found.groups)
     return "symbolic" if is_exact and found.groups else "numeric"
 
 
-def _undecided_rows(found: Classification, rank_beyond: int) -> str:
+def _undecided_rows(system: System, found: Classification, surface: Codimension, rank_beyond: int) -> str:
     """Why the differential rows leave the count open, or nothing."""
     for group in found.undecided:
         rows = ", ".join(f"`{name}`" for name in group.rows)
@@ -157,19 +200,32 @@ def _undecided_rows(found: Classification, rank_beyond: int) -> str:
         return f"whether {rows} {verb} integrable is undecided: {group.reason}"
     if found.flag[0] != rank_beyond:
         return f"the differential rows have rank {found.flag[0]} by algebra and {rank_beyond} by numbers"
+    if surface.kind == "deficient" and system.holonomic_count < len(system.rows.rows):
+        numbers, coordinates = pattern.coordinates(system)
+        among = np.isin(coordinates, surface.coordinates) & (numbers >= system.holonomic_count)
+        for i in numbers[among][:1]:
+            name = system.rows.rows[int(i)].name
+            return (
+                f"`{name}` acts on coordinates of the rows {initial.names_of(system, list(surface.rows))}, whose"
+                " gradients leave more directions than there are"
+            )
     return ""
 
 
-def _notes(on: _Ranks) -> tuple[str, ...]:
+def _notes(on: _Ranks, surface: Codimension, rank_beyond: int) -> tuple[str, ...]:
     here, total = on.everything[0].value, on.highest[1]
-    if here is not None and here < total:
-        return (f"the start is a special configuration: the rows have rank {here} there and {total} nearby",)
-    return ()
+    if surface.kind == "singular":
+        total = (surface.codimension or 0) + rank_beyond
+    special = f"the start is a special configuration: the rows have rank {here} there and {total} nearby"
+    return ((special,) if here is not None and here < total else ()) + surface.notes
 
 
 def _undecided_tip(numeric: NumericSystem, state: State, whole: list[int]) -> str:
     """Whether gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`)."""
     direction = np.random.default_rng(SEED).standard_normal(state.q.size)
+    # Where a gradient vanishes second derivatives have been looked at (`codimension`).
+    gradients = constraint_rows.Rows(numeric.whole(state.t, state.q, state.p)[1])
+    whole = [i for i in whole if gradients.norms[i] > 0]
     here = _normalized_rows(numeric, state).take(whole)
     for side in (-TIP, TIP):
         there = dataclasses.replace(state, q=state.q + side * walk.size(state.q) * direction)
@@ -181,44 +237,15 @@ def _undecided_tip(numeric: NumericSystem, state: State, whole: list[int]) -> st
     return ""
 
 
-def _undecided_rank(on: _Ranks, beside: _Ranks) -> str:
+def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool) -> str:
     if on.possible != on.highest:
         return "no gap in the singular values of the constraint rows decides their rank"
-    found, possible = on.highest[0], beside.possible[0]
-    if possible > found:
-        return (
-            f"the rows have rank {found} wherever the constraints hold and {possible} beside it,"
-            " so the rank does not prove the dimension"
-        )
+    if surface.kind == "singular" and is_holonomic:
+        return ""  # proved where a walk has come, and nothing else is asked
+    generic = surface.rank if surface.kind == "deficient" else surface.codimension
+    if on.highest[0] != generic:
+        return f"the holonomic rows have rank {on.highest[0]} where rank {generic} is proved"
     return ""
-
-
-def _refuse_contradiction(system: System, numeric: NumericSystem, state: State) -> None:
-    """Redundant rows that move must move alike: raise `diagnostics.ModelError` where they part at later times.
-
-    At two later times the nearest configuration is sought, and velocities for it; what stays violated cannot be
-    satisfied together with the others (a.x = t and a.x = sin(t)).
-    """
-    for part in LATER:
-        t = state.t + part * (system.model.simulation.duration or 1.0)
-        later = dataclasses.replace(state, t=t)
-        try:
-            q = walk.surface(numeric, later).feasible(state.q)
-        except projection.NoConfiguration as failure:
-            q = failure.q
-        later = dataclasses.replace(later, q=q)
-        B, b = numeric.rows(t, q, state.v, state.p)
-        if not np.isfinite(B.nonzeros()).all() or not np.array(b).any():
-            continue
-        v = projection.velocity(np.zeros(q.size), B, np.array(b).ravel(), initial.metric_at(numeric, later))
-        broken = initial.residuals(system, numeric, dataclasses.replace(later, v=v)).violated
-        if broken:
-            names = initial.names_of(system, broken)
-            message = f"{names} cannot be satisfied together with the other rows: at t = {t:.6g} they part"
-            location = system.rows.rows[broken[0]].location
-            raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("contradictory-constraints", message, location)]
-            )
 
 
 def _ranks(numeric: NumericSystem, points: list[State], whole: list[int], said: list[int]) -> _Ranks:

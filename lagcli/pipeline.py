@@ -13,14 +13,25 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import compile, conserved, degrees_of_freedom, diagnostics, report, settings, source, walk
+from lagcli import (
+    compile,
+    conserved,
+    degrees_of_freedom,
+    diagnostics,
+    redundancy,
+    report,
+    settings,
+    source,
+    uniqueness,
+    walk,
+)
 from lagcli.classification import classify, rows, unheld
 from lagcli.classification.case import Case
 from lagcli.export import checkpoint_file
 from lagcli.export import columns as selection
 from lagcli.expression.tree import ExpressionError
+from lagcli.integrate import assembly, degenerate, driver, holding, initial
 from lagcli.integrate import checkpoint as checkpoints
-from lagcli.integrate import driver, holding, initial
 from lagcli.mechanics import system
 from lagcli.model import Model, Simulation
 from lagcli.reader import document
@@ -120,7 +131,8 @@ def count(model: Model, limit: float = settings.LIMIT) -> degrees_of_freedom.Dof
     """The degrees of freedom. Raises `diagnostics.ModelError`, `ValueError` for a limit that is none."""
     _require_seconds(limit)
     case = compiled(model).case()
-    return degrees_of_freedom.count(case.system, case.numeric, case.begin, classify.classify(case, limit))
+    found = classify.classify(case, limit)
+    return degrees_of_freedom.examine(case.system, case.numeric, case.begin, found).count
 
 
 def check(model: Model, limit: float = settings.LIMIT) -> report.Report:
@@ -132,7 +144,9 @@ def check(model: Model, limit: float = settings.LIMIT) -> report.Report:
     case = compiled(model).case()
     built, numeric = case.system, case.numeric
     found = classify.classify(case, limit)
-    counted = degrees_of_freedom.count(built, numeric, case.begin, found)
+    examined = degrees_of_freedom.examine(built, numeric, case.begin, found)
+    counted = examined.count
+    multipliers = uniqueness.multipliers(built, numeric, examined.points, examined.surface)
     verdicts = (*rows.holonomic(model, tuple(row.name for row in built.rows.rows)), *found.verdicts)
     residuals = initial.residuals(built, numeric, initial.declared(built))
     faults = [*_inertia(built, numeric), *initial.inconsistencies(built, residuals)]
@@ -140,7 +154,11 @@ def check(model: Model, limit: float = settings.LIMIT) -> report.Report:
         title=model.title,
         path=model.path,
         dof=counted,
-        constraints=tuple(report.ConstraintReport(v, v.row in counted.redundant_rows) for v in verdicts),
+        constraints=tuple(
+            report.ConstraintReport(verdict, verdict.row in counted.redundant_rows, unique)
+            for verdict, unique in zip(verdicts, multipliers.unique, strict=True)
+        ),
+        null_vectors=multipliers.null_vectors,
         joint=report.joint(counted, found),
         initial=report.Initial(
             float(residuals.position.max(initial=0.0)),
@@ -220,7 +238,8 @@ class Running:
         if resumed is not None:
             checkpoints.require_same(resumed.identity, model)
         ready = compiled(model)
-        self.assembly: initial.Assembly | None = None
+        self._system = ready.system
+        self.assembly: assembly.Assembly | None = None
         self.warnings = (*model.warnings, *ready.system.warnings)
         columns = ready.system.columns
         self.columns = ("t", *columns)
@@ -228,30 +247,34 @@ class Running:
         # The start of a run that goes on was examined, and perhaps assembled, when it began.
         if resumed is None:
             state = self._examined(ready, state)
+            begin = redundancy.begin(ready.system, ready.numeric, state)
             found = find(ready)
             self._found = found.integrals
-            held, notes = holding.begin(ready.integrals(self._found), state)
+            held, notes = holding.begin(ready.integrals(self._found).keeping(begin.selection), state)
             with_constants = dataclasses.replace(state, p=held.parameters)
-            initial.require_finite(ready.system, held.functions.numeric, with_constants)
-            self._run = driver.Run(held, (state.q, state.v), chosen, columns, (*notes, *found.notes))
+            if not begin.is_singular:
+                initial.require_finite(ready.system, held.functions.numeric, with_constants)
+            first = driver.Begin(state.q, state.v, begin.is_singular)
+            self._run = driver.Run(held, first, chosen, columns, (*notes, *found.notes))
         else:
             self._found = resumed.integrals
             held = holding.Holding(_resumed(ready, resumed), resumed.mark.levels, state.p)
             self._run = driver.Run(held, resumed.mark, chosen, columns)
+        self._start, self._numeric = state, ready.numeric
         self.grid = self._run.grid
         self._compile_seconds = time.perf_counter() - began
 
     def _examined(self, ready: Compiled, start: initial.State) -> initial.State:
         """The start, assembled where that is wanted. Raises `diagnostics.ModelError` where no run can begin."""
         built, numeric, chosen = ready.system, ready.numeric, self.model.simulation
-        metric = initial.inertia(built, numeric, start)
+        initial.inertia(built, numeric, start)
         residuals = initial.residuals(built, numeric, start)
         if chosen.assemble:
-            self.assembly = initial.assemble(built, numeric, start, chosen.keep)
+            self.assembly = assembly.assemble(built, numeric, start, chosen.keep)
             start = self.assembly.state
+            initial.inertia(built, numeric, start)
         else:
-            initial.require_consistent(built, residuals)
-        initial.require_independent(built, numeric, start, metric)
+            assembly.require_consistent(built, numeric, start, residuals)
         return start
 
     @property
@@ -261,7 +284,22 @@ class Running:
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, len(columns)). Raises `driver.Stopped` after the last good one."""
-        return self._run.blocks()
+        try:
+            yield from self._run.blocks()
+        except driver.Stopped as stopped:
+            fallen = self._fallen_inertia()
+            if not fallen:
+                raise
+            stop = stopped.stop
+            raise driver.Stopped(dataclasses.replace(stop, reason=f"{stop.reason}; {fallen}")) from None
+
+    def _fallen_inertia(self) -> str:
+        """What inertia a run has lost where it stopped, as a sentence, or nothing."""
+        start, inertia = self._start, self._numeric.inertia
+        now = inertia(self._run.t, *np.split(self._run.y[:-1], 2), start.p)
+        return degenerate.fallen(
+            now, inertia(start.t, start.q, start.v, start.p), self.model.coordinate_names
+        )
 
     @property
     def passed_over(self) -> int:
@@ -278,8 +316,14 @@ class Running:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What there is to say so far about integrals that are not held all the time."""
-        return self._run.account.notes
+        """What there is to say so far: multipliers that are not unique, singular configurations that were passed,
+        integrals that are not held all the time."""
+        account = self._run.account
+        return (
+            *redundancy.notes(self._system, self._run.selection),
+            *redundancy.passed(self._system, account.crossings),
+            *account.notes,
+        )
 
     @property
     def stats(self) -> Stats:
@@ -296,13 +340,17 @@ class Running:
             figures.position_drift if figures else 0.0,
             figures.velocity_drift if figures else 0.0,
             account.energy_imbalance,
+            tuple(self._system.rows.rows[i].name for i in sorted(self._run.selection.indeterminate)),
+            tuple(crossing.t for crossing in account.crossings),
         )
 
 
 def _resumed(ready: Compiled, point: checkpoints.Checkpoint) -> holding.Integrals:
     """The integrals of a checkpoint. Raises `checkpoints.CheckpointError` where one is none of this system."""
+    if point.mark.selection.count != len(ready.system.rows.rows):
+        raise checkpoints.CheckpointError("it is a damaged checkpoint: it has another number of rows")
     try:
-        return ready.integrals(point.integrals)
+        return ready.integrals(point.integrals).keeping(point.mark.selection)
     except (ExpressionError, KeyError):
         raise checkpoints.CheckpointError(
             "it is a damaged checkpoint: it holds integrals of other names"

@@ -9,14 +9,17 @@ from lagcli import diagnostics
 from lagcli.classification.verdict import Classification, Verdict
 from lagcli.conserved import FirstIntegral
 from lagcli.degrees_of_freedom import DofCount
+from lagcli.uniqueness import NullVector
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ConstraintReport:
-    """One row: its verdict and whether it follows from rows before it."""
+    """One row: its verdict, whether it follows from rows before it, and whether its multiplier is uniquely
+    determined at generic points of the constraint surface, None where that is undecided."""
 
     verdict: Verdict
     redundant: bool
+    unique: bool | None
 
     @property
     def name(self) -> str:
@@ -34,6 +37,7 @@ class ConstraintReport:
             "integrating_factor": verdict.integrating_factor,
             "redundant": self.redundant,
             "method": verdict.method,
+            "unique": self.unique,
         }
 
 
@@ -106,6 +110,7 @@ class Report:
     path: str
     dof: DofCount
     constraints: tuple[ConstraintReport, ...]
+    null_vectors: tuple[NullVector, ...]
     joint: Joint
     initial: Initial
     warnings: tuple[diagnostics.Diagnostic, ...]
@@ -118,6 +123,7 @@ class Report:
             "joint": self.joint.as_json(),
             "initial": dataclasses.asdict(self.initial),
             "warnings": [warning.as_json() for warning in self.warnings],
+            "dependences": [vector.as_json() for vector in self.null_vectors],
         }
 
     def __getitem__(self, key: str) -> Any:

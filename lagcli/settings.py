@@ -6,10 +6,40 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from lagcli import diagnostics
+
 if TYPE_CHECKING:  # the command line reads the bounds before it has to load numbers
     from lagcli.model import Simulation
 
 METHODS = ("auto", "dop853")
+# Schemes of other programs, and what there is to say to who looks for one.
+_ELSEWHERE = {
+    **dict.fromkeys(
+        ("rk", "rk4", "rk23", "rk45", "rkf45", "dopri5", "ode45", "tsit5", "heun", "midpoint", "euler"),
+        "dop853 is the explicit Runge-Kutta scheme here, of order 8",
+    ),
+    **dict.fromkeys(
+        (
+            "radau",
+            "bdf",
+            "lsoda",
+            "cvode",
+            "cvodes",
+            "ida",
+            "idas",
+            "ode15s",
+            "rosenbrock",
+            "implicit",
+            "backward_euler",
+        ),
+        "there is no implicit scheme for stiff forces: turn the stiffest springs into constraints, or soften them",
+    ),
+    **dict.fromkeys(
+        ("verlet", "leapfrog", "stormer", "rattle", "shake", "symplectic", "variational", "symplectic_euler"),
+        "there is no symplectic scheme: dop853 is held on the constraints by projection, and its account states the"
+        " energy balance",
+    ),
+}
 MAX_ROWS = 10**9
 LIMIT = 20.0  # seconds for the proofs of a model
 
@@ -27,11 +57,21 @@ def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
     if settings.output_step is not None:
         yield from _step_faults(settings, settings.output_step)
     if settings.method not in METHODS:
-        yield "method", f"there is no method `{settings.method}`; there are {', '.join(METHODS)}"
+        yield "method", _no_method(settings.method)
     if not 1e-15 <= settings.rtol <= 0.1:
         yield "rtol", "rtol must be between 1e-15 and 0.1"
     if not (math.isfinite(settings.atol) and settings.atol > 0):
         yield "atol", "atol must be positive"
+
+
+def _no_method(name: str) -> str:
+    """What to say to a method that there is not."""
+    if not name:
+        return f"the method has no name; there are {', '.join(METHODS)}"
+    sentence = f"there is no method `{name}`; there are {', '.join(METHODS)}"
+    word = name.casefold().replace("-", "_").replace("stoermer", "stormer")
+    more = _ELSEWHERE.get(word) or diagnostics.nearest(name, METHODS)
+    return f"{sentence}: {more}" if more else sentence
 
 
 def _step_faults(settings: Simulation, step: float) -> Iterator[tuple[str, str]]:

@@ -19,7 +19,8 @@ class Stats:
     velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over all rows written, the first also over
     |g_j| / |dg_j| of the first integrals that are held, g_j being the integral less its value at the start;
     energy_imbalance: largest deviation from the energy balance over all rows, as a part of the energies
-    exchanged.
+    exchanged; indeterminate: rows whose multipliers are not unique; singular_times: times of singular
+    configurations that were passed.
     """
 
     steps: int
@@ -31,6 +32,8 @@ class Stats:
     position_drift: float
     velocity_drift: float
     energy_imbalance: float
+    indeterminate: tuple[str, ...] = ()
+    singular_times: tuple[float, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """The object written by `--stats`."""

@@ -1,4 +1,4 @@
-"""Points of the constraint surface that are reached from the start, and points beside it.
+"""Points of the constraint surface that are reached from the start.
 
 What holds at generic points (ranks, derived flags) is looked for at them: the start may be special.
 """
@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import dataclasses
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import constraint_rows, rank
 from lagcli.compile import NumericSystem
 from lagcli.constraint_rows import MetricRows, Rows
-from lagcli.integrate import initial, projection
+from lagcli.integrate import assembly, initial, projection
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
 
@@ -21,10 +22,12 @@ Floats = npt.NDArray[np.float64]
 
 POINTS = 4  # on the surface, besides the start
 WALK_STEPS = 3
-STEP, ASIDE = 0.2, 0.05  # of the size of the configuration
+STEP = 0.2  # of the size of the configuration
 # Shorter steps would be within rounding of a singular surface, where the rank cannot be seen.
 MAX_HALVINGS = 11
 SEED = 20061
+# A gradient that is this part of what it is as far aside, as a part of the size, vanishes: what is left is rounding.
+FLAT, ASIDE = 1e-9, 1e-2
 
 
 def begin(system: System, numeric: NumericSystem) -> State:
@@ -32,15 +35,10 @@ def begin(system: System, numeric: NumericSystem) -> State:
 
     Raises `diagnostics.ModelError` where there is none, and where the inertia has no finite value there.
     """
-    state = initial.assemble(system, numeric, initial.declared(system), ()).state
+    state = assembly.assemble(system, numeric, initial.declared(system), ()).state
     if not is_finite(numeric, state):
         initial.inertia(system, numeric, state)  # says of which coordinate
     return state
-
-
-def is_regular(numeric: NumericSystem, state: State) -> bool:
-    """Whether Newton's method squares the residual at the start, as it does where the rank is constant."""
-    return surface(numeric, state).nearby(state.q) is not None
 
 
 def surface(numeric: NumericSystem, state: State) -> projection.Surface:
@@ -48,21 +46,23 @@ def surface(numeric: NumericSystem, state: State) -> projection.Surface:
     return projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
 
 
-def along(numeric: NumericSystem, state: State, rows: list[int], later: float = 0.0) -> list[State]:
-    """The start, and points of the surface that random steps along the kernel of some rows reach, each projected.
+def along(
+    numeric: NumericSystem, state: State, rows: list[int], later: float = 0.0, points: int = POINTS
+) -> list[State]:
+    """The start, and `points` of the surface that random steps along the kernel of some rows reach, each projected.
 
     `later`: the time moves on by up to this much at each point, where the surface goes on so long.
     """
     random = np.random.default_rng(SEED)
-    points = [state]
-    for _ in range(POINTS):
-        here: State | None = points[-1]
+    found = [state]
+    for _ in range(points):
+        here: State | None = found[-1]
         for _ in range(WALK_STEPS):
             here = None if here is None else _tangent_step(numeric, here, rows, random)
         if here is None:
             break
-        points.append(_later(numeric, here, later * random.random()) if later else here)
-    return points
+        found.append(_later(numeric, here, later * random.random()) if later else here)
+    return found
 
 
 def _later(numeric: NumericSystem, here: State, step: float) -> State:
@@ -100,21 +100,22 @@ def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.ra
     return np.asarray(tangent @ random.standard_normal(tangent.shape[1]))
 
 
+def rows(numeric: NumericSystem, point: State) -> MetricRows:
+    """All rows at a point of the surface; one whose gradient vanishes on it is zero, whatever rounding leaves of it."""
+    B = numeric.rows(point.t, point.q, point.v, point.p)[0]
+    direction = np.random.default_rng(SEED).standard_normal(point.q.size)
+    aside = point.q + ASIDE * size(point.q) * direction
+    off = Rows(numeric.rows(point.t, aside, point.v, point.p)[0])
+    here = Rows(B)
+    with np.errstate(invalid="ignore"):  # a row may have no value aside
+        flat = here.norms <= FLAT * off.norms
+    keep = ca.DM(np.where(flat, 0.0, 1.0))
+    return MetricRows(ca.mtimes(ca.diag(keep), B) if flat.any() else B, initial.metric_at(numeric, point))
+
+
 def size(q: Floats) -> float:
     """How large the configuration is, or 1 where all of it is at zero."""
     return float(np.abs(q).max(initial=0.0)) or 1.0
-
-
-def beside(system: System, state: State) -> list[State]:
-    """Points near the start that satisfy nothing, in time too, for the rank at generic points."""
-    random = np.random.default_rng(SEED + 1)
-    aside = ASIDE * size(state.q)
-    later = ASIDE * (system.model.simulation.duration or 1.0)
-    found = [state]
-    for _ in range(POINTS):
-        q = state.q + aside * random.standard_normal(state.q.size)
-        found.append(dataclasses.replace(state, q=q, t=state.t + later * random.random()))
-    return found
 
 
 def is_finite(numeric: NumericSystem, point: State) -> bool:

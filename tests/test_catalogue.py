@@ -25,6 +25,7 @@ def _codes_in_source() -> set[str]:
     places = {
         "Diagnostic": 0,
         "ExpressionError": 0,
+        "Fault": 0,
         "_refused": 0,
         "report": 1,
         "warn": 1,

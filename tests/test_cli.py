@@ -77,6 +77,12 @@ holonomic:
   bc: distance(b, c) = 1
   ac: distance(a, c) = 2
 """
+CUBED = """\
+lagcli: 1
+coordinates: {x: {}, y: {}}
+lagrangian: (rate(x)**2 + rate(y)**2)/2
+holonomic: {p: x**3 = 0}
+"""
 KNIFE = """\
 lagcli: 1
 coordinates:
@@ -300,14 +306,19 @@ def test_a_wrong_command_line_exits_2_and_does_nothing(lagcli: Lagcli, arguments
 
 
 def test_an_undecided_count_exits_4_with_the_range_on_stderr(lagcli: Lagcli) -> None:
-    result = lagcli("dof", file(COLLINEAR))
+    result = lagcli("dof", file(CUBED))
     assert (result.code, result.out) == (4, "")
-    assert "undecided, between 0 and 7" in result.err
+    assert "undecided, between 0 and 2" in result.err
+    explained = lagcli("dof", "--explain", "model.yaml")
+    assert explained.code == 4
+    assert "n - rows = 2 - 1 = 1 by" in explained.out
+    assert "n - rank = 2 - 0 = 2 by" in explained.out
+    assert "degrees of freedom: undecided, between 0 and 2" in explained.out
     result = lagcli("dof", "--json", "model.yaml")
     assert result.code == 4
     assert result.json == {
-        "particles": 3,
-        "coordinates": 9,
+        "particles": 0,
+        "coordinates": 2,
         "holonomic": None,
         "nonholonomic": None,
         "redundant": None,
@@ -315,6 +326,21 @@ def test_an_undecided_count_exits_4_with_the_range_on_stderr(lagcli: Lagcli) -> 
         "velocity_dof": None,
         "proof": "none",
     }
+
+
+def test_all_counts_are_shown_where_the_rank_is_below_the_codimension(lagcli: Lagcli) -> None:
+    result = lagcli("dof", file(COLLINEAR))
+    assert (result.code, result.out) == (0, "5\n")
+    assert "note: the rows `ab`, `bc`, `ac` take more freedoms than their gradients say" in result.err
+    assert "4 by second derivatives, 2 by rank" in result.err
+    out = lagcli("dof", "--explain", "model.yaml").out
+    assert "3N - rows = 9 - 3 = 6 by" in out
+    assert "3N - rank = 9 - 2 = 7 by" in out
+    assert "degrees of freedom: 3N - s = 9 - 4 = 5\n" in out
+    assert "4 by second derivatives, 2 by rank" in out
+    assert lagcli("dof", "--json", "model.yaml").json["configuration_dof"] == 5
+    # One line is enough where all counts are the same.
+    assert "rows" not in lagcli("dof", "--explain", file(PENDULUM)).out
 
 
 def test_a_stopped_run_exits_3_and_keeps_its_complete_rows_under_the_final_name(lagcli: Lagcli) -> None:
@@ -435,7 +461,9 @@ DOF_KEYS = [
     "velocity_dof",
     "proof",
 ]
-CONSTRAINT_KEYS = ["name", "declared", "verdict", "integral", "integrating_factor", "redundant", "method"]
+CONSTRAINT_KEYS = [
+    *["name", "declared", "verdict", "integral", "integrating_factor", "redundant", "method", "unique"]
+]
 ERROR_KEYS = ["code", "message", "line", "column", "path", "hint"]
 
 
@@ -451,7 +479,7 @@ def test_dof_as_json_holds_the_count(lagcli: Lagcli) -> None:
 
 def test_check_as_json_holds_the_report(lagcli: Lagcli) -> None:
     report = lagcli("check", "--json", file(SPOKE)).json
-    assert list(report) == ["dof", "constraints", "joint", "initial", "warnings"]
+    assert list(report) == ["dof", "constraints", "joint", "initial", "warnings", "dependences"]
     assert list(report["dof"]) == DOF_KEYS
     assert list(report["joint"]) == ["derived_flag", "integrals", "growth_vector", "proof"]
     assert list(report["initial"]) == ["position_residual", "velocity_residual", "consistent"]
@@ -461,6 +489,8 @@ def test_check_as_json_holds_the_report(lagcli: Lagcli) -> None:
     assert row["integral"] is not None
     assert row["integrating_factor"] is not None
     assert row["redundant"] is False
+    assert row["unique"] is True
+    assert report["dependences"] == []
     assert report["warnings"] == []
     (edge,) = lagcli("check", "--json", file(KNIFE)).json["constraints"]
     assert (edge["verdict"], edge["integral"], edge["integrating_factor"]) == ("nonholonomic", None, None)
@@ -532,6 +562,45 @@ def test_check_names_redundant_rows(lagcli: Lagcli) -> None:
     result = lagcli("check", file(PENDULUM.replace("plane:", "twice: norm(a)**2 = L**2\n  plane:")))
     assert re.search(r"^twice +holonomic +holonomic +yes", result.out, re.MULTILINE)
     assert "left out as redundant: 1 row: twice" in result.out
+
+
+TWINS = PENDULUM.replace("plane:", "twice: norm(a)**2 = L**2\n  plane:")
+
+
+def test_check_tells_which_multipliers_are_not_unique(lagcli: Lagcli) -> None:
+    result = lagcli("check", file(TWINS))
+    assert re.search(r"^rod +holonomic +holonomic +not unique *$", result.out, re.MULTILINE)
+    assert re.search(r"^twice +holonomic +holonomic +yes +not unique *$", result.out, re.MULTILINE)
+    assert re.search(r"^plane +holonomic +holonomic *$", result.out, re.MULTILINE)
+    assert "`rod` and `twice` share one force\n" in result.out
+    assert "unique" not in lagcli("check", file(PENDULUM)).out
+
+
+def test_check_as_json_holds_null_vectors(lagcli: Lagcli) -> None:
+    report = lagcli("check", "--json", file(TWINS)).json
+    assert {row["name"]: row["unique"] for row in report["constraints"]} == {
+        "rod": False,
+        "twice": False,
+        "plane": True,
+    }
+    (vector,) = report["dependences"]
+    assert vector["rows"] == ["rod", "twice"]
+    # With L = 1 the gradient of norm(a)**2 - L**2 is minus twice that of L - norm(a).
+    assert vector["weights"] == pytest.approx([1, 0.5], abs=1e-12)
+
+
+def test_many_null_vectors_are_told_in_a_few_lines(lagcli: Lagcli) -> None:
+    text = """lagcli: 1
+particles:
+  p[i]: {for: i = 1..21, mass: 1, position: "[i, 0, 0]"}
+holonomic:
+  rod[i]: {for: i = 1..20, equation: "distance(p[i], p[i+1]) = 1"}
+  twin[i]: {for: i = 1..20, equation: "distance(p[i], p[i+1])**2 = 1"}
+"""
+    out = lagcli("check", file(text)).out
+    assert out.count("share one force") == 6
+    assert "and 14 more\n" in out
+    assert len(lagcli("check", "--json", "model.yaml").json["dependences"]) == 20
 
 
 def test_inconsistent_initial_values_are_a_warning_of_check_and_an_error_of_simulate(lagcli: Lagcli) -> None:
@@ -725,7 +794,7 @@ def test_columns_choose_by_name_where_brackets_are_letters(
 
 STATS_KEYS = [
     *["steps", "rejected", "evaluations", "compile_seconds", "solve_seconds", "method"],
-    *["position_drift", "velocity_drift", "energy_imbalance"],
+    *["position_drift", "velocity_drift", "energy_imbalance", "indeterminate", "singular_times"],
 ]
 
 

@@ -237,14 +237,17 @@ def test_a_line_through_the_origin_is_passed_without_a_jump(phi: Any, angle: flo
     found = held(str(phi), *charts.charts(phi))
     going, columns = run(LINE % (c, 0.4 * c, s, 0.4 * s), found, duration=6)
     _, along = run(ALONG % (c, s, 1, 0.4), duration=6)
-    assert (np.diff(np.sign(along["r"])) != 0).sum() > 3
+    zeros = (np.diff(np.sign(along["r"])) != 0).sum()
+    assert zeros > 3
     assert np.abs(columns["x"] - c * along["r"]).max() < 1e-9
     assert np.abs(columns["y"] - s * along["r"]).max() < 1e-9
     assert np.abs(columns["y"] * c - columns["x"] * s).max() < 1e-15
     # R is what keeps the force along the line: (4 - 12) x y/r across it, so that lambda is a constant.
     assert np.abs(columns["lambda.row"] + 8 * c * s).max() < 1e-9
     assert smooth(columns["R.x"], columns["R.y"])
-    assert not going.notes
+    assert len(going.stats.singular_times) == zeros
+    assert np.abs(np.interp(going.stats.singular_times, along["t"], along["r"])).max() < 1e-4
+    assert len(going.notes) == 1  # of these configurations, and none of integrals
 
 
 def test_a_rheonomic_row_is_held_too() -> None:
@@ -331,7 +334,7 @@ def test_a_start_where_the_gradient_vanishes_takes_the_next_chart() -> None:
     for start, chart in (((0, 0), 1), ((1e-9, 0.5e-10), 1), ((1, 0.05), 0)):
         going, _ = run(CUSP % start, PARABOLA, duration=2)
         assert chart_of(going) == [chart]
-        assert not going.notes
+        assert not [note for note in going.notes if "y**2/x" in note]
 
 
 def test_an_integral_that_cannot_be_held_is_told() -> None:
@@ -346,7 +349,7 @@ def test_an_integral_that_cannot_be_held_is_told() -> None:
     ):
         going, _ = run(text, (integral,), duration=1)
         expected = f"the integral y**2/x is not held: {why}; the velocity row `row` keeps it to the tolerance"
-        assert going.notes == (expected,)
+        assert expected in going.notes
         assert chart_of(going) == [None]
 
 
@@ -364,15 +367,15 @@ def test_a_chart_that_ends_is_left_for_another_or_for_the_velocity_row(first: st
     names = [first, *(name for name in then if name != first)]
     found = held("y/x", *(ENDING[name] for name in names))
     going, columns = run(LINE % (-1, 1, -0.5, 0.5), found, duration=6)
-    assert len(going.notes) == 1
-    assert going.notes[0].startswith("from t = 0.49")
+    (note,) = (note for note in going.notes if "y/x" in note)
+    assert note.startswith("from t = 0.49")
     off = np.abs(columns["y"] - columns["x"] / 2).max()
     if then:
-        assert going.notes[0].endswith("the integral y/x is held in another form")
+        assert note.endswith("the integral y/x is held in another form")
         assert chart_of(going) == [names.index("good")]
-        assert off < 1e-15
+        assert off < 1e-14
     else:
-        assert "is held no longer; the velocity row `row` keeps it to the tolerance" in going.notes[0]
+        assert "is held no longer; the velocity row `row` keeps it to the tolerance" in note
         assert chart_of(going) == [None]
         assert 1e-15 < off < 1e-10
     assert np.abs(columns["lambda.row"] + 8 * 0.4).max() < 1e-9
@@ -463,11 +466,14 @@ differential: {row: (t - 1)*(d(x) - d(y)) = 0}
         assert np.abs(columns["lambda.row"] - 0.5).max() < 1e-11
         assert np.abs(columns["R.x"] - (columns["t"] - 1) / 2).max() < 1e-11
         assert np.abs(columns["x"] - columns["y"]).max() < 1e-15
-        # lambda has a pole, or a jump.
-        for force in ("x", "abs(t - 1)*x"):
-            going = ready(text % force, found, duration=2, samples=5)
-            with pytest.raises(driver.Stopped, match=r"`lambda.row` is not finite at t = 1$"):
-                list(going.blocks())
+        # lambda has a pole, or a jump, as R has then.
+        _, columns = run(text % "x", found, duration=2, samples=5)
+        assert np.abs(columns["lambda.row"] - [-0.5, -1, np.nan, 1, 0.5])[[0, 1, 3, 4]].max() < 1e-9
+        assert np.abs(columns["R.x"] - 0.5).max() < 1e-9
+        assert np.isnan(columns["lambda.row"]).tolist() == [False, False, True, False, False]
+        _, columns = run(text % "abs(t - 1)*x", found, duration=2, samples=5)
+        for name in ("lambda.row", "R.x"):
+            assert np.isnan(columns[name]).tolist() == [False, False, True, False, False]
 
 
 # What is said and what it costs.

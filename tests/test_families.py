@@ -727,7 +727,14 @@ def test_equal_laws_are_judged_once_and_told_of_each(monkeypatch: pytest.MonkeyP
         frobenius, "classify", lambda form, deadline: asked.append(form.name) or classify(form, deadline)
     )
     verdicts = {c.name: c.verdict for c in lagcli.check(lagcli.loads(BLADES)).constraints}
-    assert asked == ["knife[1]", "roll[1]", "odd[1]", "odd[2]", "odd[3]"]
+    # The search for joint integrals asks about combinations of rows too, which have no name of their own.
+    assert [name for name in asked if name in verdicts] == [
+        "knife[1]",
+        "roll[1]",
+        "odd[1]",
+        "odd[2]",
+        "odd[3]",
+    ]
     assert len(verdicts) == 63
     # Two forms in three coordinates: the knife is integrable together with the rolling.
     assert {verdicts[f"knife[{i}]"].kind for i in range(4, 31)} == {"jointly-integrable"}

@@ -5,6 +5,7 @@ import json
 import pathlib
 import re
 
+import lean
 import numpy as np
 import pytest
 
@@ -93,6 +94,41 @@ def test_verdicts_and_consistent_start(name):
     assert {row: found[row] for row in expected} == expected
     assert all(kind == "holonomic" for row, kind in found.items() if row not in expected)
     assert report(name).initial.consistent
+
+
+@pytest.mark.parametrize("name", GALLERY)
+def test_redundant_rows_and_multipliers_that_are_not_unique(name):
+    found = report(name).as_json()["constraints"]
+    assert [row["name"] for row in found if row["redundant"]] == GALLERY[name].get("redundant", [])
+    shared = set(GALLERY[name].get("shared", []))
+    assert {row["name"] for row in found if not row["unique"]} == shared
+    assert set(table(name).stats.indeterminate) == shared
+
+
+@pytest.mark.parametrize("name", lean.REDUNDANT)
+def test_reactions_are_those_of_the_lean_version(name):
+    other = lagcli.loads(lean.without(name))
+    assert not any(row["redundant"] for row in lagcli.check(other).as_json()["constraints"])
+    run, other = table(name), lagcli.simulate(other)
+    for column in run.columns:
+        if column.startswith("R."):
+            scale = max(1.0, np.abs(other[column]).max())
+            np.testing.assert_allclose(run[column], other[column], rtol=0, atol=1e-9 * scale)
+
+
+@pytest.mark.parametrize("name", [name for name in GALLERY if GALLERY[name]["verdicts"]])
+def test_reactions_stay_where_every_constraint_is_declared_twice(name):
+    once, twice = map(lagcli.loads, lean.twice(name))
+    options = {"samples": 6, "duration": min(1.0, once.simulation.duration or 1.0)}
+    run, other = lagcli.simulate(once, **options), lagcli.simulate(twice, **options)
+    for column in run.columns:
+        scale = max(1.0, np.abs(run[column]).max())
+        if column.startswith("lambda."):
+            continue
+        np.testing.assert_allclose(other[column], run[column], rtol=0, atol=1e-9 * scale, err_msg=column)
+    assert set(other.stats.indeterminate) >= {
+        c.removeprefix("lambda.") for c in other.columns if "_twin" in c
+    }
 
 
 @pytest.mark.parametrize("name", GALLERY)

@@ -114,7 +114,9 @@ rigid:
         code="bad-setting",
         meaning="A setting under `simulation` is outside its bounds.",
         why="A run needs a finite duration that is not negative, at least two rows, positive tolerances and a"
-        " known method; anything else could not end, or not start.",
+        " known method; anything else could not end, or not start. There is one scheme, `dop853`: an explicit"
+        " Runge-Kutta scheme of order 8 with error control, held on the constraints by projection. Implicit schemes"
+        " for stiff forces and symplectic ones there are none.",
         example=_BALL + "simulation: {duration: -5}\n",
         cure="Give a value within the bounds that the message states.",
         old="-5",
@@ -125,7 +127,8 @@ rigid:
         meaning="The format has this, and this version of the program does not carry it out.",
         why="An entry that was skipped in silence would change the meaning of the model.",
         example=_BALL + "inequality:\n  floor: a.z >= 0\n",
-        cure="Take it out, or state the model without it.",
+        cure="Take it out, or state the model without it: a contact that lasts as an equation under `holonomic`, a"
+        " wall as a potential that rises steeply, an event as a quantity under `outputs`.",
         old="inequality:\n  floor: a.z >= 0\n",
     ),
     Page(

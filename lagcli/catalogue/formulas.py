@@ -63,7 +63,8 @@ PAGES = (
         code="bad-rate",
         meaning="`rate(...)` holds something else than the name of a generalized coordinate.",
         why="`rate(theta)` is the rate of a coordinate. The velocity of a particle is `a.vx` or `a.v`; the"
-        " differential of any expression is `d(...)`, in differential constraints.",
+        " differential of any expression is `d(...)`, in differential constraints. A rate"
+        " of a rate is an acceleration: accelerations are results, m a = F + R, and stand in no expression.",
         example=_KNIFE + "  edge: rate(x*y) = 0\n",
         cure="Write the rates of the coordinates, or differentials.",
         old="rate(x*y)",
@@ -179,11 +180,13 @@ particles:
     Page(
         code="result-not-allowed",
         meaning="`multiplier`, `reaction`, `kinetic` or `potential` stands outside `outputs`.",
-        why="They are results of the motion. A force that depends on a constraint force (Coulomb friction) is not"
-        " covered by the principle of d'Alembert, on which the equations rest.",
+        why="They are results of the motion: the multipliers are solved for when all other forces are given. A force"
+        " that depends on a constraint force (Coulomb friction, mu times the normal force) does virtual work, so it"
+        " is not covered by the principle of d'Alembert (D.11), on which the equations rest.",
         example=_BALL + "holonomic:\n  floor: a.z = 0\nforces:\n"
         '  friction: {to: a, force: "[-0.3*multiplier(floor), 0, 0]"}\n',
-        cure="Take it out of the law; record it under `outputs`.",
+        cure="Take it out of the law and record it under `outputs`. Where the normal force is known from the other"
+        " forces (m*g on a level floor), write that instead.",
         old='forces:\n  friction: {to: a, force: "[-0.3*multiplier(floor), 0, 0]"}\n',
         new="outputs:\n  grip: 0.3*multiplier(floor)\n",
     ),
@@ -210,10 +213,12 @@ particles:
         code="nonlinear-differential",
         meaning="A law under `differential` is not linear in the differentials or velocities.",
         why="Virtual displacements and multipliers (D.3, D.9) are defined for linear laws, with coefficients of"
-        " positions, coordinates and time. For a condition such as constant speed there is no agreed principle.",
+        " positions, coordinates and time. For a condition such as constant speed d'Alembert's principle gives no"
+        " reaction; Chetaev's rule is one of several proposals, and is not computed. Each term must be linear by"
+        " itself: terms that would cancel are not searched for.",
         example=_KNIFE + "  speed: rate(x)**2 + rate(y)**2 = 1\n",
         cure="State a linear law. Where the square came from a length that stays constant, state the length under"
-        " `holonomic`.",
+        " `holonomic`; hold a speed by a force; multiply a quotient of velocities by its denominator.",
         old="speed: rate(x)**2 + rate(y)**2",
         new="speed: rate(x)",
     ),

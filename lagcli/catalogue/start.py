@@ -16,9 +16,10 @@ PAGES = (
     Page(
         code="contradictory-constraints",
         stage="start",
-        meaning="Rows that act along the same direction prescribe different motions.",
-        why="At the start they agree, and a moment later no configuration or no velocity satisfies them all, so"
-        " the model has no motion.",
+        meaning="Rows that act along the same direction prescribe different places or motions.",
+        why="No configuration or no velocity satisfies them all (two lengths of one rod), or they agree at the start"
+        " and part a moment later, so the model has no motion. The message names the smallest set of them that was"
+        " found: without any one of these rows the others can hold.",
         example="""\
 lagcli: 1
 particles:
@@ -33,9 +34,9 @@ holonomic:
     Page(
         code="no-coordinates",
         stage="start",
-        meaning="No coordinate and no velocity enters a constraint.",
-        why="Such a row, `0 = 0` or `t = 1`, cannot act on the motion: its gradient vanishes, so it has no"
-        " constraint force and no multiplier, and it is either empty or impossible.",
+        meaning="No coordinate and no velocity enters a constraint with a slope.",
+        why="Such a row, `0 = 0`, `t = 1` or `sign(a.x) = 1`, cannot act on the motion: its gradient vanishes, so it"
+        " has no constraint force and no multiplier, and it is either empty or impossible.",
         example=_PENDULUM + "  clock: t = 1\n",
         cure="Take it out, or name the coordinate it is about.",
         old="  clock: t = 1\n",
@@ -43,9 +44,13 @@ holonomic:
     Page(
         code="no-inertia",
         stage="start",
-        meaning="No kinetic energy depends on the rate of a generalized coordinate.",
+        meaning="No kinetic energy is quadratic in the rate of a generalized coordinate, or its inertia vanishes at"
+        " the start.",
         why="Its equation holds no acceleration, so the motion of the coordinate is not determined by"
-        " d/dt(dT/dq') - dT/dq = Q.",
+        " d/dt(dT/dq') - dT/dq = Q. A Lagrangian linear in the rate, such as x*rate(y), gives an equation of first"
+        " order, which this program does not solve; a square of a radius that is zero at the start, or a power of"
+        " a rate that is zero, has an inertia that vanishes there. A constraint on the coordinate gives it none. An"
+        " inertia that vanishes later stops the run (exit 3), and the reason names the motion that lost it.",
         example="""\
 lagcli: 1
 coordinates:
@@ -54,16 +59,18 @@ coordinates:
 particles:
   a: {mass: 1, position: [sin(theta), 0, -cos(theta)]}
 """,
-        cure="Let a particle or the Lagrangian depend on it, or remove the coordinate.",
+        cure="Give it a mass, remove the coordinate, or write it as a function of the others (where a constraint fixes"
+        " it, insert what the constraint says). Start away from a place where its inertia vanishes.",
         old="  phi: {value: 0}\n",
     ),
     Page(
         code="indefinite-inertia",
         stage="start",
         meaning="The inertia matrix of the coordinates is not positive definite at the start.",
-        why="Kinetic energy must grow with every motion. It does not where a Lagrangian has a wrong sign, or where"
-        " two coordinates describe the same motion, or where coordinates are singular (spherical angles at the"
-        " pole).",
+        why="Kinetic energy must grow with every motion; the message names one with which it does not, by its rates."
+        " That happens where a Lagrangian has a wrong sign, where two coordinates describe the same motion, or"
+        " where coordinates are singular (spherical angles at the pole). It is asked of all motions, those that a"
+        " constraint forbids too.",
         example="""\
 lagcli: 1
 coordinates:
@@ -71,20 +78,48 @@ coordinates:
   y: {value: 0}
 lagrangian: (rate(x)**2 - rate(y)**2)/2
 """,
-        cure="Mend the sign, start away from the singular place, or choose other coordinates.",
+        cure="Mend the sign, leave out one of two coordinates that describe the same motion, start away from the"
+        " singular place, or choose other coordinates.",
         old=" - rate(y)**2",
         new=" + rate(y)**2",
     ),
     Page(
         code="dependent-constraints",
         stage="start",
-        meaning="At the start some constraints follow from others: the rows B of the equations are linearly"
-        " dependent.",
-        why="The multiplier rule needs independent rows. With dependent ones single multipliers are not determined,"
-        " and where the constraints also touch tangentially the rule itself may fail.",
-        example=_PENDULUM + "  rod_again: dot(a, a) = 1\n",
-        cure="Leave out the row that follows from the others; `lagcli dof` counts without it.",
-        old="  rod_again: dot(a, a) = 1\n",
+        meaning="Whether some constraints follow from others at the start cannot be told.",
+        why="Rows that follow from others are left out of the equations, for the motion is the same without them."
+        " Rows that are almost, but not quite, dependent are neither: kept they give multipliers without a right"
+        " digit, left out they could change the motion.",
+        example=_PENDULUM.replace("rod: norm(a)", "wall: a.x") + "  tilted: a.x + 1e-6*a.y = 1\n",
+        cure="Say what is meant: leave out a row that should follow from the others, or write one that is clear of"
+        " them; or move the start a little.",
+        old="a.x + 1e-6*a.y = 1",
+        new="a.y = 0",
+    ),
+    Page(
+        code="singular-start",
+        stage="start",
+        meaning="Rows are dependent at the start and not nearby, and the initial velocities lead along no branch.",
+        why="At a singular configuration, a linkage stretched out in line or the crossing of two curves, several"
+        " motions the constraints allow branch off. A body at rest there, or one whose velocities point between the"
+        " branches, may take any of them, and the forces of the constraints have no finite value: the equations do"
+        " not say which motion follows.",
+        example="""\
+lagcli: 1
+particles:
+  a: {mass: 1, position: [1, 0, 0]}
+  b: {mass: 1, position: [2, 0, 0]}
+holonomic:
+  plane_a: a.z = 0
+  plane_b: b.z = 0
+  crank: norm(a) = 1
+  coupler: distance(a, b) = 1
+  rocker: distance(b, [1, 0, 0]) = 1
+""",
+        cure="Start a little aside, on the branch that is meant, or give velocities along it: with those of a and b"
+        " [0, 1, 0] this linkage goes through as a parallelogram.",
+        old="[1, 0, 0]}\n  b: {mass: 1, position: [2, 0, 0]}",
+        new="[0.6, 0.8, 0]}\n  b: {mass: 1, position: [1.6, 0.8, 0]}",
     ),
     Page(
         code="inconsistent-start",
@@ -102,7 +137,9 @@ lagrangian: (rate(x)**2 - rate(y)**2)/2
         stage="start",
         meaning="No state near the start was found that satisfies all constraints.",
         why="The constraints contradict each other, or the start is so far away that the search does not reach"
-        " them.",
+        " them. The message names the smallest set of rows that was found to have no common configuration, what"
+        " was tried, and the least violation that remained: a search is no proof. Where `keep` is in the way it"
+        " says so.",
         example=_PENDULUM.replace("[1, 0, 0]", "[0.6, 0, 0.8]")
         + "  far: a.x = 2\nsimulation: {assemble: true}\n",
         cure="Mend the constraints, or give initial values closer to a possible configuration.",
@@ -125,6 +162,46 @@ holonomic:
         cure="Start elsewhere, or state the law without the pole.",
         old="distance(a, [0, 0, 0]) = 0",
         new="a = [0, 0, 0]",
+    ),
+    Page(
+        code="kink-at-start",
+        stage="start",
+        meaning="The gradient of a constraint, or the constraint itself, jumps at the start.",
+        why="`abs`, `sign`, `min` and `max` switch there from one branch to another, so that the constraint surface"
+        " has an edge, and on an edge the constraint force has no direction. A motion over it is an impact, which"
+        " the equations do not describe.",
+        example="""\
+lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 0]}
+holonomic:
+  roof: a.z = -abs(a.x)
+""",
+        cure="Start clear of the edge, or state the branch that is meant as an equation without the switch.",
+        old="[0, 0, 0]",
+        new="[1, 0, -1]",
+    ),
+    Page(
+        code="multiplier-rule-fails",
+        stage="start",
+        meaning="Constraints take more freedoms than their gradients span, wherever they hold.",
+        why="R = sum of lambda_i B_i lies in the span of the gradients. Three particles on a line with all three"
+        " distances cannot bend, and yet no force along the line keeps the middle one from going aside: no finite"
+        " multipliers give the true motion, and what would be computed without this error is another one.",
+        example="""\
+lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 0]}
+  b: {mass: 1, position: [1, 0, 0]}
+  c: {mass: 1, position: [2, 0, 0]}
+holonomic:
+  ab: distance(a, b) = 1
+  bc: distance(b, c) = 1
+  ac: distance(a, c) = 2
+""",
+        cure="Declare the particles under `rigid`: the rows of a body are independent.",
+        old="holonomic:\n  ab: distance(a, b) = 1\n  bc: distance(b, c) = 1\n  ac: distance(a, c) = 2\n",
+        new="rigid:\n  abc: [a, b, c]\n",
     ),
     Page(
         code="reaction-includes-drive",

@@ -268,6 +268,7 @@ def _finish(ready: pipeline.Running, wishes: Wishes, kept: thinned.Thinned) -> N
                 rows,
                 title=title,
                 units=ready.model.units,
+                indeterminate=ready.stats.indeterminate,
             )
     if wishes.stats is not None:
         with exits.writing(wishes.stats):

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 
-from lagcli import diagnostics
+from lagcli import dependence, diagnostics
 from lagcli.cli import console
 from lagcli.degrees_of_freedom import DofCount
 from lagcli.report import ConstraintReport, Joint, Report
 
+NOT_UNIQUE = {True: "", False: "not unique", None: "undecided"}
 ALWAYS, FORMULAS = ("constraint", "declared", "verdict"), ("integral", "factor")
+MOST_NAMED = 40  # redundant rows
 NARROW = 60  # columns of a terminal below which a table is folded beyond reading
 COLOURS = {"nonholonomic": "yellow", "undecided": "red", "yes": "red"}
 
@@ -22,6 +24,10 @@ def report(found: Report, heading: bool) -> None:
     if found.constraints:
         _constraints(found.constraints)
         print()
+        if found.null_vectors:
+            for line in dependence.shares([vector.rows for vector in found.null_vectors]):
+                console.paragraph(diagnostics.printable(line), "    ")
+            print()
         if any(one.verdict.declared == "differential" for one in found.constraints):
             for line in _joint(found.joint):
                 console.paragraph(line, "    ")
@@ -45,7 +51,8 @@ def _constraints(constraints: tuple[ConstraintReport, ...]) -> None:
     if narrow:
         for row in rows:
             redundant = ", redundant" if row["redundant"] else ""
-            console.paragraph(f"{row['constraint']}: {row['verdict']}{redundant}", "    ")
+            multiplier = f", multiplier {row['multiplier']}" if row["multiplier"] else ""
+            console.paragraph(f"{row['constraint']}: {row['verdict']}{redundant}{multiplier}", "    ")
     else:
         shown = [name for name in shown if not (formulas and name in FORMULAS)]
         console.table(shown, _picked(rows, shown), COLOURS)
@@ -92,6 +99,7 @@ def _cells(constraint: ConstraintReport) -> dict[str, str]:
         "integral": "" if verdict.integral is None else f"{verdict.integral} = const",
         "factor": "" if verdict.integrating_factor in (None, "1") else str(verdict.integrating_factor),
         "redundant": "yes" if constraint.redundant else "",
+        "multiplier": NOT_UNIQUE[constraint.unique],
     }
 
 
@@ -102,14 +110,23 @@ def count(found: DofCount) -> list[str]:
         f"{_number(found.particles, 'particle')}, {_number(found.coordinates, 'coordinate')}"
         f" ({label} = {found.coordinates})"
     ]
+    # A rank proves a count only where rows are independent or follow from one another: all counts are shown.
+    if found.rank < found.rows:
+        n = found.coordinates
+        lines.append(
+            f"{label} - rows = {n} - {found.rows} = {n - found.rows} by the number of the rows of f = 0"
+        )
+        lines.append(f"{label} - rank = {n} - {found.rank} = {n - found.rank} by the rank of their gradients")
     if found.configuration_dof is None:
         low, high = found.bounds
         return [*lines, f"degrees of freedom: undecided, between {low} and {high}: {found.reason}"]
     s, m = found.holonomic or 0, found.nonholonomic or 0
     lines.append(f"s = {_number(s, 'independent holonomic constraint')}")
     if found.redundant:
-        rows = ", ".join(found.redundant_rows)
-        lines.append(f"left out as redundant: {_number(found.redundant, 'row')}: {rows}")
+        names = ", ".join(found.redundant_rows[:MOST_NAMED])
+        more = len(found.redundant_rows) - MOST_NAMED
+        named = (f": {names}" if names else "") + (f" and {more} more" if more > 0 else "")
+        lines.append(f"left out as redundant: {_number(found.redundant, 'row')}{named}")
     lines.append(f"degrees of freedom: {label} - s = {found.coordinates} - {s} = {found.configuration_dof}")
     if m:
         lines.append(f"m = {_number(m, 'independent nonholonomic constraint')}")

@@ -41,14 +41,14 @@ class Expanded:
 
     @cached_property
     def landing(self) -> Any:
-        """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, and the residual.
+        """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, and `outcome`.
 
         One factorization serves all, unless M depends on the velocity that is projected.
         """
         parts, inertia, schur = self._parts, self._parts.inertia, self._schur
         y, v, n = parts.y, parts.v, parts.v.numel()
-        if parts.B.shape[0]:
-            v = v - inertia(parts.B.T @ schur(parts.B @ v + parts.b))
+        if parts.selection.kept:
+            v = v - inertia(parts.B_kept.T @ schur(parts.B_kept @ v + parts.b_kept))
         v = ca.densify(v)
         there = parts.moving(v)
         if ca.depends_on(parts.M, parts.v):
@@ -56,19 +56,24 @@ class Expanded:
             inertia, schur = there.inertia, solving.solver(there.S)
         a, lam = _acceleration(there, inertia, schur)
         landed = ca.densify(ca.vertcat(y[:n], v, y[2 * n]))
-        outputs = [landed, shared.state_rate(there, a, lam), lam, shared.position_residual(parts)]
+        outcome = shared.outcome(parts, self._watched[1], v)
+        outputs = [landed, shared.state_rate(there, a, lam), lam, outcome]
         return ca.Function("landing", parts.inputs, outputs)
 
     @cached_property
+    def _watched(self) -> tuple[solving.Solve, Any]:
+        """r -> S^-1 r, and the clearance of S."""
+        return solving.watched(self._parts.S)
+
+    @property
     def _schur(self) -> solving.Solve:
-        """r -> S^-1 r."""
-        return solving.solver(self._parts.S)
+        return self._watched[0]
 
 
 def _acceleration(parts: Parts, inertia: solving.Solve, schur: solving.Solve) -> tuple[Any, Any]:
     """a and lambda of (D.24), with M^-1 and S^-1 as solvers."""
     free = inertia(parts.h)
-    if parts.B.shape[0] == 0:
+    if not parts.selection.kept:
         return free, ca.SX(0, 1)
-    lam = ca.densify(schur(parts.gamma - parts.B @ free))
+    lam = ca.densify(schur(parts.gamma_kept - parts.B_kept @ free))
     return inertia(parts.h + parts.reaction(lam)), lam

@@ -11,11 +11,13 @@ from functools import cached_property
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from lagcli.compile import parts as shared
 from lagcli.compile.parts import Parts
 
 SOLVER = "ldl"
+SEED = 20063
 
 
 class Factored:
@@ -47,26 +49,37 @@ class Factored:
 
     @cached_property
     def landing(self) -> Any:
-        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, and the residual of f and g."""
+        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, and `outcome`.
+
+        The clearance is that of S with a unit diagonal, the least eigenvalue but for a factor that changes little:
+        1 / |S^-1 z| of a fixed z of length one.
+        """
         parts = self._parts
         y, v, n = parts.y, parts.v, parts.v.numel()
-        mu = ca.SX.sym("mu", parts.B.shape[0])
-        before = ca.Function("before", parts.inputs, [parts.S, ca.densify(parts.B @ v + parts.b)])
-        landed = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B.T @ mu), y[2 * n]))
+        mu, x = (ca.SX.sym(name, len(parts.selection.kept)) for name in ("mu", "x"))
+        z = np.random.default_rng(SEED).standard_normal(mu.numel())
+        lengths = ca.sqrt(ca.diag(parts.S))
+        off = ca.densify(parts.B_kept @ v + parts.b_kept)
+        rights = ca.horzcat(off, lengths * (z / np.linalg.norm(z)))
+        before = ca.Function("before", parts.inputs, [parts.S, rights])
+        landed = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B_kept.T @ mu), y[2 * n]))
         after = ca.Function("after", [*parts.inputs, mu], [landed])
-        residual = ca.Function("residual", parts.inputs, [shared.position_residual(parts)])
-        t, state, p = inputs = self._inputs()
-        there = after(*inputs, _solved(before, inputs))
+        outcome = shared.outcome(parts, 1 / ca.norm_2(lengths * x), v)
+        told = ca.Function("outcome", [*parts.inputs, x], [outcome])
+        t, _, p = inputs = self._inputs()
+        found = _solved(before, inputs)
+        there = after(*inputs, found[:, 0])
         rate, lam = self._acceleration(t, there, p)
-        return ca.Function("landing", inputs, [there, rate, lam, residual(t, state, p)])
+        return ca.Function("landing", inputs, [there, rate, lam, told(t, there, p, found[:, 1])])
 
     @cached_property
     def _acceleration(self) -> Any:
         """(t, y, p) -> y' and lambda of (D.24)."""
         parts = self._parts
         free = parts.inertia(parts.h)
-        before = ca.Function("before", parts.inputs, [parts.S, ca.densify(parts.gamma - parts.B @ free)])
-        lam = ca.SX.sym("lam", parts.B.shape[0])
+        right = ca.densify(parts.gamma_kept - parts.B_kept @ free)
+        before = ca.Function("before", parts.inputs, [parts.S, right])
+        lam = ca.SX.sym("lam", len(parts.selection.kept))
         a = parts.inertia(parts.h + parts.reaction(lam))
         after = ca.Function("after", [*parts.inputs, lam], [shared.state_rate(parts, a, lam)])
         inputs = self._inputs()

@@ -23,6 +23,7 @@ from lagcli.compile import parts as shared
 from lagcli.compile import solving, table
 from lagcli.compile.expanded import Expanded
 from lagcli.compile.factored import Factored
+from lagcli.compile.selection import Selection
 from lagcli.mechanics.integrals import Chart
 from lagcli.mechanics.system import System
 
@@ -51,6 +52,15 @@ class NumericSystem:
         """The same with first integrals held in these charts; its p goes on with the two constants of each."""
         return NumericSystem(self._system, self._parts.holding(charts))
 
+    @property
+    def selection(self) -> Selection:
+        """The independent rows that the system is stepped with."""
+        return self._parts.selection
+
+    def keeping(self, selection: Selection) -> NumericSystem:
+        """The same stepped with these independent rows."""
+        return NumericSystem(self._system, self._parts.keeping(selection))
+
     @cached_property
     def _way(self) -> Expanded | Factored:
         parts = self._parts
@@ -64,16 +74,18 @@ class NumericSystem:
 
     @cached_property
     def land(self) -> Any:
-        """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, and an outcome of two.
+        """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, and an outcome of four.
 
-        These are the residual (largest |f_i| / |B_i| over the largest |q|) and the sum of y', finite only where
-        all of y' is. A state that g = 0 threw far off counts as not landed: it is on another branch.
+        These are `parts.outcome` (residual, clearance, least) and the sum of y', finite only where all of y' is.
+        A state that g = 0 threw far off counts as not landed: it is on another branch.
         """
         t, y, p = inputs = _inputs(self._way.landing)
-        landed, rate, _, residual = self._way.landing(t, self._projected(t, y, p), p)
+        landed, rate, _, outcome = self._way.landing(t, self._projected(t, y, p), p)
+        residual = outcome[0]
         if self._parts.g.numel():
-            residual += THROWN * ca.norm_inf((landed - y)[: self.n])
-        outcome = ca.vertcat(residual / (ca.norm_inf(landed[: self.n]) + shared.TINY), ca.sum1(rate))
+            size = ca.norm_inf(landed[: self.n]) + shared.TINY
+            residual += THROWN * ca.norm_inf((landed - y)[: self.n]) / size
+        outcome = ca.vertcat(residual, outcome[1:], ca.sum1(rate))
         return ca.Function("land", inputs, [landed, rate, ca.densify(outcome)])
 
     @cached_property
@@ -84,6 +96,7 @@ class NumericSystem:
         """
         t, y, p = inputs = _inputs(self._way.landing)
         landed, rate, lam, _ = self._way.landing(t, self._projected(t, y, p), p)
+        lam = self._parts.multipliers(t, landed, p, lam)
         row, account = table.table(self._system, self._parts)(t, landed, rate, lam, p)
         return ca.Function("record", inputs, [landed, row, account])
 
@@ -93,6 +106,14 @@ class NumericSystem:
         symbols = self._system.symbols
         outputs = [self._parts.f, self._parts.B_whole]
         return ca.Function("whole", [symbols.t, symbols.q, self._system.p], outputs)
+
+    @cached_property
+    def hessian(self) -> Any:
+        """hessian(t, q, omega, p) -> (n, n), the second derivatives of omega . f by q; omega (s,)."""
+        symbols = self._system.symbols
+        omega = ca.SX.sym("omega", self._parts.f.numel())
+        second = ca.hessian(ca.dot(omega, self._parts.f), symbols.q)[0]
+        return ca.Function("hessian", [symbols.t, symbols.q, omega, self._system.p], [second])
 
     @cached_property
     def rows(self) -> Any:

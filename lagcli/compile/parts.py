@@ -9,7 +9,9 @@ from typing import Any
 
 import casadi as ca
 
+from lagcli.compile import selection as choice
 from lagcli.compile import solving
+from lagcli.compile.selection import Selection
 from lagcli.mechanics import system as mechanics
 from lagcli.mechanics.integrals import Chart
 from lagcli.mechanics.system import System
@@ -26,6 +28,7 @@ class Parts:
 
     g (k,), dg (k, n): what is held at zero besides f, first integrals of differential rows less their values at
     the start, and the gradient by q. They enter the projection of positions and nothing else.
+    selection: the independent rows among all C; lambda is that of these rows, unless said otherwise.
     """
 
     t: Any
@@ -42,6 +45,7 @@ class Parts:
     is_small: bool
     g: Any
     dg: Any
+    selection: Selection
 
     @cached_property
     def force(self) -> Any:
@@ -56,7 +60,7 @@ class Parts:
 
     def reaction(self, lam: Any) -> Any:
         """B^T lambda, (n,)."""
-        return mechanics.reaction(self.B, lam)
+        return mechanics.reaction(self.B_kept, lam)
 
     @property
     def inputs(self) -> list[Any]:
@@ -70,31 +74,72 @@ class Parts:
 
     @cached_property
     def S(self) -> Any:
-        """S = B M^-1 B^T, (C, C)."""
-        return self.B @ self.inertia(self.B.T)
+        """S = B M^-1 B^T of the independent rows."""
+        return self.B_kept @ self.inertia(self.B_kept.T)
 
     @cached_property
     def S_held(self) -> Any:
         """The same for the rows of `B_held`, (s + k, s + k)."""
         if self.g.numel():
             return self.B_held @ self.inertia(self.B_held.T)
-        s = self.f.numel()
-        return self.S if s == self.B.shape[0] else self.S[:s, :s]
+        s = len(self._whole)
+        return self.S if s == len(self.selection.kept) else self.S[:s, :s]
 
     @property
     def B_whole(self) -> Any:
         """The rows of B that belong to f."""
         return self.B[: self.f.numel(), :]
 
+    @property
+    def _whole(self) -> list[int]:
+        """The independent rows that belong to f."""
+        return [i for i in self.selection.kept if i < self.f.numel()]
+
+    @cached_property
+    def B_kept(self) -> Any:
+        """The independent rows of B."""
+        return self._kept(self.B)
+
+    @cached_property
+    def b_kept(self) -> Any:
+        """b of the independent rows."""
+        return self._kept(self.b)
+
+    @cached_property
+    def gamma_kept(self) -> Any:
+        """gamma of the independent rows."""
+        return self._kept(self.gamma)
+
+    def _kept(self, rows: Any) -> Any:
+        return rows if self.selection.is_everything else rows[list(self.selection.kept), :]
+
     @cached_property
     def held(self) -> Any:
-        """f and g, (s + k,): what the projection of positions brings to zero."""
-        return ca.vertcat(self.f, self.g) if self.g.numel() else self.f
+        """Independent rows of f, and g: what the projection of positions brings to zero."""
+        f = self.f if self.selection.is_everything else self.f[self._whole]
+        return ca.vertcat(f, self.g) if self.g.numel() else f
 
     @cached_property
     def B_held(self) -> Any:
-        """Their gradients by q, (s + k, n)."""
-        return ca.vertcat(self.B_whole, self.dg) if self.g.numel() else self.B_whole
+        """Their gradients by q."""
+        B = self.B_whole if self.selection.is_everything else self.B[self._whole, :]
+        return ca.vertcat(B, self.dg) if self.g.numel() else B
+
+    def keeping(self, selection: Selection) -> Parts:
+        """The same stepped with other independent rows."""
+        return dataclasses.replace(self, selection=selection)
+
+    @cached_property
+    def multipliers(self) -> Any:
+        """multipliers(t, y, p, lambda) -> lambda of all rows, (C,)."""
+        lam = ca.SX.sym("lam", len(self.selection.kept))
+        if self.selection.is_everything:
+            return ca.Function("multipliers", [*self.inputs, lam], [lam])
+        B = self.B[list(self.selection.shared), :]
+        gram = ca.Function("gram", self.inputs, [B @ self.inertia(B.T)])
+        sizes = zip(("t", "y", "p", "lam"), (*self.inputs, lam), strict=True)
+        t, y, p, given = inputs = [ca.MX.sym(name, x.numel()) for name, x in sizes]
+        return ca.Function("multipliers", inputs, [choice.split(self.selection, gram(t, y, p), given)])
 
     def holding(self, charts: Sequence[Chart]) -> Parts:
         """The same with integrals held in these charts; p goes on with two constants for each, above and below.
@@ -127,7 +172,8 @@ def parts(system: System) -> Parts:
     f, B_entries, b, gamma, M_entries, h, power = expressions
     B, M = ca.SX(B.sparsity(), B_entries), ca.SX(M.sparsity(), M_entries)
     nothing, no_rows = ca.SX(0, 1), ca.SX(0, v.numel())
-    return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, is_small, nothing, no_rows)
+    everything = Selection(tuple(range(B.shape[0])))
+    return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, is_small, nothing, no_rows, everything)
 
 
 def _level(chart: Chart, a: Any, b: Any) -> Any:
@@ -139,14 +185,38 @@ def _level(chart: Chart, a: Any, b: Any) -> Any:
 
 def state_rate(parts: Parts, a: Any, lam: Any) -> Any:
     """y' = (v, a, power - lambda . b)."""
-    return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b)))
+    return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b_kept)))
 
 
 def position_residual(parts: Parts) -> Any:
-    """Largest |f_i| / |B_i|, and |g_j| / |dg_j|, a length where q are lengths."""
-    if parts.held.numel() == 0:
+    """Largest |f_i| / |B_i| of all rows, and |g_j| / |dg_j|, a length where q are lengths."""
+    f, B = (
+        (parts.f, parts.B_whole)
+        if not parts.g.numel()
+        else (
+            ca.vertcat(parts.f, parts.g),
+            ca.vertcat(parts.B_whole, parts.dg),
+        )
+    )
+    return ca.mmax(ca.fabs(f) / _row_norms(B)) if f.numel() else ca.SX(0)
+
+
+def outcome(parts: Parts, clearance: Any, v: Any) -> Any:
+    """(3,) at a velocity v: the larger of `position_residual` as a part of the largest |q| and `departure`;
+    how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes with a row."""
+    size = ca.norm_inf(parts.y[: parts.v.numel()]) + TINY
+    residual = ca.fmax(position_residual(parts) / size, _departure(parts, v))
+    least = ca.mmin(ca.diag(parts.S)) if parts.selection.kept else 1.0
+    return ca.densify(ca.vertcat(residual, clearance, least))
+
+
+def _departure(parts: Parts, v: Any) -> Any:
+    """Largest |B_i v + b_i| / |B_i| of the rows left out, as a part of the largest |v|: do they still follow?"""
+    rest = [circuit[0] for circuit in parts.selection.circuits]
+    if not rest:
         return ca.SX(0)
-    return ca.mmax(ca.fabs(parts.held) / _row_norms(parts.B_held))
+    B, b = parts.B[rest, :], parts.b[rest]
+    return ca.mmax(ca.fabs(B @ v + b) / _row_norms(B)) / (ca.norm_inf(v) + TINY)
 
 
 def velocity_residual(parts: Parts) -> Any:

@@ -13,14 +13,23 @@ Solve = Callable[[Any], Any]
 
 def solver(matrix: Any) -> Solve:
     """x -> matrix^-1 x for a symmetric positive definite matrix, by its sparse factors."""
+    return watched(matrix)[0]
+
+
+def watched(matrix: Any) -> tuple[Solve, Any]:
+    """The same, and its clearance: the least pivot, each as a part of its diagonal entry.
+
+    Of a Gram matrix a pivot over its entry is the square of the sine between a row and the rows before it.
+    """
     n = matrix.shape[0]
     if n == 0:
-        return lambda right: right
+        return (lambda right: right), 1.0
     if matrix.sparsity().is_diag():
         inverse = 1 / ca.diag(matrix)
-        return lambda right: _scaled(inverse, right)
+        return (lambda right: _scaled(inverse, right)), 1.0
     D, LT, order = ca.ldl(matrix)
-    return lambda right: ca.ldl_solve(right, D, LT, order)
+    parts = D / ca.diag(matrix)[order]
+    return (lambda right: ca.ldl_solve(right, D, LT, order)), ca.mmin(parts)
 
 
 def _scaled(factors: Any, right: Any) -> Any:

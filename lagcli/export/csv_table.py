@@ -19,8 +19,8 @@ def header(columns: Sequence[str]) -> bytes:
 
 
 def lines(rows: NDArray[np.float64], columns: Sequence[str]) -> Iterator[memoryview]:
-    """The lines of ``rows``, shape (k, columns), in parts of bounded size; ValueError for nan and infinity."""
-    doubles.require_finite(rows, columns)
+    """The lines of ``rows``, shape (k, columns), in parts of bounded size; ValueError for infinity."""
+    doubles.require_no_infinity(rows, columns)
     return map(doubles.csv_lines, doubles.slices(rows))
 
 
@@ -32,7 +32,7 @@ class Writer:
         self._file = block_file.BlockFile(path, header(columns))
 
     def write(self, rows: NDArray[np.float64]) -> None:
-        """Append ``rows``, shape (k, columns); ValueError for nan and infinity."""
+        """Append ``rows``, shape (k, columns); ValueError for infinity."""
         for part in lines(rows, self._columns):
             self._file.append(part)
 

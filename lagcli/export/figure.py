@@ -9,7 +9,7 @@ import contextlib
 import dataclasses
 import itertools
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -88,17 +88,20 @@ def draw(
     *,
     title: str,
     units: panels.Units,
+    indeterminate: Collection[str] = (),
 ) -> None:
     """Draw the multipliers and constraint forces of a run to ``path``: png, svg or pdf.
 
     ``rows`` has shape (T, len(columns)), with all the columns of a run; equal runs give equal bytes.
+    ``indeterminate`` names the constraints of which lambda is not unique; they are marked.
     The file is written aside and moved into place.
     Raises ``endings.UnknownFormat``, OSError, and ValueError where the column ``t`` is missing.
     """
     target = Path(path)
     fmt = endings.of(target, endings.FIGURES)
     with style():
-        write(target, fmt, compose(columns, rows, title=title, units=units))
+        drawn = compose(columns, rows, title=title, units=units, indeterminate=indeterminate)
+        write(target, fmt, drawn)
 
 
 def write(target: Path, fmt: str, drawn: figure.Figure) -> None:
@@ -113,10 +116,15 @@ def write(target: Path, fmt: str, drawn: figure.Figure) -> None:
 
 
 def compose(
-    columns: Sequence[str], rows: NDArray[np.float64], *, title: str, units: panels.Units
+    columns: Sequence[str],
+    rows: NDArray[np.float64],
+    *,
+    title: str,
+    units: panels.Units,
+    indeterminate: Collection[str] = (),
 ) -> figure.Figure:
     """The figure that ``draw`` writes; arguments and errors are those of ``draw``."""
-    found = panels.bands(columns, rows, units)
+    found = panels.bands(columns, rows, units, indeterminate)
     time = panels.with_unit("t", units.time.strip())
     with style():
         ruler = _Ruler([title, *columns, units.length, units.mass, units.time])
@@ -449,7 +457,7 @@ def _time_limits(band: panels.Band) -> tuple[float, float]:
 
 
 def _size(panel: panels.Panel) -> float:
-    return max(float(np.abs(curve.values).max(initial=0.0)) for curve in panel.curves)
+    return max(float(np.nanmax(np.abs(curve.values), initial=0.0)) for curve in panel.curves)
 
 
 def _batched(items: Sequence[str], size: int) -> list[Sequence[str]]:

@@ -20,8 +20,8 @@ class Writer:
         self._file = block_file.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
 
     def write(self, rows: NDArray[np.float64]) -> None:
-        """Append ``rows``, shape (k, columns); ValueError for nan and infinity, which JSON cannot hold."""
-        doubles.require_finite(rows, self._columns)
+        """Append ``rows``, shape (k, columns); ValueError for infinity, which JSON cannot hold."""
+        doubles.require_no_infinity(rows, self._columns)
         for part in doubles.slices(rows):
             self._file.append(self._separator + doubles.json_lines(part))
             self._separator = b",\n"

@@ -6,7 +6,7 @@ panel only while their values are of like size.
 """
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +17,11 @@ _LIKE_SIZE = 30.0
 _MULTIPLIER_PANELS = 50
 _FORCE_PANELS = 12
 _NUMBERS = 100_000
+_MARK = " (not unique)"
+_NOT_UNIQUE = (
+    "not unique: the constraints are dependent, and of all λ with the same R those with the least Σ λᵢ² Bᵢ M⁻¹ Bᵢᵀ are"
+    " shown"
+)
 # Below this part of the largest value a curve is round-off.
 ROUND_OFF = 1e-12
 
@@ -74,8 +79,10 @@ class _Table:
         return Curve(label, self.column("t")[kept], values[kept])
 
 
-def bands(columns: Sequence[str], rows: NDArray[np.float64], units: Units) -> list[Band]:
-    """The bands of the figure of a run, from top to bottom.
+def bands(
+    columns: Sequence[str], rows: NDArray[np.float64], units: Units, indeterminate: Collection[str] = ()
+) -> list[Band]:
+    """The bands of the figure of a run, from top to bottom; indeterminate: constraints of which lambda is not unique.
 
     ``rows`` has shape (T, len(columns)). Every ``lambda.NAME`` is shown, zero or not; of the particles
     (columns ``R.NAME.x``, ``.y``, ``.z``) and coordinates (``R.NAME``) those whose force is not zero
@@ -88,7 +95,8 @@ def bands(columns: Sequence[str], rows: NDArray[np.float64], units: Units) -> li
     particles = [name.removesuffix(".x") for name in forces if name.endswith(".x")]
     # Names hold no dot, so "R.theta" is a coordinate and "R.a.x" belongs to a particle.
     coordinates = [name for name in forces if "." not in name]
-    found = [_multipliers(table, [name for name in columns if name.startswith("lambda.")], units)]
+    multipliers = [name for name in columns if name.startswith("lambda.")]
+    found = [_multipliers(table, multipliers, units, indeterminate)]
     if particles:
         found.append(_particle_forces(table, particles, units))
     if coordinates:
@@ -105,9 +113,11 @@ def thinned(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
     width = -(-count // stretches)
     index = np.arange(stretches * width).clip(max=count - 1).reshape(stretches, width)
     stretch = np.arange(stretches)
-    lowest = index[stretch, values[index].argmin(axis=1)]
-    highest = index[stretch, values[index].argmax(axis=1)]
-    return np.unique(np.concatenate([lowest, highest, [0, count - 1]]))
+    none = np.isnan(values)
+    lowest = index[stretch, np.where(none, np.inf, values)[index].argmin(axis=1)]
+    highest = index[stretch, np.where(none, -np.inf, values)[index].argmax(axis=1)]
+    # A curve is broken where it has no value.
+    return np.unique(np.concatenate([lowest, highest, np.flatnonzero(none), [0, count - 1]]))
 
 
 def force_unit(units: Units, length_power: int = 1) -> str:
@@ -132,18 +142,24 @@ def with_unit(quantity: str, unit: str) -> str:
     return f"{quantity}  ({unit})" if unit not in ("", "1") else quantity
 
 
-def _multipliers(table: _Table, names: list[str], units: Units) -> Band:
+def _multipliers(table: _Table, names: list[str], units: Units, indeterminate: Collection[str]) -> Band:
     heading = "Multipliers λᵢ of the constraints"
     unit = force_unit(units, length_power=2)
     label = with_unit("λᵢ", f"{unit or '1'} / unit of fᵢ")
     if not names:
         return Band(heading, label, (), note="no constraints")
-    curves = [table.curve(name.removeprefix("lambda."), table.column(name), of=len(names)) for name in names]
+    # A name in brackets is no name of a constraint: the mark cannot be taken for one.
+    marks = {f"lambda.{name}": _MARK for name in indeterminate}
+    curves = [
+        table.curve(name.removeprefix("lambda.") + marks.get(name, ""), table.column(name), of=len(names))
+        for name in names
+    ]
+    note = _NOT_UNIQUE if indeterminate else ""
     if len(curves) > _MULTIPLIER_PANELS:
-        return Band(heading, label, (Panel("", tuple(curves)),), family=True)
+        return Band(heading, label, (Panel("", tuple(curves)),), family=True, note=note)
     if 1 < len(curves) <= _OVERLAID and _of_like_size(curves):
-        return Band(heading, label, (Panel("", tuple(curves)),))
-    return Band(heading, label, tuple(Panel(curve.label, (curve,)) for curve in curves))
+        return Band(heading, label, (Panel("", tuple(curves)),), note=note)
+    return Band(heading, label, tuple(Panel(curve.label, (curve,)) for curve in curves), note=note)
 
 
 def _particle_forces(table: _Table, particles: list[str], units: Units) -> Band:
@@ -201,4 +217,4 @@ def _of_like_size(curves: Iterable[Curve]) -> bool:
 
 
 def _size(values: NDArray[np.float64]) -> float:
-    return float(np.abs(values).max(initial=0.0))
+    return float(np.nanmax(np.abs(values), initial=0.0))

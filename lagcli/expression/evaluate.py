@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from lagcli import diagnostics
-from lagcli.expression import tree
+from lagcli.expression import refusals, tree
 from lagcli.expression.tree import ExpressionError
 
 S = TypeVar("S")
@@ -256,6 +256,6 @@ class _Walk:
 def unknown_function(node: tree.Call) -> ExpressionError:
     """The error for a function the format does not have."""
     end = node.start + len(node.function)
-    hint = diagnostics.nearest(node.function, FUNCTION_NAMES)
+    hint = refusals.UNKNOWN_FUNCTIONS.get(node.function) or diagnostics.nearest(node.function, FUNCTION_NAMES)
     message = f"there is no function `{node.function}`"
     return ExpressionError("unknown-function", message, node.start, end, hint)

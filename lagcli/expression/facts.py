@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.expression import evaluate, tree
+from lagcli.expression import evaluate, refusals, tree
 from lagcli.expression.tree import ExpressionError
 
 Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mass", "result"]
@@ -61,7 +61,8 @@ class FactsAlgebra:
     """Facts as an algebra.
 
     lookup: gives the facts of a name; allowed: what the expression may read; subject: how the error calls
-    the expression ("a potential"); linear: whether degrees above one in differentials are errors.
+    the expression ("a potential"); linear: whether degrees above one in differentials are errors; text: the
+    expression as it is written, of which that error quotes the term.
     """
 
     def __init__(
@@ -70,11 +71,13 @@ class FactsAlgebra:
         allowed: frozenset[Flag],
         subject: str,
         linear: bool = False,
+        text: str = "",
     ) -> None:
         self._lookup = lookup
         self._allowed = allowed
         self._subject = subject
         self._linear = linear
+        self._text = text
         self._numbers: dict[str, Facts] = {}
 
     def number(self, node: tree.Number) -> Facts:
@@ -102,28 +105,16 @@ class FactsAlgebra:
         for flag, (code, words) in FLAG_ERRORS.items():
             if flag in fact.reads and flag not in self._allowed:
                 message = f"{self._subject} {words}"
-                raise ExpressionError(code, message, node.start, node.end, self._way_out(flag))
+                hint = refusals.way_out(flag, self._subject, _written(node))
+                raise ExpressionError(code, message, node.start, node.end, hint)
         self._checked(node, fact)
 
-    def _way_out(self, flag: str) -> str:
-        if flag == "velocity" and self._subject.startswith("a holonomic"):
-            return "a law in velocities belongs under `differential`"
-        if flag == "velocity" and self._subject.startswith("a potential"):
-            return "a force that depends on velocities is declared with `to:` and `force:`"
-        if flag == "differential":
-            return "differentials belong under `differential`"
-        return ""
-
-    def _checked(self, node: tree.Node, fact: Facts) -> Facts:
+    def _checked(self, node: tree.Node, fact: Facts, quotient: bool = False) -> Facts:
         """The fact itself, unless its degree in differentials and velocities is too high."""
         if not self._linear or fact.high <= 1:
             return fact
-        message = (
-            "a differential constraint must be linear in the differentials or velocities,"
-            " with coefficients of positions, coordinates and time only"
-        )
-        mixed = fact.reads >= {"differential", "velocity"}
-        hint = "differentials and rates do not mix in one equation" if mixed else ""
+        term = self._text[node.start : node.end]
+        message, hint = refusals.nonlinear(term, fact.high, frozenset(fact.reads), quotient)
         raise ExpressionError("nonlinear-differential", message, node.start, node.end, hint)
 
     def _differential(self, node: tree.Call) -> Any:
@@ -177,7 +168,7 @@ class FactsAlgebra:
                 return Facts(self._finite(node, one / other))
             return self._each(node, np.divide, lambda u, w: self.divide(node, u, w), one, other)
         high = NONLINEAR if right.high else left.high
-        return self._checked(node, Facts(None, left.reads | right.reads, left.low, high))
+        return self._checked(node, Facts(None, left.reads | right.reads, left.low, high), bool(right.high))
 
     def power(self, node: tree.Node, base: Facts, exponent: Facts) -> Facts:
         one, other = base.value, exponent.value
@@ -250,6 +241,21 @@ def _whole_extent(exponent: Value | None) -> tuple[int, int] | None:
         return None
     capped = np.minimum(every, NONLINEAR)
     return int(np.min(capped, initial=NONLINEAR)), int(np.max(capped, initial=0))
+
+
+def _written(node: tree.Node) -> str:
+    """A name, or a call of a name, as it is written."""
+    match node:
+        case tree.Name():
+            return node.name
+        case tree.Member():
+            return f"{node.owner}.{node.member}"
+        case tree.Call(arguments=(argument,)):
+            return f"{node.function}({_written(argument)})"
+        case tree.Index():
+            return f"{node.owner}[...]"
+        case _:
+            return "..."
 
 
 def _differential_of(part: Facts) -> Facts:

@@ -22,7 +22,7 @@ from lagcli.holonomy import flow, moves, orbit
 from lagcli.holonomy.moves import Goal, Words
 from lagcli.holonomy.orbit import Orbit
 from lagcli.holonomy.parts import LARGEST, Part, TimeUpError, around
-from lagcli.integrate import initial, projection
+from lagcli.integrate import assembly, initial, projection
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
 
@@ -116,7 +116,7 @@ def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> W
     names = [r.name for r in system.rows.rows]
     if row not in names:
         raise KeyError(row)
-    declared = initial.assemble(system, numeric, initial.declared(system), ()).state
+    declared = assembly.assemble(system, numeric, initial.declared(system), ()).state
     try:
         for shift, state in _places(system, numeric, declared, names.index(row)):
             everywhere = around(system, numeric, state, names.index(row), deadline)

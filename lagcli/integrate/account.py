@@ -7,6 +7,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.integrate.lost import Loss
+
 Floats = npt.NDArray[np.float64]
 
 
@@ -59,7 +61,7 @@ class Account:
     """The account of a run; `figures` is None before its first row.
 
     steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time; notes: what there
-    is to say about integrals that are not held all the time.
+    is to say about integrals that are not held all the time; crossings: singular configurations that were passed.
     """
 
     steps: int = 0
@@ -68,6 +70,7 @@ class Account:
     solve_seconds: float = 0.0
     figures: Figures | None = None
     notes: tuple[str, ...] = ()
+    crossings: tuple[Loss, ...] = ()
 
     @property
     def energy_imbalance(self) -> float:

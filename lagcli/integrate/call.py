@@ -27,7 +27,8 @@ class Call:
         wanted: int | None = None,
     ) -> None:
         self._buffer, self.trigger = function.buffer()
-        self._kept = (function, *arguments)  # the buffer keeps none of them alive
+        self._function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
+        self.used = 0  # for those who count their calls
         self.results: list[Floats] = []
         for i, array in enumerate(arguments):
             assert array.dtype == np.float64, (function.name(), i)

@@ -17,15 +17,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.compile.selection import Selection
 from lagcli.conserved import Chart, FirstIntegral
 from lagcli.integrate.account import Figures
 from lagcli.integrate.holding import Level, Levels
+from lagcli.integrate.lost import Loss
 from lagcli.mechanics import system
 from lagcli.model import Model, Vector3
 
 Floats = npt.NDArray[np.float64]
 
-FORMAT = 2
+FORMAT = 3
 METHOD = "dop853"
 MOST_BYTES = 2**28
 MOST_COUNT = 2**53
@@ -42,7 +44,8 @@ class Mark:
     t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
     look at the pace; steps, rejected, evaluations: the account up to t; row: time of the last row handed out,
     which may lie on either side of t; figures: those of all rows handed out; levels: how each integral is held;
-    notes: what has been said about them.
+    notes: what has been said about them; selection: the rows it is stepped with; watch: what the
+    next singular configuration is foreseen from; crossings: those that were passed.
     """
 
     t: float
@@ -55,8 +58,11 @@ class Mark:
     evaluations: int
     row: float
     figures: Figures
+    selection: Selection
     levels: Levels = ()
     notes: tuple[str, ...] = ()
+    watch: tuple[float, ...] = ()
+    crossings: tuple[Loss, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -142,10 +148,15 @@ def _parts(point: Checkpoint) -> dict[str, Any]:
     mark = {field.name: getattr(point.mark, field.name) for field in dataclasses.fields(Mark)}
     mark |= {"y": point.mark.y.tolist(), "k": point.mark.k.tolist()}
     mark["figures"] = dataclasses.asdict(point.mark.figures)
+    mark["selection"] = dataclasses.asdict(point.mark.selection)
     mark["levels"] = [None if level is None else dataclasses.astuple(level) for level in point.mark.levels]
-    mark["notes"] = list(point.mark.notes)
-    integrals = [dataclasses.asdict(integral) for integral in point.integrals]
-    return {"identity": dataclasses.asdict(point.identity), "mark": mark, "integrals": integrals}
+    mark["notes"], mark["watch"] = list(point.mark.notes), list(point.mark.watch)
+    mark["crossings"] = [dataclasses.asdict(crossing) for crossing in point.mark.crossings]
+    return {
+        "identity": dataclasses.asdict(point.identity),
+        "mark": mark,
+        "integrals": [dataclasses.asdict(integral) for integral in point.integrals],
+    }
 
 
 def control_sum(parts: Any) -> str:
@@ -219,15 +230,32 @@ def _mark(value: dict[str, Any], integrals: tuple[FirstIntegral, ...]) -> Mark:
         _count(value["evaluations"]),
         _number(value["row"]),
         Figures(**{field.name: _number(figures[field.name]) for field in dataclasses.fields(Figures)}),
+        _selection(**value["selection"]),
         tuple(
             None if level is None else _level(len(integral.charts), *level)
             for integral, level in zip(integrals, value["levels"], strict=True)
         ),
         tuple(_text(note) for note in value["notes"]),
+        tuple(_numbers(value["watch"]).tolist()),
+        tuple(_loss(**crossing) for crossing in value["crossings"]),
     )
     if mark.step <= 0:
         raise ValueError("a step that does not advance")
     return mark
+
+
+def _selection(kept: list[object], circuits: list[list[object]]) -> Selection:
+    rows = tuple(map(_count, kept)), tuple(tuple(map(_count, circuit)) for circuit in circuits)
+    found = Selection(*rows)
+    if sorted([*found.kept, *(circuit[0] for circuit in found.circuits)]) != list(range(found.count)):
+        raise ValueError("rows that are not all there")
+    if not {row for circuit in found.circuits for row in circuit[1:]} <= set(found.kept):
+        raise ValueError("a row that depends on rows left out")
+    return found
+
+
+def _loss(t: object, number: object, participants: list[object]) -> Loss:
+    return Loss(_number(t), _count(number), tuple(map(_count, participants)))
 
 
 def _level(charts: int, chart: object, above: object, below: object) -> Level:

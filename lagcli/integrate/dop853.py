@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 
 ORDER = 8
 DENSE_ROWS = 7
+# The projection may move a state by this many tolerances, and by this part of its size.
+MOVED, MOVED_ROUNDING = 100.0, 1e-10
 # What stands in a line after the row of the table: the account's figures, W, and a sum that is finite only where
 # all of the line is, or overflows.
 FIGURES = 5
@@ -32,12 +34,13 @@ BEYOND = FIGURES + 1
 class Scheme:
     """Compiled step, dense output and rows.
 
-    step(t, h, y, k, tolerance, p) -> y new, k new, (error, outcome of `land`), then the stages 2 to 12, each
+    step(t, h, y, k, tolerance, p) -> y new, k new, (error, moved, outcome of `land`), then the stages 2 to 12, each
     an output (2n + 1,) of its own, so that none is copied where they are not wanted
     dense(t, h, y, y new, k new, p, k, stages 2 to 12) -> coefficients (2n + 1, 7)
     line_at(t, y, p) -> t, the row of the table, the figures of `account`, W and a sum of them all
     line_inside(t, x, y, coefficients, p) -> the same at the fraction x of a step from y
-    with k = y'(t, y), tolerance = (rtol, atol), error < 1 where the step may be accepted.
+    with k = y'(t, y), tolerance = (rtol, atol). A step may be accepted where error < 1, the estimate of the scheme,
+    and moved < 1: how far the projection moved the state, as a part of what it may.
     """
 
     step: Any
@@ -74,7 +77,8 @@ def _step(numeric: NumericSystem) -> Any:
     e3 = change + _mix([low - high for low, high in zip(tableau.E3, tableau.B, strict=True)], stages)
     error = _error(y, new, h, (_mix(tableau.E5, stages), e3), tolerance)
     landed, k_new, outcome = numeric.land(t + h, new, p)
-    outputs = [landed, k_new, ca.vertcat(error, outcome), *stages[1:]]
+    told = ca.vertcat(error, _moved(y, new, landed, tolerance), outcome)
+    outputs = [landed, k_new, told, *stages[1:]]
     return ca.Function("step", [t, h, y, k, tolerance, p], outputs)
 
 
@@ -89,6 +93,19 @@ def _error(y: Any, new: Any, h: Any, estimates: tuple[Any, Any], tolerance: Any)
     scale = tolerance[1] + tolerance[0] * ca.fmax(ca.fabs(y), ca.fabs(new))
     e5, e3 = (ca.mmax(ca.fabs(estimate / scale)[:n2]) for estimate in estimates)
     return h * e5 * e5 / ca.sqrt(e5 * e5 + 0.01 * e3 * e3 + 1e-300)
+
+
+def _moved(y: Any, new: Any, landed: Any, tolerance: Any) -> Any:
+    """How far the projection moved (q, v), as a part of what it may.
+
+    A step that is right to the tolerance lies about as close to the constraints. One that is moved much farther has
+    come to another branch, or to no motion at all.
+    """
+    n2 = y.numel() - 1
+    size = ca.fmax(ca.fabs(y), ca.fabs(new))[:n2]
+    halves = [ca.repmat(ca.norm_inf(part), n2 // 2, 1) for part in ca.vertsplit(size, max(n2 // 2, 1))]
+    allowed = MOVED * (tolerance[1] + tolerance[0] * size) + MOVED_ROUNDING * ca.vertcat(*halves)
+    return ca.mmax(ca.fabs(landed - new)[:n2] / allowed)
 
 
 def _dense(numeric: NumericSystem) -> Any:

@@ -14,12 +14,24 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.integrate import dop853, holding, initial, tableau
+from lagcli.compile.selection import Selection
+from lagcli.integrate import (
+    collocation,
+    crossing,
+    dop853,
+    first_step,
+    holding,
+    initial,
+    limits,
+    lost,
+    tableau,
+)
 from lagcli.integrate import grid as grids
 from lagcli.integrate.account import Account, Figures
 from lagcli.integrate.call import Call, cells
 from lagcli.integrate.checkpoint import CheckpointError, Mark
 from lagcli.integrate.holding import Holding
+from lagcli.integrate.watch import NEVER, Watch
 from lagcli.model import Simulation
 
 Floats = npt.NDArray[np.float64]
@@ -36,11 +48,14 @@ CERTAIN = 1e-6
 # of the tolerance asked for, but not below where its error estimate is rounding.
 TIGHTENING, FINEST = 100.0, 1e-14
 EXPONENT = -1.0 / dop853.ORDER
-# A row where nothing has a value is a limit from points at this part of a step, where the differences of columns
-# shrink by half of their distance, or are rounding.
-NEAR, SHRINKS, ROUNDING = 1e-4, 0.75, 1e-6
-# The first step where nothing moves and the scale of time is unknown: of the unit of time, or of the time itself.
-REST, REST_OF_TIME = 1e-6, 1e-10
+# A row where nothing has a value is a limit from points at this part of a step, and at twice that.
+NEAR = 1e-4
+# Where the drifts of a row stand in a line: rounding, which is not interpolated.
+DRIFTS = slice(-dop853.BEYOND, -dop853.BEYOND + 2)
+# A step from a singular configuration moves by this part of its size, or less.
+FIRST = 0.1
+# Rows that are this close to dependent ones where a run stops are the reason.
+DEPENDENT = 1e-2
 # Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
 PACE, HOPELESS = 5000, 1e10
 
@@ -67,6 +82,15 @@ def step_tolerance(settings: Simulation) -> Floats:
     return np.array([rtol, settings.atol * rtol / settings.rtol])
 
 
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Begin:
+    """A consistent start, q and v (n,); is_singular: the rows are dependent there and not nearby."""
+
+    q: Floats
+    v: Floats
+    is_singular: bool = False
+
+
 class Run:
     """One integration, from a consistent start or from where another run was marked; `columns` after t.
 
@@ -77,7 +101,7 @@ class Run:
     def __init__(
         self,
         held: Holding,
-        begin: tuple[Floats, Floats] | Mark,
+        begin: Begin | Mark,
         settings: Simulation,
         columns: tuple[str, ...],
         notes: tuple[str, ...] = (),
@@ -86,11 +110,15 @@ class Run:
         self._columns = columns
         self.account = Account(notes=notes)
         self._resumed = begin if isinstance(begin, Mark) else None
-        state = np.concatenate([*begin, [0.0]]) if isinstance(begin, tuple) else begin.y
+        state = begin.y if isinstance(begin, Mark) else np.concatenate([begin.q, begin.v, [0.0]])
+        self._is_singular = isinstance(begin, Begin) and begin.is_singular
         self._tolerance = step_tolerance(settings)
         self._bind(held, np.array(state, dtype=float))
         self.t = self._reached = self._pace_from = self._t_cell[0] = grid.start
         self._step_size = self._taken = self._proposed = 0.0
+        self._watch = Watch()
+        self._foreseen = NEVER
+        self._passage: crossing.Passage | None = None
         self._in_step = self._has_dense = False
         # The state before the last step that is what a longer run would have taken; None where that is the last.
         self._undisturbed: Mark | None = None
@@ -111,6 +139,8 @@ class Run:
         self._y, self._k = y, k
         self._rhs = Call(numeric.rhs, [t, y, p])
         self._land = Call(numeric.land, [t, y, p])
+        aside = np.zeros(1)
+        self._land_aside = Call(numeric.land, [aside, np.zeros(y.size), p])
         arguments = [t, h, y, k, tolerance, p]
         self._step = Call(scheme.step, arguments, wanted=3)
         new, k_new, outcome = self._step.results
@@ -122,11 +152,13 @@ class Run:
         self._line_inside = Call(scheme.line_inside, [at, x, y, coefficients.T, p])
         line = self._line_inside.results
         self._line_begin = Call(scheme.line_at, [at, y, p], given=line)
+        self._line_aside = Call(scheme.line_at, [at, np.zeros(y.size), p], given=line)
         self._line_end = Call(scheme.line_at, [at, new, p], given=line)
         self._line = line[0]
         self._new, self._k_new = new, k_new
         # What every step and every row reads and writes.
         self._t_cell, self._h_cell, self._at_cell, self._x_cell = map(cells, (t, h, at, x))
+        self._land_cells = cells(aside)
         self._outcome, self._line_cells = cells(outcome), cells(self._line)
 
     def _resume(self, mark: Mark) -> None:
@@ -134,7 +166,10 @@ class Run:
         self.t = self._reached = self._t_cell[0] = mark.t
         self._k[:] = mark.k
         self._step_size, self._pace_from = mark.step, mark.pace_from
-        self.account = Account(mark.steps, mark.rejected, mark.evaluations, 0.0, mark.figures, mark.notes)
+        counted = mark.steps, mark.rejected, mark.evaluations
+        self.account = Account(*counted, 0.0, mark.figures, mark.notes, mark.crossings)
+        self._watch = Watch(mark.watch)
+        self._foreseen = self._watch.again()
         # The rows that another grid has between the last one handed out and the mark are lost.
         after = grid.after(mark.row)
         self._next_row = max(after, grid.first(mark.t))
@@ -145,6 +180,11 @@ class Run:
                 f" run ends at {grid.end:.9g}; a longer duration goes on"
             )
 
+    @property
+    def y(self) -> Floats:
+        """The state reached, (2n + 1,)."""
+        return self._y.copy()
+
     def mark(self) -> Mark:
         """Where to go on from, with all rows handed out so far; for the time between two blocks."""
         figures = self.account.figures
@@ -152,15 +192,23 @@ class Run:
         base = self._undisturbed or self._here(figures)
         return dataclasses.replace(base, row=self._row, figures=figures)
 
+    @property
+    def selection(self) -> Selection:
+        """The independent rows it is stepped with."""
+        return self._held.integrals.selection
+
     def _here(self, figures: Figures) -> Mark:
         state = self._t_cell[0], self._y.copy(), self._k.copy(), self._step_size, self._pace_from
-        return Mark(*state, *self._counted, self._row, figures, self._levels, self._notes)
+        base = Mark(*state, *self._counted, self._row, figures, self._selection, self._levels, self._notes)
+        return dataclasses.replace(base, watch=self._watched, crossings=self._crossings)
 
     def _settle(self) -> None:
         """Keep what belongs to the state from which the next step is tried."""
         account = self.account
         self._counted = account.steps, account.rejected, account.evaluations
         self._levels, self._notes = self._held.levels, account.notes
+        self._selection = self.selection
+        self._watched, self._crossings = self._watch.state, account.crossings
         self._tried: holding.Tried = frozenset()
 
     def blocks(self) -> Iterator[Floats]:
@@ -211,17 +259,27 @@ class Run:
                     return False
             elif self._next_row == count:
                 return True
-            self._advance()
+            if self._foreseen.is_here:
+                self._leave()
+            elif not self._is_near() or not self._pass():
+                self._advance()
 
     def _begin(self) -> None:
         """The start: its row, and the first step."""
+        if self._is_singular:
+            speed = float(np.abs(self._y[self._y.size // 2 : -1]).max())
+            self._step_size = FIRST * float(np.abs(self._y[: self._y.size // 2]).max() or 1.0) / speed
+            self._foreseen = self._watch.stand(self.t)
+            self._settle()
+            return
         # It may lie off the constraints by rounding; the first row and the first step begin on them.
         self._land.trigger()
         self._y[:], self._k[:] = self._land.results[0], self._land.results[1]
         self.account.evaluations += 1
         if not np.isfinite(self._k).all():
             self._stop("the accelerations are not finite at the start")
-        self._step_size = self._first_step()
+        self.account.evaluations += 1
+        self._step_size = first_step.first_step(self._rhs, self._k, self._tolerance)
         self._settle()
         self._at_cell[0] = self.t
         self._line_begin.trigger()
@@ -233,7 +291,8 @@ class Run:
         The last step is cut to end where the run does. Where it is rejected the whole step is tried, as a
         longer run would have tried it, so that the steps up to the last do not depend on the end.
         """
-        t, h, end = self.t, self._step_size, self.grid.end
+        t, end = self.t, self.grid.end
+        h = self._foreseen.shortened(t, self._step_size)
         grow, shorter = GROW, 0.0
         while True:
             reached, taken = t + h, h
@@ -244,8 +303,8 @@ class Run:
             self._h_cell[0] = taken
             (self._staged_step if self._row_time < reached else self._step).trigger()
             self.account.evaluations += tableau.STAGES
-            error, residual, everything = self._outcome
-            landed = residual <= LANDING
+            scheme_error, moved, residual, clearance, least, everything = self._outcome
+            landed, error = residual <= LANDING, max(scheme_error, moved)
             if error < 1.0 and landed and math.isfinite(everything):
                 if is_cut or not last:
                     break
@@ -254,7 +313,7 @@ class Run:
                 h = shorter
                 continue
             self.account.rejected += 1
-            if self._held.is_any and error < CERTAIN and self._let_go(last):
+            if self._held.is_any and scheme_error < CERTAIN and self._let_go(last):
                 continue
             grow = 1.0
             # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
@@ -266,10 +325,62 @@ class Run:
                 shorter = smaller
             else:
                 h = smaller
+        self._foreseen = self._watch.foreseen(reached, clearance, least)
         self.account.steps += 1
         self._in_step, self._has_dense = True, False
         self._reached, self._taken = reached, taken
         self._proposed = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
+
+    def _is_near(self) -> bool:
+        return self._foreseen.is_near(self.t, self._step_size, self._tolerance[0])
+
+    def _pass(self) -> bool:
+        """Take one step across the singular configuration that is foreseen; False where there is none."""
+        found = crossing.across(self._held.functions.numeric, self._land_aside, self._point, self._foreseen)
+        self._count_aside()
+        if isinstance(found, Selection):
+            y, k = self._y.copy(), self._k.copy()
+            self._bind(self._held.keeping(found), y)
+            self._t_cell[0], self._k[:] = self.t, k
+            self._watch, self._foreseen = Watch(), NEVER
+        elif found is not None:
+            self._cross(found)
+        return isinstance(found, crossing.Crossing)
+
+    def _leave(self) -> None:
+        """Take the first step from a singular configuration."""
+        numeric, land = self._held.functions.numeric, self._land_aside
+        found = crossing.away(numeric, land, self._point, self._step_size)
+        self._count_aside()
+        if found is None:
+            self._stop(
+                "the start is a singular configuration, and no smooth motion along one of the branches that meet"
+                " there has the initial velocities"
+            )
+        self._cross(found)
+
+    def _count_aside(self) -> None:
+        self.account.evaluations += self._land_aside.used
+        self._land_aside.used = 0
+
+    @property
+    def _point(self) -> crossing.Point:
+        return crossing.Point(self.t, self._y, self._k, self._held.p, self._tolerance)
+
+    def _cross(self, found: crossing.Crossing) -> None:
+        """Make a step across the step just found."""
+        step = found.passage.step
+        reached = step.t + step.h
+        self._land_cells[0], self._land_aside.arguments[1][:] = reached, step.state(1.0)
+        self._land_aside.trigger()
+        landed, rate, outcome = self._land_aside.results
+        self._new[:], self._k_new[:] = landed, rate
+        self._foreseen = self._watch.foreseen(reached, outcome[1], outcome[2])
+        self.account.steps += 1
+        self.account.crossings += (found.loss,)
+        self._in_step, self._passage = True, found.passage
+        self._reached, self._taken = reached, step.h
+        self._proposed = self._step_size
 
     def _let_go(self, is_last: bool) -> bool:
         """After a step that did not land though it is right: leave the integrals that are the reason, if any."""
@@ -278,25 +389,25 @@ class Run:
         step = Call(self._held.plain.functions.scheme.step, arguments, wanted=3)
         step.trigger()
         self.account.evaluations += tableau.STAGES
-        new, _, (error, residual, everything) = step.results
-        if not (error < 1.0 and residual <= LANDING and math.isfinite(everything)):
+        new, _, (error, moved, residual, _, _, everything) = step.results
+        if not (max(error, moved) < 1.0 and residual <= LANDING and math.isfinite(everything)):
             return False
         if is_last:
             # A longer run may be in another place when it comes to this.
             self._undisturbed = self._undisturbed or self._here(self._figures())
-        n = y.size // 2
-        here, ahead = (
-            initial.State(at, state[:n], state[n : 2 * n], self._held.p)
-            for at, state in ((t, y), (t + h, new))
-        )
+        here, ahead = (self._state(at, state) for at, state in ((t, y), (t + h, new)))
         held, notes, self._tried = holding.let_go(self._held, here, ahead, self._tried)
         self.account.notes += notes
         self._bind(held, y)
         self._t_cell[0], self._h_cell[0], self._k[:] = t, h, k
         return True
 
+    def _state(self, t: float, y: Floats) -> initial.State:
+        n = y.size // 2
+        return initial.State(t, y[:n], y[n : 2 * n], self._held.p)
+
     def _accept(self) -> None:
-        self._in_step = False
+        self._in_step, self._passage = False, None
         self._t_cell[0] = self.t = self._reached
         self._y[:], self._k[:] = self._new, self._k_new
         self._step_size = self._proposed
@@ -313,7 +424,9 @@ class Run:
             if self._filled == capacity:
                 return False
             self._at_cell[0] = at = self._row_time
-            if at < reached:
+            if self._passage is not None:
+                self._across(self._passage, at)
+            elif at < reached:
                 if not self._has_dense:
                     self._dense.trigger()
                     self.account.evaluations += len(tableau.A_DENSE)
@@ -324,6 +437,27 @@ class Run:
                 self._line_end.trigger()
             self._put_line()
         return True
+
+    def _across(self, across: crossing.Passage, at: float) -> None:
+        """The line of a row within a step across a singular configuration."""
+        step, tau = across.step, at - across.instant
+        if abs(tau) > limits.WINDOW * step.h:
+            self._put_aside(at, step)
+            return
+        taus = limits.beside(step.h, across.is_start)
+        lines = []
+        for beside in taus:
+            self._put_aside(across.instant + beside, step)
+            lines.append(self._line.copy())
+        found = np.array(lines)
+        self._line[:] = limits.interpolated(taus, found, tau)
+        self._line[DRIFTS] = found[:, DRIFTS].max(axis=0)
+        self._line[0] = self._at_cell[0] = at
+
+    def _put_aside(self, at: float, step: collocation.Step) -> None:
+        self._at_cell[0] = at
+        self._line_aside.arguments[1][:] = step.state((at - step.t) / step.h)
+        self._line_aside.trigger()
 
     def _mend(self) -> None:
         """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
@@ -345,16 +479,11 @@ class Run:
             self._line_inside.trigger()
             lines.append(self._line.copy())
         self._at_cell[0] = at
-        outer, inner, inner_after, outer_after = lines
-        with np.errstate(invalid="ignore"):  # what is not finite is told by name when it is put
-            rounding = ROUNDING * (np.abs(inner) + np.abs(inner_after))
-            has_limit = np.abs(inner_after - inner) <= SHRINKS * np.abs(outer_after - outer) + rounding
-            limit = (4 * (inner + inner_after) - (outer + outer_after)) / 6
-        self._line[:] = np.where(has_limit, limit, np.nan)
+        self._line[:] = limits.between(np.array(lines))
         self._line[0] = at
 
     def _put_line(self) -> None:
-        if not math.isfinite(self._line_cells[-1]):
+        if not math.isfinite(self._line_cells[-1]) and self._passage is None:
             if self._in_step and self._at_cell[0] < self._reached:
                 self._mend()
             self._require_finite()
@@ -385,45 +514,34 @@ class Run:
                 " a jump of the forces, the forces are far too stiff for an explicit scheme, or the run is too long"
             )
 
-    @staticmethod
-    def _why(error: float, residual: float) -> str:
+    def _why(self, error: float, residual: float) -> str:
+        nearness, is_alone = self._watch.nearness
+        if nearness < DEPENDENT:
+            numeric = self._held.functions.numeric
+            told = self._named(lost.closest(numeric, self._state(self.t, self._y), is_alone))
+            what = f"the gradient of {told} vanishes" if is_alone else f"the rows {told} become dependent"
+            return (
+                f"{what} there, a singular configuration through which this motion does not go on smoothly (a toggle"
+                " position, or a cusp)"
+            )
         if not math.isfinite(error) or not math.isfinite(residual):
             return (
                 "the accelerations or multipliers are not finite there: the constraints become dependent,"
                 " or a function of the model has a pole"
             )
         if residual > LANDING:
+            ahead = self._state(self.t + self._h_cell[0], self._new)
+            parting = lost.departed(self._held.functions.numeric, ahead, LANDING)
+            if parting:
+                return f"the rows {self._named(parting)} contradict each other beyond: they agree up to here"
             return "the constraints cannot be satisfied beyond: their surface ends there"
         return "the step needed for the tolerance is below the rounding of the time"
+
+    def _named(self, rows: tuple[int, ...]) -> str:
+        names = [name.removeprefix("lambda.") for name in self._columns if name.startswith("lambda.")]
+        return ", ".join(f"`{names[i]}`" for i in rows[: initial.MOST_TOLD])
 
     def _stop(self, reason: str) -> NoReturn:
         row = self._next_row
         where = f"stopped at t = {self.t:.9g} (after row {row} of {self.grid.count})"
         raise Stopped(Stop(self.t, f"{where}: {reason}"))
-
-    def _first_step(self) -> float:
-        """Hairer's starting step (Solving ODEs I, sec. II.4), from the sizes of y, y' and y''.
-
-        The end of the run plays no part in it.
-        """
-        t, y, k = self.t, self._y.copy(), self._k.copy()
-        at_rest = max(REST, REST_OF_TIME * abs(t))
-        scale = self._tolerance[1] + np.abs(y) * self._tolerance[0]
-
-        def norm(u: Floats) -> float:
-            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is asked for below
-                return float(np.sqrt(np.mean((u[:-1] / scale[:-1]) ** 2))) if u.size > 1 else 0.0
-
-        d0, d1 = norm(y), norm(k)
-        # A start at the origin moves by a hundredth of the tolerance.
-        h0 = (0.01 * max(d0, 1.0) / d1 if d1 >= 1e-5 else 0.0) or at_rest
-        self._t_cell[0], self._y[:] = t + h0, y + h0 * k
-        self._rhs.trigger()
-        self.account.evaluations += 1
-        d2 = norm(self._rhs.results[0] - k) / h0
-        self._t_cell[0], self._y[:] = t, y
-        if not math.isfinite(d2):
-            return at_rest
-        steepest = max(d1, d2)
-        h1 = max(at_rest, h0 * 1e-3) if steepest <= 1e-15 else (0.01 / steepest) ** (1.0 / dop853.ORDER)
-        return min(100 * h0, h1)

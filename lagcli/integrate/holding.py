@@ -7,6 +7,7 @@ integral is left to its velocity row, which keeps it to the tolerance. Either is
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,6 +19,7 @@ import numpy.typing as npt
 
 from lagcli import rank
 from lagcli.compile import NumericSystem, levels
+from lagcli.compile.selection import Selection
 from lagcli.conserved import FirstIntegral
 from lagcli.constraint_rows import MetricRows, Rows
 from lagcli.integrate import dop853, initial, projection
@@ -68,6 +70,7 @@ class Functions:
 class Integrals:
     """The integrals of one system, and its functions with any choice of their charts.
 
+    selection: the independent rows that the system is stepped with.
     Raises as `integrals.charts` where a chart is no expression of the system.
     """
 
@@ -77,10 +80,21 @@ class Integrals:
         self._first = np.cumsum([0, *(len(f.charts) for f in found)]).tolist()
         self._charts = integrals.charts(system, (chart for f in found for chart in f.charts))
         self._built: dict[tuple[int | None, ...], Functions] = {}
+        self.selection = plain.numeric.selection
+        self._kept: dict[Selection, Integrals] = {self.selection: self}
 
     def hold_for(self, system: System) -> bool:
         """Whether all that was built holds for other values of parameters too."""
         return self._charts.hold_for(system)
+
+    def keeping(self, selection: Selection) -> Integrals:
+        """The same with a system stepped with other independent rows."""
+        if selection not in self._kept:
+            other = copy.copy(self)
+            other._plain = Functions(self._plain.numeric.keeping(selection))
+            other._built, other.selection = {}, selection
+            self._kept[selection] = other
+        return self._kept[selection]
 
     def functions(self, levels: Levels) -> Functions:
         """The functions of the system with these levels held."""
@@ -146,7 +160,9 @@ class _Forms:
 
     @cached_property
     def _whole(self) -> Any:
-        return self._numeric.whole(self._state.t, self._state.q, self._state.p)[1]
+        """The independent holonomic rows."""
+        B = self._numeric.whole(self._state.t, self._state.q, self._state.p)[1]
+        return B[[i for i in self._numeric.selection.kept if i < B.shape[0]], :]
 
     @cached_property
     def _metric(self) -> Metric:
@@ -186,6 +202,10 @@ class Holding:
     def functions(self) -> Functions:
         """The functions of the system with these levels held."""
         return self.integrals.functions(self.levels)
+
+    def keeping(self, selection: Selection) -> Holding:
+        """The same with a system stepped with other independent rows."""
+        return dataclasses.replace(self, integrals=self.integrals.keeping(selection))
 
     @property
     def plain(self) -> Holding:

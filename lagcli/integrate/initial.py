@@ -1,4 +1,4 @@
-"""The start of a run: finite, with inertia, independent rows, on the constraints; or refused, or assembled."""
+"""The start of a run: finite, with inertia, on the constraints; or refused."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import diagnostics, rank
+from lagcli import diagnostics
 from lagcli import model as nouns
-from lagcli.compile import NumericSystem, nearest
-from lagcli.constraint_rows import MetricRows, Rows
-from lagcli.integrate import conflict, projection
+from lagcli.compile import NumericSystem
+from lagcli.constraint_rows import Rows
+from lagcli.integrate import degenerate
 from lagcli.mechanics import system as mechanics
 from lagcli.mechanics.system import System
 from lagcli.metric import Metric, NotDefiniteError
@@ -24,10 +24,6 @@ LEAST = 1e-3
 SLOWEST = 1e-6
 # Steps, each a tenth of the one before, at which the curvature of a row is probed; roundings a residual may hold.
 PROBES, ROUNDINGS = 12, 64
-# A start closer to the surface than this part of its size has one nearest point, and Gauss-Newton finds it.
-NEAR, ASIDE, NEARER = 1e-3, 1e-2, 1e-9
-# A row whose gradient along the coordinates that may move is this part of the whole one has nothing to move.
-STUCK = 1e-5
 # Rows that a message names one by one.
 MOST_TOLD = 20
 
@@ -44,12 +40,16 @@ class State:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Residuals:
-    """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed."""
+    """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed.
+
+    flat (C,): rows whose gradient vanishes there or has no value; of them |f_i| and |b_i| are given.
+    """
 
     position: Floats
     velocity: Floats
     position_limit: Floats
     velocity_limit: Floats
+    flat: npt.NDArray[np.bool_]
 
     @property
     def consistent(self) -> bool:
@@ -87,29 +87,18 @@ def inertia(
     rows, values = np.asarray(M.sparsity().row(), dtype=int), np.array(M.nonzeros(), dtype=float)
     for i in rows[~np.isfinite(values)][:1]:
         raise _not_finite(system.model.location(names[i]), f"the inertia of `{names[i]}`")
-    moving = np.bincount(rows, weights=np.abs(values), minlength=len(names))
-    without = np.flatnonzero(moving == 0)
-    if without.size:
-        raise diagnostics.ModelError(
-            diagnostics.Diagnostic(
-                "no-inertia",
-                f"the coordinate `{names[i]}` has no inertia: no kinetic energy depends on its rate",
-                system.model.location(names[i]),
-                "give it a mass, or write it as a function of other coordinates",
-            )
-            for i in without
+    faults = degenerate.without_inertia(M, names)
+    if not faults:
+        try:
+            return Metric(M, held)
+        except NotDefiniteError:
+            faults = [degenerate.indefinite(np.array(M), names)]
+    raise diagnostics.ModelError(
+        diagnostics.Diagnostic(
+            fault.code, fault.message, system.model.location(names[fault.along]), fault.hint
         )
-    try:
-        return Metric(M, held)
-    except NotDefiniteError as error:
-        name = names[error.along]
-        message = (
-            f"the inertia matrix is not positive definite at the start (eigenvalue {error.value:.3g},"
-            f" mostly along `{name}`)"
-        )
-        raise diagnostics.ModelError(
-            [diagnostics.Diagnostic("indefinite-inertia", message, system.model.location(name))]
-        ) from None
+        for fault in faults
+    )
 
 
 def _not_finite(location: diagnostics.Location, what: str) -> diagnostics.ModelError:
@@ -151,7 +140,7 @@ def _column_location(system: System, column: str) -> diagnostics.Location:
 
 def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals:
     """How far a state is from the constraints. Raises `diagnostics.ModelError` where a row is not finite."""
-    f, rows, b = _finite_rows(system, numeric, state)
+    f, rows, b = finite_rows(system, numeric, state, forgiving=True)
     s, norms = f.size, rows.divisors
     # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
     # by something like its size in the time of the run.
@@ -161,17 +150,30 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     limits = ROUNDINGS * np.finfo(float).eps * _sizes(rows, state.q)[:s]
     if (position > limits).any():
         limits += _explained(numeric, state, rows)[:s]
-    return Residuals(position, np.abs(rows.times(state.v) + b) / norms, limits, CONSISTENT * speed)
+    return Residuals(
+        position, np.abs(rows.times(state.v) + b) / norms, limits, CONSISTENT * speed, rows.norms == 0
+    )
 
 
-def _finite_rows(system: System, numeric: NumericSystem, state: State) -> tuple[Floats, Rows, Floats]:
-    """f (s,), B and b (C,) at a state. Raises `diagnostics.ModelError` naming a row that is not finite."""
+def finite_rows(
+    system: System, numeric: NumericSystem, state: State, forgiving: bool = False
+) -> tuple[Floats, Rows, Floats]:
+    """f (s,), B and b (C,) at a state. Raises `diagnostics.ModelError` naming a row that is not finite.
+
+    forgiving: where a row is violated a gradient that has no value, as of the length of a rod whose ends coincide,
+    is taken as 0: a state that satisfies the row lies elsewhere.
+    """
     f = np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
     B, b = numeric.rows(state.t, state.q, state.v, state.p)
     rows, b = Rows(B), np.array(b).ravel()
     s = f.size
     good = rows.are_finite() & np.isfinite(b)
     good[:s] &= np.isfinite(f)
+    if forgiving:
+        violated = np.isfinite(f) & (f != 0)
+        b[:s][violated & ~np.isfinite(b[:s])] = 0.0
+        good[:s] |= violated
+        rows = rows.finite()
     if not good.all():
         row = system.rows.rows[int(np.argmin(good))]
         message = f"the constraint `{row.name}` or its gradient is not finite at the start"
@@ -230,80 +232,14 @@ def _violation(system: System, found: Residuals, i: int) -> diagnostics.Diagnost
     cartesian = not system.model.coordinates
     if found.in_position(i):
         unit = f" {units.length}" if cartesian else ""
+        if found.flat[i]:
+            unit = " of its own unit (its gradient vanishes or has no value there)"
         message = f"the initial positions violate `{row.name}` by {found.position[i]:.6g}{unit}"
     else:
         unit = f" {units.length}/{units.time}" if cartesian else ""
         message = f"the initial velocities violate `{row.name}` by {found.velocity[i]:.6g}{unit}"
     hint = "mend the initial values, or use `--assemble` to move them to the nearest consistent state"
     return diagnostics.Diagnostic("inconsistent-start", message, row.location, hint)
-
-
-def require_consistent(system: System, found: Residuals) -> None:
-    """Raise `diagnostics.ModelError` naming every row the start violates."""
-    report = inconsistencies(system, found)
-    if report:
-        raise diagnostics.ModelError(report)
-
-
-def require_independent(system: System, numeric: NumericSystem, state: State, metric: Metric) -> None:
-    """Raise `diagnostics.ModelError` naming the rows that are dependent at a state."""
-    B = numeric.rows(state.t, state.q, state.v, state.p)[0]
-    found = rank.rank(MetricRows(B, metric))
-    if found.value == B.shape[0]:
-        return
-    report = []
-    for null_vector in found.dependences:
-        rows = rank.participants(null_vector)
-        names = names_of(system, rows)
-        message = (
-            f"the rows {names} are not independent at the start, so their multipliers are not unique"
-            if len(rows) > 1
-            else f"the row {names} has no direction at the start: its gradient vanishes there"
-        )
-        hint = "leave out a row that follows from the others"
-        at = system.rows.rows[rows[-1]].location
-        report.append(diagnostics.Diagnostic("dependent-constraints", message, at, hint))
-    raise diagnostics.ModelError(report)
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Assembly:
-    """A consistent state and how far it lies from the declared one, in the mass-weighted norm."""
-
-    state: State
-    moved: float
-    moved_velocity: float
-
-
-def held(system: System, keep: tuple[str, ...]) -> npt.NDArray[np.bool_]:
-    """Which of the n coordinates `keep` names (`theta`, `a`, `a.x`)."""
-    names, kept = system.model.coordinate_names, frozenset(keep)
-    return np.array([name in kept or name.partition(".")[0] in kept for name in names], dtype=bool)
-
-
-def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...]) -> Assembly:
-    """The nearest consistent state: positions first, then velocities, in the mass-weighted norm.
-
-    Kept coordinates hold their values and their rates. A model without inertia is measured with unit masses:
-    it can be counted, not run. Raises `diagnostics.ModelError` where no state is found.
-    """
-    fixed = held(system, keep)
-    try:
-        q = _nearest(system, numeric, state, fixed)
-    except projection.NoConfiguration as failure:
-        raise no_configuration(system, numeric, dataclasses.replace(state, q=failure.q), keep) from None
-    there = dataclasses.replace(state, q=q)
-    _, rows, b = _finite_rows(system, numeric, there)
-    metric, whole = metric_at(numeric, there, fixed), metric_at(numeric, there)
-    stuck = MetricRows(rows.B, metric).lengths < STUCK * MetricRows(rows.B, whole).lengths
-    if stuck.any():
-        raise _stuck(system, np.flatnonzero(stuck).tolist())
-    v = projection.velocity(state.v, rows.B, b, metric)
-    there = dataclasses.replace(there, v=v)
-    if not residuals(system, numeric, there).consistent:
-        parting = conflict.least(rows, b)
-        raise contradiction(system, parting) if parting else no_configuration(system, numeric, there, keep)
-    return Assembly(there, whole.length(q - state.q), whole.length(v - state.v))
 
 
 def metric_at(numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_] | None = None) -> Metric:
@@ -315,41 +251,6 @@ def metric_at(numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_]
         return Metric.unit(M.shape[0], fixed)
 
 
-def _nearest(system: System, numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_]) -> Floats:
-    """The configuration on f = 0 nearest to the declared one. Raises `projection.NoConfiguration`."""
-    metric = metric_at(numeric, state, fixed)
-    surface = projection.Surface(numeric, state.t, state.p, metric)
-    best = surface.nearest(state.q)
-    size = float(np.abs(state.q).max(initial=0.0)) or 1.0
-    if metric.length(best - state.q) <= NEAR * metric.length(np.full(best.size, size)):
-        return best
-    # Further off, Gauss-Newton may end at a point that is feasible and not the nearest; what decides is the
-    # optimization itself, from three sides because each finds a local minimum only.
-    problem = nearest.Problem(system)
-    M = numeric.inertia(state.t, state.q, state.v, state.p)
-    aside = state.q + np.where(fixed, 0.0, ASIDE * size) * np.random.default_rng(0).standard_normal(best.size)
-    for begin in (best, state.q, aside):
-        found = problem.solve(begin, state.t, state.q, M, state.p, fixed)
-        if found is None:
-            continue
-        try:
-            q = surface.refined(surface.feasible(found), state.q)
-        except projection.NoConfiguration:
-            continue
-        if metric.length(q - state.q) < (1 - NEARER) * metric.length(best - state.q):
-            best = q
-    return best
-
-
-def _stuck(system: System, rows: list[int]) -> diagnostics.ModelError:
-    """The error for rows that no coordinate which may move can satisfy."""
-    names = names_of(system, rows)
-    message = f"with the coordinates that `keep` holds, nothing is left to satisfy {names}"
-    location = system.rows.rows[rows[0]].location
-    hint = "let `keep` hold fewer coordinates"
-    return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location, hint)])
-
-
 def contradiction(system: System, rows: list[int]) -> diagnostics.ModelError:
     """The error for rows of which a combination says dt = 0: no velocity satisfies them together."""
     message = f"{names_of(system, rows)} contradict each other: a combination of them says dt = 0"
@@ -357,25 +258,6 @@ def contradiction(system: System, rows: list[int]) -> diagnostics.ModelError:
         message = f"{names_of(system, rows)} can never hold: it says dt = 0"
     location = system.rows.rows[rows[-1]].location
     return diagnostics.ModelError([diagnostics.Diagnostic("contradictory-constraints", message, location)])
-
-
-def no_configuration(
-    system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...] = ()
-) -> diagnostics.ModelError:
-    """The error for constraints that no state near the start satisfies: the rows that remain violated."""
-    found = residuals(system, numeric, state)
-    broken = found.violated
-    message = (
-        "no state that satisfies all constraints was found near the start;"
-        f" {names_of(system, broken) or 'some'} remain violated"
-    )
-    hint = "the constraints may contradict each other, or the start may be too far away"
-    if keep:
-        hint += "; `keep` may hold too many coordinates"
-    location = (
-        system.rows.rows[broken[0]].location if broken else diagnostics.Location(system.model.path, 1, 1)
-    )
-    return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location, hint)])
 
 
 def names_of(system: System, rows: list[int]) -> str:

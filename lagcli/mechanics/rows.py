@@ -155,8 +155,10 @@ def _refuse_empty(names: Sequence[Row], B: Any, values: Any) -> None:
         raise diagnostics.ModelError(
             diagnostics.Diagnostic(
                 "no-coordinates",
-                f"the constraint `{row.name}` involves no coordinate: it cannot act on the motion",
+                f"no coordinate enters the constraint `{row.name}` with a slope: its gradient vanishes everywhere,"
+                " so it cannot act on the motion",
                 row.location,
+                "take it out, or name the coordinate it is about",
             )
             for row in empty
         )

@@ -19,7 +19,7 @@ from lagcli import diagnostics, members
 from lagcli import model as nouns
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.mechanics import columns, energy, rigid, rows, symbols
+from lagcli.mechanics import columns, energy, kinks, rigid, rows, symbols
 from lagcli.mechanics.columns import Columns
 from lagcli.mechanics.environment import Environment
 from lagcli.mechanics.symbols import FixedExponents, Symbols
@@ -36,6 +36,7 @@ class System:
     M (n, n), h (n); f (s), B (C, n), b (C), gamma (C), the first s rows holonomic; R (N, 3) flattened,
     Q_R = B^T lambda (n); T, V, energy, jacobi, power as in `energy.Dynamics`; outputs flattened.
     built_in: parameters that stand in exponents, with the values built into the expressions.
+    kinks: where the gradients of rows jump, or None where they cannot.
     """
 
     model: nouns.Model
@@ -52,6 +53,7 @@ class System:
     outputs: Any
     bodies: tuple[rigid.Geometry, ...]
     built_in: tuple[tuple[str, float], ...]
+    kinks: kinks.Kinks | None
     warnings: tuple[diagnostics.Diagnostic, ...]
 
     @property
@@ -89,10 +91,13 @@ def build(model: nouns.Model) -> System:
     everyone = np.arange(len(env.particles))
     R = _reactions(env, dynamics, Q_R, a)
     results = _Results(model, env, laid, lam, R, dynamics)
+    p = ca.vertcat(s.p, *constants)
+    switching = kinks.find(model, s, p, laid)
+    kinks.require_smooth(switching, *_place(model, bodies))
     return System(
         model=model,
         symbols=s,
-        p=ca.vertcat(s.p, *constants),
+        p=p,
         lam=lam,
         a=a,
         dynamics=dynamics,
@@ -104,6 +109,7 @@ def build(model: nouns.Model) -> System:
         outputs=_outputs(model, env, results),
         bodies=bodies,
         built_in=fixed.used(),
+        kinks=switching,
         warnings=_reaction_warnings(model, s, env, dynamics),
     )
 
@@ -129,7 +135,13 @@ def with_values(built: System, model: nouns.Model) -> System | None:
     bodies = geometries(model, built.symbols, env) if env else ()
     if [body.shape for body in bodies] != [body.shape for body in built.bodies]:
         return None
+    kinks.require_smooth(built.kinks, *_place(model, bodies))
     return dataclasses.replace(built, model=model, bodies=bodies)
+
+
+def _place(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> tuple[float, Floats, Floats]:
+    """t, q and p of the declared start."""
+    return model.simulation.start, start(model)[0], parameter_values(model, bodies)
 
 
 def _flat(vectors: Sequence[Any]) -> Any:

@@ -234,9 +234,20 @@ class _Names(Operators):
         return sympy.Rational(node.text)
 
     def power(self, node: tree.Node, base: Any, exponent: Any) -> Any:
+        if exponent.free_symbols and not base.free_symbols.isdisjoint((*self._moved, _DT)):
+            exponent = self._whole(exponent)
         if _is_large(exponent):
             raise TooLarge(str(exponent))
         return base**exponent
+
+    def _whole(self, exponent: Any) -> Any:
+        """An exponent of a differential: in a row, which is linear, it is 0 or 1 for the values of the parameters."""
+        numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
+        values = dict(zip(self.parameters, map(_exact, numbers), strict=True))
+        value = exponent.xreplace(values).evalf()
+        if not value.is_number or abs(value - round(value)) > ROUNDING:
+            return exponent  # of a definition that no row can hold
+        return sympy.Integer(round(value))
 
     def function(self, node: tree.Node, name: str, arguments: tuple[Any, ...]) -> Any:
         return _FUNCTIONS[name](*arguments)

@@ -132,7 +132,8 @@ class _Document:
                 hint = hint or "the sections are " + ", ".join(keys.FORMAT.names)
                 formulas.report(key, "unknown-key", f"there is no section `{key.value}`", hint)
             elif not keys.FORMAT.key(key.value).supported and not source.is_empty(value):
-                formulas.report(key, "not-supported-yet", f"the section `{key.value}` is not supported yet")
+                message = f"the section `{key.value}` is not supported yet: the run would leave it out"
+                formulas.report(key, "not-supported-yet", message, keys.FORMAT.key(key.value).instead)
         version = root.get("lagcli")
         if version is None:
             hint = "a model begins with the line `lagcli: 1`"
@@ -415,6 +416,8 @@ class _Document:
             return self._keep(node, particles)
         if key in ("method", "assemble"):
             text = sections.text(self._formulas, node).strip()
+            if not isinstance(node, source.Scalar):
+                return None
             if key == "method":
                 return text
             if text not in ("true", "false"):

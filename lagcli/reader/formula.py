@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lagcli import diagnostics, members, source
-from lagcli.expression import evaluate, facts, parser, tree
+from lagcli.expression import evaluate, facts, parser, refusals, tree
 from lagcli.expression.facts import FactsAlgebra, Flag
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members
@@ -24,6 +24,8 @@ ALONE = members.one("")
 
 # Parts of expressions times members of families: what one model may ask to be evaluated, some seconds of it.
 MAX_WORK = 100_000_000
+# Functions whose arguments are names of the model; `rate` and others take some, a misspelt one may take any.
+_SEARCHED = frozenset(evaluate.FUNCTION_NAMES) - {"rate", "multiplier", "reaction"}
 LARGE = 1000  # members from which on parts are counted
 
 
@@ -85,8 +87,13 @@ class Formulas:
         if error.code != names.BROKEN:
             location = origin.locate(error.start, error.end)
             hint = source.QUOTES if origin.is_torn else error.hint
+            if error.code == "unknown-function" and self._is_declared(origin.value[error.start : error.end]):
+                hint = refusals.AT_A_TIME
             message = error.message + self.where(error.place)
             self.found.add(diagnostics.Diagnostic(error.code, message, location, hint))
+
+    def _is_declared(self, name: str) -> bool:
+        return self.scope.names.kind(name) is not None
 
     def where(self, place: int | None) -> str:
         """The end of a sentence about one member of a family, the first it is true of."""
@@ -161,7 +168,7 @@ class Formulas:
                 except ExpressionError as error:
                     if error.code == "unknown-name":
                         self.trouble(expression.origin, error)
-            elif not (isinstance(node, tree.Call) and node.function in ("rate", "multiplier", "reaction")):
+            elif not isinstance(node, tree.Call) or node.function in _SEARCHED:
                 waiting += tree.children(node)
 
     def scalar(self, node: source.AnyNode, allowed: frozenset[Flag], subject: str) -> Expression | None:

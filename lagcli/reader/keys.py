@@ -10,7 +10,7 @@ class Key:
     """One key: what stands under it, what it means, its default, and the keys of its entries.
 
     `entries` says that names of the user's stand below, each with `keys`; `supported` is False for what the
-    format knows and this version does not carry out.
+    format knows and this version does not carry out, and `instead` says what to do without it.
     """
 
     name: str
@@ -20,6 +20,7 @@ class Key:
     entries: bool = False
     required: bool = False
     supported: bool = True
+    instead: str = ""
     keys: tuple[Key, ...] = ()
 
     def key(self, name: str) -> Key:
@@ -121,7 +122,15 @@ FORMAT = Key(
             entries=True,
             keys=_EQUATION,
         ),
-        Key("inequality", "condition", "one-sided constraints", entries=True, supported=False),
+        Key(
+            "inequality",
+            "condition",
+            "one-sided constraints",
+            entries=True,
+            supported=False,
+            instead="without it bodies pass through: a contact that lasts is an equation under `holonomic` (while its"
+            " multiplier pushes), one that opens and closes a potential that rises steeply at the wall",
+        ),
         Key("rigid", "list of particles", "particles that form one rigid body", entries=True),
         Key(
             "outputs",
@@ -133,7 +142,15 @@ FORMAT = Key(
                 *_FAMILY,
             ),
         ),
-        Key("events", "mapping", "what stops or is recorded during a run", entries=True, supported=False),
+        Key(
+            "events",
+            "mapping",
+            "what stops or is recorded during a run",
+            entries=True,
+            supported=False,
+            instead="take the section out, record the quantity under `outputs`, and look for its change of sign in the"
+            " table",
+        ),
         Key(
             "simulation",
             "settings",

@@ -29,8 +29,8 @@ def differential(formulas: Formulas, node: source.AnyNode) -> Differential | Non
     equation = formulas.parse(node, parser.parse_equation)
     if equation is None:
         return None
-    subject = "a differential constraint"
-    algebra = FactsAlgebra(formulas.lookup, facts.DIFFERENTIAL, subject, linear=True)
+    subject, text = "a differential constraint", equation.origin.value
+    algebra = FactsAlgebra(formulas.lookup, facts.DIFFERENTIAL, subject, linear=True, text=text)
     found = _difference(formulas, equation, algebra)
     if found is None:
         return None

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 from lagcli import diagnostics
-from lagcli.expression import evaluate, tokens, tree
+from lagcli.expression import evaluate, refusals, tokens, tree
 from lagcli.expression.facts import Facts
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members, Roll
@@ -152,8 +152,11 @@ class Names:
         """The facts of one entry. Raises `ExpressionError`."""
         entry = self._entries[key]
         if not entry.is_reached:
-            message = f"the {entry.kind} `{name}` is used before it is declared"
-            raise ExpressionError("used-before-declared", message, node.start, node.end)
+            message, hint = f"the {entry.kind} `{name}` is used before it is declared", ""
+            if entry.kind == "output":
+                message = f"the output `{name}` is used before it is known: only later outputs may use it"
+                hint = "outputs are results; a formula that other entries share belongs under `definitions`"
+            raise ExpressionError("used-before-declared", message, node.start, node.end, hint)
         if entry.value is None:
             if entry.searching:
                 if entry.is_family and entry.kind == "particle":
@@ -192,12 +195,15 @@ class Names:
         """The error for a name that nothing declares, where those of a kind and further ones may stand, or all."""
         if name in evaluate.FUNCTION_NAMES:
             hint = f"`{name}` is a function: write `{name}(...)`"
+        elif name in refusals.UNDECLARED:
+            hint = refusals.UNDECLARED[name]
         elif name == "g":
             hint = "declare it under `parameters`, for example `g: 9.81`"
         else:
             if name not in self._hints:
                 known = self.of(kind) if kind else [*self._keys, *RESERVED]
-                self._hints[name] = diagnostics.nearest(name, [*further, *known])
+                derivative = refusals.derivative_of(name, self.of("coordinate"))
+                self._hints[name] = derivative or diagnostics.nearest(name, [*further, *known])
             hint = self._hints[name]
         return ExpressionError("unknown-name", f"the name `{name}` is not known", node.start, node.end, hint)
 

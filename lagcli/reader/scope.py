@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from lagcli.expression import evaluate, facts, tree
+from lagcli.expression import evaluate, facts, refusals, tree
 from lagcli.expression.facts import Facts
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members, Whole
@@ -122,19 +122,26 @@ class Scope:
                 if getattr(argument, "member", "") in evaluate.COMPONENTS:
                     return VELOCITY
                 message = "rates of velocities are accelerations"
-                raise ExpressionError("bad-rate", message, node.start, node.end)
+                raise ExpressionError("bad-rate", message, node.start, node.end, refusals.NO_ACCELERATION)
         if isinstance(argument, (tree.Name, tree.Index)):
             self._known_argument(argument, "coordinate", "rate(...)")
+        if isinstance(argument, tree.Call) and argument.function == "rate":
+            message = "rates of rates are accelerations"
+            raise ExpressionError("bad-rate", message, node.start, node.end, refusals.NO_ACCELERATION)
         hint = "in a differential constraint, `d(...)` takes any expression"
         message = "`rate(...)` takes the name of a generalized coordinate"
         raise ExpressionError("bad-rate", message, argument.start, argument.end, hint)
 
     def _known_argument(self, node: tree.Node, kind: Kind, call: str) -> None:
         name = _owner(node)
-        if isinstance(node, (tree.Name, tree.Index)) and name not in self.names:
+        known = name in self.names or name in namespace.RESERVED
+        if isinstance(node, (tree.Name, tree.Index)) and not known:
             raise self.names.unknown(node, name, kind)
         message = f"`{call}` takes the name of a {kind}"
-        raise ExpressionError("wrong-arguments", message, node.start, node.end)
+        if isinstance(node, tree.Name):
+            message += f", and `{name}` is none"
+        hint = "" if call != "rate(...)" else "in a differential constraint, `d(...)` takes any expression"
+        raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
 
 
 def _owner(node: tree.Node) -> str:
@@ -153,6 +160,8 @@ def _particle_member(node: tree.Member | tree.Index, position: Any, member: str)
         return VELOCITY
     if member not in evaluate.COMPONENTS:
         hint = "a particle has `.x` `.y` `.z`, `.vx` `.vy` `.vz` and the vector `.v`"
+        if member in ("a", "ax", "ay", "az"):
+            hint = refusals.NO_ACCELERATION
         message = f"a particle has no `.{member}`"
         raise ExpressionError("unknown-component", message, node.start, node.end, hint)
     return evaluate.component(node, position, member, node.owner)

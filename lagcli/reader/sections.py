@@ -31,7 +31,8 @@ def fields(formulas: Formulas, node: source.AnyNode, key: keys.Key) -> dict[str,
             hint = diagnostics.nearest(name.value, key.names) or f"the keys here are {known}"
             formulas.report(name, "unknown-key", f"there is no key `{name.value}` here", hint)
         elif not by_name[name.value].supported:
-            formulas.report(name, "not-supported-yet", f"`{name.value}` is not supported yet")
+            message = f"`{name.value}` is not supported yet"
+            formulas.report(name, "not-supported-yet", message, by_name[name.value].instead)
         else:
             found[name.value] = value
     for field in key.keys:
@@ -170,7 +171,9 @@ class ParticleReader:
         if not (masses > 0.0).all():
             first = int(np.argmin(masses > 0.0))
             message = f"a mass must be positive, and this one is {masses[first]:g}{formulas.where(first)}"
-            formulas.report(node, "mass-not-positive", message)
+            hint = "a massless stick or string is a constraint between what it joins; a point that only marks a place"
+            hint += " is an expression under `definitions`"
+            formulas.report(node, "mass-not-positive", message, hint)
             return None, nothing
         return expression, masses
 
@@ -345,12 +348,15 @@ def rigid(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> mode
         seen: set[int] = set()
         for item, (_, found, _) in zip(name_list(formulas, node) or (), named, strict=True):
             if seen & set(found.tolist()):
-                formulas.report(
-                    item, "duplicate-name", f"the particle `{item.value}` stands twice in the body"
-                )
+                message = f"the particle `{item.value}` stands twice in the body"
+                hint = "list each particle once: its distance to itself is no constraint"
+                formulas.report(item, "duplicate-name", message, hint)
             seen |= set(found.tolist())
     if len(numbers) < 2:
-        formulas.report(node, "too-few-particles", "a rigid body needs at least two particles")
+        message = "a rigid body needs at least two particles"
+        formulas.report(
+            node, "too-few-particles", message, "a particle alone needs nothing to hold it together"
+        )
         good = False
     return model.RigidBody(name.value, tuple(numbers), name.location) if good else None
 

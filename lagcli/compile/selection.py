@@ -1,0 +1,116 @@
+"""Independent rows for a run, and the multipliers of all rows from those of the independent ones.
+
+Where rows are dependent, B^T lambda is unique and lambda is not (D.13 to D.22). Of all multipliers with the same
+B^T lambda those are given that make the sum of lambda_i^2 B_i M^-1 B_i^T smallest: lambda_i sqrt(B_i M^-1 B_i^T) does
+not change when a row is scaled, so that the split does not depend on how a row is written.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lagcli.compile import solving
+
+# A row that vanishes has no length to divide by; its multiplier is 0.
+TINY = 1e-300
+# Larger circuits are solved numerically: written out, their factors would take longer to build than a run takes.
+WRITTEN_OUT = 40
+SOLVER = "symbolicqr"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Selection:
+    """The rows a run is stepped with, `kept`; circuits: each other row, followed by the kept rows it depends on."""
+
+    kept: tuple[int, ...]
+    circuits: tuple[tuple[int, ...], ...] = ()
+
+    @property
+    def count(self) -> int:
+        """All rows, C."""
+        return len(self.kept) + len(self.circuits)
+
+    @property
+    def is_everything(self) -> bool:
+        """Whether no row is left out."""
+        return not self.circuits
+
+    @property
+    def indeterminate(self) -> frozenset[int]:
+        """Rows whose multipliers are not unique: those that take part in a circuit, a row that vanishes in its own."""
+        return frozenset(self.shared)
+
+    @property
+    def shared(self) -> tuple[int, ...]:
+        """All rows of circuits, those that vanish too, in their order."""
+        return tuple(sorted({row for circuit in self.circuits for row in circuit}))
+
+    def groups(self) -> Iterator[tuple[list[int], list[int]]]:
+        """Rows left out and kept rows of circuits that share rows; a row that vanishes belongs to none."""
+        pending = [(circuit[0], set(circuit[1:])) for circuit in self.circuits if len(circuit) > 1]
+        while pending:
+            row, support = pending.pop(0)
+            rest = [row]
+            while touching := [entry for entry in pending if entry[1] & support]:
+                pending = [entry for entry in pending if not entry[1] & support]
+                for other, more in touching:
+                    rest.append(other)
+                    support |= more
+            yield sorted(rest), sorted(support)
+
+
+def split(selection: Selection, S: Any, lam: Any) -> Any:
+    """lambda of all rows (C,), from those of the kept rows.
+
+    S = B M^-1 B^T of the `shared` rows in their order; S and lambda are expressions.
+    """
+    among = {row: i for i, row in enumerate(selection.shared)}
+    place = {row: i for i, row in enumerate(selection.kept)}
+    supports = {circuit[0]: frozenset(circuit[1:]) for circuit in selection.circuits}
+    values: dict[int, Any] = {row: lam[i] for row, i in place.items()}
+    values |= dict.fromkeys(supports, 0.0)
+    for rest, kept in selection.groups():
+        here = [*rest, *kept]
+        pattern = np.array([[k in supports[i] for k in kept] for i in rest])
+        numbers = [among[row] for row in here]
+        shared = _shared(pattern)(S[numbers, numbers], lam[[place[k] for k in kept]])
+        for number, row in enumerate(here):
+            values[row] = shared[number]
+    return ca.vertcat(*(values[row] for row in range(len(values))))
+
+
+def _shared(pattern: Any) -> Any:
+    """(S, lambda of the kept rows) of one group -> lambda of all its rows, those left out first.
+
+    With B_rest = T B_kept and D the diagonal of S: lambda_kept + T^T lambda_rest is given, and the smallest sum has
+
+        (D_rest + T D_kept T^T) lambda_rest = T D_kept lambda_kept
+    """
+    k, r = pattern.shape
+    written_out = max(k, r) <= WRITTEN_OUT
+    sort: Any = ca.SX if written_out else ca.MX
+    S, lam = sort.sym("S", k + r, k + r), sort.sym("lam", r)
+    T = ca.vertcat(*(_weights(S, i, k, pattern[i]) for i in range(k)))
+    D = ca.diag(S)
+    TD = T * ca.repmat(D[k:].T, k, 1)
+    matrix = ca.diag(D[:k] + TINY) + TD @ T.T
+    right = TD @ lam
+    rest = solving.solver(matrix)(right) if written_out else ca.solve(matrix, right, SOLVER)
+    return ca.Function("shared", [S, lam], [ca.densify(ca.vertcat(rest, lam - T.T @ rest))])
+
+
+def _weights(S: Any, i: int, k: int, support: Any) -> Any:
+    """Row i of T, (1, r): S_iK S_KK^-1 over the kept rows K that row i depends on."""
+    among = (np.flatnonzero(support) + k).tolist()
+    right = S[among, i]
+    found = (
+        solving.solver(S[among, among])(right) if isinstance(S, ca.SX) else ca.solve(S[among, among], right)
+    )
+    row = type(S)(1, support.size)
+    row[0, (np.array(among) - k).tolist()] = found.T
+    return ca.densify(row)

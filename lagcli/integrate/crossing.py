@@ -1,0 +1,196 @@
+"""Singular configurations on the way: where rows become dependent at an instant, and the motion goes through.
+
+At a crossing of the branches of a constraint surface (a parallelogram linkage with its rods in line) the rank of B
+drops, and S = B M^-1 B^T is singular there and ill-conditioned around. The motion on its own branch stays smooth. So
+the instant is foreseen (`watch`), and one step of collocation leads across it with the instant in its middle, where
+no node lies. What is lost there is looked at (`lost`), and where other rows would lose nothing these are taken.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import dependence
+from lagcli.compile import NumericSystem
+from lagcli.compile.selection import Selection
+from lagcli.constraint_rows import MetricRows
+from lagcli.integrate import collocation, lost
+from lagcli.integrate.call import Call
+from lagcli.integrate.initial import State, metric_at
+from lagcli.integrate.lost import Loss
+from lagcli.integrate.watch import CLEARANCE, Foreseen
+
+Floats = npt.NDArray[np.float64]
+
+NODES, FEWER = 10, 8
+# With rows at a distance delta from dependent ones, rounding of positions is amplified by 1/delta^3 in forces: a
+# step is as right as can be where it is this exact, but must be right to WORST.
+ROUNDING, AMPLIFIED, WORST = 1e-13, 2e-17, 1e-9
+# The instant is found again until it lies within this part of the step from its middle.
+CENTERED, MOST_CENTERINGS = 0.02, 6
+# Points beside the instant, as parts of the step, where the clearance is read: a line through zero, bent by BENT.
+FAR, CLOSE, BENT = (0.15, 0.3), (0.02, 0.04), 0.1
+# A step from a singular start is halved so often; its velocities must be those of the start to this part.
+HALVINGS, ALONG = 30, 1e-5
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Point:
+    """Where a step begins: t, y and y' (2n + 1,), the parameters p, and the tolerance (rtol, atol) of steps."""
+
+    t: float
+    y: Floats
+    k: Floats
+    p: Floats
+    tolerance: Floats
+
+    def state(self, t: float, y: Floats) -> State:
+        """The state that y (2n + 1,) holds, at a time."""
+        n = y.size // 2
+        return State(t, y[:n], y[n : 2 * n], self.p)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Passage:
+    """A step across an instant at which rows are dependent."""
+
+    step: collocation.Step
+    instant: float
+
+    @property
+    def is_start(self) -> bool:
+        """Whether the run begins at the instant."""
+        return self.instant == self.step.t
+
+    @property
+    def middle(self) -> Floats:
+        """The state at the instant."""
+        return self.step.state((self.instant - self.step.t) / self.step.h)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Crossing:
+    """A step across, and what the rows lose at the instant."""
+
+    passage: Passage
+    loss: Loss
+
+
+def across(
+    numeric: NumericSystem, land: Call, here: Point, foreseen: Foreseen
+) -> Crossing | Selection | None:
+    """The step across what is foreseen, or other independent rows to go on with, or None: an ordinary step goes on.
+
+    land: `NumericSystem.land` on arrays (t, y, p) of its own. Other rows are taken where those at hand become
+    dependent and others do not.
+    """
+    found = _passage(land, here, foreseen)
+    if found is None:
+        return _others(numeric, here.state(here.t, here.y))
+    there = here.state(found.instant, found.middle)
+    others = _others(numeric, there)
+    if others is not None:
+        return others
+    loss = lost.loss(numeric, here.state(here.t, here.y), there, here.tolerance[0])
+    return Crossing(found, loss) if loss is not None else None
+
+
+def away(numeric: NumericSystem, land: Call, here: Point, h: float) -> Crossing | None:
+    """The first step, of length h or shorter, from a singular configuration along the branch that the velocities
+    choose; None where no smooth motion has them."""
+    start = here.state(here.t, here.y)
+    for _ in range(HALVINGS):
+        found = _start(land, here, h)
+        if found is not None:
+            loss = lost.loss(numeric, here.state(here.t + h, found.step.state(1.0)), start, here.tolerance[0])
+            off = float(np.abs(found.step.slope(0.0)[: start.v.size] - start.v).max())
+            is_along = off <= ALONG * float(np.abs(start.v).max())
+            return Crossing(found, loss) if loss is not None and is_along else None
+        h /= 2
+    return None
+
+
+def _others(numeric: NumericSystem, state: State) -> Selection | None:
+    """Other independent rows, where those at hand are close to dependent ones at a state and others are not."""
+    if numeric.selection.is_everything:
+        return None
+    rows = MetricRows(numeric.rows(state.t, state.q, state.v, state.p)[0], metric_at(numeric, state))
+    return dependence.elsewhere(numeric.selection, rows, numeric.whole.size1_out(0))
+
+
+def _passage(land: Call, here: Point, foreseen: Foreseen) -> Passage | None:
+    """The step across the instant, or None where there is none that is right to the tolerance."""
+    t, y, k, tolerance = here.t, here.y, here.k, here.tolerance
+    instant, rtol = foreseen.instant, tolerance[0]
+    step = collocation.rising(t, y, 2 * (instant - t), k)
+    for _ in range(MOST_CENTERINGS):
+        h = 2 * (instant - t)
+        if not t + h / 64 > t:
+            return None
+        better = collocation.improved(land, step, h, NODES, rtol)
+        if better is None:
+            return None
+        step = better
+        found = _instant(land, step, foreseen._replace(instant=instant))
+        if found is None:
+            return None
+        if abs(found[0] - instant) <= CENTERED * h:
+            fewer = collocation.improved(land, step, h, FEWER, rtol)
+            delta = found[1] * h * collocation.closest(NODES) / foreseen.most
+            return Passage(step, found[0]) if fewer and _agree(step, fewer, tolerance, delta) else None
+        instant = found[0]
+    return None
+
+
+def _start(land: Call, here: Point, h: float) -> Passage | None:
+    """A step from a start at which rows are dependent, or None where h is too long or no motion goes on smoothly."""
+    t, y, tolerance = here.t, here.y, here.tolerance
+    n = y.size // 2
+    guess = collocation.rising(t, y, h, np.concatenate([y[n : 2 * n], np.zeros(n + 1)]))
+    step, fewer = (collocation.improved(land, guess, h, count, tolerance[0]) for count in (NODES, FEWER))
+    if step is None or fewer is None:
+        return None
+    delta = _root(land, step, CLEARANCE, t + h * collocation.first(NODES))
+    return Passage(step, t) if delta > 0 and _agree(step, fewer, tolerance, delta) else None
+
+
+def _agree(step: collocation.Step, fewer: collocation.Step, tolerance: Floats, delta: float) -> bool:
+    """Whether two steps agree to the tolerance, or to rounding at a distance delta from dependent rows."""
+    new, other = step.state(1.0)[:-1], fewer.state(1.0)[:-1]
+    rtol, atol = tolerance
+    size = np.maximum(np.abs(step.y[:-1]), np.abs(new))
+    rounding = min(WORST, max(ROUNDING, AMPLIFIED / delta**3))
+    allowed = np.maximum(atol + rtol * size, rounding * size.max(initial=0.0))
+    return bool((np.abs(new - other) <= allowed).all())
+
+
+def _instant(land: Call, step: collocation.Step, guess: Foreseen) -> tuple[float, float] | None:
+    """The instant at which the clearance vanishes within a step, and the slope of its root there; None where it does
+    not vanish in a line."""
+    instant = guess.instant
+    for offsets in (FAR, CLOSE):
+        taus = np.array([-offsets[1], -offsets[0], *offsets]) * step.h
+        roots = np.array([_root(land, step, guess.place, instant + tau) for tau in taus])
+        if not np.isfinite(roots).all():
+            return None
+        signed = roots * np.sign(-taus)
+        line = np.polynomial.Polynomial.fit(taus, signed, 3)
+        near = [z.real for z in line.roots() if abs(z.imag) < 1e-6 * step.h and abs(z.real) < abs(taus[1])]
+        if len(near) != 1:
+            return None
+        instant += float(near[0])
+    slope = abs(float(line.deriv()(near[0])))
+    if np.any(np.abs(roots - slope * np.abs(taus - near[0])) > BENT * roots):
+        return None
+    return instant, slope
+
+
+def _root(land: Call, step: collocation.Step, place: int, at: float) -> float:
+    """The root of the clearance on the surface at a time in a step."""
+    if collocation.landed(land, at, step.state((at - step.t) / step.h)) is None:
+        return math.nan
+    return math.sqrt(max(0.0, land.results[2][place]))

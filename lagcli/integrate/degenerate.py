@@ -1,0 +1,115 @@
+"""Why an inertia matrix gives no accelerations: the motions it resists not at all, or with the wrong sign."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+# Coordinates of a motion that are named, and the part of the largest from which on one belongs to the motion.
+MOST_NAMED, SEEN = 4, 1e-6
+
+# The part of an inertia at the start below which it is told that it has fallen, and the most coordinates of which it is
+# asked: it takes eigenvalues.
+FALLEN, MOST_ASKED = 1e-3, 300
+
+_SINGULAR_PLACE = "start away from a singular place (the centre of polar, the pole of spherical coordinates)"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Fault:
+    """A code, a sentence, the coordinate at which to show it, and what to do."""
+
+    code: str
+    message: str
+    along: int
+    hint: str
+
+
+def without_inertia(M: Any, names: Sequence[str]) -> list[Fault]:
+    """The coordinates whose row of M (n, n; sparse, finite) is zero: there is no acceleration in their equations."""
+    rows = np.asarray(M.sparsity().row(), dtype=int)
+    sizes = np.bincount(rows, weights=np.abs(np.array(M.nonzeros(), dtype=float)), minlength=len(names))
+    entered = np.bincount(rows, minlength=len(names)) > 0
+    found = []
+    for i in np.flatnonzero(sizes == 0).tolist():
+        if entered[i]:
+            message = (
+                f"the coordinate `{names[i]}` has no inertia at the start: what the energy holds of its rate has a"
+                " second derivative that vanishes there"
+            )
+            hint = f"{_SINGULAR_PLACE} or with another rate, or choose other coordinates"
+        else:
+            message = (
+                f"the coordinate `{names[i]}` has no inertia: no kinetic energy is quadratic in its rate, so its"
+                " equation holds no acceleration"
+            )
+            hint = (
+                "give it a mass, or write it as a function of other coordinates, from the constraint if one fixes it;"
+                " equations of first order, from a Lagrangian linear in the rate, are not solved"
+            )
+        found.append(Fault("no-inertia", message, i, hint))
+    return found
+
+
+def indefinite(M: Floats, names: Sequence[str]) -> Fault:
+    """The motion for which v^T M v is smallest, for an M (n, n) without zero rows that is not positive definite."""
+    scale = 1.0 / np.sqrt(np.abs(M).max(axis=1))  # so that the answer does not depend on units
+    values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
+    motion = scale * vectors[:, 0]
+    along = int(np.argmax(np.abs(vectors[:, 0])))
+    shown = _motion(motion, names)
+    if values[0] > -1e-9 * values[-1]:
+        message = f"no kinetic energy resists the motion {shown} at the start: the inertia matrix is singular"
+        hint = (
+            "leave out a coordinate that describes the same motion as others (where a constraint fixes it, insert"
+            f" what the constraint says), give it a mass, or {_SINGULAR_PLACE}"
+        )
+    else:
+        message = (
+            f"the kinetic energy of the motion {shown} is negative at the start: the inertia matrix is not"
+        )
+        message += " positive definite"
+        hint = "mend the sign in the Lagrangian: kinetic energy must grow with every motion"
+    return Fault("indefinite-inertia", message, along, hint)
+
+
+def fallen(M: Any, before: Any, names: Sequence[str]) -> str:
+    """What the inertia M (n, n) of a later state has lost against `before` at the start, as a sentence, or nothing.
+
+    `before` is positive definite. The least v^T M v / v^T M_before v is asked for, which no units change.
+    """
+    if M.shape[0] > MOST_ASKED:
+        return ""
+    old, new = np.array(before), np.array(M)
+    if not np.isfinite(new).all() or (old == new).all():
+        return ""
+    scale = 1.0 / np.sqrt(np.diag(old))
+    inverse = np.linalg.inv(np.linalg.cholesky(old * np.outer(scale, scale)))
+    values, vectors = np.linalg.eigh(inverse @ (new * np.outer(scale, scale)) @ inverse.T)
+    if values[0] >= FALLEN:
+        return ""
+    motion = _motion(scale * (inverse.T @ vectors[:, 0]), names)
+    part = f"{values[0]:.2g} times that at the start"
+    return f"the inertia of the motion {motion} is {part}: the equations become singular"
+
+
+def _motion(motion: Floats, names: Sequence[str]) -> str:
+    """A motion as its rates, the largest 1 in size: `rate(x) = 1, rate(y) = -1`."""
+    largest = np.abs(motion).max()
+    part = motion / motion[int(np.argmax(np.abs(motion) > 0.999 * largest))]
+    moved = np.flatnonzero(np.abs(part) > SEEN).tolist()
+    named = [f"{_rate(names[i])} = {part[i]:.4g}" for i in moved[:MOST_NAMED]]
+    more = len(moved) - len(named)
+    return f"({', '.join(named)}{f' and {more} more' if more else ''})"
+
+
+def _rate(name: str) -> str:
+    """`rate(theta)`; `a.vx` of a component of a Cartesian particle."""
+    owner, dot, axis = name.rpartition(".")
+    return f"{owner}.v{axis}" if dot else f"rate({name})"

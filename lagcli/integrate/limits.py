@@ -1,0 +1,73 @@
+"""Rows of the table at instants at which they have no value of their own: limits of rows beside them.
+
+Where rows of constraints are dependent at an instant, lambda may have a pole. r, v and R = M a - h (D.24) are smooth
+where the motion is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+# Lines this close to the instant, as a part of the step, are read off others, at these parts of the step beside it.
+WINDOW, BESIDE = 0.05, (0.06, 0.12, 0.2, 0.3)
+AFTER = 0.02, 0.7, 12  # the same, and their number, where a run begins at the instant
+# A column has a pole where tau times it does not vanish; it has no value at the pole itself.
+RESIDUE, POLE = 1e-6, 1e-6
+# At a kink or a jump two interpolations differ by some part of the range of a column; what is less than these parts of
+# the column, or of the largest, is rounding.
+BROKEN, ROUGH, NOISE = 1e-3, 1e-7, 1e-12
+# Of four lines at equal distances the differences shrink by half of their distance, or are rounding.
+SHRINKS, ROUNDING = 0.75, 1e-6
+
+
+def beside(h: float, is_start: bool) -> Floats:
+    """Times from an instant in the middle of a step of length h, or at its start, at which lines of the table are
+    read to interpolate those close to it, (k,)."""
+    if is_start:  # Chebyshev's points: they amplify rounding least
+        first, last, count = AFTER
+        cosines = np.cos(np.pi * (np.arange(count) + 0.5) / count)
+        return np.asarray(((first + last) - (last - first) * cosines) / 2 * h)
+    parts = np.array(BESIDE)
+    return np.concatenate([-parts[::-1], parts]) * h
+
+
+def interpolated(taus: Floats, lines: Floats, tau: float) -> Floats:
+    """A line of the table (w,) at a time tau after the instant, from lines (k, w) at times beside it.
+
+    A column may have a pole of first order at the instant; on the pole it has no value, nor has a column that is
+    not smooth there: fewer lines then give another.
+    """
+    carried = lines * taus[:, None]
+    near = np.abs(taus) < np.abs(taus).max()
+    moment = np.abs(carried).max(axis=0)
+    has_pole = np.abs(_lagrange(taus, carried, 0.0)) > np.maximum(RESIDUE * moment, NOISE * moment.max())
+    plain = _lagrange(taus, lines, tau)
+    largest = np.abs(lines).max(axis=0)
+    allowed = np.maximum(BROKEN * np.ptp(lines, axis=0), ROUGH * largest + NOISE * largest.max())
+    is_smooth = np.abs(plain - _lagrange(taus[near], lines[near], tau)) <= allowed
+    on_pole = abs(tau) <= POLE * float(np.abs(taus).max())
+    beside = np.full(plain.shape, np.nan) if on_pole else _lagrange(taus, carried, tau) / tau
+    return np.where(has_pole, beside, np.where(is_smooth, plain, np.nan))
+
+
+def _lagrange(points: Floats, values: Floats, at: float) -> Floats:
+    """The polynomial through values (k, w) at points (k,), at a place."""
+    differences = points[:, None] - points[None, :] + np.eye(points.size)
+    factors = at - points[None, :] + np.zeros((points.size, 1))
+    np.fill_diagonal(factors, 1.0)
+    weights = (factors / differences).prod(axis=1)
+    return np.asarray(weights @ values)
+
+
+def between(lines: Floats) -> Floats:
+    """The limit (w,) in the middle of four lines (4, w) at equal distances but for the middle; nan where a column has
+    none: the differences of its values then do not shrink with the distance, as at a jump or a pole."""
+    outer, inner, inner_after, outer_after = lines
+    with np.errstate(invalid="ignore"):  # what is not finite is told by name when it is put
+        rounding = ROUNDING * (np.abs(inner) + np.abs(inner_after))
+        has_limit = np.abs(inner_after - inner) <= SHRINKS * np.abs(outer_after - outer) + rounding
+        limit = (4 * (inner + inner_after) - (outer + outer_after)) / 6
+    return np.asarray(np.where(has_limit, limit, np.nan))

@@ -1,0 +1,91 @@
+"""Foresees when rows become dependent: the angle between them goes to zero in a line from afar."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+# An angle between rows that is smaller is followed.
+NARROW = 0.9
+# A step across may be this many times longer than an ordinary one, for each digit of the tolerance beyond DIGITS: its
+# order is higher.
+AHEAD, FARTHER, DIGITS = 2.0, 0.4, 6
+# An ordinary step goes this part of the way to the instant.
+SHORTER = 0.6
+# Places in the outcome of `land`.
+CLEARANCE, LEAST = 1, 2
+STANDING = -1  # in place of them, at a start at which rows are dependent
+
+
+class Foreseen(NamedTuple):
+    """An instant, which number of the outcome of `land` goes to zero there, and how large its root was."""
+
+    instant: float
+    place: int
+    most: float = 1.0
+
+    def shortened(self, t: float, h: float) -> float:
+        """An ordinary step that does not lead across unseen."""
+        left = self.instant - t
+        return SHORTER * left if 0 < left < h / SHORTER else h
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the run begins at the instant."""
+        return self.place == STANDING
+
+    def is_near(self, t: float, h: float, rtol: float) -> bool:
+        """Whether a step across from t is worth a try, where ordinary steps have the length h."""
+        return self.instant - t < h * (AHEAD + FARTHER * max(0.0, -math.log10(rtol) - DIGITS))
+
+
+NEVER = Foreseen(math.inf, 0)
+
+
+class Watch:
+    """Foresees when rows become dependent: where the clearance, or the least row, goes to zero in a line."""
+
+    def __init__(self, state: tuple[float, ...] = ()) -> None:
+        # Of the last step: t, the roots of clearance and least, and the largest of the latter so far; then what was
+        # foreseen: instant, place, most.
+        self.state = state
+
+    def again(self) -> Foreseen:
+        """What was foreseen last."""
+        instant, place, most = self.state[4:] or NEVER
+        return Foreseen(instant, int(place), most)
+
+    def stand(self, t: float) -> Foreseen:
+        """A start at which rows are dependent."""
+        found = Foreseen(t, STANDING)
+        self.state = (t, 0.0, 0.0, 0.0, *map(float, found))
+        return found
+
+    @property
+    def nearness(self) -> tuple[float, bool]:
+        """How far rows are from dependent ones after the last step, as an angle or a part of the length of the one
+        that vanishes, and whether it is the latter."""
+        if not self.state:
+            return 1.0, False
+        _, clearance, least, largest = self.state[:4]
+        alone = least / largest if largest > 0 else 1.0
+        return min(clearance, alone), alone < clearance
+
+    def foreseen(self, t: float, clearance: float, least: float) -> Foreseen:
+        """The instant, or infinity. To be asked once after each step."""
+        if not (clearance >= 0.0 and least >= 0.0 and math.isfinite(least)):
+            return NEVER
+        here = math.sqrt(clearance), math.sqrt(least)
+        before, largest = self.state, max(here[1], self.state[3] if self.state else 0.0)
+        found = NEVER
+        self.state = (t, *here, largest)
+        if not before or t <= before[0]:
+            return NEVER
+        for place, most in ((CLEARANCE, 1.0), (LEAST, largest or 1.0)):
+            # As a sine: the angle between rows goes to zero in a line from afar.
+            now, last = (math.asin(min(1.0, root / most)) for root in (here[place - 1], before[place]))
+            if now < NARROW and now < last:
+                found = min(found, Foreseen(t + now * (t - before[0]) / (last - now), place, most))
+        if found is not NEVER:
+            self.state = (*self.state, *map(float, found))
+        return found
