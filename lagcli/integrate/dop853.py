@@ -24,6 +24,7 @@ ORDER = 8
 DENSE_ROWS = 7
 # The projection may move a state by this many tolerances, and by this part of its size.
 MOVED, MOVED_ROUNDING = 100.0, 1e-10
+WRITTEN_OUT = 1000  # numbers of a state
 # What stands in a line after the row of the table: the account's figures, W, and a sum that is finite only where
 # all of the line is, or overflows.
 FIGURES = 5
@@ -75,11 +76,19 @@ def _step(numeric: NumericSystem) -> Any:
     new = y + h * change
     # The weights of order 3 are those of order 8 but for three entries.
     e3 = change + _mix([low - high for low, high in zip(tableau.E3, tableau.B, strict=True)], stages)
-    error = _error(y, new, h, (_mix(tableau.E5, stages), e3), tolerance)
     landed, k_new, outcome = numeric.land(t + h, new, p)
-    told = ca.vertcat(error, _moved(y, new, landed, tolerance), outcome)
-    outputs = [landed, k_new, told, *stages[1:]]
+    judged = _judge(size)(y, new, landed, h, _mix(tableau.E5, stages), e3, tolerance)
+    outputs = [landed, k_new, ca.vertcat(judged, outcome), *stages[1:]]
     return ca.Function("step", [t, h, y, k, tolerance, p], outputs)
+
+
+def _judge(size: int) -> Any:
+    """judge(y, new, landed, h, E5, E3, tolerance) -> (error, moved), written out for a short state."""
+    sort: Any = ca.SX if size <= WRITTEN_OUT else ca.MX
+    y, new, landed, e5, e3 = (sort.sym(name, size) for name in ("y", "new", "landed", "e5", "e3"))
+    h, tolerance = sort.sym("h"), sort.sym("tolerance", 2)
+    both = ca.vertcat(_error(y, new, h, (e5, e3), tolerance), _moved(y, new, landed, tolerance))
+    return ca.Function("judge", [y, new, landed, h, e5, e3, tolerance], [both])
 
 
 def _error(y: Any, new: Any, h: Any, estimates: tuple[Any, Any], tolerance: Any) -> Any:

@@ -259,9 +259,7 @@ class Run:
                     return False
             elif self._next_row == count:
                 return True
-            if self._foreseen.is_here:
-                self._leave()
-            elif not self._is_near() or not self._pass():
+            if not self._foreseen.is_any or not self._pass():
                 self._advance()
 
     def _begin(self) -> None:
@@ -292,7 +290,7 @@ class Run:
         longer run would have tried it, so that the steps up to the last do not depend on the end.
         """
         t, end = self.t, self.grid.end
-        h = self._foreseen.shortened(t, self._step_size)
+        h = self._foreseen.shortened(t, self._step_size) if self._foreseen.is_any else self._step_size
         grow, shorter = GROW, 0.0
         while True:
             reached, taken = t + h, h
@@ -331,11 +329,14 @@ class Run:
         self._reached, self._taken = reached, taken
         self._proposed = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
 
-    def _is_near(self) -> bool:
-        return self._foreseen.is_near(self.t, self._step_size, self._tolerance[0])
-
     def _pass(self) -> bool:
-        """Take one step across the singular configuration that is foreseen; False where there is none."""
+        """Take one step across the singular configuration that is foreseen, or away from it; False where there is none
+        so near."""
+        if self._foreseen.is_here:
+            self._leave()
+            return True
+        if not self._foreseen.is_near(self.t, self._step_size, self._tolerance[0]):
+            return False
         found = crossing.across(self._held.functions.numeric, self._land_aside, self._point, self._foreseen)
         self._count_aside()
         if isinstance(found, Selection):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 # An angle between rows that is smaller is followed.
 NARROW = 0.9
+WIDE = math.sin(NARROW) ** 2
 # A step across may be this many times longer than an ordinary one, for each digit of the tolerance beyond DIGITS: its
 # order is higher.
 AHEAD, FARTHER, DIGITS = 2.0, 0.4, 6
@@ -30,6 +31,11 @@ class Foreseen(NamedTuple):
         return SHORTER * left if 0 < left < h / SHORTER else h
 
     @property
+    def is_any(self) -> bool:
+        """Whether an instant is foreseen at all."""
+        return self.instant < math.inf
+
+    @property
     def is_here(self) -> bool:
         """Whether the run begins at the instant."""
         return self.place == STANDING
@@ -46,8 +52,8 @@ class Watch:
     """Foresees when rows become dependent: where the clearance, or the least row, goes to zero in a line."""
 
     def __init__(self, state: tuple[float, ...] = ()) -> None:
-        # Of the last step: t, the roots of clearance and least, and the largest of the latter so far; then what was
-        # foreseen: instant, place, most.
+        # Of the last step: t, clearance and least, and the largest of the latter so far; then what was foreseen:
+        # instant, place, most.
         self.state = state
 
     def again(self) -> Foreseen:
@@ -68,24 +74,30 @@ class Watch:
         if not self.state:
             return 1.0, False
         _, clearance, least, largest = self.state[:4]
-        alone = least / largest if largest > 0 else 1.0
-        return min(clearance, alone), alone < clearance
+        alone = math.sqrt(least / largest) if largest > 0 else 1.0
+        return min(math.sqrt(clearance), alone), alone < math.sqrt(clearance)
 
     def foreseen(self, t: float, clearance: float, least: float) -> Foreseen:
         """The instant, or infinity. To be asked once after each step."""
-        if not (clearance >= 0.0 and least >= 0.0 and math.isfinite(least)):
+        if not (clearance >= 0.0 <= least < math.inf):
             return NEVER
-        here = math.sqrt(clearance), math.sqrt(least)
-        before, largest = self.state, max(here[1], self.state[3] if self.state else 0.0)
-        found = NEVER
-        self.state = (t, *here, largest)
+        before = self.state
+        largest = before[3] if before and before[3] > least else least
+        self.state = t, clearance, least, largest
         if not before or t <= before[0]:
             return NEVER
-        for place, most in ((CLEARANCE, 1.0), (LEAST, largest or 1.0)):
-            # As a sine: the angle between rows goes to zero in a line from afar.
-            now, last = (math.asin(min(1.0, root / most)) for root in (here[place - 1], before[place]))
-            if now < NARROW and now < last:
-                found = min(found, Foreseen(t + now * (t - before[0]) / (last - now), place, most))
+        found = NEVER
+        # Most steps of most runs ask for no more than this.
+        if clearance < before[CLEARANCE] and clearance < WIDE:
+            found = _instant(before, t, clearance, CLEARANCE, 1.0)
+        if least < before[LEAST] and least < WIDE * largest:
+            found = min(found, _instant(before, t, least, LEAST, largest))
         if found is not NEVER:
             self.state = (*self.state, *map(float, found))
         return found
+
+
+def _instant(before: tuple[float, ...], t: float, square: float, place: int, most: float) -> Foreseen:
+    """When a number goes to zero, the square of a sine: the angle between rows goes to zero in a line from afar."""
+    now, last = math.asin(math.sqrt(square / most)), math.asin(min(1.0, math.sqrt(before[place] / most)))
+    return Foreseen(t + now * (t - before[0]) / (last - now), place, math.sqrt(most)) if last > now else NEVER
