@@ -182,7 +182,8 @@ def _bounds(n: int, surface: Codimension, total: int, found: Classification) -> 
     """What is known without the groups that are undecided: their rows may be integrable or not."""
     decided = [group.flag for group in found.groups if group.is_decided]
     integrable, other = sum(flag[-1] for flag in decided), sum(flag[0] - flag[-1] for flag in decided)
-    return n - total + other, n - (surface.codimension or 0) - integrable
+    ends = n - total + other, n - (surface.codimension or 0) - integrable
+    return min(ends), max(ends)  # ranks by numbers and by algebra may differ, and the range is between them
 
 
 def _proof(found: Classification, surface: Codimension) -> Proof:

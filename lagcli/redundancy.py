@@ -139,7 +139,7 @@ def passed(system: System, crossings: Sequence[Loss]) -> tuple[str, ...]:
     if not crossings:
         return ()
     first = crossings[0]
-    times = ", ".join(f"{crossing.t:.9g}" for crossing in crossings[:MOST_TOLD])
+    times = ", ".join(f"{crossing.t:.7g}" for crossing in crossings[:MOST_TOLD])
     if len(crossings) > MOST_TOLD:
         times += f" and {len(crossings) - MOST_TOLD} more"
     names = initial.names_of(system, list(first.participants))

@@ -356,9 +356,107 @@ def test_gauss_nodes_have_their_order():
     """Integrals over polynomials of degree 2s - 1 are exact, and the middle is no node of an even number."""
     for count in (8, 10):
         nodes, A = collocation._gauss(count)
-        assert collocation.closest(count) > 0.01
+        assert collocation.closest(count, 0.5) > 0.01
         weights = collocation._weights(count, 1.0)
         for degree in range(2 * count):
             assert abs(weights @ nodes**degree - 1 / (degree + 1)) < 1e-14
         for degree in range(count):
             np.testing.assert_allclose(A @ nodes**degree, nodes ** (degree + 1) / (degree + 1), atol=1e-14)
+
+
+# Linkages of other shapes, at tolerances where rounding and the tolerance meet.
+
+PARALLELOGRAM = """
+lagcli: 1
+particles:
+  a: {mass: 1, position: [0.6, 0.8, 0], velocity: [0.8, -0.6, 0]}
+  b: {mass: 2, position: [2.6, 0.8, 0], velocity: [0.8, -0.6, 0]}
+forces: {weight: {to: all, force: [0, -9.81*m, 0]}}
+holonomic:
+  pa: a.z = 0
+  pb: b.z = 0
+  ca: norm(a) = 1
+  cb: distance(b, [2, 0, 0]) = 1
+  ab: distance(a, b) = 2
+simulation: {duration: 3, samples: 31}
+"""
+
+
+@pytest.mark.parametrize("digits", [4, 5, 6, 7, 8, 9, 10, 11, 12])
+def test_unequal_masses_at_every_tolerance(digits):
+    run = lagcli.simulate(lagcli.loads(PARALLELOGRAM), rtol=10.0**-digits)
+    truth = scipy.integrate.solve_ivp(
+        lambda _, y: [y[1], 9.81 * np.sin(y[0])],
+        (0, 3),
+        [np.arcsin(0.6), 1.0],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+        t_eval=run.t,
+        events=lambda _, y: np.cos(y[0]),
+    )
+    assert np.abs(run["a.x"] - np.sin(truth.y[0])).max() < max(10 * 10.0**-digits, 1e-9)
+    assert len(run.stats.singular_times) == len(truth.t_events[0])
+    assert np.abs(np.array(run.stats.singular_times) - truth.t_events[0]).max() < max(
+        10 * 10.0**-digits, 1e-6
+    )
+
+
+FREE = """
+lagcli: 1
+coordinates: {p: {rate: 1}, q: {rate: 1}}
+lagrangian: rate(p)**2/2 + 3*rate(q)**2/2
+holonomic: {ab: "(2 + sin(q) - sin(p))**2 + (cos(q) - cos(p))**2 = 4"}
+simulation: {duration: 2*pi, samples: 401}
+"""
+
+
+@pytest.mark.parametrize("digits", range(3, 12))
+def test_a_crossing_is_not_stepped_over_where_nothing_else_limits_the_step(digits):
+    """Both angles are t: without forces the scheme has no error, and a step could be longer than a turn."""
+    run = lagcli.simulate(lagcli.loads(FREE), rtol=10.0**-digits)
+    assert run.stats.singular_times == pytest.approx((np.pi / 2, 3 * np.pi / 2), abs=1e-6)
+    np.testing.assert_allclose(run["p"], run.t, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run["R.p"], 0, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(run["energy"], 2, rtol=1e-8)
+
+
+@pytest.mark.parametrize("early", [1e-1, 3e-2, 1e-2])
+@pytest.mark.parametrize("digits", [4, 8, 11])
+def test_a_crossing_soon_after_the_start(early, digits):
+    phi, rate = np.pi / 2 - early, 1.0
+    x, z, u, w = np.sin(phi), np.cos(phi), rate * np.cos(phi), -rate * np.sin(phi)
+    text = f"""
+lagcli: 1
+particles:
+  a: {{mass: 1, position: [{x}, 0, {z}], velocity: [{u}, 0, {w}]}}
+  b: {{mass: 3, position: [2 + {x}, 0, {z}], velocity: [{u}, 0, {w}]}}
+forces: {{weight: {{to: all, force: [0, 0, -9.81*m]}}}}
+holonomic:
+  pa: a.y = 0
+  pb: b.y = 0
+  ca: norm(a) = 1
+  cb: distance(b, [2, 0, 0]) = 1
+  ab: distance(a, b) = 2
+simulation: {{duration: 0.3, samples: 31}}
+"""
+    run = lagcli.simulate(lagcli.loads(text), rtol=10.0**-digits)
+    truth = scipy.integrate.solve_ivp(
+        lambda _, y: [y[1], 9.81 * np.sin(y[0])],
+        (0, 0.3),
+        [phi, rate],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+        t_eval=run.t,
+        events=lambda _, y: np.cos(y[0]),
+    )
+    assert np.abs(run["a.x"] - np.sin(truth.y[0])).max() < max(10 * 10.0**-digits, 1e-9)
+    assert np.abs(np.array(run.stats.singular_times) - truth.t_events[0]).max(initial=0) < 1e-6
+    assert len(run.stats.singular_times) == len(truth.t_events[0])
+
+
+def test_a_crossing_beyond_the_end_is_not_told():
+    crossed = lagcli.simulate(lagcli.loads(FOUR_BAR)).stats.singular_times[0]
+    run = lagcli.simulate(lagcli.loads(FOUR_BAR), duration=crossed - 1e-3, samples=11)
+    assert run.stats.singular_times == ()

@@ -91,7 +91,8 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
         circuits = [sorted(circuit) for circuit in chosen.circuits if several.issuperset(circuit)]
         more, _ = _followed(case, [circuit for circuit in circuits if circuit not in failing], kept)
         follow = sorted({*follow, *more})
-        failing = [rest for group in failing if (rest := sorted(set(group) - set(more)))]
+        # Where all that is left of a group is kept, all of it follows from that.
+        failing = [rest for group in failing if not kept.issuperset(rest := sorted(set(group) - set(more)))]
     sets = [_Set("redundant", 0, 0, sorted({i for group in groups for i in group}), [], follow)]
     for among in _around(B, set(follow)) if failing else ():
         some = sorted({i for group in failing for i in group}.intersection(among))

@@ -26,6 +26,14 @@ class Expanded:
         return ca.Function("rhs", self._parts.inputs, [shared.state_rate(self._parts, a, lam)])
 
     @cached_property
+    def stage(self) -> Any:
+        """stage(t, y, p) -> y', and `parts.nearness`."""
+        parts = self._parts
+        a, lam = _acceleration(parts, parts.inertia, self._schur)
+        outputs = [shared.state_rate(parts, a, lam), shared.nearness(parts, self._watched[1])]
+        return ca.Function("stage", parts.inputs, outputs)
+
+    @cached_property
     def position(self) -> Any:
         """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T.
 

@@ -72,6 +72,14 @@ class NumericSystem:
         """rhs(t, y, p) -> y' (2n + 1,)."""
         return self._way.rhs
 
+    @property
+    def stage(self) -> Any | None:
+        """stage(t, y, p) -> y' (2n + 1,), and `parts.nearness` (2,): the clearance of the rows, and the least.
+
+        None where S is factored numerically: another solution at each stage would cost too much.
+        """
+        return self._way.stage if isinstance(self._way, Expanded) else None
+
     @cached_property
     def land(self) -> Any:
         """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, and an outcome of four.
@@ -129,6 +137,13 @@ class NumericSystem:
     def force(self) -> Any:
         """force(t, q, v, p) -> h (n,), gamma (C,), power."""
         return self._parts.force
+
+    @cached_property
+    def applied(self) -> Any:
+        """applied(t, q, v, p) -> Q_j (n,), the generalized forces of all that is declared under `forces` (D.30)."""
+        dynamics = self._system.dynamics
+        Q = dynamics.driving - ca.gradient(dynamics.potential, self._system.symbols.q)
+        return ca.Function("applied", self._inputs, [ca.densify(Q)])
 
     @property
     def _inputs(self) -> list[Any]:

@@ -206,8 +206,13 @@ def outcome(parts: Parts, clearance: Any, v: Any) -> Any:
     how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes with a row."""
     size = ca.norm_inf(parts.y[: parts.v.numel()]) + TINY
     residual = ca.fmax(position_residual(parts) / size, _departure(parts, v))
+    return ca.densify(ca.vertcat(residual, nearness(parts, clearance)))
+
+
+def nearness(parts: Parts, clearance: Any) -> Any:
+    """(2,): the clearance, and the least diagonal entry of S."""
     least = ca.mmin(ca.diag(parts.S)) if parts.selection.kept else 1.0
-    return ca.densify(ca.vertcat(residual, clearance, least))
+    return ca.densify(ca.vertcat(clearance, least))
 
 
 def _departure(parts: Parts, v: Any) -> Any:

@@ -20,7 +20,7 @@ from lagcli.compile import solving
 TINY = 1e-300
 # Larger circuits are solved numerically: written out, their factors would take longer to build than a run takes.
 WRITTEN_OUT = 40
-SOLVER = "symbolicqr"
+SOLVER = "ldl"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -78,39 +78,50 @@ def split(selection: Selection, S: Any, lam: Any) -> Any:
         here = [*rest, *kept]
         pattern = np.array([[k in supports[i] for k in kept] for i in rest])
         numbers = [among[row] for row in here]
-        shared = _shared(pattern)(S[numbers, numbers], lam[[place[k] for k in kept]])
+        way = _solved if max(pattern.shape) <= WRITTEN_OUT else _projected
+        shared = way(pattern, S[numbers, numbers], lam[[place[k] for k in kept]])
         for number, row in enumerate(here):
             values[row] = shared[number]
     return ca.vertcat(*(values[row] for row in range(len(values))))
 
 
-def _shared(pattern: Any) -> Any:
-    """(S, lambda of the kept rows) of one group -> lambda of all its rows, those left out first.
+def _solved(pattern: Any, S: Any, lam: Any) -> Any:
+    """S and lambda of the kept rows of one group -> lambda of all its rows, those left out first.
 
     With B_rest = T B_kept and D the diagonal of S: lambda_kept + T^T lambda_rest is given, and the smallest sum has
 
         (D_rest + T D_kept T^T) lambda_rest = T D_kept lambda_kept
     """
     k, r = pattern.shape
-    written_out = max(k, r) <= WRITTEN_OUT
-    sort: Any = ca.SX if written_out else ca.MX
-    S, lam = sort.sym("S", k + r, k + r), sort.sym("lam", r)
-    T = ca.vertcat(*(_weights(S, i, k, pattern[i]) for i in range(k)))
-    D = ca.diag(S)
+    among, given = ca.SX.sym("S", k + r, k + r), ca.SX.sym("lam", r)
+    T = ca.vertcat(*(_weights(among, i, k, pattern[i]) for i in range(k)))
+    D = ca.diag(among)
     TD = T * ca.repmat(D[k:].T, k, 1)
-    matrix = ca.diag(D[:k] + TINY) + TD @ T.T
-    right = TD @ lam
-    rest = solving.solver(matrix)(right) if written_out else ca.solve(matrix, right, SOLVER)
-    return ca.Function("shared", [S, lam], [ca.densify(ca.vertcat(rest, lam - T.T @ rest))])
+    rest = solving.solver(ca.diag(D[:k] + TINY) + TD @ T.T)(TD @ given)
+    shared = ca.Function("shared", [among, given], [ca.densify(ca.vertcat(rest, given - T.T @ rest))])
+    return shared(S, lam)
+
+
+def _projected(pattern: Any, S: Any, lam: Any) -> Any:
+    """The same of a larger group, without T.
+
+    In unit rows, mu_i = lambda_i D_i^(1/2) and G = D^(-1/2) S D^(-1/2), the shortest mu with the same B^T lambda is
+    the projection of any onto the range of G, which the columns of the kept rows span: G_K (G_K^T G_K)^-1 G_K^T mu.
+    """
+    k = pattern.shape[0]
+    lengths = ca.sqrt(ca.diag(S) + TINY)
+    unit = ca.diag(1 / lengths)
+    G = unit @ S @ unit
+    columns = G[:, k:]
+    weights = ca.solve(columns.T @ columns, G[k:, k:] @ (lengths[k:] * lam), SOLVER)
+    return ca.densify((columns @ weights) / lengths)
 
 
 def _weights(S: Any, i: int, k: int, support: Any) -> Any:
     """Row i of T, (1, r): S_iK S_KK^-1 over the kept rows K that row i depends on."""
     among = (np.flatnonzero(support) + k).tolist()
     right = S[among, i]
-    found = (
-        solving.solver(S[among, among])(right) if isinstance(S, ca.SX) else ca.solve(S[among, among], right)
-    )
-    row = type(S)(1, support.size)
+    found = solving.solver(S[among, among])(right)
+    row = ca.SX(1, support.size)
     row[0, (np.array(among) - k).tolist()] = found.T
     return ca.densify(row)

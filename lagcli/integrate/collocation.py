@@ -22,6 +22,8 @@ MOST_ITERATIONS = 80
 # The iteration has converged where states change by rounding, or this part of the tolerance; where it contracts no
 # more it may be this far off.
 ROUNDING, PART, STALLED = 2e-16, 1e-3, 1e-11
+# Iterates that are mixed, and singular values of their differences that are rounding.
+DEPTH, SINGULAR = 10, 1e-10
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +63,7 @@ def improved(land: Call, guess: Step, h: float, count: int, rtol: float) -> Step
     size = float(np.abs(y).max()) or 1.0
     before = np.inf
     states = y + h * (A @ slopes)
+    mixing = _Mixing(size)
     for _ in range(MOST_ITERATIONS):
         for i, x in enumerate(nodes):
             rate = landed(land, t + x * h, states[i])
@@ -69,15 +72,40 @@ def improved(land: Call, guess: Step, h: float, count: int, rtol: float) -> Step
             slopes[i] = rate
         new = y + h * (A @ slopes)
         change = float(np.abs(new - states).max()) / size
-        states = new
-        if change <= converged:
-            break
-        if change > 0.5 * before and before <= STALLED:
-            break
+        if change <= converged or (change > 0.5 * before and before <= STALLED):
+            return Step(t, h, y, slopes)
         before = min(change, before)
-    else:
-        return None
-    return Step(t, h, y, slopes)
+        states = mixing.next(states, new)
+    return None
+
+
+class _Mixing:
+    """Anderson's acceleration of a fixed-point iteration x -> g(x): the combination of the last iterates whose change
+    g(x) - x is least, mixed of their g(x) (Anderson, J. ACM 12 (1965) 547).
+
+    Close to where rows are dependent the projection turns an error of a state into one of its slope as large as
+    1/h: the plain iteration then contracts slowly or not at all, in a few directions, whatever the length of the step.
+    """
+
+    def __init__(self, size: float) -> None:
+        self._size = size
+        self._values: list[Floats] = []
+        self._changes: list[Floats] = []
+
+    def next(self, x: Floats, g: Floats) -> Floats:
+        """The next x after one with g(x)."""
+        self._values, self._changes = (
+            [*self._values[-DEPTH:], g.ravel()],
+            [*self._changes[-DEPTH:], (g - x).ravel()],
+        )
+        if len(self._values) == 1:
+            return g
+        changes, values = np.array(self._changes), np.array(self._values)
+        differences = np.diff(changes, axis=0).T
+        lengths = np.linalg.norm(differences, axis=0)
+        lengths[lengths == 0] = 1.0
+        weights = np.linalg.lstsq(differences / lengths, changes[-1], rcond=SINGULAR)[0] / lengths
+        return np.asarray(values[-1] - weights @ np.diff(values, axis=0)).reshape(g.shape)
 
 
 def landed(land: Call, t: float, y: Floats) -> Floats | None:
@@ -92,9 +120,9 @@ def landed(land: Call, t: float, y: Floats) -> Floats | None:
     return land.results[1]
 
 
-def closest(count: int) -> float:
-    """How close to the middle of a step a node of an even number comes, as a part of the step."""
-    return float(np.abs(_gauss(count)[0] - 0.5).min())
+def closest(count: int, place: float) -> float:
+    """How close to a place in a step a node comes, both as parts of the step."""
+    return float(np.abs(_gauss(count)[0] - place).min())
 
 
 def first(count: int) -> float:

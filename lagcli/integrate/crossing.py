@@ -9,6 +9,7 @@ no node lies. What is lost there is looked at (`lost`), and where other rows wou
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -30,10 +31,15 @@ NODES, FEWER = 10, 8
 # With rows at a distance delta from dependent ones, rounding of positions is amplified by 1/delta^3 in forces: a
 # step is as right as can be where it is this exact, but must be right to WORST.
 ROUNDING, AMPLIFIED, WORST = 1e-13, 2e-17, 1e-9
-# The instant is found again until it lies within this part of the step from its middle.
-CENTERED, MOST_CENTERINGS = 0.02, 6
-# Points beside the instant, as parts of the step, where the clearance is read: a line through zero, bent by BENT.
+# The instant is found again until it is off by this part of the time up to it.
+CENTERED, MOST_CENTERINGS = 0.04, 6
+# Where the instant lies in a step: in its middle, or between the first nodes where the step begins at an angle that is
+# smaller than this.
+PLACES, TOO_CLOSE = (0.5, 0.13, 0.04), 0.03
+# Points beside the instant, as parts of twice the time up to it, where the clearance is read: a line through zero,
+# bent by BENT.
 FAR, CLOSE, BENT = (0.15, 0.3), (0.02, 0.04), 0.1
+ALONG_STEP = (0.02, 0.2, 0.4, 0.6, 0.8, 0.9)
 # A step from a singular start is halved so often; its velocities must be those of the start to this part.
 HALVINGS, ALONG = 30, 1e-5
 
@@ -60,6 +66,12 @@ class Passage:
 
     step: collocation.Step
     instant: float
+
+    @property
+    def width(self) -> float:
+        """Of the part of the step around the instant that has it in the middle; of the whole step where it begins."""
+        before, after = self.instant - self.step.t, self.step.t + self.step.h - self.instant
+        return 2 * min(before, after) if before > 0 else self.step.h
 
     @property
     def is_start(self) -> bool:
@@ -123,24 +135,38 @@ def _others(numeric: NumericSystem, state: State) -> Selection | None:
 
 
 def _passage(land: Call, here: Point, foreseen: Foreseen) -> Passage | None:
-    """The step across the instant, or None where there is none that is right to the tolerance."""
+    """The step across the instant, or None where there is none that is right to the tolerance.
+
+    A step that begins close to the instant is long beyond it, for rounding is amplified close to it.
+    """
+    for part in PLACES if foreseen.angle < TOO_CLOSE else PLACES[:1]:
+        found = _placed(land, here, foreseen, part)
+        if found is not None:
+            return found
+    return None
+
+
+def _placed(land: Call, here: Point, foreseen: Foreseen, part: float) -> Passage | None:
+    """The same with the instant at this part of the step, where no node is near."""
     t, y, k, tolerance = here.t, here.y, here.k, here.tolerance
     instant, rtol = foreseen.instant, tolerance[0]
-    step = collocation.rising(t, y, 2 * (instant - t), k)
+    step = collocation.rising(t, y, (instant - t) / part, k)
     for _ in range(MOST_CENTERINGS):
-        h = 2 * (instant - t)
+        h = (instant - t) / part
         if not t + h / 64 > t:
             return None
         better = collocation.improved(land, step, h, NODES, rtol)
         if better is None:
             return None
         step = better
-        found = _instant(land, step, foreseen._replace(instant=instant))
+        found = _instant(land, step, foreseen._replace(instant=instant), 2 * part * h)
         if found is None:
             return None
-        if abs(found[0] - instant) <= CENTERED * h:
+        if abs(found[0] - instant) <= CENTERED * part * h:
+            if not _is_only_one(land, step, foreseen.place, found[0]):
+                return None
             fewer = collocation.improved(land, step, h, FEWER, rtol)
-            delta = found[1] * h * collocation.closest(NODES) / foreseen.most
+            delta = found[1] * h * collocation.closest(NODES, part) / foreseen.most
             return Passage(step, found[0]) if fewer and _agree(step, fewer, tolerance, delta) else None
         instant = found[0]
     return None
@@ -168,18 +194,18 @@ def _agree(step: collocation.Step, fewer: collocation.Step, tolerance: Floats, d
     return bool((np.abs(new - other) <= allowed).all())
 
 
-def _instant(land: Call, step: collocation.Step, guess: Foreseen) -> tuple[float, float] | None:
-    """The instant at which the clearance vanishes within a step, and the slope of its root there; None where it does
-    not vanish in a line."""
+def _instant(land: Call, step: collocation.Step, guess: Foreseen, width: float) -> tuple[float, float] | None:
+    """The instant at which the clearance vanishes within a width around a guess, and the slope of its root there; None
+    where it does not vanish in a line."""
     instant = guess.instant
     for offsets in (FAR, CLOSE):
-        taus = np.array([-offsets[1], -offsets[0], *offsets]) * step.h
+        taus = np.array([-offsets[1], -offsets[0], *offsets]) * width
         roots = np.array([_root(land, step, guess.place, instant + tau) for tau in taus])
         if not np.isfinite(roots).all():
             return None
         signed = roots * np.sign(-taus)
         line = np.polynomial.Polynomial.fit(taus, signed, 3)
-        near = [z.real for z in line.roots() if abs(z.imag) < 1e-6 * step.h and abs(z.real) < abs(taus[1])]
+        near = [z.real for z in line.roots() if abs(z.imag) < 1e-6 * width and abs(z.real) < abs(taus[1])]
         if len(near) != 1:
             return None
         instant += float(near[0])
@@ -187,6 +213,15 @@ def _instant(land: Call, step: collocation.Step, guess: Foreseen) -> tuple[float
     if np.any(np.abs(roots - slope * np.abs(taus - near[0])) > BENT * roots):
         return None
     return instant, slope
+
+
+def _is_only_one(land: Call, step: collocation.Step, place: int, instant: float) -> bool:
+    """Whether the clearance falls to the instant all the way and rises all the way after it: there is no other."""
+    for begin, end in ((step.t, instant), (step.t + step.h, instant)):
+        roots = [_root(land, step, place, begin + x * (end - begin)) for x in ALONG_STEP]
+        if not all(after < before for before, after in itertools.pairwise(roots)):
+            return False
+    return True
 
 
 def _root(land: Call, step: collocation.Step, place: int, at: float) -> float:

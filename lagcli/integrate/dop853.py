@@ -24,6 +24,9 @@ ORDER = 8
 DENSE_ROWS = 7
 # The projection may move a state by this many tolerances, and by this part of its size.
 MOVED, MOVED_ROUNDING = 100.0, 1e-10
+# Stages at which the nearness of the rows to dependent ones is looked at, in the order of their times.
+WATCHED = (1, 3, 6, 5, 9, 8, 10)
+DIP = 0.3
 WRITTEN_OUT = 1000  # numbers of a state
 # What stands in a line after the row of the table: the account's figures, W, and a sum that is finite only where
 # all of the line is, or overflows.
@@ -35,13 +38,14 @@ BEYOND = FIGURES + 1
 class Scheme:
     """Compiled step, dense output and rows.
 
-    step(t, h, y, k, tolerance, p) -> y new, k new, (error, moved, outcome of `land`), then the stages 2 to 12, each
-    an output (2n + 1,) of its own, so that none is copied where they are not wanted
+    step(t, h, y, k, tolerance, p) -> y new, k new, (error, moved, hidden, outcome of `land`), then the stages 2 to
+    12, each an output (2n + 1,) of its own, so that none is copied where they are not wanted
     dense(t, h, y, y new, k new, p, k, stages 2 to 12) -> coefficients (2n + 1, 7)
     line_at(t, y, p) -> t, the row of the table, the figures of `account`, W and a sum of them all
     line_inside(t, x, y, coefficients, p) -> the same at the fraction x of a step from y
     with k = y'(t, y), tolerance = (rtol, atol). A step may be accepted where error < 1, the estimate of the scheme,
-    and moved < 1: how far the projection moved the state, as a part of what it may.
+    and moved < 1: how far the projection moved the state, as a part of what it may. Where hidden < 0 rows have become
+    dependent and independent again within the step.
     """
 
     step: Any
@@ -69,16 +73,22 @@ def _step(numeric: NumericSystem) -> Any:
     t, h = ca.MX.sym("t"), ca.MX.sym("h")
     y, k = ca.MX.sym("y", size), ca.MX.sym("k", size)
     tolerance, p = ca.MX.sym("tolerance", 2), ca.MX.sym("p", parameters)
-    stages = [k]
+    stages, near = [k], {}
     for s in range(1, tableau.STAGES):
-        stages.append(numeric.rhs(t + tableau.C[s] * h, y + h * _mix(tableau.A[s], stages), p))
+        inputs = t + tableau.C[s] * h, y + h * _mix(tableau.A[s], stages), p
+        if s in WATCHED and numeric.stage is not None:
+            rate, near[s] = numeric.stage(*inputs)
+        else:
+            rate = numeric.rhs(*inputs)
+        stages.append(rate)
     change = _mix(tableau.B, stages)
     new = y + h * change
     # The weights of order 3 are those of order 8 but for three entries.
     e3 = change + _mix([low - high for low, high in zip(tableau.E3, tableau.B, strict=True)], stages)
     landed, k_new, outcome = numeric.land(t + h, new, p)
     judged = _judge(size)(y, new, landed, h, _mix(tableau.E5, stages), e3, tolerance)
-    outputs = [landed, k_new, ca.vertcat(judged, outcome), *stages[1:]]
+    hidden = _hidden()(ca.horzcat(*(near[s] for s in WATCHED), outcome[1:3])) if near else 1.0
+    outputs = [landed, k_new, ca.vertcat(judged, hidden, outcome), *stages[1:]]
     return ca.Function("step", [t, h, y, k, tolerance, p], outputs)
 
 
@@ -89,6 +99,32 @@ def _judge(size: int) -> Any:
     h, tolerance = sort.sym("h"), sort.sym("tolerance", 2)
     both = ca.vertcat(_error(y, new, h, (e5, e3), tolerance), _moved(y, new, landed, tolerance))
     return ca.Function("judge", [y, new, landed, h, e5, e3, tolerance], [both])
+
+
+def _hidden() -> Any:
+    """Clearance and least row (2, 8) at the watched stages and at the end -> how far they are from having gone through
+    zero within the step and come back; below zero where they may have.
+
+    Their roots then go to zero and rise again in a line: lines through two of them lead below zero on the other side
+    of a gap, or one root is much smaller than both beside it.
+    """
+    squares = ca.SX.sym("squares", 2, len(WATCHED) + 1)
+    roots = ca.sqrt(ca.fmax(squares, 0.0))
+    at = [*(tableau.C[s] for s in WATCHED), 1.0]
+    last = len(at) - 1
+
+    def line(i: int, j: int, t: float) -> Any:
+        return roots[:, i] + (roots[:, j] - roots[:, i]) * ((t - at[i]) / (at[j] - at[i]))
+
+    gaps = [line(0, 1, 0.0)]
+    for i in range(1, last + 1):
+        if i < last:
+            gaps.append(roots[:, i] - DIP * ca.fmin(roots[:, i - 1], roots[:, i + 1]))
+        if i > 1:
+            gaps.append(line(i - 2, i - 1, at[i]) + DIP * roots[:, i])
+        if i < last - 1:
+            gaps.append(line(i + 1, i + 2, at[i]) + DIP * roots[:, i])
+    return ca.Function("hidden", [squares], [ca.mmin(ca.vertcat(*gaps))])
 
 
 def _error(y: Any, new: Any, h: Any, estimates: tuple[Any, Any], tolerance: Any) -> Any:

@@ -54,8 +54,11 @@ NEAR = 1e-4
 DRIFTS = slice(-dop853.BEYOND, -dop853.BEYOND + 2)
 # A step from a singular configuration moves by this part of its size, or less.
 FIRST = 0.1
+# A step in which rows have been dependent unseen counts as one of this error, which halves it; down to this part of
+# the step proposed, for rounding may look the same.
+HIDDEN, HIDING = 100.0, 1e-3
 # Rows that are this close to dependent ones where a run stops are the reason.
-DEPENDENT = 1e-2
+DEPENDENT, SOON = 1e-2, 1e-4
 # Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
 PACE, HOPELESS = 5000, 1e10
 
@@ -84,11 +87,13 @@ def step_tolerance(settings: Simulation) -> Floats:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Begin:
-    """A consistent start, q and v (n,); is_singular: the rows are dependent there and not nearby."""
+    """A consistent start, q and v (n,); is_singular: the rows are dependent there and not nearby; part: of the usual
+    first step, with which the run begins."""
 
     q: Floats
     v: Floats
     is_singular: bool = False
+    part: float = 1.0
 
 
 class Run:
@@ -112,6 +117,7 @@ class Run:
         self._resumed = begin if isinstance(begin, Mark) else None
         state = begin.y if isinstance(begin, Mark) else np.concatenate([begin.q, begin.v, [0.0]])
         self._is_singular = isinstance(begin, Begin) and begin.is_singular
+        self._part = begin.part if isinstance(begin, Begin) else 1.0
         self._tolerance = step_tolerance(settings)
         self._bind(held, np.array(state, dtype=float))
         self.t = self._reached = self._pace_from = self._t_cell[0] = grid.start
@@ -266,18 +272,22 @@ class Run:
         """The start: its row, and the first step."""
         if self._is_singular:
             speed = float(np.abs(self._y[self._y.size // 2 : -1]).max())
-            self._step_size = FIRST * float(np.abs(self._y[: self._y.size // 2]).max() or 1.0) / speed
+            self._step_size = (
+                self._part * FIRST * float(np.abs(self._y[: self._y.size // 2]).max() or 1.0) / speed
+            )
             self._foreseen = self._watch.stand(self.t)
             self._settle()
             return
         # It may lie off the constraints by rounding; the first row and the first step begin on them.
         self._land.trigger()
         self._y[:], self._k[:] = self._land.results[0], self._land.results[1]
+        clearance, least = self._land.results[2][1:3].tolist()
+        self._watch.foreseen(self.t, clearance, least)
         self.account.evaluations += 1
         if not np.isfinite(self._k).all():
             self._stop("the accelerations are not finite at the start")
         self.account.evaluations += 1
-        self._step_size = first_step.first_step(self._rhs, self._k, self._tolerance)
+        self._step_size = self._part * first_step.first_step(self._rhs, self._k, self._tolerance)
         self._settle()
         self._at_cell[0] = self.t
         self._line_begin.trigger()
@@ -301,8 +311,10 @@ class Run:
             self._h_cell[0] = taken
             (self._staged_step if self._row_time < reached else self._step).trigger()
             self.account.evaluations += tableau.STAGES
-            scheme_error, moved, residual, clearance, least, everything = self._outcome
+            scheme_error, moved, hidden, residual, clearance, least, everything = self._outcome
             landed, error = residual <= LANDING, max(scheme_error, moved)
+            if hidden < 0.0 and taken > HIDING * self._step_size:
+                error = max(error, HIDDEN)
             if error < 1.0 and landed and math.isfinite(everything):
                 if is_cut or not last:
                     break
@@ -340,13 +352,42 @@ class Run:
         found = crossing.across(self._held.functions.numeric, self._land_aside, self._point, self._foreseen)
         self._count_aside()
         if isinstance(found, Selection):
-            y, k = self._y.copy(), self._k.copy()
-            self._bind(self._held.keeping(found), y)
-            self._t_cell[0], self._k[:] = self.t, k
+            self._rebind(self._held.keeping(found))
             self._watch, self._foreseen = Watch(), NEVER
         elif found is not None:
             self._cross(found)
+        elif self._held.is_any:
+            return self._pass_without_integrals()
         return isinstance(found, crossing.Crossing)
+
+    def _rebind(self, held: Holding) -> None:
+        y, k = self._y.copy(), self._k.copy()
+        self._bind(held, y)
+        self._t_cell[0], self._k[:] = self.t, k
+
+    def _pass_without_integrals(self) -> bool:
+        """The same where integrals are the reason why there is no step: they may have no direction at the instant.
+
+        Those that hold beyond it are kept, else they are let go.
+        """
+        plain = self._held.plain.functions.numeric
+        land = Call(plain.land, [np.zeros(1), np.zeros(self._y.size), self._held.p])
+        found = crossing.across(plain, land, self._point, self._foreseen)
+        self.account.evaluations += land.used
+        if not isinstance(found, crossing.Crossing):
+            return False
+        step = found.passage.step
+        reached, new = step.t + step.h, step.state(1.0)
+        if collocation.landed(self._land_aside, reached, new) is not None:
+            self._cross(found)
+            return True
+        ahead = self._state(reached, new)
+        held, notes, self._tried = holding.let_go(
+            self._held, self._state(self.t, self._y), ahead, self._tried
+        )
+        self.account.notes += notes
+        self._rebind(held)
+        return self._pass()
 
     def _leave(self) -> None:
         """Take the first step from a singular configuration."""
@@ -390,7 +431,7 @@ class Run:
         step = Call(self._held.plain.functions.scheme.step, arguments, wanted=3)
         step.trigger()
         self.account.evaluations += tableau.STAGES
-        new, _, (error, moved, residual, _, _, everything) = step.results
+        new, _, (error, moved, _, residual, _, _, everything) = step.results
         if not (max(error, moved) < 1.0 and residual <= LANDING and math.isfinite(everything)):
             return False
         if is_last:
@@ -442,10 +483,10 @@ class Run:
     def _across(self, across: crossing.Passage, at: float) -> None:
         """The line of a row within a step across a singular configuration."""
         step, tau = across.step, at - across.instant
-        if abs(tau) > limits.WINDOW * step.h:
+        if abs(tau) > limits.WINDOW * across.width:
             self._put_aside(at, step)
             return
-        taus = limits.beside(step.h, across.is_start)
+        taus = limits.beside(across.width, across.is_start)
         lines = []
         for beside in taus:
             self._put_aside(across.instant + beside, step)
@@ -517,7 +558,9 @@ class Run:
 
     def _why(self, error: float, residual: float) -> str:
         nearness, is_alone = self._watch.nearness
-        if nearness < DEPENDENT:
+        if nearness < DEPENDENT and self._foreseen.instant - self.t < SOON * (
+            self.grid.end - self.grid.start
+        ):
             numeric = self._held.functions.numeric
             told = self._named(lost.closest(numeric, self._state(self.t, self._y), is_alone))
             what = f"the gradient of {told} vanishes" if is_alone else f"the rows {told} become dependent"

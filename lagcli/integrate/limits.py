@@ -18,7 +18,7 @@ AFTER = 0.02, 0.7, 12  # the same, and their number, where a run begins at the i
 RESIDUE, POLE = 1e-6, 1e-6
 # At a kink or a jump two interpolations differ by some part of the range of a column; what is less than these parts of
 # the column, or of the largest, is rounding.
-BROKEN, ROUGH, NOISE = 1e-3, 1e-7, 1e-12
+BROKEN, ROUGH, NOISE = 1e-3, 1e-7, 1e-8
 # Of four lines at equal distances the differences shrink by half of their distance, or are rounding.
 SHRINKS, ROUNDING = 0.75, 1e-6
 

@@ -11,6 +11,11 @@ WIDE = math.sin(NARROW) ** 2
 # A step across may be this many times longer than an ordinary one, for each digit of the tolerance beyond DIGITS: its
 # order is higher.
 AHEAD, FARTHER, DIGITS = 2.0, 0.4, 6
+# Rounding of positions is amplified by about this over the cube of the angle.
+AMPLIFIED = 1e-16
+EARLIER = 6.0
+# A step that is this many times as long as the last one: steps grow.
+GROWING = 4.0
 # An ordinary step goes this part of the way to the instant.
 SHORTER = 0.6
 # Places in the outcome of `land`.
@@ -19,11 +24,14 @@ STANDING = -1  # in place of them, at a start at which rows are dependent
 
 
 class Foreseen(NamedTuple):
-    """An instant, which number of the outcome of `land` goes to zero there, and how large its root was."""
+    """An instant, which number of the outcome of `land` goes to zero there, how large its root was, the angle (or the
+    part of that) that is left, and the length of the last step."""
 
     instant: float
     place: int
     most: float = 1.0
+    angle: float = math.pi
+    step: float = math.inf
 
     def shortened(self, t: float, h: float) -> float:
         """An ordinary step that does not lead across unseen."""
@@ -41,8 +49,17 @@ class Foreseen(NamedTuple):
         return self.place == STANDING
 
     def is_near(self, t: float, h: float, rtol: float) -> bool:
-        """Whether a step across from t is worth a try, where ordinary steps have the length h."""
-        return self.instant - t < h * (AHEAD + FARTHER * max(0.0, -math.log10(rtol) - DIGITS))
+        """Whether a step across from t is worth a try, where ordinary steps have the length h.
+
+        The closer to the instant a step begins, the more rounding is amplified: it may not come too close for its
+        tolerance. Soon after the start of a run steps are short for no reason of the motion, and grow.
+        """
+        steps = AHEAD + FARTHER * max(0.0, -math.log10(rtol) - DIGITS)
+        if self.angle < (AMPLIFIED / rtol) ** (1 / 3):
+            steps *= EARLIER
+        if h > GROWING * self.step:
+            steps *= EARLIER**2
+        return self.instant - t < h * steps
 
 
 NEVER = Foreseen(math.inf, 0)
@@ -53,17 +70,17 @@ class Watch:
 
     def __init__(self, state: tuple[float, ...] = ()) -> None:
         # Of the last step: t, clearance and least, and the largest of the latter so far; then what was foreseen:
-        # instant, place, most.
+        # instant, place, most, angle, step.
         self.state = state
 
     def again(self) -> Foreseen:
         """What was foreseen last."""
-        instant, place, most = self.state[4:] or NEVER
-        return Foreseen(instant, int(place), most)
+        instant, place, *rest = self.state[4:] or NEVER
+        return Foreseen(instant, int(place), *rest)
 
     def stand(self, t: float) -> Foreseen:
         """A start at which rows are dependent."""
-        found = Foreseen(t, STANDING)
+        found = Foreseen(t, STANDING, 1.0, 0.0, 0.0)
         self.state = (t, 0.0, 0.0, 0.0, *map(float, found))
         return found
 
@@ -100,4 +117,7 @@ class Watch:
 def _instant(before: tuple[float, ...], t: float, square: float, place: int, most: float) -> Foreseen:
     """When a number goes to zero, the square of a sine: the angle between rows goes to zero in a line from afar."""
     now, last = math.asin(math.sqrt(square / most)), math.asin(min(1.0, math.sqrt(before[place] / most)))
-    return Foreseen(t + now * (t - before[0]) / (last - now), place, math.sqrt(most)) if last > now else NEVER
+    step = t - before[0]
+    if last <= now:
+        return NEVER
+    return Foreseen(t + now * step / (last - now), place, math.sqrt(most), now, step)

@@ -24,6 +24,7 @@ class Dynamics:
     potentials, `energy` = T + V + qd . dL/dqd - L of the `lagrangian`; `jacobi` = v . dL/dv - L of the whole
     system, whose rate is `power` - lambda . b: the power of the forces without potential and of explicit time;
     `rest` is its part without velocities, V - L(q, v = 0, t) of what is not Cartesian.
+    driving (n): the part of Q_j (D.30) that has no potential; the whole of Q_j is driving - dV/dq.
     applied: F_k on the dependent particles (the sum of forces and potentials declared on particles), x of all of
     them, then y, then z.
     carriers: what acts on generalized coordinates directly, by name, with the rows of q it touches.
@@ -37,6 +38,7 @@ class Dynamics:
     jacobi: Any
     rest: Any
     power: Any
+    driving: Any
     applied: Any
     carriers: Mapping[str, frozenset[int]]
 
@@ -70,6 +72,7 @@ def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents
         rest=V - ca.substitute(general, s.v, ca.SX.zeros(s.v.shape)),
         jacobi=T_cartesian + V + ca.dot(s.v, momentum) - general,
         power=ca.dot(Q, s.v) - explicit_time,
+        driving=Q,
         applied=_applied(model, environment, fixed, free),
         carriers=_carriers(model, s, fixed, free),
     )

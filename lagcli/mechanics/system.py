@@ -8,7 +8,7 @@ R = + B^T lambda                    (D.22)
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -75,7 +75,11 @@ class System:
         return tuple(names)
 
 
-def build(model: nouns.Model) -> System:
+# Other rows and dynamics of the same coordinates, in place of those a model declares.
+Restated = Callable[[Environment, rows.Rows, energy.Dynamics], tuple[rows.Rows, energy.Dynamics]]
+
+
+def build(model: nouns.Model, restated: Restated | None = None) -> System:
     """The system of a model. Raises `diagnostics.ModelError` for laws that cannot act and degenerate bodies."""
     s = symbols.symbols(model)
     fixed = FixedExponents(model)
@@ -86,6 +90,8 @@ def build(model: nouns.Model) -> System:
     ]
     laid = rows.lay_down(model, env, [(g, ca.vertsplit(c)) for g, c in zip(bodies, constants, strict=True)])
     dynamics = energy.dynamics(model, env, fixed)
+    if restated is not None:
+        laid, dynamics = restated(env, laid, dynamics)
     lam, a = ca.SX.sym("lam", len(laid.rows)), ca.SX.sym("a", s.q.numel())
     Q_R = reaction(laid.B, lam)
     everyone = np.arange(len(env.particles))
