@@ -1,0 +1,224 @@
+"""A built system -> the page with its equations of motion."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import sympy
+
+from lagcli import diagnostics
+from lagcli.derivation import formula as f
+from lagcli.derivation import multipliers, solution
+from lagcli.derivation.calculus import ZERO
+from lagcli.derivation.page import Derivation, Line, Section
+from lagcli.derivation.sections import Sections, joined, triple
+from lagcli.derivation.signs import Signs
+from lagcli.derivation.system import Symbolic, symbolic
+from lagcli.derivation.tidy import polynomial, shorter, tidy
+from lagcli.derivation.vectors import NOTHING
+from lagcli.mechanics.system import System
+
+# Of a family this many lines are shown, then the last one; of a long sum this many terms.
+SHOWN, TERMS = 2, 16
+# Operations up to which lambda is put into accelerations.
+SHORT = 16
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Options:
+    """solve: lambda and accelerations in closed form. everything: all members of families, all terms of sums.
+    values: parameters that are put in as numbers."""
+
+    solve: bool = False
+    everything: bool = False
+    values: frozenset[str] = frozenset()
+
+
+def derive(built: System, options: Options) -> Derivation:
+    """The equations of motion. Raises `diagnostics.ModelError` for what is too large to be written out."""
+    try:
+        return _derived(built, options)
+    except RecursionError:
+        message = "the equations cannot be written out: an expression is nested too deeply"
+        where = diagnostics.Location(built.model.path, 1, 1)
+        found = diagnostics.Diagnostic("too-large-to-derive", message, where)
+        raise diagnostics.ModelError([found]) from None
+
+
+def _derived(built: System, options: Options) -> Derivation:
+    model = built.model
+    system = symbolic(model, built.bodies, options.values)
+    signs = Signs(system)
+    parts = Sections(system, signs)
+    # The constraints come first on the page; lengths are only known when all else is written.
+    drafts: list[tuple[str, Iterable[Line]]] = [
+        ("Positions", parts.positions()),
+        ("Constraints", parts.constraints()),
+        ("Rows", parts.rows() if system.rows else ()),
+        ("Constraint forces", parts.reactions() if system.rows else ()),
+        ("Energies", parts.energies()),
+        ("Generalized forces", parts.forces()),
+        ("Newton's equations", parts.newton()),
+        ("Inertia", parts.inertia()),
+        ("Lagrange's equations", parts.lagrange()),
+        ("From Newton to Lagrange", parts.identity()),
+    ]
+    written = [(title, list(lines)) for title, lines in drafts]
+    written += _multipliers(system, signs, parts, options)
+    lengths = list(parts.lengths())
+    place = next((i for i, (title, lines) in enumerate(written) if title == "Constraints" and lines), None)
+    if lengths and place is not None:
+        written[place][1].extend(lengths)
+    elif lengths:
+        written.insert(0, ("Lengths", lengths))
+    if said := _constants(system, signs):
+        written.insert(0, ("Values put in", said))
+    sections = tuple(Section(title, tuple(_cut(lines, options))) for title, lines in written if lines)
+    return Derivation(model.title or "Equations of motion", _about(system), sections, system)
+
+
+def _about(system: Symbolic) -> str:
+    particles, rows = len(system.world.particles), len(system.rows)
+    counts = [
+        f"{particles} particle{'s' * (particles != 1)}" if particles else "",
+        f"{len(system.q)} coordinate{'s' * (len(system.q) != 1)}",
+        f"{rows} constraint row{'s' * (rows != 1)}",
+    ]
+    said = ", ".join(part for part in counts if part)
+    return f"{said}. (D.n) are the numbers of the equations in the text."
+
+
+def _constants(system: Symbolic, signs: Signs) -> list[Line]:
+    """Parameters that stand as numbers, and the constants of rigid bodies."""
+    found = []
+    for name, value in system.world.substituted.items():
+        left = f.Words(name)
+        right = f.Triple(tuple(map(signs.node, value))) if isinstance(value, tuple) else signs.node(value)
+        found.append(Line(sides=(left, right), kind="value"))
+    for symbol, number in system.constants.items():
+        body = symbol.name.split(" ")[1]
+        found.append(
+            Line(sides=(signs.node(symbol), f.Number(f"{number:.10g}")), kind="constant", family=body)
+        )
+    return found
+
+
+def _multipliers(
+    system: Symbolic, signs: Signs, parts: Sections, options: Options
+) -> list[tuple[str, list[Line]]]:
+    """The equation for lambda (D.24), and its solution where that is asked for."""
+    if not system.rows:
+        note = [Line(note="There is no constraint row, and so no multiplier to solve for.")]
+        return [("Solution", note)] if options.solve else []
+    title = "Multiplier equation  (B M⁻¹ Bᵀ) λ = γ − B M⁻¹ h"
+    lines = list(parts.gammas())
+    inverted = multipliers.inverse(system)
+    if inverted.entries is None:
+        reason = f"not written out: {inverted.reason}"
+        lines.append(Line(note=f"B M⁻¹ Bᵀ is {reason}."))
+        found = [(title, lines)]
+        if options.solve:
+            found.append(("Solution", [Line(note=f"λ in closed form is {reason}.")]))
+        return found
+    equation = multipliers.equation(system, inverted.entries)
+    for r, row in enumerate(system.rows):
+        terms = (equation.S.get((r, j), ZERO) * lam for j, lam in enumerate(system.lam))
+        left = signs.node(sum(terms, ZERO))
+        sides = left, signs.node(equation.right[r])
+        lines.append(Line("D.24", sides, kind="S", family=row.family))
+    found = [(title, lines)]
+    if options.solve:
+        found.append(("Solution", list(_solution(system, parts, equation, inverted))))
+    return found
+
+
+def _solution(
+    system: Symbolic, parts: Sections, equation: multipliers.Equation, inverted: multipliers.Inverse
+) -> Iterator[Line]:
+    signs = parts.signs
+    solved = solution.solve(system, equation)
+    if not solved.values:
+        yield Line(note=f"No closed form: {solved.reason}.")
+        return
+    said = [(x, value) for x, value in solved.on.items() if not str(x).startswith("product ")]
+    if said:
+        left, right = (tuple(map(signs.node, side)) for side in zip(*said, strict=True))
+        yield Line(note="On the constraints, where")
+        yield Line(sides=(left[0], right[0]) if len(said) == 1 else (f.Triple(left), f.Triple(right)))
+    for r, value in solved.values.items():
+        yield Line("D.24", (signs.node(system.lam[r]), signs.node(value)), kind="lambda")
+    if solved.reason:
+        yield Line(note=f"No closed form of the others: {solved.reason}.")
+    put = {system.lam[r]: value for r, value in solved.values.items()}
+    yield from _accelerations(system, parts, inverted, solved, put)
+
+
+def _accelerations(
+    system: Symbolic,
+    parts: Sections,
+    inverted: multipliers.Inverse,
+    solved: solution.Solved,
+    put: dict[Any, Any],
+) -> Iterator[Line]:
+    """Accelerations, with lambda put in where that stays short."""
+    signs = parts.signs
+    lengths = {x: value for x, value in solved.on.items() if str(x).startswith("root ")}
+    for number in system.newton:
+        first, mass = system.place(number), system.world.mass(number)
+        x, y, z = (tidy(value / mass) for value in triple(system.h, first))
+        # A long lambda stays a lambda.
+        factors = [
+            tidy((put[lam] if lam in put and put[lam].count_ops() <= SHORT else lam) / mass)
+            for lam in system.lam
+        ]
+        terms = [] if (x, y, z) == NOTHING else signs.scaled(sympy.Integer(1), (x, y, z))
+        terms += parts.reaction(first, factors, lengths)
+        left = signs.of_particle("r", system.world.particles.names[number], dots=2)
+        yield Line("D.23", (left, joined(terms)), kind="acceleration")
+    h = list(system.h)
+    for row, lam in zip(system.rows, system.lam, strict=True):
+        for i, slope in row.B.items():
+            h[i] += slope * lam
+    assert inverted.entries is not None
+    for i in system.lagrange:
+        value = sum((inverted.entries.get((i, j), ZERO) * h[j] for j in system.lagrange), ZERO)
+        whole = tidy(solution.put(system, value.xreplace(put), solved.on))
+        whole = shorter(whole, polynomial(whole, system.v))
+        if whole.count_ops() > solution.MAX_OPERATIONS:
+            whole = tidy(value)
+        yield Line("D.53", (signs.node(system.a[i]), signs.node(whole)), kind="acceleration")
+
+
+def _cut(lines: list[Line], options: Options) -> Iterator[Line]:
+    """The lines, of each family the first and the last ones, with what was left out."""
+    if options.everything:
+        yield from lines
+        return
+    groups: dict[tuple[str, str], list[int]] = {}
+    for place, line in enumerate(lines):
+        if line.family:
+            groups.setdefault((line.kind, line.family), []).append(place)
+    left_out: dict[int, str] = {}
+    dropped = set[int]()
+    for places in groups.values():
+        if len(places) > SHOWN + 3:
+            gone = places[SHOWN:-1]
+            left_out[gone[0]] = f"… {len(gone)} lines like these left out; --all shows them"
+            dropped.update(gone)
+    for place, line in enumerate(lines):
+        if place in left_out:
+            yield Line(note=left_out[place])
+        if place not in dropped:
+            yield dataclasses.replace(line, sides=tuple(map(_shortened, line.sides)))
+
+
+def _shortened(node: f.Node) -> f.Node:
+    """A long sum with its first terms and its last one."""
+    if isinstance(node, f.Product):
+        return f.Product(tuple(map(_shortened, node.factors)))
+    if not isinstance(node, f.Sum) or len(node.terms) <= TERMS:
+        return node
+    gone = len(node.terms) - 4
+    return f.Sum((*node.terms[:3], (1, f.Words(f"… ({gone} terms left out)")), node.terms[-1]))

@@ -1,0 +1,156 @@
+"""Formulas as LaTeX; every name is escaped, whatever it is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from lagcli.derivation import formula as f
+from lagcli.derivation.names import LETTERS
+
+_SCRIPT = {"𝒯": "T", "𝒱": "V", "ℒ": "L"}
+_KNOWN = frozenset("sin cos tan sinh cosh tanh exp log max min arcsin arccos arctan".split())
+_DOTS = {0: "{}", 1: r"\dot{{{}}}", 2: r"\ddot{{{}}}"}
+_SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "_": r"\_",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "#": r"\#",
+    "$": r"\$",
+    "%": r"\%",
+    "&": r"\&",
+}
+
+
+def latex(node: f.Node) -> str:
+    """The formula in LaTeX's math mode."""
+    return _WRITERS[type(node)](node)
+
+
+def escaped(text: str) -> str:
+    """Plain text that LaTeX prints as it is."""
+    return "".join(_SPECIAL.get(letter, letter) for letter in text)
+
+
+def word(text: str) -> str:
+    """A letter in italics, a longer word upright."""
+    if text.endswith("'") and len(text) > 1:
+        return word(text[:-1]) + "'"
+    if text in LETTERS:
+        return "\\" + LETTERS[text]
+    if len(text) == 1 and text.isascii() and text.isalnum():
+        return text
+    if text in _SCRIPT:
+        return rf"\mathcal{{{_SCRIPT[text]}}}"
+    return rf"\mathrm{{{_math(text)}}}"
+
+
+def _math(text: str) -> str:
+    """Words in math mode: Greek letters keep their commands; what is not ASCII stands as text."""
+    return "".join(
+        f"\\{LETTERS[letter]} "
+        if letter in LETTERS
+        else _SPECIAL.get(letter, letter)
+        if letter.isascii()
+        else rf"\text{{{letter}}}"
+        for letter in text
+    ).strip()
+
+
+def sign(node: f.Sign) -> str:
+    """A sign with dots and subscripts."""
+    base = word(node.base)
+    if node.vector:
+        base = rf"\mathbf{{{base}}}" if base.isalpha() else rf"\boldsymbol{{{base}}}"
+    base = _DOTS[node.dots].format(base)
+    return base + (rf"_{{{','.join(word(part) for part in node.sub)}}}" if node.sub else "")
+
+
+def _sum(terms: tuple[tuple[int, f.Node], ...]) -> str:
+    parts = []
+    for place, (sign_, term) in enumerate(terms):
+        written = _closed(latex(term)) if isinstance(term, f.Sum) else latex(term)
+        plus = "" if place == 0 else " + "
+        minus = "-" if place == 0 else " - "
+        parts.append((minus if sign_ < 0 else plus) + written)
+    return "".join(parts)
+
+
+def _closed(text: str) -> str:
+    return rf"\left({text}\right)"
+
+
+def _factor(node: f.Node) -> str:
+    return _closed(latex(node)) if isinstance(node, (f.Sum, f.Dot)) else latex(node)
+
+
+def _held(node: f.Node) -> str:
+    loose = (f.Sum, f.Product, f.Fraction, f.Power, f.Apply, f.Dot)
+    return _closed(latex(node)) if isinstance(node, loose) else latex(node)
+
+
+def _apply(node: f.Apply) -> str:
+    name = "\\" + node.name if node.name in _KNOWN else rf"\operatorname{{{escaped(node.name)}}}"
+    if node.power is not None:
+        name += f"^{{{latex(node.power)}}}"
+    if len(node.arguments) == 1 and isinstance(node.arguments[0], (f.Sign, f.Number)):
+        return f"{name} {{{latex(node.arguments[0])}}}"
+    return name + _closed(", ".join(map(latex, node.arguments)))
+
+
+def words(text: str) -> str:
+    """A sentence with single mathematical letters in it."""
+    return "".join(
+        rf"$\{LETTERS[letter]}$"
+        if letter in LETTERS
+        else _IN_WORDS.get(letter) or _SPECIAL.get(letter, letter)
+        for letter in text
+    )
+
+
+_IN_WORDS = {
+    "…": r"\dots{}",
+    "ᵀ": r"$^{T}$",
+    "⁻": r"$^{-}$",
+    "¹": r"$^{1}$",
+    "−": "$-$",
+    "·": r"$\cdot$",
+    "Σ": r"$\sum$",
+}
+
+
+def _number(node: f.Number) -> str:
+    digits, letter, exponent = node.text.partition("e")
+    return rf"{digits} \cdot 10^{{{exponent}}}" if letter else digits
+
+
+def _slope(node: f.Slope) -> str:
+    letter = "d" if node.total else r"\partial "
+    above = latex(node.above) if node.above else ""
+    return rf"\frac{{{letter}{above}}}{{{letter}{latex(node.below)}}}"
+
+
+def _power(node: f.Power) -> str:
+    base = node.base
+    held = sign(base) if isinstance(base, f.Sign) and not base.dots else _held(base)
+    return f"{{{held}}}^{{{latex(node.exponent)}}}"
+
+
+_WRITERS: dict[type[f.Node], Callable[[Any], str]] = {
+    f.Sign: sign,
+    f.Number: _number,
+    f.Words: lambda node: rf"\text{{{escaped(node.text)}}}",
+    f.Sum: lambda node: _sum(node.terms),
+    f.Product: lambda node: r" \, ".join(map(_factor, node.factors)),
+    f.Fraction: lambda node: rf"\frac{{{latex(node.above)}}}{{{latex(node.below)}}}",
+    f.Power: _power,
+    f.Root: lambda node: rf"\sqrt{{{latex(node.inner)}}}",
+    f.Bars: lambda node: rf"\left|{latex(node.inner)}\right|",
+    f.Apply: _apply,
+    f.Triple: lambda node: _closed(r",\; ".join(map(latex, node.parts))),
+    f.Slope: _slope,
+    f.Dot: lambda node: rf"{_factor(node.left)} \cdot {_factor(node.right)}",
+}

@@ -1,0 +1,113 @@
+"""Formulas as presentation MathML, which browsers show without a library."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from typing import Any
+
+from lagcli.derivation import formula as f
+
+_DOTS = {1: "˙", 2: "¨"}
+
+
+def mathml(node: f.Node) -> str:
+    """The formula as one MathML element."""
+    return _WRITERS[type(node)](node)
+
+
+def sign(node: f.Sign) -> str:
+    """A sign with dots and subscripts."""
+    style = ' mathvariant="normal"' if len(node.base) > 1 else ""
+    base = f"<mi{style}>{html.escape(node.base)}</mi>"
+    if node.vector:
+        base = f'<mi class="vector" mathvariant="normal">{html.escape(node.base)}</mi>'
+    if node.dots:
+        base = f'<mover accent="true">{base}<mo>{_DOTS[node.dots]}</mo></mover>'
+    if not node.sub:
+        return base
+    return f"<msub>{base}<mtext>{html.escape(','.join(node.sub))}</mtext></msub>"
+
+
+def _row(*parts: str) -> str:
+    return f"<mrow>{''.join(parts)}</mrow>"
+
+
+def _operator(text: str) -> str:
+    return f"<mo>{html.escape(text)}</mo>"
+
+
+def _closed(*parts: str) -> str:
+    return _row(_operator("("), *parts, _operator(")"))
+
+
+def _listed(parts: tuple[f.Node, ...]) -> list[str]:
+    found: list[str] = []
+    for part in parts:
+        found += [_operator(","), mathml(part)] if found else [mathml(part)]
+    return found
+
+
+def _sum(terms: tuple[tuple[int, f.Node], ...]) -> str:
+    parts = []
+    for place, (sign_, term) in enumerate(terms):
+        if place or sign_ < 0:
+            parts.append(_operator("−" if sign_ < 0 else "+"))
+        parts.append(_closed(mathml(term)) if isinstance(term, f.Sum) else mathml(term))
+    return _row(*parts)
+
+
+def _spaced(factors: tuple[f.Node, ...]) -> list[str]:
+    found: list[str] = []
+    for factor in factors:
+        found += ['<mspace width="0.17em"/>', _factor(factor)] if found else [_factor(factor)]
+    return found
+
+
+def _factor(node: f.Node) -> str:
+    return _closed(mathml(node)) if isinstance(node, (f.Sum, f.Dot)) else mathml(node)
+
+
+def _held(node: f.Node) -> str:
+    loose = (f.Sum, f.Product, f.Fraction, f.Power, f.Apply, f.Dot)
+    return _closed(mathml(node)) if isinstance(node, loose) else mathml(node)
+
+
+def _apply(node: f.Apply) -> str:
+    name = f'<mi mathvariant="normal">{html.escape(node.name)}</mi>'
+    if node.power is not None:
+        name = f"<msup>{name}{mathml(node.power)}</msup>"
+    if len(node.arguments) == 1 and isinstance(node.arguments[0], (f.Sign, f.Number)):
+        return _row(name, "<mo>&#x2061;</mo>", '<mspace width="0.17em"/>', mathml(node.arguments[0]))
+    return _row(name, "<mo>&#x2061;</mo>", _closed(*_listed(node.arguments)))
+
+
+def _number(node: f.Number) -> str:
+    digits, letter, exponent = node.text.partition("e")
+    written = f"<mn>{html.escape(digits)}</mn>"
+    if not letter:
+        return written
+    return _row(written, _operator("·"), f"<msup><mn>10</mn><mn>{html.escape(exponent)}</mn></msup>")
+
+
+def _slope(node: f.Slope) -> str:
+    letter = f"<mo>{'d' if node.total else '∂'}</mo>"
+    top = _row(letter, mathml(node.above)) if node.above else _row(letter)
+    return f"<mfrac>{top}{_row(letter, mathml(node.below))}</mfrac>"
+
+
+_WRITERS: dict[type[f.Node], Callable[[Any], str]] = {
+    f.Sign: sign,
+    f.Number: _number,
+    f.Words: lambda node: f"<mtext>{html.escape(node.text)}</mtext>",
+    f.Sum: lambda node: _sum(node.terms),
+    f.Product: lambda node: _row(*_spaced(node.factors)),
+    f.Fraction: lambda node: f"<mfrac>{mathml(node.above)}{mathml(node.below)}</mfrac>",
+    f.Power: lambda node: f"<msup>{_held(node.base)}{mathml(node.exponent)}</msup>",
+    f.Root: lambda node: f"<msqrt>{mathml(node.inner)}</msqrt>",
+    f.Bars: lambda node: _row(_operator("|"), mathml(node.inner), _operator("|")),
+    f.Apply: _apply,
+    f.Triple: lambda node: _closed(*_listed(node.parts)),
+    f.Slope: _slope,
+    f.Dot: lambda node: _row(_factor(node.left), _operator("·"), _factor(node.right)),
+}

@@ -1,0 +1,144 @@
+"""Formulas as Unicode text for a terminal."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Callable
+from typing import Any
+
+from lagcli.derivation import formula as f
+
+_SUB = str.maketrans("0123456789,", "₀₁₂₃₄₅₆₇₈₉,")
+_SUPER = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_DOTS = {0: "", 1: "\u0307", 2: "\u0308"}
+_HALVES = {("1", "2"): "½", ("1", "3"): "⅓", ("2", "3"): "⅔", ("1", "4"): "¼", ("3", "4"): "¾"}
+
+# How tightly a text holds together: a sum, a product or quotient, one function applied, a single sign.
+SUM, PRODUCT, APPLIED, ATOM = range(4)
+
+
+def width(text: str) -> int:
+    """Columns on a terminal: marks above letters take none."""
+    return sum(1 for letter in text if not unicodedata.combining(letter))
+
+
+def text(node: f.Node) -> str:
+    """The formula on one line."""
+    return _write(node)[0]
+
+
+def sign(node: f.Sign) -> str:
+    """A sign with dots and subscripts: θ̇₁, ẋ_a."""
+    base = node.base
+    if node.dots:
+        if len(base) == 1:
+            base = unicodedata.normalize("NFC", base + _DOTS[node.dots])
+        else:
+            for _ in range(node.dots):
+                base = f"rate({base})"
+    if not node.sub:
+        return base
+    sub = ",".join(node.sub)
+    if sub.replace(",", "").isdecimal() and sub.isascii():
+        return base + sub.translate(_SUB)
+    return f"{base}_{sub}"
+
+
+def _write(node: f.Node) -> tuple[str, int]:
+    """The text and how tightly it holds together."""
+    return _WRITERS[type(node)](node)
+
+
+def _held(node: f.Node, least: int) -> str:
+    """In parentheses where it holds together less than that."""
+    written, hold = _write(node)
+    return written if hold >= least else f"({written})"
+
+
+def _sum(terms: tuple[tuple[int, f.Node], ...]) -> str:
+    parts = []
+    for place, (sign_, term) in enumerate(terms):
+        written = _held(term, PRODUCT)
+        if place == 0:
+            parts.append(f"−{written}" if sign_ < 0 else written)
+        else:
+            parts.append(f" {'−' if sign_ < 0 else '+'} {written}")
+    return "".join(parts)
+
+
+def _product(factors: tuple[f.Node, ...]) -> str:
+    parts = []
+    for place, factor in enumerate(factors):
+        last = place == len(factors) - 1
+        following = None if last else factors[place + 1]
+        if isinstance(factor, f.Apply) and not (last or isinstance(following, f.Apply) or _moves(following)):
+            # "sin θ r" would be read as sin(θ r).
+            parts.append(_apply(factor, closed=True)[0])
+        elif isinstance(factor, f.Fraction) and place == 0 and _small(factor):
+            parts.append(_write(factor)[0])
+        else:
+            parts.append(_held(factor, APPLIED))
+    return " ".join(parts)
+
+
+def _moves(node: f.Node | None) -> bool:
+    """Whether this is a differential: sin θ dφ is read right."""
+    return isinstance(node, f.Sign) and len(node.base) == 2 and node.base[0] in "dδ"
+
+
+def _small(node: f.Fraction) -> bool:
+    return (text(node.above), text(node.below)) in _HALVES
+
+
+def _fraction(node: f.Fraction) -> str:
+    above, below = text(node.above), text(node.below)
+    if (above, below) in _HALVES:
+        return _HALVES[above, below]
+    return f"{_held(node.above, PRODUCT)}/{_held(node.below, APPLIED)}"
+
+
+def _power(base: f.Node, exponent: f.Node) -> str:
+    held = _held(base, ATOM)
+    digits = text(exponent).replace("−", "-")
+    if digits.lstrip("-").isdecimal() and digits.isascii():
+        return held + digits.translate(_SUPER)
+    return f"{held}^{_held(exponent, ATOM)}"
+
+
+def _apply(node: f.Apply, closed: bool = False) -> tuple[str, int]:
+    name = node.name
+    if node.power is not None:
+        digits = text(node.power).replace("−", "-")
+        name += digits.translate(_SUPER) if digits.lstrip("-").isdecimal() else f"^{digits}"
+    if len(node.arguments) == 1 and not closed:
+        inner, hold = _write(node.arguments[0])
+        if hold == ATOM and isinstance(node.arguments[0], (f.Sign, f.Number)):
+            return f"{name} {inner}", APPLIED
+    return f"{name}({', '.join(map(text, node.arguments))})", APPLIED
+
+
+def _number(node: f.Number) -> tuple[str, int]:
+    digits, letter, exponent = node.text.partition("e")
+    return (f"{digits}·10{exponent.translate(_SUPER)}", APPLIED) if letter else (digits, ATOM)
+
+
+def _slope(node: f.Slope) -> tuple[str, int]:
+    letter = "d" if node.total else "∂"
+    return f"{letter}{text(node.above) if node.above else ''}/{letter}{text(node.below)}", APPLIED
+
+
+_WRITERS: dict[type[f.Node], Callable[[Any], tuple[str, int]]] = {
+    f.Sign: lambda node: (sign(node), ATOM),
+    f.Number: _number,
+    f.Words: lambda node: (node.text, ATOM),
+    f.Sum: lambda node: (_sum(node.terms), SUM),
+    f.Product: lambda node: (_product(node.factors), PRODUCT),
+    f.Fraction: lambda node: (_fraction(node), PRODUCT),
+    f.Power: lambda node: (_power(node.base, node.exponent), ATOM),
+    f.Root: lambda node: (f"√{_held(node.inner, ATOM)}", ATOM),
+    f.Bars: lambda node: (f"|{text(node.inner)}|", ATOM),
+    f.Apply: _apply,
+    f.Triple: lambda node: (f"({', '.join(map(text, node.parts))})", ATOM),
+    f.Slope: _slope,
+    f.Dot: lambda node: (f"{_held(node.left, PRODUCT)}·{_held(node.right, PRODUCT)}", PRODUCT),
+}

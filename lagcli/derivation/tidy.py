@@ -1,0 +1,153 @@
+"""The shorter of equal forms, by a few bounded steps: common factors, sin^2 + cos^2 = 1, sums of angles.
+
+No general simplification: every step costs little, and an expression of many operations is left as it is.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import sympy
+
+# Beyond this many operations nothing is tried.
+MAX_OPERATIONS = 250
+# Without sines and cosines so few operations are as short as they get.
+FEW = 5
+
+
+@functools.lru_cache(maxsize=4096)
+def tidy(value: Any) -> Any:
+    """An equal expression, not longer than this one."""
+    operations = value.count_ops()
+    if operations > MAX_OPERATIONS or (operations <= FEW and not value.has(sympy.sin, sympy.cos)):
+        return value
+    found = [value, sympy.factor_terms(value)]
+    wide = sympy.expand(value)
+    if wide.count_ops() <= MAX_OPERATIONS:
+        found += [wide, sympy.factor_terms(wide)]
+        if wide.is_Add and wide.has(sympy.sin, sympy.cos):
+            found += _trigonometric(wide)
+    return min(found, key=_length)
+
+
+def shorter(*values: Any) -> Any:
+    """The one of equal expressions that reads best."""
+    return min(values, key=_length)
+
+
+def merged(value: Any) -> Any:
+    """A small sum as one product, over one denominator: k (d - L)/d in place of k - k L/d."""
+    if value.is_Add and value.count_ops() <= MAX_OPERATIONS // 4:
+        joined = sympy.factor_terms(sympy.together(value))
+        return value if joined.is_Add else joined
+    return value
+
+
+def _length(value: Any) -> int:
+    # A minus sign in front of a sum, and a quotient, read worse than their number of operations tells.
+    below = sum(
+        int(part.is_Add) + 2 * int(part.is_Pow and part.exp.is_negative is True)
+        for part in sympy.preorder_traversal(value)
+    )
+    return int(value.count_ops()) + below
+
+
+def _trigonometric(wide: Any) -> list[Any]:
+    sums = [wide]
+    for first, second in ((sympy.cos, sympy.sin), (sympy.sin, sympy.cos)):
+        less = _without_squares(wide, first, second)
+        if less != wide:
+            sums.append(less)
+    found = []
+    for value in sums:
+        joined = _of_two_angles(value)
+        found += [joined, sympy.factor_terms(joined)] if joined != wide else []
+    return found
+
+
+def _of_two_angles(value: Any) -> Any:
+    """cos a cos b + sin a sin b as cos(a - b), and its three kin, in a sum of products."""
+    pairs: dict[tuple[Any, Any, Any], dict[str, Any]] = {}
+    rest = []
+    for term in sympy.Add.make_args(value):
+        coefficient, plain = term.as_coeff_Mul()
+        factors = sympy.Mul.make_args(plain)
+        waves = [x for x in factors if isinstance(x, (sympy.sin, sympy.cos))]
+        if len(waves) != 2 or waves[0].args == waves[1].args:
+            rest.append(term)
+            continue
+        one, other = sorted(waves, key=lambda wave: sympy.default_sort_key(wave.args[0]))
+        others = sympy.Mul(*(x for x in factors if x not in waves))
+        kind = "".join("s" if isinstance(wave, sympy.sin) else "c" for wave in (one, other))
+        found = pairs.setdefault((others, one.args[0], other.args[0]), {})
+        found[kind] = found.get(kind, sympy.Integer(0)) + coefficient
+    for (others, a, b), found in pairs.items():
+        rest.append(others * _added(a, b, found))
+    return sympy.Add(*rest)
+
+
+def _added(a: Any, b: Any, found: dict[str, Any]) -> Any:
+    """The four products of two angles with these coefficients, in sums of angles where that is shorter."""
+    cc, ss, sc, cs = (found.get(kind, sympy.Integer(0)) for kind in ("cc", "ss", "sc", "cs"))
+    sin, cos = sympy.sin, sympy.cos
+    if cc and cc == ss:
+        even = cc * cos(a - b)
+    elif cc and cc == -ss:
+        even = cc * cos(a + b)
+    else:
+        even = cc * cos(a) * cos(b) + ss * sin(a) * sin(b)
+    if sc and sc == cs:
+        return even + sc * sin(a + b)
+    if sc and sc == -cs:
+        return even + sc * sin(a - b)
+    return even + sc * sin(a) * cos(b) + cs * cos(a) * sin(b)
+
+
+def _without_squares(value: Any, squared: Any, other: Any) -> Any:
+    """cos(u)^2 as 1 - sin(u)^2, or the other way round, in all places."""
+
+    def less(power: Any) -> Any:
+        base, whole = power.base, int(power.exp)
+        return (1 - other(base.args[0]) ** 2) ** (whole // 2) * base ** (whole % 2)
+
+    def is_square(part: Any) -> bool:
+        return bool(
+            part.is_Pow and isinstance(part.base, squared) and part.exp.is_Integer and 2 <= part.exp <= 6
+        )
+
+    return sympy.expand(value.replace(is_square, less))
+
+
+def by_monomials(value: Any, symbols: tuple[Any, ...]) -> list[tuple[Any, Any]]:
+    """A polynomial in `symbols` as (monomial, tidied coefficient); the whole as one term where it is none."""
+    present = [s for s in symbols if s in value.free_symbols]
+    if not present:
+        return [(sympy.Integer(1), tidy(value))] if value != 0 else []
+    collected: dict[Any, list[Any]] = {}
+    chosen = frozenset(present)
+    for term in sympy.Add.make_args(sympy.expand(value)):
+        monomial, rest = [], []
+        for factor in sympy.Mul.make_args(term):
+            base, exponent = factor.as_base_exp()
+            if base in chosen and exponent.is_Integer and exponent > 0:
+                monomial.append(factor)
+            elif factor.free_symbols & chosen:
+                return [(sympy.Integer(1), tidy(value))]
+            else:
+                rest.append(factor)
+        collected.setdefault(sympy.Mul(*monomial), []).append(sympy.Mul(*rest))
+    pairs = [(monomial, tidy(sympy.Add(*terms))) for monomial, terms in collected.items()]
+    return [(monomial, coefficient) for monomial, coefficient in pairs if coefficient != 0]
+
+
+def polynomial(value: Any, symbols: tuple[Any, ...]) -> Any:
+    """The same with every coefficient tidied, and terms of equal coefficients together: m (x'^2 + y'^2)/2."""
+    groups: dict[Any, list[Any]] = {}
+    for monomial, coefficient in by_monomials(value, symbols):
+        negative = -coefficient
+        if negative in groups:
+            groups[negative].append(-monomial)
+        else:
+            groups.setdefault(coefficient, []).append(monomial)
+    return sympy.Add(*(coefficient * sympy.Add(*monomials) for coefficient, monomials in groups.items()))
