@@ -16,20 +16,26 @@ class UnknownColumn(ValueError):
         super().__init__(f'no column matches "{pattern}"{hint}')
 
 
-def select(columns: Sequence[str], patterns: str) -> list[int]:
+def select(columns: Sequence[str], patterns: str, by_name: Sequence[str] = ()) -> list[int]:
     """Indices into ``columns`` of the names that the comma-separated ``patterns`` choose.
 
     ``*`` stands for any text and ``?`` for one character; everything else, square brackets too, stands for
-    itself. The order is that of the patterns, then of the table; a column is listed once. Raises
-    ``UnknownColumn`` for the first pattern without a match.
+    itself. The order is that of the patterns, then of the table; a column is listed once. ``by_name``: columns
+    after all others that ``*`` alone leaves out, such as ``Q.theta``: a pattern must begin with their first word
+    and its dot. Raises ``UnknownColumn`` for the first pattern without a match.
     """
     chosen: dict[int, None] = {}
+    everything = (*columns, *by_name)
     for pattern in (part.strip() for part in patterns.split(",")):
         # fnmatch reads "[...]" as a character set; "[[]" is its way to write a literal bracket.
         matches = re.compile(fnmatch.translate(pattern.replace("[", "[[]"))).match
-        found = [index for index, name in enumerate(columns) if matches(name)]
+        found = [
+            index
+            for index, name in enumerate(everything)
+            if matches(name) and (index < len(columns) or pattern.startswith(name.partition(".")[0] + "."))
+        ]
         if not found:
-            raise UnknownColumn(pattern, _nearest(columns, pattern))
+            raise UnknownColumn(pattern, _nearest(everything, pattern))
         chosen.update(dict.fromkeys(found))
     return list(chosen)
 

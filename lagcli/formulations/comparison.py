@@ -1,0 +1,183 @@
+"""To how many digits several formulations agree, by the columns that their tables share."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+TOLERANCE = 1e-8
+# More digits than a double has are not told.
+MOST_DIGITS = 16.0
+KINDS = ("r", "v", "lambda", "R", "energy", "outputs")
+# A kind of columns that are all below this part of the largest number of the table is rounding, and has no digits.
+ROUNDING = 1e-12
+
+TITLES = {
+    "newton": "Newton with multipliers (D.24)",
+    "freed": "Newton, dependent particles freed (D.24)",
+    "lagrange": "Lagrange (D.39)",
+    "lagrange-multipliers": "Lagrange with multipliers (D.53)",
+    "reduced": "reduced by the null space (D.26, Maggi)",
+}
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Formulation:
+    """One run. name: a key of `TITLES`; path: the file of the model; freedoms: of the velocities, n - rank; rows: C;
+    columns and table (k, columns), t first; exchanged: the largest T plus the largest change of V, by which energies
+    are measured; stopped: why it ended before its end, or nothing.
+    """
+
+    name: str
+    path: str
+    coordinates: int
+    freedoms: int
+    rows: int
+    steps: int
+    seconds: float
+    columns: tuple[str, ...]
+    table: Floats
+    exchanged: float
+    stopped: str = ""
+
+    @property
+    def reached(self) -> float:
+        """The time of the last row; nan where there is none."""
+        return float(self.table[-1, 0]) if len(self.table) else math.nan
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Agreement:
+    """How well a kind of columns agrees with the first formulation.
+
+    error: the largest difference as a part of the largest value of that kind, of energies as a part of what is
+    exchanged; digits = -log10(error); column and t: where that is. columns: how many are shared.
+    """
+
+    columns: int
+    error: float
+    column: str
+    t: float
+
+    @property
+    def digits(self) -> float:
+        """Digits that agree, at most `MOST_DIGITS`."""
+        return MOST_DIGITS if self.error <= 0 else max(0.0, min(MOST_DIGITS, -math.log10(self.error)))
+
+    def as_json(self) -> dict[str, Any]:
+        """The object of one kind in `--json`."""
+        return {**dataclasses.asdict(self), "digits": self.digits}
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Comparison:
+    """Formulations, and how well each but the first agrees with the first, kind by kind.
+
+    tolerance: the largest error that passes. notes: what was left out, and why.
+    """
+
+    formulations: tuple[Formulation, ...]
+    agreements: tuple[Mapping[str, Agreement], ...]
+    tolerance: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def agree(self) -> bool | None:
+        """Whether all errors are within the tolerance; None where there is nothing to compare."""
+        errors = [one.error for each in self.agreements for one in each.values()]
+        return all(error <= self.tolerance for error in errors) if errors else None
+
+    @property
+    def stopped(self) -> bool:
+        """Whether a formulation ended before its end."""
+        return any(one.stopped for one in self.formulations)
+
+    def as_json(self) -> dict[str, Any]:
+        """The object of `compare --json`."""
+        agreements: list[dict[str, Any]] = [{}]
+        agreements += [{kind: one.as_json() for kind, one in each.items()} for each in self.agreements]
+        return {
+            "formulations": [
+                {
+                    "formulation": one.name,
+                    "model": one.path,
+                    "coordinates": one.coordinates,
+                    "velocity_dof": one.freedoms,
+                    "rows": one.rows,
+                    "steps": one.steps,
+                    "seconds": one.seconds,
+                    "t": one.reached if len(one.table) else None,
+                    "stopped": one.stopped or None,
+                    "agreement": agreement,
+                }
+                for one, agreement in zip(self.formulations, agreements, strict=True)
+            ],
+            "tolerance": self.tolerance,
+            "agree": self.agree,
+            "notes": list(self.notes),
+        }
+
+
+def kinds(model: Model, columns: Sequence[str]) -> dict[str, str]:
+    """Column -> one of `KINDS`, by what it is in this model; time is left out."""
+    generalized = model.generalized_names
+    places = {f"{name}.{axis}" for name in model.particle_names for axis in "xyz"} | set(generalized)
+    speeds = {f"{name}.v{axis}" for name in model.particle_names for axis in "xyz"}
+    speeds |= {f"rate({name})" for name in generalized}
+    outputs = {column for output in model.outputs for column in output.columns}
+    found = {}
+    for column in columns:
+        if column == "t":
+            continue
+        if column in outputs:
+            found[column] = "outputs"
+        elif column in places or column in speeds:
+            found[column] = "r" if column in places else "v"
+        else:
+            found[column] = column.partition(".")[0]
+    return found
+
+
+def compare(
+    of: Mapping[str, str], first: Formulation, other: Formulation, singular: npt.NDArray[np.bool_]
+) -> dict[str, Agreement]:
+    """The agreement of two tables over one grid, as far as both go; `of`: shared columns with their kinds.
+
+    singular (k,): rows of the first in which multipliers are not compared. A multiplier or an output that has no
+    value (nan) in a row is not compared there; anything else without a value agrees with nothing.
+    """
+    count = min(len(first.table), len(other.table))
+    t = first.table[:count, 0]
+    found = {}
+    values = first.table[:, 1:]
+    rounding = ROUNDING * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+    for kind in KINDS:
+        shared = [name for name, own in of.items() if own == kind and name in other.columns]
+        if not shared or not count:
+            continue
+        one, two = (run.table[:count, [run.columns.index(name) for name in shared]] for run in (first, other))
+        if kind == "lambda":
+            one = np.where(singular[:count, None], np.nan, one)
+        gaps = np.abs(one - two)
+        known = ~np.isnan(gaps) if kind in ("lambda", "outputs") else np.ones_like(gaps, dtype=bool)
+        if not known.any():
+            continue
+        gaps = np.where(np.isnan(gaps), np.inf, gaps)
+        scale = float(np.abs(one[known & np.isfinite(one)]).max(initial=0.0))
+        scale = max(scale, first.exchanged if kind == "energy" else 0.0)
+        row, place = np.unravel_index(int(np.argmax(np.where(known, gaps, -1.0))), gaps.shape)
+        worst = float(gaps[row, place])
+        error = 0.0 if max(scale, worst) <= rounding else worst / (scale or 1.0)
+        error = min(error, sys.float_info.max)
+        found[kind] = Agreement(len(shared), error, shared[int(place)], float(t[row]))
+    return found
