@@ -1,0 +1,74 @@
+"""What is known about the error of a run at its end, as numbers and as a sentence."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+KINDS = ("r", "v", "lambda", "R")
+_NAMES = ("positions", "velocities", "multipliers", "R")
+# A kind that has less digits than these at the end is told with the time up to which it had them.
+SURE = 3
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Accuracy:
+    """The estimate at the last row, t; four numbers each, in the order of `KINDS`.
+
+    errors: of the largest component up to t, in the units of the columns; scales: the largest value up to t;
+    until: time of the last row before the error first exceeded a thousandth of the scale, t where it never did;
+    rtol: what the steps of the repeated run were held to; steps, rejected, evaluations: its account.
+    """
+
+    t: float
+    errors: tuple[float, ...]
+    scales: tuple[float, ...]
+    until: tuple[float, ...]
+    rtol: float
+    steps: int
+    rejected: int
+    evaluations: int
+
+    @property
+    def digits(self) -> dict[str, float | None]:
+        """log10(scale / error) of each kind, not below 0; None where all values are zero or there are none."""
+        pairs = zip(self.errors, self.scales, strict=True)
+        return dict(zip(KINDS, (_digits(error, scale) for error, scale in pairs), strict=True))
+
+    @property
+    def sentence(self) -> str:
+        """The digits of all kinds in words; empty where nothing but zeros was computed."""
+        told: list[str] = []
+        for name, digits, until in zip(_NAMES, self.digits.values(), self.until, strict=True):
+            if digits is None:
+                continue
+            count = str(math.floor(digits))
+            better = f" (to {SURE} up to t = {until:.9g})" if digits < SURE and until < self.t else ""
+            told.append(f"{name} to {count}{better}" if told else self._first(name, count, better))
+        return ", ".join(told)
+
+    def _first(self, name: str, count: str, better: str) -> str:
+        verb = "is" if name == "R" else "are"
+        return f"{name} {verb} right to {count} digits up to t = {self.t:.9g}{better}"
+
+    def as_json(self) -> dict[str, Any]:
+        """The objects of `--stats`: digits, errors, the times up to which there are three digits, and the repeated
+        run."""
+        return {
+            "digits": self.digits,
+            "errors": dict(zip(KINDS, self.errors, strict=True)),
+            "three_digits_until": dict(zip(KINDS, self.until, strict=True)),
+            "repeated": {
+                "step_rtol": self.rtol,
+                "steps": self.steps,
+                "rejected": self.rejected,
+                "evaluations": self.evaluations,
+            },
+        }
+
+
+def _digits(error: float, scale: float) -> float | None:
+    if not scale:
+        return None
+    return max(0.0, math.log10(scale / error)) if math.isfinite(error) else 0.0

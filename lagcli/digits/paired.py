@@ -1,0 +1,89 @@
+"""Two runs side by side on one grid: the rows of the first with their errors, from the second."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.digits import estimate
+from lagcli.digits.accuracy import Accuracy
+from lagcli.integrate import driver
+from lagcli.integrate.checkpoint import Mark
+from lagcli.integrate.holding import Holding
+from lagcli.mechanics.system import System
+from lagcli.model import Simulation
+
+Floats = npt.NDArray[np.float64]
+
+
+class Paired:
+    """A run from its start and the same run at another tolerance, which is kept no farther ahead than a block."""
+
+    def __init__(
+        self, system: System, run: driver.Run, held: Holding, begin: driver.Begin, settings: Simulation
+    ) -> None:
+        again = estimate.repeated(settings)
+        self._tolerance = float(driver.step_tolerance(again)[0])
+        self._run = run
+        smaller = dataclasses.replace(begin, part=estimate.FIRST_STEP)
+        self._again = driver.Run(held, smaller, again, system.columns)
+        self._ahead = self._again.blocks()
+        self._waiting = np.zeros((0, 1 + len(system.columns)))
+        self._broken: driver.Stop | None = None
+        self._errors = estimate.Errors(estimate.places(system), estimate.safety(settings))
+        # The run as it stood behind the last whole block, and where rows end within one: only where the repeated run
+        # has stopped there.
+        self._mark: Mark | None = None
+        self._cut: float | None = None
+
+    @property
+    def solve_seconds(self) -> float:
+        """The seconds of the repeated run."""
+        return self._again.account.solve_seconds
+
+    @property
+    def accuracy(self) -> Accuracy | None:
+        """The estimate at the last row handed out, None before the first."""
+        return self._errors.accuracy(self._again, self._tolerance)
+
+    def blocks(self) -> Iterator[Floats]:
+        """Blocks of rows (k, columns + 4), the errors last.
+
+        Raises `driver.Stopped` after the last good one, also where the repeated run stops and the first does not.
+        """
+        for rows in self._run.blocks():
+            others = self._others(len(rows))
+            known = len(others)
+            errors = self._errors.take(rows[:known], others)
+            if known < len(rows):
+                if known:
+                    self._cut = float(rows[known - 1, 0])
+                    yield np.hstack([rows[:known], errors])
+                assert self._broken is not None, "the rows of both runs stand on one grid"
+                raise driver.Stopped(self._broken)
+            yield np.hstack([rows, errors])
+            self._mark = self._run.mark()
+
+    def mark(self) -> Mark:
+        """Where to go on from after the rows handed out so far."""
+        if self._cut is None:
+            return self._run.mark()
+        return dataclasses.replace(self._mark or self._run.mark(), row=self._cut)
+
+    def _others(self, count: int) -> Floats:
+        """The next rows of the repeated run; less than `count` where it has stopped."""
+        parts, have = [self._waiting], len(self._waiting)
+        try:
+            while have < count:
+                parts.append(next(self._ahead))
+                have += len(parts[-1])
+        except driver.Stopped as stopped:
+            stop = stopped.stop
+            why = f"the run repeated at other tolerances {stop.reason}; the errors of rows after it are not known"
+            self._broken = dataclasses.replace(stop, reason=why)
+        rows = np.concatenate(parts)
+        self._waiting = rows[count:].copy()
+        return rows[:count]
