@@ -7,8 +7,8 @@ import functools
 import os
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from lagcli import (
     conserved,
     degrees_of_freedom,
     diagnostics,
+    recorded,
     redundancy,
     report,
     settings,
@@ -27,15 +28,23 @@ from lagcli import (
 )
 from lagcli.classification import classify, rows, unheld
 from lagcli.classification.case import Case
+from lagcli.digits import estimate, paired
 from lagcli.export import checkpoint_file
 from lagcli.export import columns as selection
 from lagcli.expression.tree import ExpressionError
+from lagcli.formulations import comparison, plan, reduced
 from lagcli.integrate import assembly, degenerate, driver, holding, initial
 from lagcli.integrate import checkpoint as checkpoints
-from lagcli.mechanics import system
+from lagcli.integrate.lost import Loss
+from lagcli.mechanics import freed, system
 from lagcli.model import Model, Simulation
 from lagcli.reader import document
 from lagcli.trajectory import SimulationStopped, Stats, Trajectory
+from lagcli.virtual_displacements import answer
+
+if TYPE_CHECKING:
+    from lagcli import derivation
+    from lagcli.auditing import report as audit_report
 
 Floats = npt.NDArray[np.float64]
 Path = str | os.PathLike[str]
@@ -44,6 +53,8 @@ Values = tuple[float, ...]
 
 REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol"))
 KEPT_SYSTEMS = 8  # compiled systems that stay for another run with other parameters
+MOST_AUDITED = 20001  # rows of a run that is made to be audited, where the model asks for fewer
+COMPARED_ROWS = 101  # of tables that are compared, where no number of samples is given
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -223,6 +234,7 @@ class Running:
 
     `resumed` is where an earlier run of the same model stood: this one goes on from there. `find` gives the first
     integrals of the differential rows, which are held at their values at the start as far as that can be.
+    `digits`: with columns of errors, from the same run repeated; only from the start.
     Raises `diagnostics.ModelError`, `checkpoints.CheckpointError` where it is of another run or nothing is left.
     """
 
@@ -232,6 +244,7 @@ class Running:
         chosen: Simulation,
         resumed: checkpoints.Checkpoint | None = None,
         find: Find = first_integrals,
+        digits: bool = False,
     ) -> None:
         began = time.perf_counter()
         self.model = model = dataclasses.replace(model, simulation=chosen)
@@ -242,7 +255,8 @@ class Running:
         self.assembly: assembly.Assembly | None = None
         self.warnings = (*model.warnings, *ready.system.warnings)
         columns = ready.system.columns
-        self.columns = ("t", *columns)
+        self.columns = ("t", *columns, *(estimate.COLUMNS if digits else ()))
+        self._paired: paired.Paired | None = None
         state = initial.declared(ready.system)
         # The start of a run that goes on was examined, and perhaps assembled, when it began.
         if resumed is None:
@@ -256,6 +270,8 @@ class Running:
                 initial.require_finite(ready.system, held.functions.numeric, with_constants)
             first = driver.Begin(state.q, state.v, begin.is_singular)
             self._run = driver.Run(held, first, chosen, columns, (*notes, *found.notes))
+            if digits:
+                self._paired = paired.Paired(ready.system, self._run, held, first, chosen)
         else:
             self._found = resumed.integrals
             held = holding.Holding(_resumed(ready, resumed), resumed.mark.levels, state.p)
@@ -285,13 +301,56 @@ class Running:
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, len(columns)). Raises `driver.Stopped` after the last good one."""
         try:
-            yield from self._run.blocks()
+            yield from (self._paired or self._run).blocks()
         except driver.Stopped as stopped:
             fallen = self._fallen_inertia()
             if not fallen:
                 raise
             stop = stopped.stop
             raise driver.Stopped(dataclasses.replace(stop, reason=f"{stop.reason}; {fallen}")) from None
+
+    @functools.cached_property
+    def _forces(self) -> recorded.GeneralizedForces:
+        return recorded.GeneralizedForces(self._system, self._numeric, self._start.p, self.columns)
+
+    @property
+    def built(self) -> system.System:
+        """What is integrated."""
+        return self._system
+
+    @property
+    def numeric(self) -> compile.NumericSystem:
+        """Its functions, whatever integrals are held."""
+        return self._numeric
+
+    @property
+    def parameters(self) -> Floats:
+        """The numbers that go with them."""
+        return self._start.p
+
+    @property
+    def exchanged(self) -> float:
+        """The largest T so far plus the largest change of V."""
+        figures = self._run.account.figures
+        return figures.moving + figures.resting if figures else 0.0
+
+    @property
+    def rank(self) -> int:
+        """The number of independent rows it is stepped with."""
+        return len(self._run.selection.kept)
+
+    @property
+    def by_name(self) -> tuple[str, ...]:
+        """Columns that are given only where they are asked for by name: `Q.theta`."""
+        return self._forces.names
+
+    def taken(self, block: Floats, picked: list[int]) -> Floats:
+        """Some columns of a block, by their numbers in `columns` and, after them, `by_name`."""
+        if picked == list(range(len(self.columns))):
+            return block
+        if max(picked, default=0) >= len(self.columns):
+            block = np.hstack([block, self._forces(block)])
+        return block[:, picked]
 
     def _fallen_inertia(self) -> str:
         """What inertia a run has lost where it stopped, as a sentence, or nothing."""
@@ -308,7 +367,7 @@ class Running:
 
     def checkpoint(self) -> checkpoints.Checkpoint:
         """Where to go on from after all blocks so far; for the time between two of them, or after the last."""
-        return checkpoints.Checkpoint(self._identity, self._run.mark(), self._found)
+        return checkpoints.Checkpoint(self._identity, (self._paired or self._run).mark(), self._found)
 
     @functools.cached_property
     def _identity(self) -> checkpoints.Identity:
@@ -321,9 +380,14 @@ class Running:
         account = self._run.account
         return (
             *redundancy.notes(self._system, self._run.selection),
-            *redundancy.passed(self._system, account.crossings),
+            *redundancy.passed(self._system, self._crossings),
             *account.notes,
         )
+
+    @property
+    def _crossings(self) -> tuple[Loss, ...]:
+        """Singular configurations up to the time reached: the last step may lead farther."""
+        return tuple(crossing for crossing in self._run.account.crossings if crossing.t <= self._run.t)
 
     @property
     def stats(self) -> Stats:
@@ -335,13 +399,14 @@ class Running:
             account.rejected,
             account.evaluations,
             self._compile_seconds,
-            account.solve_seconds,
+            account.solve_seconds + (self._paired.solve_seconds if self._paired else 0.0),
             checkpoints.METHOD,
             figures.position_drift if figures else 0.0,
             figures.velocity_drift if figures else 0.0,
             account.energy_imbalance,
             tuple(self._system.rows.rows[i].name for i in sorted(self._run.selection.indeterminate)),
-            tuple(crossing.t for crossing in account.crossings),
+            tuple(crossing.t for crossing in self._crossings),
+            self._paired.accuracy if self._paired else None,
         )
 
 
@@ -363,17 +428,25 @@ def _require_seconds(limit: float) -> None:
 
 
 def running(
-    model: Model, chosen: Simulation, resume: Path | None = None, limit: float = settings.LIMIT
+    model: Model,
+    chosen: Simulation,
+    resume: Path | None = None,
+    limit: float = settings.LIMIT,
+    digits: bool = False,
 ) -> Running:
-    """A run from its start, or from the checkpoint in a file; `limit`: seconds to find first integrals.
+    """A run from its start, or from the checkpoint in a file; `limit`: seconds to find first integrals; `digits`: with
+    columns of errors.
 
-    Raises as `Running`, `OSError`, and `ValueError` for a limit that is none; what is wrong with the checkpoint is
-    told with the name of the file.
+    Raises as `Running`, `OSError`, and `ValueError` for a limit that is none and for digits of a run that is resumed;
+    what is wrong with the checkpoint is told with the name of the file.
     """
     _require_seconds(limit)
+    if digits and resume is not None:
+        raise ValueError(f"digits: {estimate.NOT_RESUMED}")
     find = functools.partial(first_integrals, limit=limit)
     try:
-        return Running(model, chosen, checkpoints.read(resume) if resume is not None else None, find)
+        resumed = checkpoints.read(resume) if resume is not None else None
+        return Running(model, chosen, resumed, find, digits)
     except checkpoints.CheckpointError as error:
         raise checkpoints.CheckpointError(f"{os.fspath(resume or '')}: {error}") from None
 
@@ -385,23 +458,25 @@ def simulate(
     checkpoint: Path | None = None,
     resume: Path | None = None,
     limit: float = settings.LIMIT,
+    digits: bool = False,
     **changes: Any,
 ) -> Trajectory:
-    """The whole run of a model; keywords as the options of the command line, `columns` and `limit` among them.
+    """The whole run of a model; keywords as the options of the command line, `columns`, `limit`, `digits` among them.
 
     Raises `diagnostics.ModelError`, `ValueError` for bad settings and for a checkpoint that does not fit,
     `OSError` for one that cannot be read or written, `SimulationStopped` with the rows so far.
     """
     began = time.perf_counter()
-    ready = running(model, run_settings(model, changes), resume, limit)
-    picked = selection.select(ready.columns, columns)
-    names = tuple(ready.columns[i] for i in picked)
+    ready = running(model, run_settings(model, changes), resume, limit, digits)
+    picked = selection.select(ready.columns, columns, ready.by_name)
+    everything = (*ready.columns, *ready.by_name)
+    names = tuple(everything[i] for i in picked)
     keeper = checkpoint_file.Keeper(checkpoint) if checkpoint is not None else None
     blocks = [np.zeros((0, len(names)))]
     stop: driver.Stop | None = None
     try:
         for block in ready.blocks():
-            blocks.append(block if names == ready.columns else block[:, picked])
+            blocks.append(ready.taken(block, picked))
             if keeper is not None:
                 keeper.take(ready.checkpoint())
     except driver.Stopped as stopped:
@@ -418,3 +493,187 @@ def simulate(
     if stop is not None:
         raise SimulationStopped(stop.reason, stop.t, result)
     return result
+
+
+def compare(
+    model: Model,
+    other: Model | None = None,
+    *,
+    columns: str = "*",
+    tolerance: float = comparison.TOLERANCE,
+    **changes: Any,
+) -> comparison.Comparison:
+    """A model in every formulation that fits it, or two models as they stand, side by side.
+
+    `columns`: patterns of the columns to compare; `changes` as of `simulate`; `tolerance`: the largest difference that
+    passes, as a part of the largest value of its kind. Raises `diagnostics.ModelError`, and `ValueError` for bad
+    settings and for two models that share no column or do not start at one time.
+    """
+    if not tolerance > 0:
+        raise ValueError("tolerance: a positive number is needed")
+    chosen = _compared_settings(model, other, changes)
+    ready = Running(model, chosen)
+    first = _recorded(plan.declared(model, len(ready.built.rows.rows)), ready)
+    names = [first.columns[i] for i in selection.select(first.columns, columns)]
+    if other is None:
+        of = comparison.kinds(model, names)
+        others = [(run, plan.comparable(model, run, of)) for run in _reformulated(ready, first)]
+    else:
+        beside = Running(other, dataclasses.replace(chosen, assemble=other.simulation.assemble, keep=()))
+        second = _recorded(plan.declared(other, len(beside.built.rows.rows)), beside)
+        of = {n: kind for n, kind in comparison.kinds(model, names).items() if n in second.columns}
+        if not of:
+            raise ValueError(f"{model.path} and {other.path} share none of these columns")
+        others = [(second, of)]
+    near = np.zeros(len(first.table), dtype=bool)
+    if ready.stats.singular_times:
+        states = recorded.States(model, ready.columns)(first.table)
+        near = plan.singular(ready.numeric, states, ready.parameters, ready.rank)
+    return plan.compared(first, others, tolerance, near)
+
+
+def audit(model: Model, run: Trajectory | Path | None = None, **changes: Any) -> audit_report.Audit:
+    """A second opinion on a run, a table in memory or in a file; without one the model is simulated now.
+
+    Keywords: the settings of the run, as of `simulate`; of a table that is given `rtol` and `atol` count.
+    Raises `diagnostics.ModelError`, `record.TableError` where the table lacks columns, `OSError` and
+    `read_table.UnreadableTable` for its file, `ValueError` for bad settings.
+    """
+    # Other commands audit nothing and read no tables.
+    from lagcli.auditing import evidence, examine
+
+    chosen = run_settings(model, changes)
+    notes: tuple[str, ...] = ()
+    if isinstance(run, Trajectory):
+        columns, rows = run.columns, run.rows
+    elif run is not None:
+        from lagcli.export import read_table
+
+        columns, rows = read_table.read(run)
+    else:
+        table, notes = _dense(model, changes)
+        columns, rows = table.columns, table.rows
+    model = dataclasses.replace(model, simulation=chosen)
+    found = examine.audit(model, columns, rows, evidence.Tolerance(chosen.rtol, chosen.atol), notes)
+    return dataclasses.replace(found, complete=not notes)
+
+
+def _dense(model: Model, changes: Mapping[str, Any]) -> tuple[Trajectory, tuple[str, ...]]:
+    """A run whose rows stand as close as every second step, and why it stopped where it did."""
+    table, notes = _as_far(model, changes)
+    wanted = min(table.stats.steps // 2 + 1, MOST_AUDITED)
+    if len(table.rows) >= wanted or notes:
+        return table, notes
+    kept = {key: value for key, value in changes.items() if key != "output_step"}
+    return _as_far(model, {**kept, "samples": wanted})
+
+
+def _as_far(model: Model, changes: Mapping[str, Any]) -> tuple[Trajectory, tuple[str, ...]]:
+    try:
+        return simulate(model, **changes), ()
+    except SimulationStopped as stopped:
+        return stopped.trajectory, (f"only the rows before it are audited: {stopped.reason}",)
+
+
+def _compared_settings(model: Model, other: Model | None, changes: Mapping[str, Any]) -> Simulation:
+    """The settings of all runs: the first model's, as long as both last."""
+    given = {key: value for key, value in changes.items() if value is not None}
+    if not given.keys() & {"samples", "output_step"}:
+        given["samples"] = COMPARED_ROWS
+    chosen = run_settings(model, given)
+    if other is None:
+        return chosen
+    if other.simulation.start != model.simulation.start and "start" not in given:
+        raise ValueError(f"{model.path} and {other.path} start at different times; give one start")
+    if "duration" not in given:
+        chosen = dataclasses.replace(chosen, duration=min(chosen.duration, other.simulation.duration))
+    return chosen
+
+
+def _reformulated(ready: Running, first: comparison.Formulation) -> Iterator[comparison.Formulation]:
+    """The same model in the other formulations that fit it, from the same start."""
+    if not len(first.table):
+        return
+    (t,), (q,), (v,) = recorded.States(ready.model, ready.columns)(first.table[:1])
+    chosen = dataclasses.replace(ready.model.simulation, start=float(t), assemble=False, keep=())
+    if plan.has_dependent(ready.model):
+        free = freed.model(ready.built, float(t), q, v)
+        _kept[free.fingerprint] = Compiled(freed.build(ready.built, free))
+        yield _recorded("freed", Running(free, chosen, None, lambda _: Found()))
+    if plan.is_reducible(first.rows, first.coordinates):
+        table, account, stop = reduced.run(ready.built, ready.grid, (q, v, ready.parameters), chosen)
+        yield dataclasses.replace(
+            first,
+            name="reduced",
+            rows=0,
+            steps=account.steps,
+            seconds=account.seconds,
+            table=table,
+            stopped="" if stop is None else f"stopped at t = {stop.t:.9g}: {stop}",
+        )
+
+
+def _recorded(name: str, ready: Running) -> comparison.Formulation:
+    """A run to its end, or as far as it goes."""
+    blocks, stopped = [np.zeros((0, len(ready.columns)))], ""
+    try:
+        for block in ready.blocks():
+            blocks.append(block)
+    except driver.Stopped as stop:
+        stopped = stop.stop.reason
+    n, stats = len(ready.model.coordinate_names), ready.stats
+    return comparison.Formulation(
+        name=name,
+        path=ready.model.path,
+        coordinates=n,
+        freedoms=n - ready.rank,
+        rows=len(ready.built.rows.rows),
+        steps=stats.steps,
+        seconds=stats.solve_seconds,
+        columns=ready.columns,
+        table=np.concatenate(blocks),
+        exchanged=ready.exchanged,
+        stopped=stopped,
+    )
+
+
+def displacements(model: Model, at: float | None = None, **changes: Any) -> answer.Displacements:
+    """Allowed and virtual displacements where the motion has come to at the time `at`, by default its start.
+
+    `changes` as of `simulate`. Raises `diagnostics.ModelError`, `ValueError` for a time before the start, for bad
+    settings and for too many coordinates, `SimulationStopped` where the motion does not get there.
+    """
+    chosen = run_settings(model, changes)
+    n = len(model.coordinate_names)
+    if n > answer.MOST_COORDINATES:
+        raise ValueError(
+            f"the model has {n} coordinates, and bases are dense: up to {answer.MOST_COORDINATES} are looked at"
+        )
+    if at is not None and not 0 <= at - chosen.start < float("inf"):
+        raise ValueError(f"at: a time from the start on, t = {chosen.start:g}, is needed")
+    duration = 0.0 if at is None else at - chosen.start
+    run = simulate(model, **{**changes, "duration": duration, "samples": 2, "output_step": None})
+    ready = compiled(model)
+    (t,), (q,), (v,) = recorded.States(model, run.columns)(run.rows[-1:])
+    state = initial.State(float(t), q, v, initial.declared(ready.system).p)
+    return answer.displacements(ready.system, ready.numeric, state)
+
+
+def derive(
+    model: Model, *, solve: bool = False, everything: bool = False, values: Iterable[str] = ()
+) -> derivation.Derivation:
+    """The equations of motion, to be printed or worked with in SymPy.
+
+    `solve`: lambda and accelerations in closed form where they stay readable; `everything`: all members of families
+    and terms of sums; `values`: parameters that are put in as numbers, `all` for every one. Raises
+    `diagnostics.ModelError`, and `ValueError` for a parameter there is not.
+    """
+    # SymPy is not loaded by commands that need none.
+    from lagcli import derivation
+
+    names = [parameter.name for parameter in model.parameters]
+    wanted = frozenset(names) if "all" in (given := frozenset(values)) and "all" not in names else given
+    if unknown := sorted(wanted.difference(names)):
+        hint = diagnostics.nearest(unknown[0], names)
+        raise ValueError(f"there is no parameter `{unknown[0]}`{'; ' + hint if hint else ''}")
+    return derivation.derive(compiled(model).system, derivation.Options(solve, everything, wanted))

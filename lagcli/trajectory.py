@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.digits.accuracy import Accuracy
+
 Floats = npt.NDArray[np.float64]
 
 
@@ -20,7 +22,7 @@ class Stats:
     |g_j| / |dg_j| of the first integrals that are held, g_j being the integral less its value at the start;
     energy_imbalance: largest deviation from the energy balance over all rows, as a part of the energies
     exchanged; indeterminate: rows whose multipliers are not unique; singular_times: times of singular
-    configurations that were passed.
+    configurations that were passed; accuracy: the estimate of the errors, where it was asked for.
     """
 
     steps: int
@@ -34,10 +36,13 @@ class Stats:
     energy_imbalance: float
     indeterminate: tuple[str, ...] = ()
     singular_times: tuple[float, ...] = ()
+    accuracy: Accuracy | None = None
 
     def as_json(self) -> dict[str, Any]:
         """The object written by `--stats`."""
-        return dataclasses.asdict(self)
+        account = dataclasses.asdict(self)
+        del account["accuracy"]
+        return account if self.accuracy is None else {**account, **self.accuracy.as_json()}
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +66,14 @@ class Trajectory:
     def t(self) -> Floats:
         """The times (T,)."""
         return self["t"]
+
+    @property
+    def digits(self) -> dict[str, float | None]:
+        """The number of right digits of `r`, `v`, `lambda` and `R` at the last row, of the largest value of each so
+        far; None where there is nothing but zeros. Raises `ValueError` where the run was not asked for them."""
+        if self.stats.accuracy is None:
+            raise ValueError("the digits are not known: simulate with digits=True")
+        return self.stats.accuracy.digits
 
     def multiplier(self, constraint: str) -> Floats:
         """lambda of a constraint, (T,); of a vector equation or a rigid body (T, rows)."""

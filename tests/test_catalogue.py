@@ -106,11 +106,19 @@ def _of_another_law(where: pathlib.Path) -> None:
     document.read(text, "law.yaml", {"a.position": [1, 0, 0]})
 
 
+def _of_long_equations(where: pathlib.Path) -> None:
+    terms = " + ".join(f"{i}*x**{i % 9}" for i in range(1, 2500))
+    pipeline.derive(
+        document.read(f"lagcli: 1\ncoordinates: {{x: {{}}}}\nlagrangian: rate(x)**2 + {terms}\n", "long.yaml")
+    )
+
+
 INPUTS: dict[str, Callable[[pathlib.Path], None]] = {
     "not-a-file": _of_a_directory,
     "too-large": _of_a_large_file,
     "not-text": _of_binary,
     "expression-too-long": _of_a_long_expression,
+    "too-large-to-derive": _of_long_equations,
     "too-many-errors": _of_many_errors,
     "not-an-initial-value": _of_another_law,
 }

@@ -39,6 +39,19 @@ PAGES = (
         cure="Keep data out of the model: a model states laws and initial values.",
     ),
     Page(
+        code="too-large-to-derive",
+        stage="input",
+        meaning="An expression, or the kinetic energy of dependent particles, is too long to be written out as"
+        " equations.",
+        why="`derive` writes equations for a person to read. Beyond some thousand terms nobody reads them, and"
+        " computer algebra would need minutes or more. `check` and `simulate` do not write equations out and"
+        " have no such limit.",
+        example="lagcli derive models/hundred-angles.yaml    # a chain of a hundred dependent particles",
+        cure="Derive a smaller member of the same kind, or write the model in Cartesian particles with rows,"
+        " whose equations have bounded length.",
+        new="lagcli derive models/hundred-angles.yaml --set N=3",
+    ),
+    Page(
         code="too-many-errors",
         stage="input",
         meaning="The file has a thousand errors or more, and no further ones were looked for.",

@@ -200,6 +200,10 @@ def simulate(
     resume: Annotated[
         str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
     ] = None,
+    digits: Annotated[
+        bool,
+        typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run"),
+    ] = False,
     limit: LimitOption = settings.LIMIT,
     changes: SetOption = None,
     as_json: Annotated[
@@ -217,7 +221,9 @@ def simulate(
     from lagcli import pipeline
     from lagcli.cli import running
 
-    wishes = running.Wishes(output, plot, stats, columns, as_json, quiet, verbose, checkpoint, resume, limit)
+    wishes = running.Wishes(
+        output, plot, stats, columns, as_json, quiet, verbose, checkpoint, resume, limit, digits
+    )
     wishes.check(model)
     read = _reported(lambda: _load(model, changes), as_json)
     given = {
@@ -229,6 +235,164 @@ def simulate(
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
     running.run(_reported(lambda: running.ready(read, chosen, wishes), as_json), wishes)
+
+
+@app.command(short_help="Run a model in several formulations and compare them.")
+@exits.command
+def compare(
+    model: ModelArgument,
+    other: Annotated[
+        str | None, typer.Argument(metavar="[OTHER]", help="another model, compared on shared columns")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="length of the runs")] = None,
+    output_step: Annotated[float | None, typer.Option("--output-step", help="time between rows")] = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted (101)")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance of the runs")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance of the runs")] = None,
+    assemble: Annotated[
+        bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
+    ] = False,
+    columns: Annotated[
+        str | None, typer.Option(metavar="PATTERNS", help="columns to compare, such as 'a.*,R.*'")
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="largest difference that passes, as a part of the largest value (1e-8)"),
+    ] = None,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Run a model in every formulation that fits, or two models, and tell to how many digits they agree.
+
+    Newton with multipliers, Lagrange with multipliers, reduced by the null space. Exit 1 where they disagree, 3 where
+    a run stops before its end.
+    """
+    from lagcli.cli import compare as comparing
+
+    paths = [model] if other is None else [model, other]
+    _require_files(paths)
+    read = _reported(lambda: [_load(path, changes) for path in paths], as_json)
+    given = {
+        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
+        "assemble": True if assemble else None,
+    }  # fmt: skip
+    wishes = comparing.Wishes(columns, tolerance, as_json, quiet)
+    if verbose:
+        exits.say_all(warning.render() for one in read for warning in one.warnings)
+    second = read[1] if other is not None else None
+    _reported(lambda: comparing.run(read[0], second, given, wishes), as_json)
+
+
+@app.command(short_help="A second opinion on a run, from its table alone.")
+@exits.command
+def audit(
+    model: ModelArgument,
+    run: Annotated[
+        str | None,
+        typer.Option("--run", metavar="FILE", help="a table: .csv, .json, .npz, .parquet; else a new run"),
+    ] = None,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of the checks: png, svg, pdf")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="length of the new run")] = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows of the new run")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance of the run")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance of the run")] = None,
+    assemble: Annotated[
+        bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
+    ] = False,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Check a table of t, r, v, lambda, R against the laws of the model, without the functions of the solver.
+
+    Exit 1 where a check fails, 3 where the new run stops before its end.
+    """
+    from lagcli.cli import audit as auditing
+
+    wishes = auditing.Wishes(run, plot, as_json, quiet, verbose)
+    wishes.check()
+    if run is not None and (duration is not None or samples is not None):
+        raise exits.UsageError("--run: the table has its own rows; --duration and --samples are of a new run")
+    read = _reported(lambda: _load(model, changes), as_json)
+    given = {
+        "duration": duration, "samples": samples, "rtol": rtol, "atol": atol,
+        "assemble": True if assemble else None,
+    }  # fmt: skip
+    _reported(lambda: auditing.run(read, given, wishes), as_json)
+
+
+@app.command(short_help="Allowed and virtual displacements at an instant.")
+@exits.command
+def displacements(
+    model: ModelArgument,
+    at: Annotated[
+        float | None, typer.Option(metavar="T", help="the time to run to; by default the start")
+    ] = None,
+    assemble: Annotated[
+        bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
+    ] = False,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Print bases of the allowed and virtual displacements, the dependent and independent components, and whether the
+    forces between particles act along lines.
+
+    Exit 3 where the motion stops before T.
+    """
+    from lagcli.cli import displacements as displacing
+
+    read = _reported(lambda: _load(model, changes), as_json)
+    _reported(lambda: displacing.run(read, at, assemble, as_json, quiet), as_json)
+
+
+@app.command(short_help="Print the equations of motion.")
+@exits.command
+def derive(
+    model: ModelArgument,
+    form: Annotated[
+        str, typer.Option("--format", metavar="FORMAT", help="text, latex, markdown, html or json")
+    ] = "text",
+    solve: Annotated[
+        bool, typer.Option("--solve", help="lambda and accelerations in closed form, up to four rows")
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="every member of families and every term of sums")
+    ] = False,
+    values: Annotated[
+        str, typer.Option(metavar="NAMES", help="parameters to put in as numbers, such as 'm,g'; all")
+    ] = "",
+    changes: SetOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="as --format json")] = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Print the equations of motion as they are written on paper, each line with its number in the text.
+
+    Constraints, rows, reactions, energies, Newton's and Lagrange's equations, the identity between them verified, and
+    the linear system for lambda.
+    """
+    from lagcli.cli import derive as deriving
+
+    form = deriving.require_format("json" if as_json else form)
+    read = _reported(lambda: _load(model, changes), form == "json")
+    began = time.perf_counter()
+    page = _reported(lambda: deriving.derived(read, solve, everything, values), form == "json")
+    deriving.write(page, form)
+    if not quiet:
+        exits.say_all(warning.render() for warning in (read.warnings if verbose else ()))
+    if verbose:
+        exits.say(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")
 
 
 @app.command(short_help="Say what an error or warning means and how to cure it.")

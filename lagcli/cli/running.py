@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from lagcli import pipeline, settings
 from lagcli.cli import console, exits, machine, signals
+from lagcli.digits import estimate
 from lagcli.export import aside, checkpoint_file, columns, endings, tables, thinned
 from lagcli.integrate import checkpoint, driver
 from lagcli.model import Model, Simulation
@@ -38,6 +39,7 @@ class Wishes:
     checkpoint: str | None = None
     resume: str | None = None
     limit: float = settings.LIMIT
+    digits: bool = False
 
     @property
     def to_stdout(self) -> bool:
@@ -54,6 +56,8 @@ class Wishes:
 
         Raises `exits.UsageError`, and `exits.WriteError` for a folder that is missing or closed.
         """
+        if self.digits and self.resume is not None:
+            raise exits.UsageError(f"--digits with --resume: {estimate.NOT_RESUMED}")
         try:
             if self.file is not None:
                 endings.of(pathlib.Path(self.file), endings.TABLES)
@@ -92,7 +96,7 @@ class Wishes:
 def ready(model: Model, chosen: Simulation, wishes: Wishes) -> pipeline.Running:
     """The run, from its start or from a checkpoint. Raises `exits.UsageError`, `diagnostics.ModelError`."""
     try:
-        return pipeline.running(model, chosen, wishes.resume, wishes.limit)
+        return pipeline.running(model, chosen, wishes.resume, wishes.limit, wishes.digits)
     except checkpoint.CheckpointError as error:
         raise exits.UsageError(f"--resume {error}") from None
     except FileNotFoundError:
@@ -103,7 +107,7 @@ def ready(model: Model, chosen: Simulation, wishes: Wishes) -> pipeline.Running:
 
 def run(ready: pipeline.Running, wishes: Wishes) -> None:
     """Integrate and write. Raises `exits.Exit` with 3 where the run stopped before its end."""
-    picked = _picked(ready.columns, wishes)
+    picked = _picked(ready.columns, wishes, ready.by_name)
     for warning in () if wishes.quiet else ready.warnings:
         exits.say(warning.render())
     _tell_start(ready, wishes)
@@ -125,9 +129,11 @@ def run(ready: pipeline.Running, wishes: Wishes) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def _picked(names: tuple[str, ...], wishes: Wishes) -> list[int]:
+def _picked(names: tuple[str, ...], wishes: Wishes, by_name: tuple[str, ...] = ()) -> list[int]:
     try:
-        return list(range(len(names))) if wishes.columns is None else columns.select(names, wishes.columns)
+        if wishes.columns is None:
+            return list(range(len(names)))
+        return columns.select(names, wishes.columns, by_name)
     except columns.UnknownColumn as error:
         raise exits.UsageError(f"--columns: {error}") from None
 
@@ -163,15 +169,15 @@ def _write_rows(
 
     A checkpoint is taken when the rows before it have been written, so that they agree.
     """
-    names = [ready.columns[i] for i in picked]
+    everything = (*ready.columns, *ready.by_name)
+    names = [everything[i] for i in picked]
     keeper = checkpoint_file.Keeper(wishes.checkpoint) if wishes.checkpoint is not None else None
     over, complete = False, False
-    everything = picked == list(range(len(ready.columns)))
     with _sink(wishes, names) as sink:
 
         def take(block: Floats) -> None:
             if sink is not None:
-                sink.write(block if everything else block[:, picked])
+                sink.write(ready.taken(block, picked))
             if wishes.plot is not None:
                 kept.add(block)
             if keeper is not None:
@@ -295,3 +301,5 @@ def _tell_account(stats: Stats, complete: bool) -> None:
         f" drift {stats.position_drift:.1e} in position, {stats.velocity_drift:.1e} in velocity;"
         f" energy balance to {stats.energy_imbalance:.1e} of the energy exchanged"
     )
+    if stats.accuracy is not None and stats.accuracy.sentence:
+        exits.say(f"digits: {stats.accuracy.sentence}")

@@ -1,0 +1,207 @@
+"""Derivatives and integrals of recorded columns, each with a bound on its own error.
+
+Weights by Fornberg (Math. Comp. 51 (1988) 699) on the times as they are. Of stencils of several widths the one with
+the least bound is taken, row by row: the truncation is the difference from the next narrower stencil, the largest
+within a few rows; the noise is that of the column times the sum of the weights. No row is used beyond the table, so
+that the ends have one-sided stencils and wider bounds.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+
+import numpy as np
+
+from lagcli.auditing.tape import Array
+
+WIDTHS = (5, 7, 9, 11, 13)
+REACH = 4  # rows on either side within which a truncation counts
+GAUSS = 6  # nodes of the quadrature of an interpolant of 12 rows, of which it is exact
+BLOCK = 64  # rows
+CAUTION = 8.0  # times the difference of two stencils
+LAST = 0.1  # of the difference before that of two stencils counts: one may vanish by chance
+ONE_SIDED = 6.0  # times that where they do not stand around the row
+CONVERGING = 0.5  # the next stencil must come closer by that factor, or ...
+SMOOTH = 1e-6  # ... both differences be that part of the slopes around
+EPS = float(np.finfo(float).eps)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value (T, k) with the bounds of its noise and of its truncation, (T, k) each."""
+
+    value: Array
+    noise: Array
+    truncation: Array
+
+    @property
+    def bound(self) -> Array:
+        """The sum of both."""
+        return self.noise + self.truncation
+
+
+class Grid:
+    """The T times of a table, strictly increasing."""
+
+    def __init__(self, t: Array) -> None:
+        self.t = t
+        self._steps = np.diff(t)
+
+    @functools.cached_property
+    def _stencils(self) -> list[tuple[Array, Array]]:
+        """Places (T, S) and weights (T, S) of d/dt, by width; narrower than the table."""
+        found = []
+        for width in WIDTHS:
+            if width <= len(self.t):
+                places = self._around(np.arange(len(self.t)) - width // 2, width)
+                found.append((places, _weights(self.t[places] - self.t[:, None])[1]))
+        return found
+
+    def derivative(self, y: Array, noise: Array) -> Estimate:
+        """d/dt of columns y (T, k) whose entries are known to `noise`, (k,) or (T, k)."""
+        if len(self._stencils) < 2:
+            nothing = np.zeros(y.shape)
+            return Estimate(nothing, nothing, np.full(y.shape, np.inf))
+        clock = 8 * EPS * np.abs(self.t).max() / self._nearest[:, None]
+        best: Estimate | None = None
+        narrower, before = None, np.zeros(y.shape)
+        for places, weights in self._stencils:
+            found = _combined(places, weights, y)
+            if narrower is not None:
+                now = np.abs(found - narrower)
+                wrong = CAUTION * _widest(np.maximum(now, LAST * before), REACH)
+                before = now
+                wrong[places[:, 0] != np.arange(len(y)) - places.shape[1] // 2] *= ONE_SIDED
+                sizes = np.abs(weights)
+                if noise.ndim == 1:
+                    spread = sizes.sum(axis=1)[:, None] * noise
+                else:
+                    spread = _combined(places, sizes, noise, about=False)
+                spread = spread + clock * np.abs(found) + 4 * EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
+                best = _better(best, Estimate(found, spread, wrong))
+            narrower = found
+        assert best is not None
+        return best
+
+    def resolved(self, y: Array, noise: Array) -> Array:
+        """Whether columns y (T, k) vary slowly enough for the spacing, (T, k): wider stencils come closer together."""
+        if len(self._stencils) < 3:
+            return np.zeros(y.shape, dtype=bool)
+        slopes, spread = [], np.zeros(y.shape)
+        for places, weights in self._stencils[-3:]:
+            slopes.append(_combined(places, weights, y))
+            spread = np.abs(weights).sum(axis=1)[:, None] * noise
+        before, now = (_widest(np.abs(b - a), REACH) for a, b in itertools.pairwise(slopes))
+        small = np.maximum(SMOOTH * _widest(np.abs(slopes[-1]), 2 * REACH), spread)
+        return np.asarray((now <= CONVERGING * before) | (np.maximum(now, before) <= small))
+
+    def integral(self, y: Array, noise: Array) -> Estimate:
+        """The integrals of columns y (T, k), known to `noise`, from the first row to each; the noise is that of sums.
+
+        Behind a stretch that the spacing does not resolve the truncation is infinite.
+        """
+        increments, wrong = np.zeros((len(self.t) - 1, y.shape[1])), np.zeros((len(self.t) - 1, y.shape[1]))
+        if len(self.t) > 1:
+            sums = [_combined(places, weights, y, about=False) for places, weights in self._quadrature]
+            increments = sums[0]
+            wrong = np.maximum(np.abs(sums[0] - sums[1]), LAST * np.abs(sums[1] - sums[2]))
+            wrong = CAUTION * _widest(wrong, REACH)
+            wrong[self._is_one_sided] *= ONE_SIDED
+            clear = self.resolved(y, noise)
+            wrong = np.where(clear[1:] & clear[:-1], wrong, np.inf)
+        begin = np.zeros((1, y.shape[1]))
+        total = np.concatenate([begin, np.cumsum(increments, axis=0)])
+        rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * EPS
+        return Estimate(total, rounding, np.concatenate([begin, np.cumsum(wrong, axis=0)]))
+
+    @functools.cached_property
+    def _nearest(self) -> Array:
+        """The shorter of the steps at each row, (T,)."""
+        ends = np.concatenate([self._steps[:1], self._steps, self._steps[-1:]])
+        return np.asarray(np.minimum(ends[:-1], ends[1:]))
+
+    @functools.cached_property
+    def _is_one_sided(self) -> Array:
+        """Steps (T - 1,) around which the widest stencil does not stand."""
+        first = self._quadrature[0][0][:, 0]
+        return np.asarray(first != np.arange(len(first)) - (self._quadrature[0][0].shape[1] - 1) // 2)
+
+    @functools.cached_property
+    def _quadrature(self) -> list[tuple[Array, Array]]:
+        """Places and weights (T - 1, S) of the integral over each step, by three widths, the widest first."""
+        nodes, shares = np.polynomial.legendre.leggauss(GAUSS)
+        found: list[tuple[Array, Array]] = []
+        widest = min(2 * GAUSS, len(self.t))
+        for width in (widest, max(1, widest - 2), max(1, widest - 4)):
+            places = self._around(np.arange(len(self.t) - 1) - (width - 1) // 2, width)
+            weights = np.zeros(places.shape)
+            for node, share in zip(nodes, shares, strict=True):
+                at = self.t[:-1] + self._steps * (1 + node) / 2
+                weights += share / 2 * self._steps[:, None] * _weights(self.t[places] - at[:, None])[0]
+            found.append((places, weights))
+        return found
+
+    def _around(self, first: Array, width: int) -> Array:
+        first = np.clip(first, 0, len(self.t) - width)
+        return np.asarray(first[:, None] + np.arange(width))
+
+
+def _combined(places: Array, weights: Array, y: Array, about: bool = True) -> Array:
+    """sum_s weights[i, s] y[places[i, s]] (M, k), in blocks; `about` a near row, where the weights add up to 0."""
+    found = np.empty((len(places), y.shape[1]))
+    for start in range(0, len(places), BLOCK):
+        rows = slice(start, start + BLOCK)
+        low, high = int(places[rows].min()), int(places[rows].max()) + 1
+        band = np.zeros((len(places[rows]), high - low))
+        np.put_along_axis(band, places[rows] - low, weights[rows], axis=1)
+        found[rows] = band @ (y[low:high] - (y[(low + high) // 2] if about else 0.0))
+    return found
+
+
+def _better(one: Estimate | None, other: Estimate) -> Estimate:
+    if one is None:
+        return other
+    first = one.bound <= other.bound
+    return Estimate(*(np.where(first, a, b) for a, b in zip(_parts(one), _parts(other), strict=True)))
+
+
+def _parts(e: Estimate) -> tuple[Array, Array, Array]:
+    return e.value, e.noise, e.truncation
+
+
+def _widest(y: Array, reach: int) -> Array:
+    """The largest of each column within `reach` rows."""
+    found = y.copy()
+    for k in range(1, min(reach, len(y) - 1) + 1):
+        np.maximum(found[k:], y[:-k], out=found[k:])
+        np.maximum(found[:-k], y[k:], out=found[:-k])
+    return found
+
+
+def widest(y: Array, reach: int = 2) -> Array:
+    """The largest of each column within a few rows."""
+    return _widest(y, reach)
+
+
+def _weights(x: Array) -> tuple[Array, Array]:
+    """Weights (M, S) of the value and of the derivative at 0 of what is known at x (M, S)."""
+    size = np.abs(x).max(axis=1, keepdims=True)
+    x = x / size
+    value, slope = np.zeros(x.shape), np.zeros(x.shape)
+    value[:, 0] = 1.0
+    before, now = np.ones(len(x)), x[:, 0]
+    for i in range(1, x.shape[1]):
+        product, last = np.ones(len(x)), now
+        now = x[:, i]
+        for j in range(i):
+            gap = now - x[:, j]
+            product = product * gap
+            if j == i - 1:
+                slope[:, i] = before * (value[:, j] - last * slope[:, j]) / product
+                value[:, i] = -before * last * value[:, j] / product
+            slope[:, j] = (now * slope[:, j] - value[:, j]) / gap
+            value[:, j] = now * value[:, j] / gap
+        before = product
+    return value, slope / size

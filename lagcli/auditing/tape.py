@@ -1,0 +1,233 @@
+"""Derivatives of the model's expressions over numpy arrays: a tape of operations, read forwards or backwards.
+
+A value is an array (T, K): T rows of the table, K members of a family, 1 where all share it. What depends on
+parameters alone is a plain array and leaves no trace on the tape. Leaves are of a kind: `q` coordinates, `v` their
+rates, `t` time, `x` and `u` positions and velocities of dependent particles where these are taken as free.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+Whole = npt.NDArray[np.int64]
+Directions = Mapping[str, Array]
+
+
+@dataclasses.dataclass(slots=True, eq=False)
+class Link:
+    """y[:, into] += partial * parent[:, taken]; the partial of a `rate` is d/dt of the parent instead."""
+
+    parent: Node
+    partial: Any
+    taken: Whole | None = None
+    into: slice | None = None
+
+
+@dataclasses.dataclass(slots=True, eq=False)
+class Node:
+    """A value (T, K) with what it was made from. A leaf has the kind and the places of its coordinates, (K,)."""
+
+    tape: Tape
+    number: int
+    value: Array
+    links: tuple[Link, ...]
+    kind: str = ""
+    places: Whole | None = None
+
+    @property
+    def is_rate(self) -> bool:
+        """Whether this is d/dt of its parent."""
+        return self.kind == "rate"
+
+
+Scalar = Any  # a Node, or an array or number that does not depend on the state
+
+
+def value(x: Scalar) -> Array:
+    """The numbers of a scalar."""
+    return x.value if isinstance(x, Node) else np.asarray(x)
+
+
+class Tape:
+    """Operations in the order in which they were carried out, over `data`: the arrays (T, width) of each kind.
+
+    `motion`: the rates of `q`, `x` and `t` along the recorded motion.
+    """
+
+    def __init__(self, data: Directions, motion: Directions) -> None:
+        self.data = data
+        self.nodes: list[Node] = []
+        self._motion = motion
+        self._leaves: dict[tuple[str, bytes], Node] = {}
+        self._rates: list[Array | None] = []
+
+    def leaf(self, kind: str, places: Whole) -> Node:
+        """Coordinates of a kind at these places, (T, K)."""
+        key = (kind, places.tobytes())
+        if key not in self._leaves:
+            node = self.node(self.data[kind][:, places], ())
+            node.kind, node.places = kind, places
+            self._leaves[key] = node
+        return self._leaves[key]
+
+    def node(self, result: Array, links: Sequence[Link]) -> Node:
+        """The result of an operation."""
+        found = Node(self, len(self.nodes), result, tuple(links))
+        self.nodes.append(found)
+        return found
+
+    def result(self, result: Array, *operands: tuple[Scalar, Any]) -> Scalar:
+        """The result of an operation on operands with their partial derivatives; a constant of constants."""
+        links = [Link(x, partial) for x, partial in operands if isinstance(x, Node)]
+        return self.node(result, links) if links else result
+
+    def rate(self, x: Scalar) -> Scalar:
+        """d/dt along the motion of a function of coordinates and time (D.5)."""
+        if not isinstance(x, Node):
+            return np.zeros((1, 1))
+        found = self.node(self.moved(x), (Link(x, None),))
+        found.kind = "rate"
+        return found
+
+    def moved(self, node: Node) -> Array:
+        """The values (T, K) of d/dt of a function of coordinates and time."""
+        for other in self.nodes[len(self._rates) : node.number + 1]:
+            self._rates.append(_tangent(other, self._rates, self._motion))
+        found = self._rates[node.number]
+        return np.zeros_like(node.value) if found is None else found
+
+    def forward(self, directions: Directions, last: int | None = None) -> list[Array | None]:
+        """The change of every node along directions (T, width) of the kinds given; None where there is none."""
+        found: list[Array | None] = []
+        for node in self.nodes[:last]:
+            found.append(_tangent(node, found, directions))
+        return found
+
+    def gradient(self, seeds: Sequence[tuple[Scalar, Array]]) -> Gradient:
+        """Backwards: the sum of seed * value, differentiated by every leaf; rates count as coordinates themselves."""
+        adjoints = self._seeded(seeds)
+        collected = Gradient(self.data)
+        for node in reversed(self.nodes):
+            g = adjoints[node.number]
+            if g is None:
+                continue
+            if node.places is not None:
+                collected.add(node, node.kind, g)
+            for link in node.links:
+                _pass(link, g, adjoints)
+        return collected
+
+    def virtual(
+        self, laws: Sequence[tuple[Scalar, Array]], surfaces: Sequence[tuple[Scalar, Array]]
+    ) -> Gradient:
+        """Backwards by virtual displacements: sum of seed * B_i. `laws` are linear in rates, `surfaces` are f.
+
+        The displacement of d(X) is that of X (D.9), so that it is followed below the rate alone.
+        """
+        upper, lower = self._seeded(laws), self._seeded(surfaces)
+        collected = Gradient(self.data)
+        for node in reversed(self.nodes):
+            low, up = lower[node.number], upper[node.number]
+            if low is not None:
+                if node.places is not None:
+                    collected.add(node, node.kind, low)
+                for link in node.links:
+                    _pass(link, low, lower)
+            if up is None:
+                continue
+            if node.kind in ("v", "u"):
+                collected.add(node, "q" if node.kind == "v" else "x", up)
+            for link in node.links:
+                _pass(link, up, lower if node.is_rate else upper)
+        return collected
+
+    def _seeded(self, seeds: Sequence[tuple[Scalar, Array]]) -> list[Array | None]:
+        adjoints: list[Array | None] = [None] * len(self.nodes)
+        for x, seed in seeds:
+            if isinstance(x, Node):
+                _add(adjoints, x, np.broadcast_to(seed, np.broadcast_shapes(np.shape(seed), x.value.shape)))
+        return adjoints
+
+
+class Gradient:
+    """What is collected at the leaves, an array (T, width) of each kind."""
+
+    def __init__(self, data: Directions) -> None:
+        self._data = data
+        self._parts: dict[str, Array] = {}
+
+    def __getitem__(self, kind: str) -> Array:
+        if kind not in self._parts:
+            self._parts[kind] = np.zeros(self._data[kind].shape, dtype=self._data["q"].dtype)
+        return self._parts[kind]
+
+    def add(self, node: Node, kind: str, g: Array) -> None:
+        """Add the adjoint of a leaf to its coordinates."""
+        assert node.places is not None
+        scatter(self[kind], node.places, np.broadcast_to(g, node.value.shape))
+
+
+def scatter(target: Array, places: Whole, values: Array) -> None:
+    """target[:, places] += values, also where a place comes twice."""
+    if places.size == 1:
+        target[:, places[0]] += values[:, 0]
+        return
+    unique = np.unique(places)
+    if unique.size == places.size:
+        target[:, places] += values
+        return
+    order = np.argsort(places, kind="stable")
+    starts = np.searchsorted(places[order], unique)
+    target[:, unique] += np.add.reduceat(values[:, order], starts, axis=1)
+
+
+def _tangent(node: Node, known: Sequence[Array | None], directions: Directions) -> Array | None:
+    if node.places is not None:
+        along = directions.get(node.kind)
+        return None if along is None else along[:, node.places]
+    if node.is_rate:
+        return None
+    total: Array | None = None
+    for link in node.links:
+        change = known[link.parent.number]
+        if change is None:
+            continue
+        if link.taken is not None:
+            change = np.broadcast_to(change, link.parent.value.shape)[:, link.taken]
+        if link.into is not None:
+            if total is None:
+                total = np.zeros(node.value.shape, dtype=change.dtype)
+            total[:, link.into] += change
+            continue
+        change = link.partial * change
+        total = change if total is None else total + change
+    return None if total is None else np.broadcast_to(total, node.value.shape)
+
+
+def _pass(link: Link, g: Array, adjoints: list[Array | None]) -> None:
+    if link.into is not None:
+        g = g[:, link.into]
+    if link.taken is not None:
+        rows = np.zeros((g.shape[0], link.parent.value.shape[1]), dtype=g.dtype)
+        scatter(rows, link.taken, np.broadcast_to(g, (g.shape[0], link.taken.size)))
+        g = rows
+    elif link.partial is not None and link.into is None:
+        g = link.partial * g
+    _add(adjoints, link.parent, g)
+
+
+def _add(adjoints: list[Array | None], node: Node, g: Array) -> None:
+    """Add to the adjoint of a node, summed over the members that shared its value."""
+    rows, members = node.value.shape
+    if g.shape[1] != members:
+        g = g.sum(axis=1, keepdims=True) if members == 1 else np.broadcast_to(g, (g.shape[0], members))
+    if g.shape[0] != rows:
+        g = np.broadcast_to(g, (rows, members))
+    known = adjoints[node.number]
+    adjoints[node.number] = g if known is None else known + g
