@@ -7,7 +7,7 @@ import functools
 import os
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from lagcli import (
 from lagcli.classification import classify, rows, unheld
 from lagcli.classification.case import Case
 from lagcli.digits import estimate, paired
+from lagcli.digits.accuracy import Accuracy
 from lagcli.export import checkpoint_file
 from lagcli.export import columns as selection
 from lagcli.expression.tree import ExpressionError
@@ -360,6 +361,11 @@ class Running:
             now, inertia(start.t, start.q, start.v, start.p), self.model.coordinate_names
         )
 
+    def of_table(self, rows: Floats) -> Accuracy | None:
+        """What is known of the error of a table of this run; of one with `digits`, in place of `blocks`."""
+        assert self._paired is not None
+        return self._paired.of_table(rows)
+
     @property
     def passed_over(self) -> int:
         """Rows of the grid that a resumed run cannot give: those before the state it goes on from."""
@@ -532,9 +538,12 @@ def compare(
     return plan.compared(first, others, tolerance, near)
 
 
-def audit(model: Model, run: Trajectory | Path | None = None, **changes: Any) -> audit_report.Audit:
+def audit(
+    model: Model, run: Trajectory | Path | None = None, digits: bool = False, **changes: Any
+) -> audit_report.Audit:
     """A second opinion on a run, a table in memory or in a file; without one the model is simulated now.
 
+    digits: with an estimate of the error of its rows, from the same run repeated.
     Keywords: the settings of the run, as of `simulate`; of a table that is given `rtol` and `atol` count.
     Raises `diagnostics.ModelError`, `record.TableError` where the table lacks columns, `OSError` and
     `read_table.UnreadableTable` for its file, `ValueError` for bad settings.
@@ -555,7 +564,35 @@ def audit(model: Model, run: Trajectory | Path | None = None, **changes: Any) ->
         columns, rows = table.columns, table.rows
     model = dataclasses.replace(model, simulation=chosen)
     found = examine.audit(model, columns, rows, evidence.Tolerance(chosen.rtol, chosen.atol), notes)
-    return dataclasses.replace(found, complete=not notes)
+    found = dataclasses.replace(found, complete=not notes)
+    return _with_digits(found, model, columns, rows) if digits else found
+
+
+def _with_digits(
+    found: audit_report.Audit, model: Model, columns: Sequence[str], rows: Floats
+) -> audit_report.Audit:
+    """An audit with what is known of the error of its rows. Raises `ValueError` where the model does not give such
+    rows: they must begin with its start, at equal distances."""
+    t = rows[:, list(columns).index("t")]
+    if len(t) < 2 or t[0] != model.simulation.start:
+        raise ValueError("digits: the table has no rows from the start of the model on")
+    step, length = float(t[1] - t[0]), float(t[-1] - t[0])
+    is_even = abs(length - step * (len(t) - 1)) <= 1e-9 * length
+    rest = {"samples": len(t), "output_step": None} if is_even else {"samples": None, "output_step": step}
+    chosen = dataclasses.replace(model.simulation, duration=length, **rest)
+    again = Running(model, chosen, digits=True)
+    at = {name: i for i, name in enumerate(columns)}
+    nothing = np.full(len(rows), np.nan)
+    wanted = again.columns[: -len(estimate.COLUMNS)]
+    table = np.column_stack([rows[:, at[name]] if name in at else nothing for name in wanted])
+    try:
+        known = again.of_table(table)
+    except driver.Stopped as stopped:
+        raise ValueError(f"digits: the repeated run {stopped.stop.reason}") from None
+    if known is None:
+        raise ValueError("digits: the rows of the table stand at no equal times")
+    said = (*found.sentences, known.sentence) if known.sentence else found.sentences
+    return dataclasses.replace(found, digits=known.as_json(), sentences=said)
 
 
 def _dense(model: Model, changes: Mapping[str, Any]) -> tuple[Trajectory, tuple[str, ...]]:

@@ -541,3 +541,28 @@ def test_an_audit_costs_no_more_than_the_run() -> None:
         assert lagcli.audit(model, run).passed
         ratios.append((time.process_time() - middle) / (middle - began))
     assert min(ratios) < 1.0
+
+
+def test_digits_of_a_table_are_those_of_the_run_that_made_it() -> None:
+    model = lagcli.load(ROOT / "models" / "double-pendulum.yaml")
+    run = lagcli.simulate(model, duration=3, samples=31, rtol=1e-7, digits=True)
+    plain = lagcli.simulate(model, duration=3, samples=31, rtol=1e-7)
+    found = lagcli.audit(model, plain, rtol=1e-7, digits=True)
+    assert found.digits["digits"] == run.digits
+    assert found.as_json()["accuracy"]["digits"] == run.digits
+    assert run.stats.accuracy.sentence in found.sentences
+    # A table that is off has fewer digits.
+    rows = plain.rows.copy()
+    rows[10:, plain.columns.index("a.vx")] += 1e-3
+    off = lagcli.audit(model, dataclasses.replace(plain, rows=rows), rtol=1e-7, digits=True)
+    assert not off.passed
+    assert off.digits["errors"]["v"] == pytest.approx(1e-3, rel=1e-3)
+    assert off.digits["errors"]["r"] == found.digits["errors"]["r"]
+
+
+def test_digits_are_refused_for_rows_of_other_times() -> None:
+    model = lagcli.load(ROOT / "models" / "pendulum.yaml")
+    run = lagcli.simulate(model, duration=1, samples=11)
+    for rows in (run.rows[1:], run.rows[[0, 1, 2, 4, 5]], run.rows[:1]):
+        with pytest.raises(ValueError, match="digits: the"):
+            lagcli.audit(model, dataclasses.replace(run, rows=rows), digits=True)

@@ -60,7 +60,8 @@ class Check:
 @dataclasses.dataclass(frozen=True, slots=True)
 class Audit:
     """The second opinion on a run; `passed` where no check fails. `figures`: numbers beside the checks;
-    `complete`: whether a run that was made for it reached its end."""
+    `complete`: whether a run that was made for it reached its end; `digits`: what is known of the error of the rows,
+    where that was asked for."""
 
     title: str
     path: str
@@ -74,6 +75,7 @@ class Audit:
     notes: tuple[str, ...]
     figures: tuple[tuple[str, float], ...]
     complete: bool = True
+    digits: dict[str, Any] | None = None
 
     @property
     def passed(self) -> bool:
@@ -109,6 +111,7 @@ class Audit:
             "uniqueness": list(self.sentences),
             "figures": {name: _finite(number) for name, number in self.figures},
             "notes": list(self.notes),
+            **({} if self.digits is None else {"accuracy": self.digits}),
         }
 
 

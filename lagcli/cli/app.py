@@ -304,6 +304,9 @@ def audit(
     assemble: Annotated[
         bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
     ] = False,
+    digits: Annotated[
+        bool, typer.Option("--digits", help="how many digits of the table are right, from the run repeated")
+    ] = False,
     changes: SetOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -316,7 +319,7 @@ def audit(
     """
     from lagcli.cli import audit as auditing
 
-    wishes = auditing.Wishes(run, plot, as_json, quiet, verbose)
+    wishes = auditing.Wishes(run, plot, digits, as_json, quiet, verbose)
     wishes.check()
     if run is not None and (duration is not None or samples is not None):
         raise exits.UsageError("--run: the table has its own rows; --duration and --samples are of a new run")

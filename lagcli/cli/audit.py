@@ -26,6 +26,7 @@ class Wishes:
 
     table: str | None
     plot: str | None
+    digits: bool
     as_json: bool
     quiet: bool
     verbose: bool
@@ -78,7 +79,7 @@ def run(model: Model, given: dict[str, Any], wishes: Wishes) -> None:
 def _audited(model: Model, given: dict[str, Any], wishes: Wishes) -> Audit:
     """The audit. Raises `exits.UsageError` for a table that is none, or not of this model."""
     try:
-        return pipeline.audit(model, wishes.table, **given)
+        return pipeline.audit(model, wishes.table, wishes.digits, **given)
     except OSError as error:
         raise exits.UsageError(f"--run: cannot read {wishes.table}: {error.strerror}") from None
     except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:

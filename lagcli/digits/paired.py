@@ -18,6 +18,9 @@ from lagcli.model import Simulation
 
 Floats = npt.NDArray[np.float64]
 
+# Times of two rows that are the same but for the rounding of a table.
+SAME_TIME = 1e-12
+
 
 class Paired:
     """A run from its start and the same run at another tolerance, which is kept no farther ahead than a block."""
@@ -48,6 +51,21 @@ class Paired:
     def accuracy(self) -> Accuracy | None:
         """The estimate at the last row handed out, None before the first."""
         return self._errors.accuracy(self._again, self._tolerance)
+
+    def of_table(self, rows: Floats) -> Accuracy | None:
+        """The estimate for a table (T, columns) in place of the rows of the first run, which is not taken.
+
+        None where the times of its rows are not those of the grid. Raises `driver.Stopped` where the repeated run stops
+        before the last of them.
+        """
+        known = 0
+        for others in self._ahead:
+            part = rows[known : known + len(others)]
+            if len(part) < len(others) or not np.allclose(part[:, 0], others[:, 0], rtol=SAME_TIME, atol=0):
+                return None
+            self._errors.take(part, others)
+            known += len(others)
+        return self.accuracy if known == len(rows) else None
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, columns + 4), the errors last.
