@@ -566,3 +566,27 @@ def test_digits_are_refused_for_rows_of_other_times() -> None:
     for rows in (run.rows[1:], run.rows[[0, 1, 2, 4, 5]], run.rows[:1]):
         with pytest.raises(ValueError, match="digits: the"):
             lagcli.audit(model, dataclasses.replace(run, rows=rows), digits=True)
+
+
+DRIVEN_LAGRANGIAN = """
+lagcli: 1
+coordinates: {s: {value: 1}}
+particles: {a: {mass: 1, position: "[s + sin(t), s**2/2, 0]"}}
+lagrangian: -a.x**2/2 - 3*a.y*a.vx/10
+simulation: {duration: 3, samples: 301}
+"""
+
+
+@pytest.mark.parametrize("moves", ["sin(t)", "0"])
+def test_a_lagrangian_of_particles_that_follow_coordinates(moves: str) -> None:
+    """It acts on the particles: their carriers are part of R, and so of what is carried to the coordinates."""
+    model = lagcli.loads(DRIVEN_LAGRANGIAN.replace("sin(t)", moves))
+    run = lagcli.simulate(model)
+    found = lagcli.audit(model, run)
+    assert found.passed
+    assert found.check("generalized").verdict == "pass"
+    # What time does to the lagrangian through the particles is not known to the balance of energy.
+    assert found.check("energy").verdict == ("not judged" if moves == "sin(t)" else "pass")
+    rows = run.rows.copy()
+    rows[:, run.columns.index("R.a.x")] *= 1.001
+    assert lagcli.audit(model, dataclasses.replace(run, rows=rows)).check("generalized").verdict == "fail"

@@ -205,6 +205,13 @@ class Energies:
     judged: Array
 
 
+def _is_driven(values: Values) -> bool:
+    """Whether the `lagrangian` holds particles that time itself moves: how it changes with them at rest is not known
+    here, and what they bring to the energy cannot be told."""
+    through = (np.abs(slope).max(initial=0.0) > 0 for slope in (values.L_x, values.L_u))
+    return bool(np.abs(values.x_t).max(initial=0.0) > 0 and any(through))
+
+
 def energies(e: Evidence) -> Energies:
     """Energy and work along the motion, by the recorded v and R."""
     r, values, cast = e.record, e.values, e.laws.cast
@@ -232,6 +239,7 @@ def energies(e: Evidence) -> Energies:
     largest = max(float(np.ptp(E)), float(np.ptp(values.V)), float(work.value[-1, 2]))
     truncation = work.truncation[:, 0]
     judged = (truncation <= np.maximum(RESOLVED * largest, noise)) & e.is_slow & (rows > 2)
+    judged &= not _is_driven(values)
     limit = _sum(noise + rounding, truncation)
     return Energies(E, work.value[:, 1], work, limit, judged)
 

@@ -119,16 +119,17 @@ def carried(e: Evidence) -> list[Check]:
     if not r.x.size:
         return []
     own = e.laws.cast.first_generalized
-    rate = e.momentum_rate[0]
+    rate, rate_x = e.momentum_rate
     acting = (-values.V_q + values.Q + values.L_q - rate.value)[:, own:]
-    found = (
-        (e.pushed(r.R_x) + e.pushed(values.L_x - e.momentum_rate[1].value))[:, own:] - acting - r.R_q[:, own:]
-    )
+    carriers = e.pushed(r.R_x - values.L_x + rate_x.value)[:, own:]
+    found = carriers - acting - r.R_q[:, own:]
     moved = e.laws.pushed(r.t, *e.moved, r.R_x)
     limit = e.spread(e.pushed(r.R_x), moved)[:, own:] + e.pushed_limit(_reaction_noise(e))[:, own:]
     limit += (e.noise("V_q") + e.noise("Q") + e.noise("L_q") + rate.noise)[:, own:] + e.tolerance.atol
-    judged = rate.truncation[:, own:] <= np.maximum(1e-3 * np.abs(acting).max(axis=0), limit)
-    limit = limit + np.where(np.isfinite(rate.truncation[:, own:]), rate.truncation[:, own:], 0.0)
+    truncation = rate.truncation[:, own:] + np.abs(e.pushed_limit(rate_x.truncation))[:, own:]
+    limit += np.abs(e.pushed_limit(e.noise("L_x") + rate_x.noise))[:, own:]
+    judged = truncation <= np.maximum(1e-3 * np.abs(acting).max(axis=0), limit)
+    limit = limit + np.where(np.isfinite(truncation), truncation, 0.0)
     return [judge(CARRIED, e.names.q[own:], r.t, found, limit, judged)]
 
 
