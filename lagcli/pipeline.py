@@ -521,6 +521,7 @@ def compare(
     ready = Running(model, chosen)
     first = _recorded(plan.declared(model, len(ready.built.rows.rows)), ready)
     names = [first.columns[i] for i in selection.select(first.columns, columns)]
+    left_out: list[str] = []
     if other is None:
         of = comparison.kinds(model, names)
         others = [(run, plan.comparable(model, run, of)) for run in _reformulated(ready, first)]
@@ -530,12 +531,18 @@ def compare(
         of = {n: kind for n, kind in comparison.kinds(model, names).items() if n in second.columns}
         if not of:
             raise ValueError(f"{model.path} and {other.path} share none of these columns")
-        others = [(second, of)]
+        loose = {f"lambda.{name}" for run in (ready, beside) for name in run.stats.indeterminate}
+        left_out = [name for name in of if name in loose]
+        others = [(second, {name: kind for name, kind in of.items() if name not in loose})]
     near = np.zeros(len(first.table), dtype=bool)
     if ready.stats.singular_times:
         states = recorded.States(model, ready.columns)(first.table)
         near = plan.singular(ready.numeric, states, ready.parameters, ready.rank)
-    return plan.compared(first, others, tolerance, near)
+    found = plan.compared(first, others, tolerance, near)
+    if not left_out:
+        return found
+    note = f"not compared, for they are not unique in one of the models: {', '.join(left_out)}"
+    return dataclasses.replace(found, notes=(*found.notes, note))
 
 
 def audit(

@@ -371,3 +371,14 @@ class TestGeneralizedForces:
         assert code == 0
         assert out.splitlines()[0] == "t,Q.theta"
         assert float(out.splitlines()[1].split(",")[1]) == pytest.approx(-9.81 * np.sin(np.pi / 3), abs=1e-12)
+
+
+def test_multipliers_that_are_not_unique_are_not_compared_between_models() -> None:
+    """One rod, and the same declared twice: R and the motion agree, the multiplier of the rod does not."""
+    rod = "lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0, 0]}}\nforces: {w: {to: a, force: [0, 0, -9.81]}}\n"
+    rod += "simulation: {duration: 1}\nholonomic:\n  plane: a.y = 0\n  rod: norm(a) = 1\n"
+    one, two = lagcli.loads(rod), lagcli.loads(rod + "  twin: dot(a, a) = 1\n")
+    found = lagcli.compare(one, two)
+    assert found.agree
+    assert any("lambda.rod" in note and "not unique" in note for note in found.notes)
+    assert not any("lambda.plane" in note for note in found.notes)

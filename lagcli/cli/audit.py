@@ -127,6 +127,11 @@ def _fault(place: Place) -> str:
     return f"{place.name} at t = {place.t:.9g}: {place.value:.3g}, the limit is {place.limit:.3g}"
 
 
+def _where(place: Place) -> str:
+    """The place of an entry; one over a window names its times itself."""
+    return place.name if " over t = " in place.name else f"{place.name}, t = {place.t:.6g}"
+
+
 def _table_of(checks: tuple[Check, ...], verbose: bool) -> list[str]:
     head = ("check", "equation", "worst", "limit", "where", "verdict")
     lines = [head]
@@ -139,7 +144,7 @@ def _table_of(checks: tuple[Check, ...], verbose: bool) -> list[str]:
                 law,
                 f"{worst.value:.1e}" if worst else "-",
                 f"{worst.limit:.1e}" if worst else "-",
-                f"{worst.name}, t = {worst.t:.6g}" if worst and worst.value else "-",
+                _where(worst) if worst and worst.value else "-",
                 check.verdict,
             )
         )
