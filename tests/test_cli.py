@@ -917,6 +917,18 @@ def test_a_pipe_that_nobody_reads_is_quiet_too(started: Started, arguments: list
     assert process.returncode == 141
 
 
+def test_a_table_leaves_a_closed_pipe_to_the_door(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in `check | head -1`, where the title is read and the table finds the pipe closed."""
+
+    class Closed(io.StringIO):
+        def write(self, text: str) -> int:
+            raise BrokenPipeError
+
+    monkeypatch.setattr(sys, "stdout", Closed())
+    with pytest.raises(BrokenPipeError):
+        console.table(["a"], [["b"]], {})
+
+
 @pytest.mark.parametrize(
     ("number", "code", "ending"),
     [(signal.SIGINT, 130, "csv"), (signal.SIGTERM, 143, "csv"), (signal.SIGINT, 130, "npz")],

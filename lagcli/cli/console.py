@@ -63,8 +63,14 @@ def paragraph(text: str, indent: str) -> None:
 def _console() -> Console:
     from rich.console import Console
 
+    class Piped(Console):
+        """A console that leaves a closed pipe to the door: rich ends the program with a code of its own."""
+
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
     terminal = sys.stdout.isatty()
-    return Console(
+    return Piped(
         file=sys.stdout,
         force_terminal=terminal,
         color_system=None if is_plain(sys.stdout) else "auto",
