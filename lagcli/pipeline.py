@@ -33,19 +33,19 @@ from lagcli.digits.accuracy import Accuracy
 from lagcli.export import checkpoint_file
 from lagcli.export import columns as selection
 from lagcli.expression.tree import ExpressionError
-from lagcli.formulations import comparison, plan, reduced
 from lagcli.integrate import assembly, degenerate, driver, holding, initial
 from lagcli.integrate import checkpoint as checkpoints
 from lagcli.integrate.lost import Loss
-from lagcli.mechanics import freed, system
+from lagcli.mechanics import system
 from lagcli.model import Model, Simulation
 from lagcli.reader import document
 from lagcli.trajectory import SimulationStopped, Stats, Trajectory
-from lagcli.virtual_displacements import answer
 
 if TYPE_CHECKING:
     from lagcli import derivation
     from lagcli.auditing import report as audit_report
+    from lagcli.formulations import comparison
+    from lagcli.virtual_displacements import answer
 
 Floats = npt.NDArray[np.float64]
 Path = str | os.PathLike[str]
@@ -506,7 +506,7 @@ def compare(
     other: Model | None = None,
     *,
     columns: str = "*",
-    tolerance: float = comparison.TOLERANCE,
+    tolerance: float | None = None,
     **changes: Any,
 ) -> comparison.Comparison:
     """A model in every formulation that fits it, or two models as they stand, side by side.
@@ -515,6 +515,11 @@ def compare(
     passes, as a part of the largest value of its kind. Raises `diagnostics.ModelError`, and `ValueError` for bad
     settings and for two models that share no column or do not start at one time.
     """
+    # Other commands compare nothing.
+    from lagcli.formulations import comparison, plan
+
+    if tolerance is None:
+        tolerance = comparison.TOLERANCE
     if not tolerance > 0:
         raise ValueError("tolerance: a positive number is needed")
     chosen = _compared_settings(model, other, changes)
@@ -636,6 +641,9 @@ def _compared_settings(model: Model, other: Model | None, changes: Mapping[str, 
 
 def _reformulated(ready: Running, first: comparison.Formulation) -> Iterator[comparison.Formulation]:
     """The same model in the other formulations that fit it, from the same start."""
+    from lagcli.formulations import plan, reduced
+    from lagcli.mechanics import freed
+
     if not len(first.table):
         return
     (t,), (q,), (v,) = recorded.States(ready.model, ready.columns)(first.table[:1])
@@ -666,6 +674,8 @@ def _recorded(name: str, ready: Running) -> comparison.Formulation:
     except driver.Stopped as stop:
         stopped = stop.stop.reason
     n, stats = len(ready.model.coordinate_names), ready.stats
+    from lagcli.formulations import comparison
+
     return comparison.Formulation(
         name=name,
         path=ready.model.path,
@@ -689,6 +699,8 @@ def displacements(model: Model, at: float | None = None, **changes: Any) -> answ
     """
     chosen = run_settings(model, changes)
     n = len(model.coordinate_names)
+    from lagcli.virtual_displacements import answer
+
     if n > answer.MOST_COORDINATES:
         raise ValueError(
             f"the model has {n} coordinates, and bases are dense: up to {answer.MOST_COORDINATES} are looked at"

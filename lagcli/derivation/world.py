@@ -18,20 +18,11 @@ from lagcli.derivation.vectors import Collapse, Key, Triple, Vector
 from lagcli.expression import evaluate, tree, whole
 from lagcli.expression.operators import Operators
 from lagcli.members import Members, Roll
+from lagcli.pfaffian.translate import FUNCTIONS
 
 # Beyond these an expression is no longer one a person could read, and SymPy needs minutes for it.
 MAX_NODES, MAX_OPERATIONS, MAX_DIGITS, MAX_EXPONENT = 4000, 6000, 300, 200
 
-_FUNCTIONS: dict[str, Any] = {
-    **{
-        name: getattr(sympy, name)
-        for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt".split()
-    },
-    "abs": sympy.Abs,
-    "sign": sympy.sign,
-    "min": sympy.Min,
-    "max": sympy.Max,
-}
 _JUMPING = frozenset(("abs", "sign", "min", "max"))
 
 
@@ -271,7 +262,7 @@ class Algebra(Operators):
         if name in _JUMPING:
             self._world.calculus.has_jumps = True
         if name != "sqrt":
-            return _FUNCTIONS[name](*arguments)
+            return FUNCTIONS[name](*arguments)
         triple: Triple | None = None
         if isinstance(node, tree.Call) and node.function in ("norm", "distance"):
             parts = [evaluate.vector(argument, self) for argument in node.arguments]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.export import endings
-from lagcli.export.tables import MissingExtra
+from lagcli.export.tables import needing_pyarrow
 
 
 class UnreadableTable(ValueError):
@@ -67,15 +67,8 @@ def _npz(path: Path) -> tuple[tuple[str, ...], NDArray[np.float64]]:
 
 
 def _parquet(path: Path) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    try:
-        import pyarrow
+    with needing_pyarrow(path):
         import pyarrow.parquet
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] != "pyarrow":
-            raise
-        raise MissingExtra(
-            f'"{path.name}" needs pyarrow, which is not installed: pip install "lagcli[parquet]"'
-        ) from error
     table = pyarrow.parquet.read_table(str(path))
     columns = tuple(table.column_names)
     values = [np.asarray(table[name].to_numpy(), dtype=np.float64) for name in columns]

@@ -208,6 +208,19 @@ class _StreamSink(_Base):
             stream.flush()
 
 
+@contextlib.contextmanager
+def needing_pyarrow(path: Path) -> Iterator[None]:
+    """What is imported inside needs pyarrow, for this file. Raises `MissingExtra` where it is not installed."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "pyarrow":
+            raise
+        raise MissingExtra(
+            f'"{path.name}" needs pyarrow, which is not installed: pip install "lagcli[parquet]"'
+        ) from error
+
+
 def _writer(path: Path, fmt: str) -> Callable[[Path, Sequence[str]], _Writer]:
     match fmt:
         case "csv":
@@ -217,13 +230,7 @@ def _writer(path: Path, fmt: str) -> Callable[[Path, Sequence[str]], _Writer]:
         case "npz":
             return npz_table.Writer
         case "parquet":
-            try:
+            with needing_pyarrow(path):
                 from lagcli.export import parquet_table
-            except ModuleNotFoundError as error:
-                if error.name is None or error.name.partition(".")[0] != "pyarrow":
-                    raise
-                raise MissingExtra(
-                    f'"{path.name}" needs pyarrow, which is not installed: pip install "lagcli[parquet]"'
-                ) from error
             return parquet_table.Writer
     raise endings.UnknownFormat(path.name, endings.TABLES)

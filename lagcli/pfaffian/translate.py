@@ -25,7 +25,7 @@ from lagcli.pfaffian import charts, printing
 from lagcli.pfaffian.block import Block
 from lagcli.pfaffian.form import Form
 
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
+FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{
         name: getattr(sympy, name)
         for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt".split()
@@ -250,7 +250,7 @@ class _Names(Operators):
         return sympy.Integer(round(value))
 
     def function(self, node: tree.Node, name: str, arguments: tuple[Any, ...]) -> Any:
-        return _FUNCTIONS[name](*arguments)
+        return FUNCTIONS[name](*arguments)
 
     def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
         if isinstance(node, tree.Name):
