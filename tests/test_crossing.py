@@ -3,6 +3,7 @@
 The truth of the linkages is one pendulum-like equation of their one degree of freedom, solved by SciPy.
 """
 
+import dataclasses
 import functools
 import pathlib
 
@@ -13,7 +14,7 @@ import scipy.integrate
 import lagcli
 from lagcli import pipeline
 from lagcli.compile import numeric
-from lagcli.integrate import checkpoint, collocation, driver, limits, watch
+from lagcli.integrate import checkpoint, collocation, dop853, driver, initial, limits, lost, tableau, watch
 
 MODELS = pathlib.Path(__file__).parent.parent / "models"
 FOUR_BAR = (MODELS / "double-four-bar.yaml").read_text(encoding="utf-8")
@@ -460,3 +461,29 @@ def test_a_crossing_beyond_the_end_is_not_told():
     crossed = lagcli.simulate(lagcli.loads(FOUR_BAR)).stats.singular_times[0]
     run = lagcli.simulate(lagcli.loads(FOUR_BAR), duration=crossed - 1e-3, samples=11)
     assert run.stats.singular_times == ()
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-11, 1e-9])
+def test_rank_is_lost_only_where_branches_meet(gap):
+    """At the origin the gradient of x y - gap vanishes; the lines meet there, the branches of a hyperbola do not."""
+    ready = pipeline.compiled(lagcli.loads(PLANE.format(1, -1, gap, gap, f"x*y = {gap!r}")))
+    before = initial.declared(ready.system)
+    there = dataclasses.replace(before, t=1.0, q=np.zeros(2))
+    found = lost.loss(ready.numeric, before, there, 1e-13)
+    assert (found is None) == (gap > 0)
+    assert found is None or (found.t, found.number, found.participants) == (1.0, 1, (0,))
+
+
+@pytest.mark.parametrize("turn", [0.1, 0.3, 1.0, 2.0, 2.4])
+def test_a_zero_within_a_step_is_seen_wherever_it_lies(turn):
+    """A root like |sin|, of an angle that turns by so much in a step; beside it a row that stays."""
+    at = np.array([*(tableau.C[s] for s in dop853.WATCHED), 1.0])
+    hidden = dop853._hidden()
+    for place in np.linspace(0.03, 0.97, 95):
+        squares = np.sin(turn * (at - place)) ** 2
+        assert float(hidden(np.stack([squares, np.full(8, 3.0)]))) < 0, place
+        assert float(hidden(np.stack([np.full(8, 0.7), squares]))) < 0, place
+    for begin in np.linspace(0.05, max(0.06, 3.0 - turn), 20):  # the same angle without a zero
+        squares = np.sin(begin + turn * at) ** 2
+        if begin + turn < 3.0 and turn <= 1.0:
+            assert float(hidden(np.stack([squares, np.full(8, 3.0)]))) > 0, begin

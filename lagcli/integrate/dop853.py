@@ -117,8 +117,8 @@ def _hidden() -> Any:
         return roots[:, i] + (roots[:, j] - roots[:, i]) * ((t - at[i]) / (at[j] - at[i]))
 
     gaps = [line(0, 1, 0.0)]
-    for i in range(1, last + 1):
-        if i < last:
+    for i in range(last + 1):
+        if 0 < i < last:
             gaps.append(roots[:, i] - DIP * ca.fmin(roots[:, i - 1], roots[:, i + 1]))
         if i > 1:
             gaps.append(line(i - 2, i - 1, at[i]) + DIP * roots[:, i])
