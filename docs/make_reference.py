@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Callable, Iterator
 
 from lagcli import catalogue
+from lagcli.catalogue import equations
 from lagcli.expression import evaluate
 from lagcli.reader import keys, names
 
@@ -74,6 +75,12 @@ def _error_page(code: str) -> str:
     return "\n\n".join([head, f"{page.meaning} {page.why}", _indented(example), *cure])
 
 
+def equation_table() -> str:
+    """The equations that pages and outputs refer to."""
+    rows = [f"| (D.{n}) | {line} |" for n, line in sorted(equations.LINES.items())]
+    return "\n".join([equations.TEXT, "", "| number | says |", "| --- | --- |", *rows])
+
+
 def _indented(text: str) -> str:
     return textwrap.indent(text, "    ")
 
@@ -87,6 +94,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "names": reserved_names,
     "functions": function_table,
     "errors": error_pages,
+    "equations": equation_table,
 }
 
 

@@ -15,13 +15,19 @@ def main() -> None:
 
 
 def _run() -> int:
+    from lagcli import requirements
     from lagcli.cli import signals
 
+    refusal = requirements.too_old()
+    if refusal:
+        print(refusal, file=sys.stderr)
+        return 2
     try:
         signals.install()
         # Loaded under the signal handlers: an interrupt at start-up is an interrupt and no traceback.
-        from lagcli.cli import door
+        from lagcli.cli import door, prompt_end
 
+        prompt_end.start()
         code = door.run()
         # The interpreter takes a while to end; an interrupt from now on ends it like any other program.
         signals.release()

@@ -6,6 +6,7 @@ matrix, and only rows that may be dependent are looked at densely.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -23,8 +24,15 @@ ITERATIONS = 12
 # Where the Gram matrix shows a smaller value than this, its own rounding is in the way.
 CERTAIN = 3e-5
 SHIFT = 1e-14
-# More rows than these are never looked at densely: their singular values would take minutes.
-DENSE = 150
+# Of the Gram matrix smaller eigenvalues than this part of the largest are rounding.
+ROUNDING = 1e-12
+# More rows than these, over more coordinates than these, are never looked at densely: their singular values would take
+# minutes. Of more rows than MOST_DENSE over few coordinates not all dependences are given (72 MB).
+DENSE, MOST_DENSE = 150, 3000
+# A Gram matrix with this part of its entries is factored faster as a dense one, up to so many rows (128 MB).
+FILLED, MOST_FILLED = 0.1, 4000
+# A row hangs on a coordinate that no other row holds where the entry is this part of its length.
+HANGING = 1e-2
 
 
 class Rows:
@@ -149,7 +157,39 @@ class MetricRows:
             return True
         if self.count > self._unit.shape[1] or 0 in self._norms_of_units():
             return False
+        if self.is_large and self._least_with_hanging() > CERTAIN:
+            return True
         return self._weakest[0] > CERTAIN**2
+
+    def _least_with_hanging(self) -> float:
+        """A lower bound of the smallest singular value, 0 where none is known, from rows that hang on a coordinate of
+        their own and the rest: the particles of a rigid body on its base.
+
+        With P the entries at own coordinates, X the others of these rows and R the rest, the inverse of
+        [[P, X], [0, R]] is [[1/P, -X/(P R)], [0, 1/R]].
+        """
+        rows = Rows(self._unit)
+        holds = rows.values != 0
+        alone = holds & (np.bincount(rows.column[holds], minlength=self._unit.shape[1])[rows.column] == 1)
+        own = np.sqrt(np.bincount(rows.row[alone], rows.values[alone] ** 2, minlength=self.count))
+        hanging = own > HANGING
+        rest = np.flatnonzero(~hanging)
+        if rest.size > self.count / 2 or rest.size > DENSE:
+            return 0.0
+        least = 1.0
+        if rest.size:
+            others = self.take(rest.tolist())
+            touched = np.unique(Rows(others.unit).column)
+            least = float(np.linalg.svd(np.array(others.unit[:, touched.tolist()]), compute_uv=False)[-1])
+            if touched.size < rest.size or least == 0.0:
+                return 0.0
+        across = np.sqrt(self.count - rest.size)  # as long as X is at most, of rows of length one
+        return float(1.0 / ((1.0 + across / least) / own[hanging].min() + 1.0 / least))
+
+    @property
+    def _is_filled(self) -> bool:
+        """Whether the Gram matrix is better looked at densely."""
+        return self.count <= MOST_FILLED and self._gram.nnz() > FILLED * self.count**2
 
     @property
     def weakest(self) -> Floats:
@@ -161,29 +201,53 @@ class MetricRows:
     def _weakest(self) -> tuple[float, Floats]:
         """The smallest eigenvalue of the Gram matrix, the square of the singular value, and its vector."""
         # Exactly dependent rows would leave a zero to divide by; the shift is far below what is asked for.
-        shifted = self._gram + SHIFT * ca.DM.eye(self.count)
+        solve = self._repeated_solver(SHIFT)
         x = np.random.default_rng(0).standard_normal(self.count)
         value = 0.0
         for _ in range(ITERATIONS):
-            found = np.array(self._factors.solve(shifted, ca.DM(x))).ravel()
+            found = solve(x)
             length = float(np.linalg.norm(found))
             if not np.isfinite(length) or length == 0.0:
                 return 0.0, x
             value, x = 1.0 / length, found / length
         return value, x
 
+    def _solved(self, y: Floats, shift: float) -> Floats:
+        """x with (Gram matrix + shift) x = y."""
+        if self.is_large and self._is_filled:
+            return np.asarray(np.linalg.solve(np.array(self._shifted(shift)), y))
+        return np.array(self._factors.solve(self._shifted(shift), ca.DM(y))).ravel()
+
+    def _repeated_solver(self, shift: float) -> Callable[[Floats], Floats]:
+        """The same for one y after another."""
+        if self.is_large and self._is_filled:
+            inverse = np.linalg.inv(np.array(self._shifted(shift)))
+            return lambda y: np.asarray(inverse @ y)
+        return lambda y: self._solved(y, shift)
+
+    def _shifted(self, shift: float) -> Any:
+        return self._gram + shift * ca.DM.eye(self.count) if shift else self._gram
+
     def above(self, size: float) -> int:
         """How many singular values are above a size: by Sylvester's law of inertia, from sparse factors."""
+        if self.count == 0:
+            return 0
+        if self._is_filled:
+            return int((self._singular_values > size).sum())
         shifted = self._gram - size**2 * ca.DM.eye(self.count)
         factors = ca.Linsol("inertia", "ldl", shifted.sparsity())
         factors.sfact(shifted)
         factors.nfact(shifted)
         return self.count - int(factors.neig(shifted))
 
+    @cached_property
+    def _singular_values(self) -> Floats:
+        return np.asarray(np.linalg.svd(self.dense, compute_uv=False))
+
     @property
     def is_large(self) -> bool:
         """Whether the rows are too many to be looked at densely."""
-        return self.count > DENSE
+        return are_many(self.count, self._unit.shape[1])
 
     def _norms_of_units(self) -> Floats:
         return Rows(self._unit).norms
@@ -200,10 +264,19 @@ class MetricRows:
     def weights(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The weights (C,) of the rows of length one in -M^1/2 step, for the step of `correction`."""
         scaled = residual / self._lengths
+        if not scaled.any():
+            return scaled  # nothing to solve: an exact start asks for no step, and an empty system needs no solver
         if damping > 0:
-            shifted = self._gram + damping * ca.DM.eye(self.count)
-            return np.array(self._factors.solve(shifted, ca.DM(scaled))).ravel()
+            return self._solved(scaled, damping)
         if self.are_independent or self.is_large:
-            gram = self._gram if self.are_independent else self._gram + SHIFT * ca.DM.eye(self.count)
-            return np.array(self._factors.solve(gram, ca.DM(scaled))).ravel()
-        return np.asarray(np.linalg.lstsq(np.array(self._gram), scaled, rcond=1e-12)[0])
+            return self._solved(scaled, 0.0 if self.are_independent else SHIFT)
+        if self.count > self._unit.shape[1]:
+            left, sigma, _ = np.linalg.svd(self.dense, full_matrices=False)
+            held = left[:, sigma > np.sqrt(ROUNDING) * sigma.max(initial=0.0)]
+            return np.asarray(held @ ((held.T @ scaled) / sigma[: held.shape[1]] ** 2))
+        return np.asarray(np.linalg.lstsq(np.array(self._gram), scaled, rcond=ROUNDING)[0])
+
+
+def are_many(count: int, coordinates: int) -> bool:
+    """Whether so many rows over so many coordinates are too many to be looked at densely."""
+    return count > DENSE and coordinates > DENSE

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import codimension, constraint_rows, dependence, rank, walk
+from lagcli import codimension, constraint_rows, dependence, phases, rank, walk
 from lagcli.classification.verdict import Classification
 from lagcli.codimension import Codimension
 from lagcli.compile import NumericSystem, pattern
@@ -59,6 +59,13 @@ class DofCount:
     rows: int
     rank: int
 
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        freedoms = f"{low} to {high}, undecided" if self.configuration_dof is None else self.configuration_dof
+        counts = (("s", self.holonomic), ("m", self.nonholonomic), ("redundant", self.redundant))
+        shown = ", ".join(f"{name} = {count}" for name, count in counts)
+        return f"<DofCount: {freedoms}; n = {self.coordinates}, {shown}; proof {self.proof}>"
+
     def as_json(self) -> dict[str, Any]:
         """The object of `dof --json`."""
         return {
@@ -70,6 +77,7 @@ class DofCount:
             "configuration_dof": self.configuration_dof,
             "velocity_dof": self.velocity_dof,
             "proof": self.proof,
+            "notes": list(self.notes),
         }
 
 
@@ -100,6 +108,7 @@ class Examined:
     points: list[State]
 
 
+@phases.phase("counting degrees of freedom")
 def examine(system: System, numeric: NumericSystem, begin: State, found: Classification) -> Examined:
     """Counts at a consistent configuration, with the verdicts on the differential rows.
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import itertools
+import unicodedata
 from collections.abc import Iterable, Iterator
 from typing import Literal
 
-Severity = Literal["error", "warning"]
+Severity = Literal["error", "warning", "note"]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -64,7 +65,8 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
-EXCERPT_WIDTH = 100
+# Columns of an excerpt: with its indent it fits a terminal of 80, where a wrapped line would leave the caret behind.
+EXCERPT_WIDTH = 75
 SENTENCE_WIDTH = 600
 
 
@@ -76,14 +78,39 @@ def _shown(sentence: str) -> str:
 
 def _excerpt(at: Location) -> tuple[str, str]:
     """The source line and the caret line, cut to a window around the spot where the line is long."""
-    size = len(at.source_line)
-    start = max(0, at.column - 1 - EXCERPT_WIDTH // 2) if size > EXCERPT_WIDTH else 0
-    window = at.source_line[start : start + EXCERPT_WIDTH]
-    window = "".join(c if c.isprintable() else " " for c in window)
-    before, after = ("..." if start else ""), ("..." if start + EXCERPT_WIDTH < size else "")
-    indent = len(before) + at.column - 1 - start
-    carets = max(1, min(at.length, len(window) - (at.column - 1 - start)))
-    return before + window + after, " " * indent + "^" * carets
+    plain = [c if c.isprintable() else " " for c in at.source_line]
+    spot = min(at.column - 1, len(plain))
+    start, end = _window([_columns(c) for c in plain], spot)
+    before, after = ("..." if start else ""), ("..." if end < len(plain) else "")
+    indent = len(before) + sum(map(_columns, plain[start:spot]))
+    carets = sum(map(_columns, plain[spot : min(end, spot + at.length)]))
+    return before + "".join(plain[start:end]) + after, " " * indent + "^" * max(1, carets)
+
+
+def _window(columns: list[int], spot: int) -> tuple[int, int]:
+    """The characters to show, those around a spot, of a line with so many columns for each character."""
+    if sum(columns) <= EXCERPT_WIDTH:
+        return 0, len(columns)
+    room = EXCERPT_WIDTH - 2 * len("...")
+    start, used = spot, 0
+    while start > 0 and used + columns[start - 1] <= room // 2:
+        start -= 1
+        used += columns[start]
+    end = spot
+    while end < len(columns) and used + columns[end] <= room:
+        used += columns[end]
+        end += 1
+    while start > 0 and used + columns[start - 1] <= room:
+        start -= 1
+        used += columns[start]
+    return start, end
+
+
+def _columns(character: str) -> int:
+    """How many columns of a terminal a character takes."""
+    if unicodedata.combining(character):
+        return 0
+    return 2 if unicodedata.east_asian_width(character) in "WF" else 1
 
 
 class ModelError(Exception):
@@ -144,6 +171,16 @@ def _in_file_order(found: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 MAX_CANDIDATES = 300
+
+
+MAX_LISTED = 12
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names in backquotes with commas between; of many the first ones and an ellipsis."""
+    first = list(itertools.islice(names, MAX_LISTED + 1))
+    shown = [f"`{name}`" for name in first[:MAX_LISTED]]
+    return ", ".join(shown + ["..."] * (len(first) > MAX_LISTED))
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

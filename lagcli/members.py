@@ -22,6 +22,9 @@ class Members:
     indices: tuple[Indices, ...]
     variables: Mapping[str, Whole]
 
+    def __repr__(self) -> str:
+        return f"<Members of {self.base}: {self.count}>"
+
     @property
     def count(self) -> int:
         """K."""

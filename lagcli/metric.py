@@ -1,10 +1,11 @@
 """The mass metric: lengths and nearest points are taken with M, and only coordinates that are free may move.
 
-A model of Cartesian particles has a diagonal M, and nothing of size n x n is built for it.
+A model of Cartesian particles has a diagonal M, one of many bodies a block for each; nothing of size n x n is built.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import casadi as ca
@@ -13,6 +14,10 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Places = npt.NDArray[np.intp]
+
+# M is clearly definite where its smallest eigenvalue is this many times what rounding may leave of a singular one.
+CLEARLY = 10.0
 
 
 class NotDefiniteError(ValueError):
@@ -28,29 +33,18 @@ class Metric:
 
     def __init__(self, M: Any, held: Flags | None = None) -> None:
         n = M.shape[0]
+        self._M = M
         self._free = np.ones(n, dtype=bool) if held is None else ~held
-        self._masses: Floats | None = None
-        self._lower = np.zeros((0, 0))
-        if M.sparsity().is_diag() and M.nnz() == n:
-            self._masses = np.array(M.nonzeros(), dtype=float)
-            worst = int(np.argmin(self._masses)) if n else 0
-            if n and not self._masses[worst] > 0:
-                raise NotDefiniteError(worst, float(self._masses[worst]))
-            return
-        whole = np.array(M)
-        if not np.isfinite(whole).all():
-            raise NotDefiniteError(int(np.flatnonzero(~np.isfinite(whole).all(axis=1))[0]), float("nan"))
-        worst = int(np.argmin(np.diag(whole)))
-        if not whole[worst, worst] > 0:
-            raise NotDefiniteError(worst, float(whole[worst, worst]))
-        # Scaled to a unit diagonal the answer does not depend on units; rounding leaves the smallest eigenvalue
-        # of a singular M at eps.
-        scale = np.sqrt(np.diag(whole))
-        eigenvalues, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
-        if not eigenvalues[0] > n * np.finfo(float).eps:
-            raise NotDefiniteError(int(np.argmax(np.abs(vectors[:, 0]))), float(eigenvalues[0]))
-        self._whole = whole
-        self._lower = np.linalg.cholesky(whole[np.ix_(self._free, self._free)])
+        diagonal = np.array(ca.diag(M), dtype=float).ravel()
+        if not M.sparsity().is_diag():
+            _require_finite(M)
+        worst = int(np.argmin(diagonal)) if n else 0
+        if n and not diagonal[worst] > 0:
+            raise NotDefiniteError(worst, float(diagonal[worst]))
+        # Where each free coordinate stands among them, and the lengths of those that are coupled to no other.
+        self._place = np.cumsum(self._free) - 1
+        self._lengths = np.sqrt(diagonal)
+        self._blocks = _blocks(M, self._free, self._place)
 
     @classmethod
     def unit(cls, n: int, held: Flags | None = None) -> Metric:
@@ -59,31 +53,128 @@ class Metric:
 
     def whitened(self, B: Any) -> Any:
         """B M^-1/2 (C, free), sparse: rows whose lengths and angles are those of the metric."""
-        free = np.flatnonzero(self._free).tolist()
-        if self._masses is not None:
-            held = B if len(free) == B.shape[1] else B[:, free]
-            scale = 1.0 / np.sqrt(self._masses[free])
-            values = (
-                np.array(held.nonzeros(), dtype=float)
-                * scale[np.asarray(held.sparsity().get_col(), dtype=int)]
-            )
-            return ca.DM(held.sparsity(), ca.DM(values))
-        return ca.DM(np.linalg.solve(self._lower, np.array(B[:, free]).T).T)
+        free = np.flatnonzero(self._free)
+        held = B if free.size == B.shape[1] else B[:, free.tolist()]
+        columns = np.asarray(held.sparsity().get_col(), dtype=np.intp)
+        values = np.array(held.nonzeros(), dtype=float)
+        scale = 1.0 / self._lengths[free]
+        if not self._blocks:
+            return ca.DM(held.sparsity(), ca.DM(values * scale[columns]))
+        rows = np.asarray(held.sparsity().row(), dtype=np.intp)
+        return self._turned(_Entries(rows, columns, values), scale, held.shape)
+
+    def _turned(self, entries: _Entries, scale: Floats, shape: tuple[int, int]) -> Any:
+        """The same where coordinates are coupled: entries of a block fill it in the rows that touch it."""
+        number = np.full(scale.size, -1)
+        for i, block in enumerate(self._blocks):
+            number[block.places] = i
+        of = number[entries.column]
+        order = np.argsort(of, kind="stable")
+        ends = np.searchsorted(of[order], np.arange(len(self._blocks) + 1))
+        alone = entries.taken(order[: ends[0]])
+        parts = [dataclasses.replace(alone, value=alone.value * scale[alone.column])]
+        pairs = zip(self._blocks, ends, ends[1:], strict=False)
+        parts += [block.whitened(entries.taken(order[first:end])) for block, first, end in pairs]
+        row, column, value = (
+            np.concatenate([getattr(part, field) for part in parts]) for field in ("row", "column", "value")
+        )
+        return ca.DM.triplet(row.tolist(), column.tolist(), ca.DM(value), *shape)
 
     def unwhitened(self, u: Floats) -> Floats:
         """M^-1/2 u (n,) for u (free,); zero where a coordinate is held."""
+        moved = u / self._lengths[self._free]
+        for block in self._blocks:
+            moved[block.places] = np.linalg.solve(block.lower.T, u[block.places])
         step = np.zeros(self._free.size)
-        if self._masses is not None:
-            step[self._free] = u / np.sqrt(self._masses[self._free])
-        else:
-            step[self._free] = np.linalg.solve(self._lower.T, u)
+        step[self._free] = moved
         return step
 
     def length(self, step: Floats) -> float:
         """sqrt(step^T M step); infinite where that is too large for a number."""
         with np.errstate(over="ignore", invalid="ignore"):
-            if self._masses is not None:
-                square = float(np.sum(self._masses * step**2))
+            if self._M.sparsity().is_diag():
+                square = float(np.sum((self._lengths * step) ** 2))
             else:
-                square = float(step @ self._whole @ step)
+                square = float(step @ np.array(ca.mtimes(self._M, ca.DM(step))).ravel())
         return float(np.sqrt(max(0.0, square)))
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Entries:
+    """Entries of a sparse matrix, all (z,)."""
+
+    row: Places
+    column: Places
+    value: Floats
+
+    def taken(self, places: Places) -> _Entries:
+        """Some of them."""
+        return _Entries(self.row[places], self.column[places], self.value[places])
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """Free coordinates that are coupled, by their places (k,), and the lower factor of M over them (k, k)."""
+
+    places: Places
+    lower: Floats
+
+    def whitened(self, entries: _Entries) -> _Entries:
+        """Entries of rows over these coordinates, times M^-1/2."""
+        rows, here = np.unique(entries.row, return_inverse=True)
+        dense = np.zeros((rows.size, self.places.size))
+        dense[here, np.searchsorted(self.places, entries.column)] = entries.value
+        turned = np.asarray(np.linalg.solve(self.lower, dense.T).T, dtype=float)
+        return _Entries(np.repeat(rows, self.places.size), np.tile(self.places, rows.size), turned.ravel())
+
+
+def _require_finite(M: Any) -> None:
+    values = np.array(M.nonzeros(), dtype=float)
+    if not np.isfinite(values).all():
+        rows = np.asarray(M.sparsity().row(), dtype=np.intp)
+        raise NotDefiniteError(int(rows[~np.isfinite(values)].min()), float("nan"))
+
+
+def _blocks(M: Any, free: Flags, place: Places) -> list[_Block]:
+    """Coordinates that are coupled with others, set by set: a model of many bodies has as many small sets.
+
+    Raises `NotDefiniteError` for the set that shows it most.
+    """
+    if M.sparsity().is_diag():
+        return []
+    count, order, ends = M.sparsity().scc()
+    found: list[_Block] = []
+    worst: NotDefiniteError | None = None
+    for i in range(count):
+        if ends[i + 1] - ends[i] == 1:
+            continue
+        among = np.sort(np.asarray(order[ends[i] : ends[i + 1]], dtype=np.intp))
+        whole = np.array(M[among.tolist(), among.tolist()])
+        try:
+            _require_definite(whole, M.shape[0])
+        except NotDefiniteError as error:
+            if worst is None or error.value < worst.value:
+                worst = NotDefiniteError(int(among[error.along]), error.value)
+            continue
+        kept = free[among]
+        if kept.any():
+            found.append(_Block(place[among[kept]], np.linalg.cholesky(whole[np.ix_(kept, kept)])))
+    if worst is not None:
+        raise worst
+    return found
+
+
+def _require_definite(whole: Floats, n: int) -> None:
+    """Raise `NotDefiniteError` for a matrix that is singular to rounding, as part of one of size n."""
+    # Scaled to a unit diagonal the answer does not depend on units; rounding leaves the smallest eigenvalue
+    # of a singular M at eps.
+    scale = np.sqrt(np.diag(whole))
+    scaled = whole / np.outer(scale, scale)
+    least = n * np.finfo(float).eps
+    try:
+        # Far cheaper than eigenvalues, and all that is asked of an M that is clearly definite.
+        np.linalg.cholesky(scaled - CLEARLY * least * np.eye(len(scaled)))
+    except np.linalg.LinAlgError:
+        eigenvalues, vectors = np.linalg.eigh(scaled)
+        if not eigenvalues[0] > least:
+            raise NotDefiniteError(int(np.argmax(np.abs(vectors[:, 0]))), float(eigenvalues[0])) from None

@@ -9,6 +9,7 @@ converted.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from typing import Literal
 
@@ -30,6 +31,9 @@ class Expression:
 
     tree: tree.Node
     origin: source.Scalar
+
+    def __repr__(self) -> str:
+        return f"<Expression {self.text[:80]!r}>"
 
     @property
     def text(self) -> str:
@@ -218,7 +222,8 @@ class Output:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Simulation:
-    """How to run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`)."""
+    """How to run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`); max_step: what no
+    step is longer than."""
 
     start: float = 0.0
     duration: float = 10.0
@@ -226,9 +231,10 @@ class Simulation:
     output_step: float | None = None
     method: str = "auto"
     rtol: float = 1e-11
-    atol: float = 1e-13
+    atol: float | None = None
     assemble: bool = False
     keep: tuple[str, ...] = ()
+    max_step: float | None = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -239,13 +245,18 @@ class Batch:
     places: Whole
 
 
+# What expressions know without a declaration. A file that declares `deg` has its own instead; `pi` is reserved.
+CONSTANTS = {"pi": math.pi, "deg": math.pi / 180.0}
+
+
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Model:
     """A valid model. `fingerprint` tells models of different text apart; changed values do not enter it.
 
     `order` names definitions and batches of dependent particles, each after all it uses: evaluated so, a chain
     of any length needs no deep stack. `structure`: parameters that decide which members there are and which
-    members an expression speaks of, with their values.
+    members an expression speaks of, with their values. `sha256`: of the bytes of the file; `changes`: those of
+    `--set`, as they were given.
     """
 
     path: str
@@ -268,6 +279,19 @@ class Model:
     warnings: tuple[diagnostics.Diagnostic, ...]
     order: tuple[str | Batch, ...]
     structure: tuple[tuple[str, float], ...]
+    sha256: str = ""
+    changes: tuple[tuple[str, str], ...] = ()
+
+    def __repr__(self) -> str:
+        particles, coordinates = len(self.particle_names), len(self.generalized_names)
+        laws = sum(1 for _ in self.constraints())
+        title = f" {self.title[:60]!r}" if self.title else ""
+        parts = [
+            f"{count} {word}{'s' * (count != 1)}"
+            for count, word in ((particles, "particle"), (coordinates, "coordinate"), (laws, "constraint"))
+            if count
+        ]
+        return f"<Model{title} from {self.path}: {', '.join(parts)}>"
 
     def __eq__(self, other: object) -> bool:
         """Whether both are read from the same text, with the same values of everything that may be set."""
@@ -281,6 +305,14 @@ class Model:
         arrays += [part for q in self.coordinates for part in (q.value, q.rate)]
         starts = tuple(array.tobytes() for array in arrays)
         return self.path, self.fingerprint, self.parameters, self.simulation, starts
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """The constants that expressions of this model know without a declaration."""
+        own = {one.name for one in self.parameters} | {one.name for one in self.definitions}
+        own |= {one.members.base for one in self.coordinates} | {one.members.base for one in self.particles}
+        own |= {one.members.base for one in self.outputs}
+        return {name: value for name, value in CONSTANTS.items() if name not in own}
 
     @property
     def particle_names(self) -> tuple[str, ...]:
@@ -305,6 +337,24 @@ class Model:
                 return entry.location
         particle = coordinate.rpartition(".")[0]
         return next(p.location for p in self.particles if particle in p.members.names)
+
+    def expressions(self) -> Iterator[Expression]:
+        """All expressions of positions, definitions, forces, constraints and outputs."""
+        for particle in self.particles:
+            yield from particle.position.parts
+        for definition in self.definitions:
+            yield definition.expression
+        if self.lagrangian is not None:
+            yield self.lagrangian
+        for force in self.forces:
+            if isinstance(force, ParticleForce):
+                yield from force.force.parts
+            else:
+                yield force.force if isinstance(force, GeneralizedForce) else force.expression
+        yield from (law.equation for law in self.holonomic)
+        yield from (law.equation for law in self.differential)
+        for output in self.outputs:
+            yield output.expression
 
     def constraints(self) -> Iterator[Holonomic | RigidBody | Differential]:
         """All constraints in the order of the multipliers: holonomic, rigid, differential."""

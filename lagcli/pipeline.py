@@ -14,32 +14,39 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import (
+    bounds,
+    codimension,
     compile,
     conserved,
     degrees_of_freedom,
     diagnostics,
+    phases,
     recorded,
     redundancy,
     report,
     settings,
     source,
+    unconstrained,
     uniqueness,
     walk,
 )
-from lagcli.classification import classify, rows, unheld
+from lagcli.classification import classify, hidden, rows, unheld
 from lagcli.classification.case import Case
+from lagcli.classification.verdict import Condition
 from lagcli.digits import estimate, paired
-from lagcli.digits.accuracy import Accuracy
+from lagcli.digits.accuracy import KINDS, Accuracy
 from lagcli.export import checkpoint_file
 from lagcli.export import columns as selection
 from lagcli.expression.tree import ExpressionError
-from lagcli.integrate import assembly, degenerate, driver, holding, initial
+from lagcli.integrate import assembly, degenerate, driver, holding, initial, lipschitz, moves
 from lagcli.integrate import checkpoint as checkpoints
+from lagcli.integrate import grid as grids
+from lagcli.integrate import tolerance as tolerances
 from lagcli.integrate.lost import Loss
-from lagcli.mechanics import system
+from lagcli.mechanics import branch_cuts, restarted, row_jumps, system, timed
 from lagcli.model import Model, Simulation
 from lagcli.reader import document
-from lagcli.trajectory import SimulationStopped, Stats, Trajectory
+from lagcli.trajectory import Outcome, SimulationStopped, Stats, Trajectory, provenance
 
 if TYPE_CHECKING:
     from lagcli import derivation
@@ -52,7 +59,7 @@ Path = str | os.PathLike[str]
 Integrals = tuple[conserved.FirstIntegral, ...]
 Values = tuple[float, ...]
 
-REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol"))
+REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol", "max_step"))
 KEPT_SYSTEMS = 8  # compiled systems that stay for another run with other parameters
 MOST_AUDITED = 20001  # rows of a run that is made to be audited, where the model asks for fewer
 COMPARED_ROWS = 101  # of tables that are compared, where no number of samples is given
@@ -60,12 +67,14 @@ COMPARED_ROWS = 101  # of tables that are compared, where no number of samples i
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Found:
-    """First integrals of the differential rows, and notes on those that are not known."""
+    """First integrals of the differential rows, notes on those that are not known, and the hidden conditions."""
 
     integrals: Integrals = ()
     notes: tuple[str, ...] = ()
+    conditions: tuple[Condition, ...] = ()
 
 
+@phases.phase("reading the model")
 def load(path: str | os.PathLike[str], parameters: Mapping[str, object] | None = None) -> Model:
     """The model in a file, `-` for standard input; `parameters` as `--set`.
 
@@ -94,6 +103,7 @@ class Compiled:
         """The functions of the system by itself."""
         return self.functions.numeric
 
+    @phases.phase("looking for a consistent start")
     def case(self) -> Case:
         """The system at the consistent state nearest to its start. Raises `diagnostics.ModelError`."""
         return Case(self.system, self.numeric, walk.begin(self.system, self.numeric))
@@ -129,8 +139,10 @@ class Compiled:
 _kept: OrderedDict[str, Compiled] = OrderedDict()
 
 
+@phases.phase("building the equations")
 def compiled(model: Model) -> Compiled:
     """The compiled system of a model. Other values of parameters or of the start need no new build."""
+    bounds.require_built(model)
     kept = _kept.pop(model.fingerprint, None)
     result = (kept.with_values(model) if kept is not None else None) or Compiled(system.build(model))
     _kept[model.fingerprint] = result
@@ -142,26 +154,69 @@ def compiled(model: Model) -> Compiled:
 def count(model: Model, limit: float = settings.LIMIT) -> degrees_of_freedom.DofCount:
     """The degrees of freedom. Raises `diagnostics.ModelError`, `ValueError` for a limit that is none."""
     _require_seconds(limit)
-    case = compiled(model).case()
-    found = classify.classify(case, limit)
-    return degrees_of_freedom.examine(case.system, case.numeric, case.begin, found).count
+    if unconstrained.holds_for(model):
+        return unconstrained.count(model)
+    return _examined(compiled(model), limit)[1].count
 
 
-def check(model: Model, limit: float = settings.LIMIT) -> report.Report:
-    """Everything that can be said before a run.
+def _examined(ready: Compiled, limit: float) -> tuple[hidden.Classified, degrees_of_freedom.Examined]:
+    """The classification and the count, with the hidden conditions among the rows."""
+    whole = hidden.classified(ready.system, ready.numeric, limit)
+    case = whole.case
+    found = degrees_of_freedom.examine(case.system, case.numeric, case.begin, whole.found)
+    own = {hidden.equation(one) for one in whole.conditions}
+    counted = dataclasses.replace(
+        found.count,
+        notes=(*whole.notes, *found.count.notes),
+        redundant_rows=tuple(name for name in found.count.redundant_rows if name not in own),
+    )
+    return whole, dataclasses.replace(found, count=counted)
 
+
+def assembled(model: Model) -> tuple[Model, assembly.Assembly]:
+    """The model with its start moved to the nearest consistent state, and how far. Raises `diagnostics.ModelError`."""
+    ready = compiled(model)
+    built, numeric = ready.system, ready.numeric
+    try:
+        found = assembly.assemble(built, numeric, initial.declared(built), model.simulation.keep)
+    except diagnostics.ModelError as error:
+        if not hidden.is_conflict(error):
+            raise
+        case = hidden.classified(built, numeric).case
+        found = assembly.assemble(
+            case.system, case.numeric, initial.declared(case.system), model.simulation.keep
+        )
+    return restarted.at(model, found.state.q, found.state.v), found
+
+
+def check(model: Model, limit: float = settings.LIMIT, *, assemble: bool = False) -> report.Report:
+    """Everything that can be said before a run; of one that assembles, of its start after that.
+
+    `assemble`: as `--assemble`; the file may ask for it too.
     Raises `diagnostics.ModelError` for an impossible model, `ValueError` for a limit that is none.
     """
     _require_seconds(limit)
-    case = compiled(model).case()
-    built, numeric = case.system, case.numeric
-    found = classify.classify(case, limit)
-    examined = degrees_of_freedom.examine(built, numeric, case.begin, found)
-    counted = examined.count
-    multipliers = uniqueness.multipliers(built, numeric, examined.points, examined.surface)
+    if unconstrained.holds_for(model):
+        return unconstrained.check(model)
+    ready = compiled(model)
+    residuals = initial.residuals(ready.system, ready.numeric, initial.declared(ready.system))
+    moved = None
+    if (assemble or model.simulation.assemble) and not residuals.consistent:
+        model, done = assembled(model)
+        moved, ready = moves.moves(model, done), compiled(model)
+    whole, examined = _examined(ready, limit)
+    built, numeric, case = ready.system, ready.numeric, whole.case
+    found, counted = whole.found, examined.count
+    # A hidden condition has no multiplier of its own.
+    surface = codimension.examine(built, numeric, case.begin) if whole.conditions else examined.surface
+    multipliers = uniqueness.multipliers(built, numeric, examined.points, surface)
     verdicts = (*rows.holonomic(model, tuple(row.name for row in built.rows.rows)), *found.verdicts)
-    residuals = initial.residuals(built, numeric, initial.declared(built))
-    faults = [*_inertia(built, numeric), *initial.inconsistencies(built, residuals)]
+    if whole.conditions and moved is None:
+        residuals = initial.residuals(case.system, case.numeric, initial.declared(case.system))
+    faults = [
+        *_inertia(built, numeric),
+        *(initial.inconsistencies(case.system, residuals) if moved is None else ()),
+    ]
     return report.Report(
         title=model.title,
         path=model.path,
@@ -173,13 +228,16 @@ def check(model: Model, limit: float = settings.LIMIT) -> report.Report:
         null_vectors=multipliers.null_vectors,
         joint=report.joint(counted, found),
         initial=report.Initial(
-            float(residuals.position.max(initial=0.0)),
-            float(residuals.velocity.max(initial=0.0)),
+            residuals.of_positions,
+            residuals.of_velocities,
             residuals.consistent,
+            moved,
         ),
         warnings=(
             *model.warnings,
             *built.warnings,
+            *branch_cuts.warnings(built),
+            *lipschitz.warnings(built, numeric, case.begin),
             *(dataclasses.replace(d, severity="warning") for d in faults),
         ),
     )
@@ -201,11 +259,14 @@ def first_integrals(ready: Compiled, limit: float = settings.LIMIT) -> Found:
 
 def _searched(ready: Compiled, limit: float) -> Found:
     """The same by a search. Where numbers show that there are none, no algebra is asked."""
-    case = ready.case()
-    if classify.certainly_nonholonomic(case):
-        return Found()
-    found = classify.classify(case, limit)
-    return Found(found.integrals, unheld.notes(found))
+    try:
+        if classify.certainly_nonholonomic(ready.case()):
+            return Found()
+    except diagnostics.ModelError as error:
+        if not hidden.is_conflict(error):
+            raise
+    whole = hidden.classified(ready.system, ready.numeric, limit)
+    return Found(whole.found.integrals, unheld.notes(whole.found), whole.conditions)
 
 
 Find = Callable[[Compiled], Found]
@@ -220,7 +281,7 @@ def run_settings(model: Model, changes: Mapping[str, Any]) -> Simulation:
     for key in given.keys() & REAL_SETTINGS:
         given[key] = float(given[key])
     if "samples" in given and "output_step" in given:
-        raise ValueError("samples and output_step both say where the rows stand; give one of them")
+        raise ValueError("samples and output_step both set the times of the rows; give one of them")
     if "samples" in given:
         given["output_step"] = None
     changed = dataclasses.replace(model.simulation, **given)
@@ -252,6 +313,7 @@ class Running:
         if resumed is not None:
             checkpoints.require_same(resumed.identity, model)
         ready = compiled(model)
+        bounds.require_run(ready.system)
         self._system = ready.system
         self.assembly: assembly.Assembly | None = None
         self.warnings = (*model.warnings, *ready.system.warnings)
@@ -259,31 +321,58 @@ class Running:
         self.columns = ("t", *columns, *(estimate.COLUMNS if digits else ()))
         self._paired: paired.Paired | None = None
         state = initial.declared(ready.system)
+        spoken = timed.functions(model)
         # The start of a run that goes on was examined, and perhaps assembled, when it began.
         if resumed is None:
-            state = self._examined(ready, state)
+            state, found = self._begun(ready, state, find)
+            self.warnings += lipschitz.warnings(ready.system, ready.numeric, state)
             begin = redundancy.begin(ready.system, ready.numeric, state)
-            found = find(ready)
             self._found = found.integrals
             held, notes = holding.begin(ready.integrals(self._found).keeping(begin.selection), state)
             with_constants = dataclasses.replace(state, p=held.parameters)
             if not begin.is_singular:
                 initial.require_finite(ready.system, held.functions.numeric, with_constants)
             first = driver.Begin(state.q, state.v, begin.is_singular)
-            self._run = driver.Run(held, first, chosen, columns, (*notes, *found.notes))
+            self._run = driver.Run(held, first, chosen, columns, (*notes, *found.notes), spoken)
             if digits:
                 self._paired = paired.Paired(ready.system, self._run, held, first, chosen)
         else:
             self._found = resumed.integrals
+            if len(resumed.mark.turns) != (ready.system.cuts.count if ready.system.cuts else 0):
+                raise checkpoints.CheckpointError("it is a damaged checkpoint: its number of angles is wrong")
             held = holding.Holding(_resumed(ready, resumed), resumed.mark.levels, state.p)
-            self._run = driver.Run(held, resumed.mark, chosen, columns)
+            self._run = driver.Run(held, resumed.mark, chosen, columns, (), spoken)
         self._start, self._numeric = state, ready.numeric
-        self.grid = self._run.grid
+        self.grid = grids.grid(chosen)
+        self.resumed = resumed
+        # The account covers the whole run: rows that were handed out before it was resumed too.
+        self.outcome = Outcome()
+        if resumed is not None:
+            row = resumed.mark.row
+            self.outcome = Outcome(self._run.grid.after(row), resumed.mark.origin + row)
         self._compile_seconds = time.perf_counter() - began
 
-    def _examined(self, ready: Compiled, start: initial.State) -> initial.State:
+    def _begun(self, ready: Compiled, state: initial.State, find: Find) -> tuple[initial.State, Found]:
+        """The start, on hidden conditions too, and what was found. Raises `diagnostics.ModelError`."""
+        try:
+            start = self._examined(ready.system, ready.numeric, state)
+            found = find(ready)
+        except diagnostics.ModelError as error:
+            # Off a hidden condition no velocity satisfies the rows.
+            found = find(ready) if hidden.is_conflict(error) else Found()
+            if not found.conditions:
+                raise
+        if found.conditions:
+            whole = hidden.extended(ready.system, found.conditions)
+            start = self._examined(whole, compile.NumericSystem(whole), state)
+        return start, found
+
+    @phases.phase("looking at the start")
+    def _examined(
+        self, built: system.System, numeric: compile.NumericSystem, start: initial.State
+    ) -> initial.State:
         """The start, assembled where that is wanted. Raises `diagnostics.ModelError` where no run can begin."""
-        built, numeric, chosen = ready.system, ready.numeric, self.model.simulation
+        chosen = self.model.simulation
         initial.inertia(built, numeric, start)
         residuals = initial.residuals(built, numeric, start)
         if chosen.assemble:
@@ -297,18 +386,22 @@ class Running:
     @property
     def t(self) -> float:
         """The time reached."""
-        return self._run.t
+        return self._run.origin + self._run.t
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, len(columns)). Raises `driver.Stopped` after the last good one."""
         try:
-            yield from (self._paired or self._run).blocks()
+            for block in (self._paired or self._run).blocks():
+                if self._paired:
+                    self._floors.take(block)
+                self.outcome.take(block)
+                yield block
         except driver.Stopped as stopped:
-            fallen = self._fallen_inertia()
-            if not fallen:
-                raise
             stop = stopped.stop
-            raise driver.Stopped(dataclasses.replace(stop, reason=f"{stop.reason}; {fallen}")) from None
+            if fallen := self._fallen_inertia():
+                stop = dataclasses.replace(stop, reason=f"{stop.reason}; {fallen}")
+            self.outcome.stop(stop)
+            raise driver.Stopped(stop) from None
 
     @functools.cached_property
     def _forces(self) -> recorded.GeneralizedForces:
@@ -356,7 +449,7 @@ class Running:
     def _fallen_inertia(self) -> str:
         """What inertia a run has lost where it stopped, as a sentence, or nothing."""
         start, inertia = self._start, self._numeric.inertia
-        now = inertia(self._run.t, *np.split(self._run.y[:-1], 2), start.p)
+        now = inertia(self.t, *np.split(self._run.y[:-1], 2), start.p)
         return degenerate.fallen(
             now, inertia(start.t, start.q, start.v, start.p), self.model.coordinate_names
         )
@@ -364,12 +457,33 @@ class Running:
     def of_table(self, rows: Floats) -> Accuracy | None:
         """What is known of the error of a table of this run; of one with `digits`, in place of `blocks`."""
         assert self._paired is not None
-        return self._paired.of_table(rows)
+        self._floors.take(rows)
+        return self._known(self._paired.of_table(rows))
+
+    @functools.cached_property
+    def _floors(self) -> recorded.Floors:
+        return self.floors()
+
+    def floors(self) -> recorded.Floors:
+        """What is zero to rounding in a table of this run, when it has taken its rows."""
+        return recorded.Floors(self._system, self._numeric, self._start.p, self.columns)
+
+    def _known(self, found: Accuracy | None) -> Accuracy | None:
+        """The accuracy with the kinds that are zero to rounding."""
+        if found is None:
+            return None
+        floors = self._floors
+        kinds = zip(KINDS, estimate.places(self._system), strict=True)
+        return dataclasses.replace(found, zero=frozenset(k for k, at in kinds if floors.are_zero(at)))
 
     @property
     def passed_over(self) -> int:
         """Rows of the grid that a resumed run cannot give: those before the state it goes on from."""
         return self._run.passed_over
+
+    def require_rows_left(self) -> None:
+        """Raise `checkpoints.CheckpointError` where a resumed run has nothing left to do."""
+        self._run.require_rows_left()
 
     def checkpoint(self) -> checkpoints.Checkpoint:
         """Where to go on from after all blocks so far; for the time between two of them, or after the last."""
@@ -393,7 +507,7 @@ class Running:
     @property
     def _crossings(self) -> tuple[Loss, ...]:
         """Singular configurations up to the time reached: the last step may lead farther."""
-        return tuple(crossing for crossing in self._run.account.crossings if crossing.t <= self._run.t)
+        return tuple(crossing for crossing in self._run.account.crossings if crossing.t <= self.t)
 
     @property
     def stats(self) -> Stats:
@@ -412,14 +526,22 @@ class Running:
             account.energy_imbalance,
             tuple(self._system.rows.rows[i].name for i in sorted(self._run.selection.indeterminate)),
             tuple(crossing.t for crossing in self._crossings),
-            self._paired.accuracy if self._paired else None,
+            self.outcome.stopped,
+            None,
+            self.outcome.rows,
+            self.outcome.t_end,
+            provenance(self.model),
+            self._known(self._paired.accuracy) if self._paired else None,
+            moves.moves(self.model, self.assembly) if self.assembly else None,
+            self.model.simulation.rtol,
+            self.model.simulation.atol,
         )
 
 
 def _resumed(ready: Compiled, point: checkpoints.Checkpoint) -> holding.Integrals:
     """The integrals of a checkpoint. Raises `checkpoints.CheckpointError` where one is none of this system."""
     if point.mark.selection.count != len(ready.system.rows.rows):
-        raise checkpoints.CheckpointError("it is a damaged checkpoint: it has another number of rows")
+        raise checkpoints.CheckpointError("it is a damaged checkpoint: its number of rows is wrong")
     try:
         return ready.integrals(point.integrals).keeping(point.mark.selection)
     except (ExpressionError, KeyError):
@@ -433,15 +555,17 @@ def _require_seconds(limit: float) -> None:
         raise ValueError("limit: a number of seconds is needed, 0 or more")
 
 
+@phases.phase("preparing the run")
 def running(
     model: Model,
     chosen: Simulation,
     resume: Path | None = None,
     limit: float = settings.LIMIT,
     digits: bool = False,
+    may_be_over: bool = False,
 ) -> Running:
     """A run from its start, or from the checkpoint in a file; `limit`: seconds to find first integrals; `digits`: with
-    columns of errors.
+    columns of errors; may_be_over: a run whose rows were all handed out before is no error.
 
     Raises as `Running`, `OSError`, and `ValueError` for a limit that is none and for digits of a run that is resumed;
     what is wrong with the checkpoint is told with the name of the file.
@@ -452,11 +576,15 @@ def running(
     find = functools.partial(first_integrals, limit=limit)
     try:
         resumed = checkpoints.read(resume) if resume is not None else None
-        return Running(model, chosen, resumed, find, digits)
+        ready = Running(model, chosen, resumed, find, digits)
+        if not may_be_over:
+            ready.require_rows_left()
+        return ready
     except checkpoints.CheckpointError as error:
         raise checkpoints.CheckpointError(f"{os.fspath(resume or '')}: {error}") from None
 
 
+@phases.phase("simulating")
 def simulate(
     model: Model,
     *,
@@ -501,6 +629,7 @@ def simulate(
     return result
 
 
+@phases.phase("comparing")
 def compare(
     model: Model,
     other: Model | None = None,
@@ -550,6 +679,7 @@ def compare(
     return dataclasses.replace(found, notes=(*found.notes, note))
 
 
+@phases.phase("auditing")
 def audit(
     model: Model, run: Trajectory | Path | None = None, digits: bool = False, **changes: Any
 ) -> audit_report.Audit:
@@ -565,17 +695,25 @@ def audit(
 
     chosen = run_settings(model, changes)
     notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
     if isinstance(run, Trajectory):
         columns, rows = run.columns, run.rows
     elif run is not None:
         from lagcli.export import read_table
 
-        columns, rows = read_table.read(run)
+        table_file = read_table.opened(run)
+        columns = examine.wanted(model, table_file.columns)
+        known = set(columns)
+        unread = tuple(name for name in table_file.columns if name not in known)
+        rows = table_file.take(columns)
     else:
         table, notes = _dense(model, changes)
         columns, rows = table.columns, table.rows
     model = dataclasses.replace(model, simulation=chosen)
-    found = examine.audit(model, columns, rows, evidence.Tolerance(chosen.rtol, chosen.atol), notes)
+    tolerance = evidence.Tolerance(
+        chosen.rtol, tolerances.absolute(chosen, recorded.size(model, columns, rows)), row_jumps.jumps(model)
+    )
+    found = examine.audit(model, columns, rows, tolerance, notes, unread)
     found = dataclasses.replace(found, complete=not notes)
     return _with_digits(found, model, columns, rows) if digits else found
 
@@ -602,7 +740,7 @@ def _with_digits(
     except driver.Stopped as stopped:
         raise ValueError(f"digits: the repeated run {stopped.stop.reason}") from None
     if known is None:
-        raise ValueError("digits: the rows of the table stand at no equal times")
+        raise ValueError("digits: the rows of the table are not at equal times")
     said = (*found.sentences, known.sentence) if known.sentence else found.sentences
     return dataclasses.replace(found, digits=known.as_json(), sentences=said)
 
@@ -691,6 +829,7 @@ def _recorded(name: str, ready: Running) -> comparison.Formulation:
     )
 
 
+@phases.phase("looking for displacements")
 def displacements(model: Model, at: float | None = None, **changes: Any) -> answer.Displacements:
     """Allowed and virtual displacements where the motion has come to at the time `at`, by default its start.
 
@@ -707,23 +846,54 @@ def displacements(model: Model, at: float | None = None, **changes: Any) -> answ
         )
     if at is not None and not 0 <= at - chosen.start < float("inf"):
         raise ValueError(f"at: a time from the start on, t = {chosen.start:g}, is needed")
-    duration = 0.0 if at is None else at - chosen.start
-    run = simulate(model, **{**changes, "duration": duration, "samples": 2, "output_step": None})
+    if at is None:
+        return _displacements_at_start(dataclasses.replace(model, simulation=chosen))
+    run = simulate(model, **{**changes, "duration": at - chosen.start, "samples": 2, "output_step": None})
     ready = compiled(model)
     (t,), (q,), (v,) = recorded.States(model, run.columns)(run.rows[-1:])
     state = initial.State(float(t), q, v, initial.declared(ready.system).p)
     return answer.displacements(ready.system, ready.numeric, state)
 
 
+def _displacements_at_start(model: Model) -> answer.Displacements:
+    """The same at the start, whose velocities need not fit the rows: no row depends on them."""
+    from lagcli.virtual_displacements import answer
+
+    moved = None
+    if model.simulation.assemble:
+        model, done = assembled(model)
+        moved = moves.moves(model, done)
+    ready = compiled(model)
+    start = initial.declared(ready.system)
+    residuals = initial.residuals(ready.system, ready.numeric, start)
+    if any(residuals.in_position(i) for i in residuals.violated):
+        assembly.require_consistent(ready.system, ready.numeric, start, residuals)
+    notes = (
+        ()
+        if residuals.consistent
+        else tuple(d.message for d in initial.inconsistencies(ready.system, residuals))
+    )
+    found = answer.displacements(ready.system, ready.numeric, start)
+    return dataclasses.replace(found, assembled=moved, notes=notes)
+
+
+@phases.phase("deriving the equations")
 def derive(
-    model: Model, *, solve: bool = False, everything: bool = False, values: Iterable[str] = ()
+    model: Model,
+    *,
+    solve: bool = False,
+    everything: bool = False,
+    values: Iterable[str] = (),
+    limit: float = settings.LIMIT,
 ) -> derivation.Derivation:
     """The equations of motion, to be printed or worked with in SymPy.
 
     `solve`: lambda and accelerations in closed form where they stay readable; `everything`: all members of families
-    and terms of sums; `values`: parameters that are put in as numbers, `all` for every one. Raises
-    `diagnostics.ModelError`, and `ValueError` for a parameter there is not.
+    and terms of sums; `values`: parameters that are put in as numbers, `all` for every one; `limit`: seconds of
+    processor time for it. Raises `diagnostics.ModelError`, and `ValueError` for a parameter there is not or a
+    limit that is none.
     """
+    _require_seconds(limit)
     # SymPy is not loaded by commands that need none.
     from lagcli import derivation
 
@@ -732,4 +902,4 @@ def derive(
     if unknown := sorted(wanted.difference(names)):
         hint = diagnostics.nearest(unknown[0], names)
         raise ValueError(f"there is no parameter `{unknown[0]}`{'; ' + hint if hint else ''}")
-    return derivation.derive(compiled(model).system, derivation.Options(solve, everything, wanted))
+    return derivation.derive(compiled(model).system, derivation.Options(solve, everything, wanted, limit))

@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import constraint_rows
 from lagcli.constraint_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
@@ -59,6 +60,8 @@ def _rank(rows: MetricRows) -> Rank:
         large = rows.above(LARGE)
         dependences = rows.weakest[None] if large < rows.count else np.zeros((0, rows.count))
         return Rank(large, rows.above(SMALL), dependences)
+    if rows.count > constraint_rows.MOST_DENSE:
+        return _rank_of_many(rows)
     sigma = np.zeros(rows.count)
     # The left vectors are wanted whole; of the right ones there may be many more.
     wide = rows.dense.shape[1] >= rows.count
@@ -68,6 +71,15 @@ def _rank(rows: MetricRows) -> Rank:
     if large == rows.count:
         return Rank(large, small, np.zeros((0, rows.count)))
     return Rank(large, small, left.T[large:])
+
+
+def _rank_of_many(rows: MetricRows) -> Rank:
+    """The same of very many rows over few coordinates, with one vector of weights."""
+    left, sigma, _ = np.linalg.svd(rows.dense, full_matrices=False)
+    held = left[:, sigma > LARGE]
+    weights = np.random.default_rng(0).standard_normal(rows.count)
+    weights -= held @ (held.T @ weights)
+    return Rank(held.shape[1], int((sigma > SMALL).sum()), weights[None])
 
 
 def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:

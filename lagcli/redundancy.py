@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli import codimension, dependence, diagnostics, rank, walk
+from lagcli import advice, codimension, dependence, diagnostics, phases, rank, walk
 from lagcli.compile import NumericSystem, pattern
 from lagcli.compile.selection import Selection
 from lagcli.integrate import conflict, initial
@@ -35,6 +35,7 @@ class Begin:
     is_singular: bool = False
 
 
+@phases.phase("choosing independent rows")
 def begin(system: System, numeric: NumericSystem, state: State) -> Begin:
     """How a run begins from a consistent state. Raises `diagnostics.ModelError`, by name, where none can."""
     rows = walk.rows(numeric, state)
@@ -52,7 +53,7 @@ def begin(system: System, numeric: NumericSystem, state: State) -> Begin:
     if surface.kind == "deficient":
         raise codimension.refusal(system, surface)
     if surface.kind == "undecided":
-        raise _undecided(system, list(surface.rows), surface.reason)
+        raise advice.undecided(system, numeric, there, surface)
     around = [walk.rows(numeric, point) for point in _around(system, numeric, there)]
     if surface.kind == "singular" or max((rank.rank(each).low for each in around), default=0) > count:
         raise _at_rest(system, found)
@@ -84,16 +85,6 @@ def _ahead(numeric: NumericSystem, state: State) -> list[State]:
     return found
 
 
-def _undecided(system: System, rows: list[int], reason: str) -> diagnostics.ModelError:
-    hint = (
-        "leave out rows that follow from the others"
-        if len(rows) > 1
-        else "write the constraint so that its gradient does not vanish where it holds"
-    )
-    at = system.rows.rows[rows[-1]].location
-    return diagnostics.ModelError([diagnostics.Diagnostic("dependent-constraints", reason, at, hint)])
-
-
 def _at_rest(system: System, found: rank.Rank) -> diagnostics.ModelError:
     """The error for a start at a singular configuration without a velocity that leads on."""
     rows = sorted({i for vector in found.dependences for i in rank.participants(vector)})
@@ -113,7 +104,7 @@ def _refusal(system: System, found: rank.Rank) -> diagnostics.ModelError:
         diagnostics.Diagnostic(
             "dependent-constraints",
             f"whether the rows {initial.names_of(system, rank.participants(null_vector))} are independent at the"
-            " start cannot be told: no gap in their singular values decides",
+            " start cannot be decided: no gap in their singular values decides",
             system.rows.rows[rank.participants(null_vector)[-1]].location,
             "move the start a little, or leave out a row that nearly follows from the others",
         )

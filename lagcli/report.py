@@ -9,6 +9,7 @@ from lagcli import diagnostics
 from lagcli.classification.verdict import Classification, Verdict
 from lagcli.conserved import FirstIntegral
 from lagcli.degrees_of_freedom import DofCount
+from lagcli.integrate.moves import Moves
 from lagcli.uniqueness import NullVector
 
 
@@ -47,7 +48,8 @@ class Joint:
 
     combinations: first integrals with the rows whose combination each integrates; unsolved: forms of the integrable
     part without a known integral; dimension: of the surface of the holonomic rows in the space of all coordinates,
-    time among them where it occurs; remarks: where the flag drops, and for which parameters it may be another.
+    time among them where it occurs (counts_time); remarks: where the flag drops, and for which parameters it may be
+    another.
     """
 
     derived_flag: tuple[int, ...]
@@ -57,6 +59,7 @@ class Joint:
     dimension: int
     proof: str
     remarks: tuple[str, ...]
+    counts_time: bool = False
 
     @property
     def integrals(self) -> tuple[str, ...]:
@@ -83,23 +86,40 @@ def joint(count: DofCount, found: Classification) -> Joint:
     unsolved = tuple(form for group in found.groups for form in group.unsolved)
     dimension = count.coordinates + found.depends_on_time
     if count.holonomic is None:
-        return Joint((), found.integrals, unsolved, (), dimension, "none", found.remarks)
+        return Joint(
+            (), found.everything, unsolved, (), dimension, "none", found.remarks, found.depends_on_time
+        )
     surface = count.holonomic - found.flag[-1]
     dims = [surface + extra for extra in found.flag]
     # The end is 0, or a dimension that is met again.
     flag = tuple(dims if dims[-1] == 0 else [*dims, dims[-1]])
     dimension -= surface
     growth = tuple(dimension - found.flag[0] + more for more in found.growth)
-    return Joint(flag, found.integrals, unsolved, growth, dimension, count.proof, found.remarks)
+    return Joint(
+        flag, found.everything, unsolved, growth, dimension, count.proof, found.remarks, found.depends_on_time
+    )
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Initial:
-    """Largest residuals of the declared start, |f_i| / |B_i| and |B_i v + b_i| / |B_i|."""
+    """Largest residuals of the declared start, |f_i| and |B_i v + b_i| of the equations as they are written.
+
+    assembled: what assembly changes, where that is wanted.
+    """
 
     position_residual: float
     velocity_residual: float
     consistent: bool
+    assembled: Moves | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """The object `initial`."""
+        found = {
+            "position_residual": self.position_residual,
+            "velocity_residual": self.velocity_residual,
+            "consistent": self.consistent,
+        }
+        return found if self.assembled is None else {**found, "assembled": self.assembled.as_json()}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -115,13 +135,22 @@ class Report:
     initial: Initial
     warnings: tuple[diagnostics.Diagnostic, ...]
 
+    def __repr__(self) -> str:
+        verdicts: dict[str, int] = {}
+        for one in self.constraints:
+            verdicts[one.verdict.kind] = verdicts.get(one.verdict.kind, 0) + 1
+        laws = ", ".join(f"{count} {kind}" for kind, count in verdicts.items()) or "no constraints"
+        freedoms = self.dof.configuration_dof
+        counted = "undecided" if freedoms is None else str(freedoms)
+        return f"<Report on {self.path}: degrees of freedom {counted}; {laws}; {len(self.warnings)} warnings>"
+
     def as_json(self) -> dict[str, Any]:
         """The object of `check --json`."""
         return {
             "dof": self.dof.as_json(),
             "constraints": [constraint.as_json() for constraint in self.constraints],
             "joint": self.joint.as_json(),
-            "initial": dataclasses.asdict(self.initial),
+            "initial": self.initial.as_json(),
             "warnings": [warning.as_json() for warning in self.warnings],
             "dependences": [vector.as_json() for vector in self.null_vectors],
         }

@@ -41,6 +41,7 @@ _ELSEWHERE = {
     ),
 }
 MAX_ROWS = 10**9
+MOST_STEPS = 1e10  # of a run; they would take days
 LIMIT = 20.0  # seconds for the proofs of a model
 
 
@@ -60,8 +61,10 @@ def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
         yield "method", _no_method(settings.method)
     if not 1e-15 <= settings.rtol <= 0.1:
         yield "rtol", "rtol must be between 1e-15 and 0.1"
-    if not (math.isfinite(settings.atol) and settings.atol > 0):
+    if settings.atol is not None and not (math.isfinite(settings.atol) and settings.atol > 0):
         yield "atol", "atol must be positive"
+    if settings.max_step is not None:
+        yield from _largest_step_faults(settings, settings.max_step)
 
 
 def _no_method(name: str) -> str:
@@ -81,3 +84,12 @@ def _step_faults(settings: Simulation, step: float) -> Iterator[tuple[str, str]]
         yield "output_step", f"that makes more than {MAX_ROWS} rows"
     elif settings.start + step == settings.start:
         yield "output_step", "the output step is below the rounding of the time"
+
+
+def _largest_step_faults(settings: Simulation, step: float) -> Iterator[tuple[str, str]]:
+    if not (math.isfinite(step) and step > 0):
+        yield "max_step", "the largest step must be positive and finite"
+    elif settings.duration / step > MOST_STEPS:
+        yield "max_step", f"that makes more than {MOST_STEPS:.0e} steps"
+    elif settings.start + step == settings.start:
+        yield "max_step", "the largest step is below the rounding of the start"

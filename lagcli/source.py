@@ -61,7 +61,7 @@ class Text:
 class Node:
     """A piece of the document: offsets `start` to `end` of the text it came from."""
 
-    text: Text
+    text: Text = dataclasses.field(repr=False)
     start: int
     end: int
 
@@ -268,6 +268,8 @@ def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
 
 
 def _yaml_hint(problem: str, context: str, sign: str) -> str:
+    if "unexpected ':'" in problem:
+        return "a colon needs a space after it"
     if "quoted" in context:
         return "a quote is never closed"
     if "flow" in context:
@@ -367,7 +369,7 @@ class _Builder:
                 self._report("bad-key", "a key must be a plain text", key)
             elif key.value in entries:
                 first = entries[key.value][0].location.line
-                message = f"the key `{key.value}` stands twice (first on line {first})"
+                message = f"the key `{key.value}` occurs twice (first on line {first})"
                 self._report("duplicate-key", message, key)
             else:
                 # What is not there is shown at its key, wherever the parser takes its place to be.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import constraint_rows, dependence, rank, walk
+from lagcli import constraint_rows, dependence, phases, rank, walk
 from lagcli.codimension import Codimension
 from lagcli.compile import NumericSystem, pattern
 from lagcli.compile.selection import Selection
@@ -48,6 +48,7 @@ class Multipliers:
     null_vectors: tuple[NullVector, ...]
 
 
+@phases.phase("looking for multipliers that are not unique")
 def multipliers(
     system: System, numeric: NumericSystem, points: Sequence[State], surface: Codimension
 ) -> Multipliers:

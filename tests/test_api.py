@@ -155,6 +155,8 @@ def test_the_account_of_a_run_is_that_of_the_command_line() -> None:
     assert list(stats.as_json()) == [
         *["steps", "rejected", "evaluations", "compile_seconds", "solve_seconds", "method"],
         *["position_drift", "velocity_drift", "energy_imbalance", "indeterminate", "singular_times"],
+        *["stopped", "ended_by", "rows", "t_end", "provenance"],
+        *["rtol", "atol"],
     ]
     assert stats.solve_seconds > 0
     assert stats.method == "dop853"

@@ -12,6 +12,7 @@ import lagcli
 from lagcli import catalogue, diagnostics, pipeline, source
 from lagcli.catalogue.page import Page
 from lagcli.expression import facts
+from lagcli.integrate import driver
 from lagcli.reader import document
 
 PACKAGE = pathlib.Path(lagcli.__file__).parent
@@ -39,7 +40,8 @@ def _codes_in_source() -> set[str]:
                 index = places.get(name)
                 if index is not None and len(node.args) > index:
                     found |= _words(node.args[index])
-    return found | {code for code, _ in facts.FLAG_ERRORS.values()}
+    stops = {driver.SINGULAR, driver.NO_SOLUTION, driver.NOT_FINITE, driver.TOO_SMALL}
+    return found | stops | {code for code, _ in facts.FLAG_ERRORS.values()}
 
 
 def _words(node: ast.AST) -> set[str]:
@@ -72,12 +74,22 @@ def test_codes_are_listed_once_in_order() -> None:
     assert catalogue.page("no-such-code") is None
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if p.stage != "input"], ids=lambda p: p.code)
+@pytest.mark.parametrize("page", [p for p in PAGES if p.stage not in ("input", "run")], ids=lambda p: p.code)
 def test_an_example_gives_exactly_its_code_and_the_cure_removes_it(page: Page) -> None:
     found = _found(page.example, page.stage)
     assert {(d.code, d.severity) for d in found} == {(page.code, page.severity)}
     assert page.mended != page.example
     assert _found(page.mended, page.stage) == []
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if p.stage == "run"], ids=lambda p: p.code)
+def test_an_example_of_a_stop_stops_so_and_the_cure_lets_it_end(page: Page) -> None:
+    assert _found(page.example, "start") == []
+    with pytest.raises(lagcli.SimulationStopped) as caught:
+        lagcli.simulate(lagcli.loads(page.example))
+    assert caught.value.code == page.code
+    assert caught.value.stats.stopped.reason == str(caught.value)
+    assert lagcli.simulate(lagcli.loads(page.mended)).stats.stopped is None
 
 
 def _of_a_directory(where: pathlib.Path) -> None:
@@ -113,11 +125,19 @@ def _of_long_equations(where: pathlib.Path) -> None:
     )
 
 
+def _of_many_links(folder: pathlib.Path) -> None:
+    particles = 'p[i]: {for: "i = 1..200000", mass: 1, position: "[i, 0, 0]"}'
+    pipeline.count(
+        pipeline.loads(f"lagcli: 1\nparticles:\n  {particles}\nholonomic:\n  rod: norm(p[1]) = 1\n")
+    )
+
+
 INPUTS: dict[str, Callable[[pathlib.Path], None]] = {
     "not-a-file": _of_a_directory,
     "too-large": _of_a_large_file,
     "not-text": _of_binary,
     "expression-too-long": _of_a_long_expression,
+    "too-large-to-build": _of_many_links,
     "too-large-to-derive": _of_long_equations,
     "too-many-errors": _of_many_errors,
     "not-an-initial-value": _of_another_law,
@@ -139,7 +159,7 @@ def test_an_input_gives_the_code_of_its_page(code: str, tmp_path: pathlib.Path) 
 def test_a_page_is_plain_text_with_all_its_parts(page: Page) -> None:
     text = catalogue.render(page)
     assert text.startswith(f"{page.severity}[{page.code}]\n")
-    for part in ("Why:", "Example:", "Cure:"):
+    for part in ("Why:", "Example:", "Fix:"):
         assert part in text
     assert all(line.strip() in text for line in page.example.splitlines())
     assert all(line in text for line in page.mended_lines)

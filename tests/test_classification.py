@@ -7,6 +7,8 @@ import pytest
 import lagcli
 from lagcli.classification import judge
 
+pytestmark = pytest.mark.numeric
+
 PROMPT = 2.0  # seconds of processor time, whatever else the machine is doing
 
 
@@ -305,3 +307,45 @@ def test_dense_rows_give_their_count_and_their_integral():
     assert found.joint.derived_flag == (3, 2, 1, 1)
     assert found.joint.integrals == ("p",)
     assert (found.dof.holonomic, found.dof.nonholonomic) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    "nothing",
+    [
+        "2**x - exp(x*log(2))",
+        "2**(x + 1) - 2*exp(x*log(2))",
+        "2**(x/2) - exp(x*log(2)/2)",
+        "6**x - exp(x*(log(2) + log(3)))",
+        "(1/2)**x - exp(-x*log(2))",
+        "cosh(x*log(2)) - (2**x + 2**(-x))/2",
+        "x*(log(12) - 2*log(2) - log(3))",
+    ],
+)
+def test_powers_and_logarithms_of_numbers_are_exact(nothing):
+    found = report({"lift": f"d(z) - ({nothing})*x*d(y) = 0"})
+    assert verdicts(found) == {"lift": "exact"}
+    assert found.constraints[0].verdict.integral == "z"
+    assert (found.dof.configuration_dof, found.dof.proof) == (2, "symbolic")
+
+
+@pytest.mark.parametrize("other", ["2**x - exp(x*log(2.0000001))", "2**x - exp(x*log(3))"])
+def test_powers_of_other_numbers_are_told_apart(other):
+    found = report({"lift": f"d(z) - ({other})*x*d(y) = 0"})
+    assert verdicts(found) == {"lift": "nonholonomic"}
+    assert found.dof.configuration_dof == 3
+
+
+@pytest.mark.parametrize("k", ["-1", "-0.3", "2"])
+def test_an_integral_is_real_for_the_values_of_the_parameters(k):
+    found = report({"w": "d(x)*(y**2 + k) - d(y) = 0"}, "x: 1, y: 3, z: 1", f"k: {k}")
+    text = found.constraints[0].verdict.integral
+    assert text is not None
+    assert ("sqrt(k)" in text) == (float(k) > 0)
+    assert ("atan" in text) == (float(k) > 0)
+
+
+def test_a_row_without_a_known_value_is_none_that_vanishes():
+    held = {"h": "x**2 + y**2 = 1"}
+    row = {"w": "atan2(y, x + 3)*(exp(x**2) - exp(1 - y**2) + 1)*d(z) = 0"}
+    found = report(row, "x: 1, y: 0, z: 1", holonomic=held)
+    assert found.dof.configuration_dof in (1, None)

@@ -325,6 +325,7 @@ def test_an_undecided_count_exits_4_with_the_range_on_stderr(lagcli: Lagcli) -> 
         "configuration_dof": None,
         "velocity_dof": None,
         "proof": "none",
+        "notes": [],
     }
 
 
@@ -343,19 +344,20 @@ def test_all_counts_are_shown_where_the_rank_is_below_the_codimension(lagcli: La
     assert "rows" not in lagcli("dof", "--explain", file(PENDULUM)).out
 
 
-def test_a_stopped_run_exits_3_and_keeps_its_complete_rows_under_the_final_name(lagcli: Lagcli) -> None:
+def test_a_stopped_run_exits_3_and_keeps_its_complete_rows_in_partial(lagcli: Lagcli) -> None:
     result = lagcli("simulate", file(COLLAPSE), "-o", "run.csv", "--stats", "stats.json", "--plot", "run.png")
     assert result.code == 3
     assert result.out == ""
     # Free fall into 1/x**2 from rest at 1 ends at t = pi/sqrt(8) = 1.1107.
     assert "stopped at t = 1.1107" in result.err
-    header, rows = table(Path("run.csv").read_text(encoding="utf-8"))
+    assert "the complete rows are in " in result.err
+    header, rows = table(Path("run.csv.partial").read_text(encoding="utf-8"))
     assert len(header) == rows.shape[1]
     assert rows[-1, 0] == pytest.approx(1.1)
     assert len(rows) == 23
     assert np.isfinite(rows).all()
     assert json.loads(Path("stats.json").read_text(encoding="utf-8"))["steps"] > 0
-    assert folder() == ["model.yaml", "run.csv", "run.png", "stats.json"]
+    assert folder() == ["model.yaml", "run.csv.partial", "run.png", "stats.json"]
 
 
 def test_a_stopped_run_on_stdout_exits_3_after_its_rows(lagcli: Lagcli) -> None:
@@ -403,6 +405,17 @@ def test_data_goes_to_stdout_and_everything_else_to_stderr(lagcli: Lagcli) -> No
     )
 
 
+def test_an_energy_balance_that_is_not_known_is_said_and_is_null(lagcli: Lagcli) -> None:
+    motor = (
+        'lagcli: 1\ncoordinates: {th: {rate: 10}}\nparticles: {a: {mass: 1, position: "[cos(th), 0, sin(th)]"}}\n'
+        'forces: {w: {to: a, force: "[0, 0, -9.81]"}}\nholonomic: {motor: th = 10*t}\n'
+    )
+    done = lagcli("simulate", file(motor), "--duration", "1e6", "--samples", "3", "--stats", "s.json")
+    assert done.code == 0
+    assert "energy balance not known: the power of rows or forces oscillates too often" in done.err
+    assert json.loads(Path("s.json").read_text())["energy_imbalance"] is None
+
+
 def test_quiet_leaves_errors_and_takes_warnings(lagcli: Lagcli) -> None:
     warned = lagcli("check", file(WARNED))
     quiet = lagcli("check", "model.yaml", "-q")
@@ -443,10 +456,44 @@ def test_explain_gives_the_page_of_a_code_or_all_codes(lagcli: Lagcli) -> None:
     assert result.code == 0
     assert "unknown-name" in result.out
     assert "Example" in result.out
-    assert lagcli("explain").out.split() == list(catalogue.codes())
+    listed = [line.split(maxsplit=1) for line in lagcli("explain").out.splitlines()]
+    assert [code for code, _ in listed] == list(catalogue.codes())
+    assert all(catalogue.page(code).meaning == meaning for code, meaning in listed)
     result = lagcli("explain", "unknwon-name")
     assert result.code == 2
     assert "did you mean `unknown-name`?" in result.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["monkey2.yaml"], "did you mean `lagcli simulate monkey2.yaml`?"),
+        (["simulte", "model.yaml"], "did you mean `simulate`?"),
+        (["run", "model.yaml"], "did you mean `lagcli simulate MODEL`?"),
+        (["help"], "did you mean `lagcli --help`?"),
+        (["nonsense"], "the commands are `dof`, `check`"),
+        (["a\x1b[2Jb.yaml"], "did you mean `lagcli simulate a\N{REPLACEMENT CHARACTER}[2Jb.yaml`?"),
+        (["explain", "nope"], "unknown error code `nope`; `lagcli explain` lists all codes"),
+    ],
+)
+def test_an_unknown_word_has_a_hint_that_leads_out(lagcli: Lagcli, arguments: list[str], meant: str) -> None:
+    result = lagcli(*arguments)
+    assert (result.code, result.out) == (2, "")
+    assert meant in result.err
+    assert "\x1b" not in result.err
+
+
+def test_tables_go_to_the_null_device_and_have_tabs_on_request(lagcli: Lagcli) -> None:
+    result = lagcli("simulate", file(PENDULUM), "-q", "--samples", "3", "-o", os.devnull)
+    assert (result.code, result.out, result.err) == (0, "", "")
+    csv, tsv = (
+        lagcli("simulate", "model.yaml", "-q", "--samples", "3", "-o", f"run.{ending}")
+        for ending in ("csv", "tsv")
+    )
+    assert (csv.code, tsv.code) == (0, 0)
+    text = Path("run.tsv").read_text(encoding="utf-8")
+    assert text == Path("run.csv").read_text(encoding="utf-8").replace(",", "\t")
+    assert "," not in text
 
 
 # JSON
@@ -460,6 +507,7 @@ DOF_KEYS = [
     "configuration_dof",
     "velocity_dof",
     "proof",
+    "notes",
 ]
 CONSTRAINT_KEYS = [
     *["name", "declared", "verdict", "integral", "integrating_factor", "redundant", "method", "unique"]
@@ -471,9 +519,9 @@ def test_dof_as_json_holds_the_count(lagcli: Lagcli) -> None:
     result = lagcli("dof", "--json", file(PENDULUM))
     assert result.out.count("\n") == 1
     assert list(result.json) == DOF_KEYS
-    assert result.json == dict(zip(DOF_KEYS, [1, 3, 2, 0, 0, 1, 1, "numeric"], strict=True))
+    assert result.json == dict(zip(DOF_KEYS, [1, 3, 2, 0, 0, 1, 1, "numeric", []], strict=True))
     assert lagcli("dof", "--json", file(KNIFE)).json == dict(
-        zip(DOF_KEYS, [0, 3, 0, 1, 0, 3, 2, "symbolic"], strict=True)
+        zip(DOF_KEYS, [0, 3, 0, 1, 0, 3, 2, "symbolic", []], strict=True)
     )
 
 
@@ -502,7 +550,9 @@ def test_check_as_json_of_several_models_is_a_list_in_their_order(lagcli: Lagcli
     assert (result.code, result.err) == (1, "")
     good, bad, knife = result.json
     assert good["dof"]["configuration_dof"] == 1
-    assert list(bad) == ["errors"]
+    assert list(bad) == ["path", "errors"]
+    assert [one["path"] for one in result.json] == [str(path) for path in paths]
+    assert "title" in good
     assert knife["dof"]["velocity_dof"] == 2
 
 
@@ -736,7 +786,7 @@ def read(path: Path) -> tuple[list[str], np.ndarray]:
             return table(path.read_text(encoding="utf-8"))
         case ".json":
             content = json.loads(path.read_text(encoding="utf-8"))
-            assert list(content) == ["columns", "rows"]
+            assert list(content) == ["columns", "rows", "provenance"]
             return content["columns"], np.array(content["rows"])
         case ".npz":
             with np.load(path) as archive:
@@ -795,6 +845,8 @@ def test_columns_choose_by_name_where_brackets_are_letters(
 STATS_KEYS = [
     *["steps", "rejected", "evaluations", "compile_seconds", "solve_seconds", "method"],
     *["position_drift", "velocity_drift", "energy_imbalance", "indeterminate", "singular_times"],
+    *["stopped", "ended_by", "rows", "t_end", "provenance"],
+    *["rtol", "atol"],
 ]
 
 
@@ -1151,11 +1203,11 @@ def test_a_signal_waits_for_the_end_of_what_is_shielded(monkeypatch: pytest.Monk
         pass
 
 
-def test_a_second_signal_does_not_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_signal_does_not_wait_for_a_pipe(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(signals, "_raised", [])
 
     def stuck() -> None:
-        with signals.shielded():
+        with signals.shielded(signals.PATIENCE):
             signals._handle(signal.SIGTERM, None)
             with pytest.raises(signals.Interrupted):
                 signals._handle(signal.SIGINT, None)

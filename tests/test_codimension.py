@@ -394,3 +394,25 @@ holonomic:
     count = counted(text)
     assert count.redundant_rows == tuple(f"twin[{i}]" for i in range(10, 81))
     assert count.configuration_dof == 270 - 89
+
+
+@pytest.mark.parametrize(
+    ("laws", "freedoms"),
+    [
+        (("z = x**2 + y**2 - 1e-8*x", "z = 0"), None),
+        (("z = x**2 + y**2 - 1e-10*x", "z = 0"), None),
+        (("z = x**2 + y**2 - 1e-12*x", "z = 0"), None),
+        (("z = x**2 + y**2 + 1e-11*y", "z = 0"), None),
+        (("z = 3*x**2 + y**2/7 - 1e-9*y", "z = 0"), None),
+        (("z = x**2 + y**2", "z = 0"), 0),
+        (("z = 3*x**2 + y**2/7", "z = 0"), 0),
+    ],
+)
+def test_small_curves_through_the_start_are_no_points(laws, freedoms):
+    rows = "".join(f"  h{k}: {law}\n" for k, law in enumerate(laws))
+    found = counted(
+        "lagcli: 1\ncoordinates: {x: {value: 0}, y: {value: 0}, z: {value: 0}}\n"
+        "lagrangian: (rate(x)**2 + rate(y)**2 + rate(z)**2)/2\nholonomic:\n" + rows
+    )
+    assert found.configuration_dof == freedoms
+    assert (found.reason == "") == (freedoms is not None)

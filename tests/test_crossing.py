@@ -16,6 +16,8 @@ from lagcli import pipeline
 from lagcli.compile import numeric
 from lagcli.integrate import checkpoint, collocation, dop853, driver, initial, limits, lost, tableau, watch
 
+pytestmark = pytest.mark.numeric
+
 MODELS = pathlib.Path(__file__).parent.parent / "models"
 FOUR_BAR = (MODELS / "double-four-bar.yaml").read_text(encoding="utf-8")
 # The same, begun with all rods in one line, t = 0 a crossing: cranks point to the right and turn downwards.
@@ -422,12 +424,11 @@ def test_a_crossing_is_not_stepped_over_where_nothing_else_limits_the_step(digit
     np.testing.assert_allclose(run["energy"], 2, rtol=1e-8)
 
 
-@pytest.mark.parametrize("early", [1e-1, 3e-2, 1e-2])
-@pytest.mark.parametrize("digits", [4, 8, 11])
-def test_a_crossing_soon_after_the_start(early, digits):
+def near_the_crossing(early):
+    """A parallelogram linkage that turns with rate 1, an angle `early` before its rods are in line."""
     phi, rate = np.pi / 2 - early, 1.0
     x, z, u, w = np.sin(phi), np.cos(phi), rate * np.cos(phi), -rate * np.sin(phi)
-    text = f"""
+    return f"""
 lagcli: 1
 particles:
   a: {{mass: 1, position: [{x}, 0, {z}], velocity: [{u}, 0, {w}]}}
@@ -441,7 +442,13 @@ holonomic:
   ab: distance(a, b) = 2
 simulation: {{duration: 0.3, samples: 31}}
 """
-    run = lagcli.simulate(lagcli.loads(text), rtol=10.0**-digits)
+
+
+@pytest.mark.parametrize("early", [1e-1, 3e-2, 1e-2])
+@pytest.mark.parametrize("digits", [4, 6, 8, 11])
+def test_a_crossing_soon_after_the_start(early, digits):
+    phi, rate = np.pi / 2 - early, 1.0
+    run = lagcli.simulate(lagcli.loads(near_the_crossing(early)), rtol=10.0**-digits)
     truth = scipy.integrate.solve_ivp(
         lambda _, y: [y[1], 9.81 * np.sin(y[0])],
         (0, 0.3),
@@ -487,3 +494,56 @@ def test_a_zero_within_a_step_is_seen_wherever_it_lies(turn):
         squares = np.sin(begin + turn * at) ** 2
         if begin + turn < 3.0 and turn <= 1.0:
             assert float(hidden(np.stack([squares, np.full(8, 3.0)]))) > 0, begin
+
+
+# A light rod hangs on a pin, a weight on the light rod.
+WEIGHTED = """\
+lagcli: 1
+parameters: {heavy: 1}
+particles:
+  a: {mass: 1, position: [1, 0, 0]}
+  b: {mass: heavy, position: [1, 0, -1]}
+forces: {w: {to: all, force: [0, 0, -9.81*m]}}
+holonomic: {r1: norm(a) = 1, r2: "distance(a, b) = 1", ya: a.y = 0, yb: b.y = 0}
+simulation: {duration: 0.5, samples: 6}
+"""
+# A crank and its rod, which a slider pulls straight.
+STRAIGHT = """\
+lagcli: 1
+parameters: {heavy: 1}
+particles:
+  a: {mass: 1, position: [0.6, 0, 0.8], velocity: [0.8, 0, -0.6]}
+  b: {mass: heavy, position: [1.2, 0, 0], velocity: [1.6, 0, 0]}
+holonomic:
+  r1: norm(a) = 1
+  r2: distance(a, b) = 1
+  out: b.x = 1.2 + 1.6*t
+  yb: b.y = 0
+  zb: b.z = 0
+  ya: a.y = 0
+simulation: {duration: 2, samples: 6}
+"""
+
+
+@pytest.mark.parametrize("heavy", [1e4, 1e6, 1e8])
+def test_a_mass_ratio_does_not_stop_a_run(heavy):
+    run = lagcli.simulate(lagcli.loads(WEIGHTED, parameters={"heavy": heavy}))
+    assert run.stats.stopped is None
+    assert run.t[-1] == 0.5
+
+
+@pytest.mark.parametrize("heavy", [1e11, 1e12, 1e14])
+def test_independent_rows_are_not_called_dependent_for_a_mass_ratio(heavy):
+    with pytest.raises(lagcli.SimulationStopped) as stopped:
+        lagcli.simulate(lagcli.loads(WEIGHTED, parameters={"heavy": heavy}))
+    assert stopped.value.code == driver.TOO_SMALL
+    assert "dependent" not in str(stopped.value)
+    assert f"inertias that differ by a factor of {heavy:.0e} amplify rounding" in str(stopped.value)
+
+
+@pytest.mark.parametrize("heavy", [1, 1e4, 1e10])
+def test_a_toggle_is_called_singular_whatever_the_masses(heavy):
+    with pytest.raises(lagcli.SimulationStopped, match=r"`r1`, `r2`.* become dependent .* toggle") as stopped:
+        lagcli.simulate(lagcli.loads(STRAIGHT, parameters={"heavy": heavy}))
+    assert "inertias" not in str(stopped.value)
+    assert stopped.value.code == driver.SINGULAR

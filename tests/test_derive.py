@@ -17,7 +17,8 @@ from typer.testing import CliRunner
 import lagcli
 from lagcli import derivation, diagnostics, pipeline
 from lagcli.cli.app import app
-from lagcli.derivation import identity, multipliers, solution
+from lagcli.derivation import formula as f
+from lagcli.derivation import identity, multipliers, render_latex, render_mathml, render_text, solution
 from lagcli.derivation.calculus import TIME
 from lagcli.mechanics import system as compiled_system
 
@@ -472,3 +473,143 @@ def test_the_example_of_the_documentation_is_what_is_printed() -> None:
     printed = gallery("rolling-disk", solve=True).text().split("\n")
     assert len(shown) > 20
     assert [line for line in printed if line in shown and line] == [line for line in shown if line]
+
+
+# Hostile and very large models.
+
+
+@pytest.mark.parametrize("form", ["text", "latex", "markdown", "html"])
+def test_no_title_steers_a_terminal_or_breaks_a_page(form):
+    title = "\\e]0;pwned\\a\\e[2J\\u009b31m \\u202e \\r \\0 over\\n\\ntwo lines"
+    page = lagcli.derive(
+        lagcli.loads(f'lagcli: 1\ntitle: "{title}"\nparticles: {{a: {{mass: 1, position: [0, 0, 0]}}}}')
+    )
+    written = getattr(page, form)()
+    assert all(letter.isprintable() or letter == "\n" for letter in written)
+    assert "over two lines" in written
+    assert "\n" not in page.title
+
+
+def nested(depth, inner="a.x"):
+    rows = "sin(" * depth + inner + ")" * depth
+    return lagcli.loads(
+        f"lagcli: 1\nparticles: {{a: {{mass: 1, position: [0, 0, 0]}}}}\nholonomic: {{c: {rows} = 0}}"
+    )
+
+
+@pytest.mark.parametrize("writer", [render_text, render_latex, render_mathml])
+@pytest.mark.parametrize("kind", ["function", "fraction", "power", "sum"])
+def test_each_part_of_a_formula_is_written_once(writer, kind, monkeypatch):
+    depth, node = 12, f.Sign("x")
+    for _ in range(depth):
+        match kind:
+            case "function":
+                node = f.Apply("sin", (node,))
+            case "fraction":
+                node = f.Fraction(f.ONE, node)
+            case "power":
+                node = f.Power(node, f.Number("3"))
+            case _:
+                node = f.Sum(((1, node), (-1, f.ONE)))
+    written = []
+    inner = dict(writer._WRITERS)
+    for each, write in inner.items():
+        monkeypatch.setitem(writer._WRITERS, each, lambda node, write=write: written.append(1) or write(node))
+    getattr(writer, {render_text: "text", render_latex: "latex", render_mathml: "mathml"}[writer])(node)
+    # Parts at most twice, and not twice for each level: two parts a level, and the innermost one.
+    assert len(written) <= 2 * (2 * depth + 1)
+
+
+def test_deeply_nested_functions_are_written_out():
+    depth = 16
+    page = lagcli.derive(nested(depth))
+    assert "sin(" * (depth - 1) in page.text()
+    x = page.system.q[0]
+    assert str(page.constraints()[0].lhs).count("sin(") == depth
+    assert page.constraints()[0].lhs.free_symbols == {x}
+
+
+def test_what_takes_too_long_to_be_derived_is_refused():
+    with pytest.raises(
+        lagcli.ModelError, match=r"cannot be written out: it takes longer than 0\.05 s"
+    ) as caught:
+        lagcli.derive(nested(30), limit=0.05)
+    (found,) = caught.value.diagnostics
+    assert found.code == "too-large-to-derive"
+    assert "--limit" in found.hint
+    with pytest.raises(ValueError, match="limit"):
+        lagcli.derive(nested(2), limit=float("nan"))
+
+
+WEDGE = """
+lagcli: 1
+parameters: {M: 3, m: 1, a: 0.2, alpha: 0.5, g: 9.81}
+coordinates: {X: {}, s: {}, phi: {}}
+lagrangian: >-
+  M/2*rate(X)**2 + m/2*(rate(X)**2 + rate(s)**2 + 2*rate(X)*rate(s)*cos(alpha))
+  + m*a**2*rate(phi)**2/2 + m*g*s*sin(alpha)
+differential: {roll: rate(s) = a*rate(phi)}
+"""
+HELIX = """
+lagcli: 1
+parameters: {m: 0.1, r: 0.5, h: 0.2, g: 9.81}
+particles: {bead: {mass: m, position: [r, 0, 0]}}
+forces: {gravity: {to: bead, force: [0, 0, -m*g]}}
+holonomic: {fx: bead.x = r*cos(bead.z/h), fy: bead.y = r*sin(bead.z/h)}
+"""
+
+
+def solved(text, values=()):
+    page = lagcli.derive(lagcli.loads(text), solve=True, values=values)
+    return [line for line in page.as_json() if line["section"] == "Solution"]
+
+
+def right(lines, left):
+    (line,) = (line for line in lines if line["left"] == left)
+    return line["right"]
+
+
+def test_common_factors_are_cancelled_as_in_the_textbook():
+    """A hoop that rolls down a wedge which slides: below stands 2 M + m + m sin^2 alpha, and nothing else."""
+    lines = solved(WEDGE)
+    below = "2 M + m + m sin² α"
+    assert right(lines, "Ẍ") == f"−m g sin α cos α/({below})"
+    assert right(lines, "s̈") == f"(M + m) g sin α/({below})"
+    assert right(lines, "φ̈") == f"(M + m) g sin α/(({below}) a)"
+    assert right(lines, "λ_roll") == f"−(M + m) m g sin α/({below})"
+
+
+def test_the_free_coordinate_of_a_helix_has_its_equation():
+    lines = solved(HELIX)
+    assert right(lines, "z̈_bead") == "−g h²/(r² + h²)"
+    x = "m g r h sin(z_bead/h)/(r² + h²) − m r ż_bead² cos(z_bead/h)/h²"
+    assert right(lines, "λ_fx") == x
+
+
+def test_accelerations_without_rows_are_those_of_the_equations():
+    model = lagcli.loads(DOUBLE)
+    lines = solved(DOUBLE)
+    assert [line["left"] for line in lines if line["left"]] == ["φ̈₁", "φ̈₂"]
+    page = lagcli.derive(model, solve=True)
+    system = page.system
+    found = sympy.solve([equation.lhs - equation.rhs for equation in page.equations()], system.a)
+    place = {**dict(zip(system.q, (1.0, 0.5), strict=True)), **dict(zip(system.v, (0.3, -0.2), strict=True))}
+    place |= {
+        symbol: value
+        for symbol in found[system.a[0]].free_symbols
+        for value in [PLAIN.get(str(symbol))]
+        if value
+    }
+    run = lagcli.simulate(
+        lagcli.loads(
+            DOUBLE.replace("value: 1}", "value: 1, rate: 0.3}").replace("0.5}", "0.5, rate: -0.2}") + OUT
+        ),
+        duration=0.01,
+        samples=2,
+    )
+    for a, column in zip(system.a, ("a1", "a2"), strict=True):
+        np.testing.assert_allclose(float(found[a].subs(place)), run[column][0], rtol=1e-12)
+
+
+PLAIN = {"m1": 2, "m2": 1, "l1": 1, "l2": 0.75, "g": 9.81}
+OUT = "outputs: {a1: 'rate(phi1, 2)', a2: 'rate(phi2, 2)'}\n"

@@ -1,5 +1,6 @@
 """The error estimate of `--digits`: against true errors, beside an unchanged table, and where a run stops."""
 
+import dataclasses
 import functools
 import json
 import math
@@ -16,7 +17,7 @@ import test_reference as reference
 import lagcli
 from lagcli import pipeline
 from lagcli.digits import accuracy, estimate, paired
-from lagcli.integrate import driver
+from lagcli.integrate import driver, tolerance
 
 ERRORS = ("err.r", "err.v", "err.lambda", "err.R")
 RTOLS = [10.0**-k for k in range(4, 12)]
@@ -60,6 +61,7 @@ forces:
   push: {to: x, force: "max(t - 1.05, 0)**3"}
 simulation: {duration: 10, samples: 101}
 """
+# What no step resolves, and no tolerance that is used sees.
 
 
 def ratios(name, rtol):
@@ -204,8 +206,8 @@ def test_rows_that_shorten_no_step_do_not_hide_the_error():
 @pytest.mark.parametrize("rtol", [1e-4, 1e-9, 1e-11, 1e-12, 1e-14, 1e-15])
 def test_the_repeated_run_has_another_tolerance_near_the_rounding_too(rtol):
     settings = pipeline.run_settings(lagcli.loads(PENDULUM), {"rtol": rtol, "atol": rtol / 100})
-    first = driver.step_tolerance(settings)
-    again = driver.step_tolerance(estimate.repeated(settings))
+    first = tolerance.of_steps(settings)
+    again = tolerance.of_steps(estimate.repeated(settings))
     part = again[0] / first[0]
     assert part == pytest.approx(1 / 250) or 1e-15 <= again[0] < 1e-14
     assert part < 0.31 or part == pytest.approx(3)
@@ -239,20 +241,28 @@ def test_a_run_that_stops_gives_the_errors_of_its_rows():
     before, run = plain.value.trajectory, stopped.value.trajectory
     assert len(run.rows) == 20
     assert np.array_equal(run.rows[:, :-4], before.rows[:20])
-    # The run without digits has a row within rounding of the pole too, with a value of 1e29.
-    assert len(before.rows) == 21
+    # No step leads to the pole, where there is a row.
+    assert len(before.rows) == 20
     assert abs(stopped.value.t - 1) < 1e-6
     true = np.abs(run["x"] - 1 / (1 - run.t) ** 2)
     assert (run["err.r"] >= np.maximum.accumulate(true) / 3).all()
 
 
 def hopeless(settings):
-    """A repeated run that cannot take a step where anything moves."""
-    return estimate._held_to(settings, 1e-30, 1e-30)
+    """The settings of a repeated run that stops: see `stubborn`."""
+    return dataclasses.replace(settings, rtol=1e-30, atol=1e-30)
+
+
+def stubborn(run, advance=driver.Run._advance):
+    """A run with those settings finds no step beyond the beginning of the push."""
+    if run.t > 1.05 and run._tolerance[0] < 1e-20:
+        run._stop("no step is short enough", driver.TOO_SMALL)
+    advance(run)
 
 
 def test_where_the_repeated_run_stops_the_rows_up_to_there_are_given(monkeypatch, tmp_path):
     monkeypatch.setattr(estimate, "repeated", hopeless)
+    monkeypatch.setattr(driver.Run, "_advance", stubborn)
     model, kept = lagcli.loads(PUSHED), tmp_path / "kept.json"
     with pytest.raises(lagcli.SimulationStopped, match="repeated at other tolerances stopped") as stopped:
         lagcli.simulate(model, digits=True, checkpoint=kept)

@@ -10,6 +10,8 @@ import reference_models
 import lagcli
 from lagcli import constraint_rows
 
+pytestmark = pytest.mark.numeric
+
 FRAMEWORKS = reference_models.frameworks()
 
 

@@ -17,7 +17,7 @@ from matplotlib import text as mpl_text
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.export import endings, figure, panels
+from lagcli.export import endings, figure, labels, panels
 
 
 @dataclasses.dataclass(frozen=True)
@@ -285,3 +285,26 @@ def test_only_the_figure_needs_matplotlib() -> None:
         "from lagcli.export import figure\nassert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, cwd=Path(__file__).parents[1])
+
+
+@pytest.mark.parametrize("letters", [300, 3000, 100_000])
+@pytest.mark.parametrize("unbroken", [True, False])
+def test_very_long_texts_are_cut_and_break_no_figure(tmp_path: Path, letters: int, unbroken: bool) -> None:
+    text = "w" * letters if unbroken else "word " * (letters // 5)
+    columns, rows = run([text.replace(" ", "_"), "rod"], ["a"], coordinates=["q" * letters])
+    long = Labels(text, text, text)
+    drawn = figure.compose(columns, rows, title=text, units=long)
+    shown = [each.get_text() for each in drawn.findobj(mpl_text.Text)]
+    assert max(map(len, shown)) <= 300
+    assert sum(map(len, shown)) < 6000
+    assert any("…" in each for each in shown)
+    drawn.savefig(tmp_path / "long.svg")
+    assert min(axes.get_position().width for axes in drawn.axes) > 0.1
+    assert min(axes.get_position().height for axes in drawn.axes) > 0
+    assert drawn.get_figheight() < 30
+
+
+def test_a_text_is_cut_in_its_middle() -> None:
+    assert labels.shortened("short", 10) == "short"
+    assert labels.shortened("a" * 50 + "b" * 50, 20) == "a" * 14 + "…" + "b" * 5
+    assert labels.shortened("bell \a", 10) == "bell \N{REPLACEMENT CHARACTER}"

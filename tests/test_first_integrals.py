@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from sympy import Abs, Matrix, atan2, cos, exp, log, sin, sqrt
 
 from lagcli.pfaffian import block, form
+from lagcli.pfaffian.alone import frobenius, potential
 from lagcli.pfaffian.exact import limit, points
 from lagcli.pfaffian.integrals import first_integrals
 from lagcli.pfaffian.together import elimination
@@ -286,3 +287,42 @@ def test_elimination_drops_what_follows_from_the_rest():
     left, _ = elimination.eliminated(system((x, y, z), [(y, -x, 0)], (), (z - x, 2 * z - 2 * x)))
     assert left.surface == ()
     assert left.variables == (x, y)
+
+
+@pytest.mark.parametrize(
+    ("function", "variable"),
+    [
+        (sqrt(1 - y**2) / y, y),
+        (sqrt(1 + y**2), y),
+        (sqrt(y**2 + 4) / y**2, y),
+        (1 / (y * sqrt(y**2 - 1)), y),
+        (sqrt(1 - y) / y, y),
+        (sqrt((1 - y) / (1 + y)), y),
+        (cos(L) / (cos(x) ** 2 + cos(L) ** 2 * sin(x) ** 2), x),
+        (cos(L) / (sin(x) ** 2 * sin(L) ** 2 - 1), x),
+        (1 / (1 + 2 * sin(x) ** 2), x),
+    ],
+)
+def test_roots_and_squares_of_sines_are_made_rational(function, variable):
+    found = limit.run(
+        limit.after(SECONDS), lambda: potential.antiderivative(sympy.sympify(function), variable)
+    )
+    assert found is not None
+    assert potential.writable(found)
+    places = [{x: 0.4, y: v, L: 0.5} for v in (0.3, 0.6)] if "y**2 - 1" not in str(function) else [{y: 1.7}]
+    for place in places:
+        slope = sympy.diff(found, variable) - function
+        assert abs(complex(slope.subs(place).evalf(20))) < 1e-12
+
+
+def test_separable_forms_with_roots_and_sines_have_integrals():
+    for rows, parameters, expected in (
+        ([[y, sqrt(1 - y**2)]], (), x + sqrt(1 - y**2) + log((1 - sqrt(1 - y**2)) / y)),
+        ([[cos(y) ** 2 + cos(L) ** 2 * sin(y) ** 2, -cos(L)]], (L,), x - sympy.atan(cos(L) * sympy.tan(y))),
+    ):
+        found = frobenius.classify(form.Form("row", (x, y), tuple(rows[0]), parameters), limit.after(SECONDS))
+        assert found.kind == "integrable"
+        assert found.integral is not None
+        matrix = Matrix([[sympy.diff(f, s) for s in (x, y)] for f in (found.integral, expected)])
+        place = {x: 0.3, y: 0.6, L: 0.5}
+        assert abs(complex(matrix.subs(place).evalf(25).det())) < 1e-15

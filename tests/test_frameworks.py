@@ -24,6 +24,8 @@ from hypothesis import strategies as st
 
 import lagcli
 
+pytestmark = pytest.mark.numeric
+
 NAMES = "abcdefgh"
 MASSES = (0.25, 1.0, 1.5, 4.0)
 GRAVITY = np.array([0.0, 0.0, -9.81])

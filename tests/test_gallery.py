@@ -11,6 +11,8 @@ import pytest
 
 import lagcli
 
+pytestmark = pytest.mark.numeric
+
 HERE = pathlib.Path(__file__).parent
 MODELS = HERE.parent / "models"
 GALLERY = json.loads((HERE / "gallery.json").read_text(encoding="utf-8"))

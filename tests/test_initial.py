@@ -52,13 +52,14 @@ def state(table, names):
 def test_every_violated_row_is_named_with_its_residual():
     found = {d.message for d in refused(TWO)}
     assert {d.code for d in refused(TWO)} == {"inconsistent-start"}
-    # |f| / |grad f|, lengths in the unit of the model.
+    # |f| as it is written, and |f| / |grad f|, a length in the unit of the model.
     a, b = np.array([0.9, 0.2, -0.3]), np.array([2.1, 0.4, 0.5])
-    sphere = abs(a @ a - 1) / (2 * np.linalg.norm(a))
-    rod = abs(np.linalg.norm(b - a) - 1.5) / np.sqrt(2)
-    skate = abs(2.1 * -1 - 0 - 0.2) / np.hypot(2.1, 1)
-    for row, residual, unit in (("sphere", sphere, "m"), ("rod", rod, "m"), ("skate", skate, "m/s")):
-        assert any(f"`{row}` by {residual:.6g} {unit}" in message for message in found), (row, found)
+    sphere = abs(a @ a - 1), 2 * np.linalg.norm(a), "m"
+    rod = abs(np.linalg.norm(b - a) - 1.5), np.sqrt(2), "m"
+    skate = abs(2.1 * -1 - 0 - 0.2), np.hypot(2.1, 1), "m/s"
+    for row, (residual, norm, unit) in (("sphere", sphere), ("rod", rod), ("skate", skate)):
+        told = f"`{row}` by {residual:.6g} ({residual / norm:.6g} {unit} per unit of its gradient)"
+        assert any(told in message for message in found), (row, found)
 
 
 def test_error_stands_at_the_row_and_says_how_to_go_on():
@@ -100,7 +101,9 @@ def test_rounding_of_the_declared_values_is_no_inconsistency(size, error, accept
 def test_check_warns_where_a_run_refuses_and_reports_all_the_same():
     report = lagcli.check(lagcli.loads(TWO))
     assert not report.initial.consistent
-    assert report.initial.position_residual == pytest.approx(abs(np.sqrt(2.12) - 1.5) / np.sqrt(2))
+    a, b = np.array([0.9, 0.2, -0.3]), np.array([2.1, 0.4, 0.5])
+    f = abs(a @ a - 1), abs(np.linalg.norm(b - a) - 1.5)
+    assert report.initial.position_residual == pytest.approx(max(f))
     assert [w.severity for w in report.warnings if w.code == "inconsistent-start"] == ["warning"] * 3
     assert report.dof.holonomic == 2
 

@@ -5,7 +5,7 @@ import pytest
 
 import lagcli
 from lagcli import pipeline
-from lagcli.integrate import dop853, driver, tableau
+from lagcli.integrate import dop853, tableau, tolerance
 from lagcli.model import Simulation
 
 
@@ -147,8 +147,21 @@ def test_tighter_tolerance_gives_a_smaller_error():
 
 
 def test_step_tolerance_is_tighter_than_the_asked_but_not_below_rounding():
-    assert driver.step_tolerance(Simulation(rtol=1e-8, atol=1e-10)) == pytest.approx([1e-10, 1e-12])
-    assert driver.step_tolerance(Simulation(rtol=1e-13, atol=1e-15)) == pytest.approx([1e-14, 1e-16])
+    given = tolerance.of_steps(Simulation(rtol=1e-8, atol=1e-10))
+    assert given == pytest.approx([1e-10, 1e-12, 0, 0], rel=1e-12, abs=0)
+    assert tolerance.of_steps(Simulation(rtol=1e-13, atol=1e-15)) == pytest.approx(
+        [1e-14, 1e-16, 0, 0], abs=0
+    )
+
+
+def test_without_atol_a_part_of_the_sizes_takes_its_place():
+    assert tolerance.of_steps(Simulation()) == pytest.approx([1e-13, 0, 1e-15, 1e-17], rel=1e-12, abs=0)
+    assert tolerance.of_steps(Simulation(rtol=1e-4)) == pytest.approx(
+        [1e-6, 0, 1e-15, 1e-17], rel=1e-12, abs=0
+    )
+    assert tolerance.of_steps(Simulation(rtol=1e-15))[2] == 1e-16
+    assert [tolerance.absolute(Simulation(), size) for size in (1.0, 1e-9)] == [1e-13, pytest.approx(1e-22)]
+    assert tolerance.absolute(Simulation(atol=1e-10), 1e-9) == 1e-10
 
 
 # Where the rows stand.

@@ -9,6 +9,7 @@ import time
 import pytest
 
 from lagcli import diagnostics, model
+from lagcli.integrate import tolerance
 from lagcli.reader import document, keys, overrides
 
 GALLERY = sorted((pathlib.Path(__file__).parent.parent / "models").glob("*.yaml"))
@@ -121,6 +122,9 @@ def test_settings_have_the_defaults_of_the_format() -> None:
     assert (run.duration, run.output_step, run.keep, run.samples) == (6.0, 0.1, ("a.x", "a"), 1001)
     default = model.Simulation()
     declared = {key.name: key.default for key in keys.FORMAT.key("simulation").keys if key.default}
+    # The default of atol is no number: it follows the motion.
+    assert default.atol is None
+    assert declared.pop("atol") == f"{tolerance.DEFAULT:g} of the sizes of the motion"
     assert {name: str(getattr(default, name)).removesuffix(".0").lower() for name in declared} == declared
 
 
@@ -481,8 +485,8 @@ def test_a_wrong_value_is_located_in_the_change(name: str, value: object, code: 
 
 
 def test_a_change_does_not_hide_an_error_of_the_file() -> None:
-    assert spots(HEAD + "coordinates: {q: 0.5}\nlagrangian: rate(q)**2\n", q__value=1) == [
-        ("not-a-mapping", 2, "0.5")
+    assert spots(HEAD + "coordinates: {q: [0.5]}\nlagrangian: rate(q)**2\n", q__value=1) == [
+        ("not-a-mapping", 2, "[0.5]")
     ]
 
 

@@ -17,6 +17,8 @@ from lagcli.constraint_rows import MetricRows
 from lagcli.integrate import driver
 from lagcli.metric import Metric
 
+pytestmark = pytest.mark.numeric
+
 HEAD = """
 lagcli: 1
 particles:

@@ -9,6 +9,8 @@ import sympy
 
 import lagcli
 
+pytestmark = pytest.mark.numeric
+
 PROBLEMS = reference_models.problems()
 WITH_PARTICLES = [name for name, problem in PROBLEMS.items() if reference_models.components(problem)]
 WITH_ROWS = [name for name, problem in PROBLEMS.items() if reference_models.rows(problem)]

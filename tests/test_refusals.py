@@ -206,7 +206,7 @@ PLACES = [
     Refusal(
         BALL + "events:\n  e: {when: a.z}\n", "not-supported-yet", "events", "leave it out", "change of sign"
     ),
-    Refusal(BALL + "rigid:\n  c: [a, b, a]\n", "duplicate-name", "a", "stands twice", "each particle once"),
+    Refusal(BALL + "rigid:\n  c: [a, b, a]\n", "duplicate-name", "a", "occurs twice", "each particle once"),
     Refusal(BALL + "rigid:\n  c: [a]\n", "too-few-particles", "[a]", "at least two", "nothing to hold"),
 ]
 NO_ACCELERATION = "a law in accelerations is integrated"
@@ -216,7 +216,7 @@ ACCELERATIONS = [
         ("rate(rate(x)) = 1", "bad-rate", "rate(rate(x))", "are accelerations", NO_ACCELERATION),
         ("rate(a.vx) = 1", "bad-rate", "rate(a.vx)", "are accelerations", NO_ACCELERATION),
         ("rate(a.v) = [0, 0, 0]", "bad-rate", "rate(a.v)", "are accelerations", NO_ACCELERATION),
-        ("a.ax = 1", "unknown-component", "a.ax", "no `.ax`", NO_ACCELERATION),
+        ("a.ax = 1", "result-not-allowed", "a.ax", "may not depend on accelerations", NO_ACCELERATION),
         ("ddot(x) = 1", "unknown-function", "ddot", "no function `ddot`", NO_ACCELERATION),
         ("xddot = 1", "unknown-name", "xddot", "not known", NO_ACCELERATION),
         ("d(a.vx) = dt", "velocity-not-allowed", "a.vx", "of positions and time", NO_ACCELERATION),
@@ -263,7 +263,11 @@ RESULTS = [
         force("[-0.3*norm(reaction(a)), 0, 0]"), "result-not-allowed", "reaction(a)", "the force on", "D.11"
     ),
     Refusal(
-        force("[multiplier(rod), 0, 0]"), "result-not-allowed", "multiplier(rod)", "multipliers", "by hand"
+        force("[multiplier(rod), 0, 0]"),
+        "result-not-allowed",
+        "multiplier(rod)",
+        "multipliers",
+        "m*g on a level floor",
     ),
     Refusal(force("kinetic*v"), "result-not-allowed", "kinetic", "energies", "write the formula out"),
     Refusal(force("[energy, 0, 0]"), "unknown-name", "energy", "not known", "`kinetic + potential`"),
@@ -437,7 +441,7 @@ INERTIA = [
         "motion (rate(y) = 1) is negative",
         "sign",
     ),
-    Refusal(lagrangian("rate(x)*rate(y)"), "indefinite-inertia", "x", "is negative", "mend the sign"),
+    Refusal(lagrangian("rate(x)*rate(y)"), "indefinite-inertia", "x", "is negative", "correct the sign"),
     Refusal(lagrangian("sqrt(rate(x)) + rate(y)**2"), "not-finite-at-start", "x", "inertia of `x`", "pole"),
 ]
 ROWS = [
@@ -537,8 +541,9 @@ def test_inertia_is_asked_for_where_the_start_is_assembled() -> None:
     ],
 )
 def test_an_inertia_lost_on_the_way_stops_with_the_reason(text: str, motion: str) -> None:
+    # With an absolute tolerance: velocities here go through zero like a cube root, which a looser one passes.
     with pytest.raises(lagcli.SimulationStopped) as caught:
-        lagcli.simulate(lagcli.loads(text), duration=3, samples=4)
+        lagcli.simulate(lagcli.loads(text), duration=3, samples=4, atol=1e-13)
     assert f"the inertia of the motion {motion} is " in caught.value.reason
     assert np.isfinite(caught.value.trajectory["x"]).all()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pathlib
 import time
+import unicodedata
 
 import pytest
 
@@ -242,9 +243,27 @@ def test_an_error_shows_the_line_a_caret_and_the_hint() -> None:
 def test_a_long_line_is_shown_around_the_spot() -> None:
     at = only_scalar("k: " + "a+" * 5000 + "beta" + "+a" * 5000 + "\n").locate(10_000, 10_004)
     _, line, carets = diagnostics.Diagnostic("c", "m", at).render().splitlines()
-    assert len(line) < 120
+    assert len(line) <= 80
     start = carets.index("^")
     assert line[start : start + carets.count("^")] == "beta"
+
+
+def columns(text: str) -> int:
+    """Columns of a terminal."""
+    return sum(0 if unicodedata.combining(c) else 1 + (unicodedata.east_asian_width(c) in "WF") for c in text)
+
+
+@pytest.mark.parametrize("before", ["", "a + ", "a + " * 40, "\u6c34" * 60, "e\u0301 + " * 50, "\t" * 30])
+@pytest.mark.parametrize("after", ["", " + b", " + b" * 40, "\u6c34" * 50])
+def test_the_caret_stands_under_the_spot_on_a_terminal_of_80_columns(before: str, after: str) -> None:
+    line = f"{before}SPOT{after}"
+    at = diagnostics.Location("m.yaml", 1, len(before) + 1, 4, line)
+    _, shown, carets = diagnostics.Diagnostic("c", "m", at).render().splitlines()
+    assert columns(shown) <= 80
+    assert carets.strip() == "^^^^"
+    assert columns(shown[: shown.index("SPOT")]) == len(carets) - 4
+    wide = diagnostics.Location("m.yaml", 1, 1, 2, "\u6c34\u6c34 = 1")
+    assert diagnostics.Diagnostic("c", "m", wide).render().splitlines()[2] == "    ^^^^"
 
 
 def test_nothing_of_a_file_steers_the_terminal() -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
+import math
 
 import numpy as np
 
@@ -25,7 +26,15 @@ LAST = 0.1  # of the difference before that of two stencils counts: one may vani
 ONE_SIDED = 6.0  # times that where they do not stand around the row
 CONVERGING = 0.5  # the next stencil must come closer by that factor, or ...
 SMOOTH = 1e-6  # ... both differences be that part of the slopes around
+ROUGH, AROUND = 8, 6  # the order of differences that show a kink; rows on either side from which it is felt
+KINKED, KINKED_END = 0.1, 1.5
+"""Of the differences of order 8 of rates: what the derivative of what they are the rates of may be off by at a kink.
+
+A jump J makes differences of 35 J and an error of J/2; a kink 20 and 1/10 of its change over a step, a jump of the
+curvature 10 and 1/30. At an end of the table the difference shows a jump once.
+"""
 EPS = float(np.finfo(float).eps)
+CLOCK = 8 * EPS  # of the largest time: how well the times are known
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -64,7 +73,7 @@ class Grid:
         if len(self._stencils) < 2:
             nothing = np.zeros(y.shape)
             return Estimate(nothing, nothing, np.full(y.shape, np.inf))
-        clock = 8 * EPS * np.abs(self.t).max() / self._nearest[:, None]
+        clock = CLOCK * np.abs(self.t).max() / self._nearest[:, None]
         best: Estimate | None = None
         narrower, before = None, np.zeros(y.shape)
         for places, weights in self._stencils:
@@ -100,7 +109,7 @@ class Grid:
     def integral(self, y: Array, noise: Array) -> Estimate:
         """The integrals of columns y (T, k), known to `noise`, from the first row to each; the noise is that of sums.
 
-        Behind a stretch that the spacing does not resolve the truncation is infinite.
+        Where the spacing does not resolve them, at a kink or all along, the second differences around bound a step.
         """
         increments, wrong = np.zeros((len(self.t) - 1, y.shape[1])), np.zeros((len(self.t) - 1, y.shape[1]))
         if len(self.t) > 1:
@@ -110,11 +119,43 @@ class Grid:
             wrong = CAUTION * _widest(wrong, REACH)
             wrong[self._is_one_sided] *= ONE_SIDED
             clear = self.resolved(y, noise)
-            wrong = np.where(clear[1:] & clear[:-1], wrong, np.inf)
+            wrong = np.where(clear[1:] & clear[:-1], wrong, np.maximum(wrong, self._unresolved(y)))
         begin = np.zeros((1, y.shape[1]))
         total = np.concatenate([begin, np.cumsum(increments, axis=0)])
         rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * EPS
         return Estimate(total, rounding, np.concatenate([begin, np.cumsum(wrong, axis=0)]))
+
+    def _unresolved(self, y: Array) -> Array:
+        """A bound of the integral over each step (T - 1, k) where y may have a kink or a jump within it."""
+        if len(self.t) < 4:
+            return np.full((len(self.t) - 1, y.shape[1]), np.inf)
+        second = np.abs(scaled_differences(self.t, y, 2))
+        ends = np.concatenate([second[:1], second, second[-1:]])
+        return np.asarray(_widest(np.maximum(ends[1:], ends[:-1]), 1) * self._steps[:, None])
+
+    def roughness(self, y: Array, rate: Array) -> Array:
+        """What a jump or a kink of the rates (T, k) may do to the derivative of columns y (T, k), (T, k).
+
+        A stencil across a kink converges by chance: two widths agree and both are wrong. Differences of high order
+        show the kink, of y and of its rates alike; what one of them alone shows is an error of the table and excuses
+        nothing.
+        """
+        order = min(ROUGH, len(self.t) - 3)
+        if order < 2:
+            return np.zeros(rate.shape)
+        steps = np.lib.stride_tricks.sliding_window_view(self._steps, order + 1).max(axis=1)[:, None]
+        ours = scaled_differences(self.t, y, order + 1) / steps
+        return np.minimum(
+            self._felt(ours, order + 1), self._felt(scaled_differences(self.t, rate, order), order)
+        )
+
+    def _felt(self, found: Array, order: int) -> Array:
+        """Of differences of an order at each row the largest that its stencils may feel."""
+        weights = np.full(len(found), KINKED)
+        weights[: order // 2] = weights[-(order // 2) :] = KINKED_END
+        centred = np.zeros((len(self.t), found.shape[1]))
+        centred[order // 2 : order // 2 + len(found)] = np.abs(found) * weights[:, None]
+        return _widest(centred, AROUND)
 
     @functools.cached_property
     def _nearest(self) -> Array:
@@ -158,6 +199,25 @@ def _combined(places: Array, weights: Array, y: Array, about: bool = True) -> Ar
         np.put_along_axis(band, places[rows] - low, weights[rows], axis=1)
         found[rows] = band @ (y[low:high] - (y[(low + high) // 2] if about else 0.0))
     return found
+
+
+def combined(places: Array, weights: Array, y: Array) -> Array:
+    """sum_s weights[i, s] y[places[i, s]] of columns y (T, k) for places and weights (M, S): (M, k)."""
+    return _combined(places, weights, y, about=False)
+
+
+def scaled_differences(t: Array, y: Array, order: int) -> Array:
+    """Differences (T - order, k) of columns y (T, k): of equal steps the usual ones, of others as the longest."""
+    found = y
+    for k in range(1, order + 1):
+        found = (found[1:] - found[:-1]) / (t[k:] - t[:-k])[:, None]
+    steps = np.lib.stride_tricks.sliding_window_view(np.diff(t), order).max(axis=1)
+    return np.asarray(found * (math.factorial(order) * steps**order)[:, None])
+
+
+def values_at(x: Array) -> Array:
+    """The weights (M, S) of the value at 0 of the polynomials through what is known at x (M, S)."""
+    return _weights(x)[0]
 
 
 def _better(one: Estimate | None, other: Estimate) -> Estimate:

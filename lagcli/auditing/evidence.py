@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from lagcli.auditing.tape import Array
 SAFETY = 30.0
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
 COARSE = 1.0  # a row to the next may change a velocity by that part of itself
+LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
 ROUNDING = 64 * differences.EPS
 OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
 FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
@@ -32,10 +34,12 @@ COST = 3e8  # of the singular values of B, in multiplications
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Tolerance:
-    """The tolerance of the run."""
+    """How far a table may be from the laws: the tolerance of the run, and the constants by which rows jump where an
+    angle passes its cut, by number of the row."""
 
     rtol: float
     atol: float
+    jumps: Mapping[int, tuple[float, ...]] = dataclasses.field(default_factory=dict)
 
 
 class Evidence:
@@ -50,7 +54,13 @@ class Evidence:
         self.masses = np.zeros(cast.n)
         self.masses[: cast.first_generalized] = np.repeat(cast.masses[cast.cartesian], 3)
         self.masses_x = np.repeat(cast.masses[cast.dependent], 3)
+        self.hidden = np.zeros(max(0, len(found.t) - 1), dtype=bool)  # steps with a push that no row shows
         self._random = np.random.default_rng(6)
+
+    @property
+    def is_seen(self) -> Array:
+        """Rows (T, 1) up to which sums over the rows hold all that pushes."""
+        return np.concatenate([[True], ~np.logical_or.accumulate(self.hidden)])[:, None]
 
     @functools.cached_property
     def off_q(self) -> Array:
@@ -81,8 +91,9 @@ class Evidence:
 
     @functools.cached_property
     def moved_values(self) -> Values:
-        """What the model says at those."""
-        return self.laws.values(self.record.t, *self.moved, self.record.lam)
+        """What the model says at those, at times moved by their rounding: a force may jump at a row."""
+        t = self.record.t
+        return self.laws.values(t + differences.CLOCK * np.abs(t).max(), *self.moved, self.record.lam)
 
     def noise(self, name: str) -> Array:
         """How far one of the `Values` may be off, of its own shape, time first."""
@@ -137,18 +148,22 @@ class Evidence:
         """Where particles can swing faster than the rows show, (T, n): the forces, those of the rows at the same lambda
         included, change so much with the positions that (step)^2 dF/dr > m. Sampled so far apart, a swing looks slow.
         """
+        found = np.zeros(self.record.q.shape, dtype=bool)
+        own = self.laws.cast.first_generalized
+        if own and len(found) > 1:
+            found[:, :own] = np.repeat(widest(self._swing) > COARSE, 3, axis=1)
+        return found
+
+    @functools.cached_property
+    def _swing(self) -> Array:
+        """(step)^2 dF/dr / m of Cartesian particles, (T, K)."""
         r, one, other = self.record, self.values, self.moved_values
         own, rows = self.laws.cast.first_generalized, len(r.t)
-        found = np.zeros(r.q.shape, dtype=bool)
-        if not own or rows < 2:
-            return found
         change = np.abs(one.pull - other.pull - one.V_q + other.V_q)[:, :own]
         change = change + np.abs(one.F - other.F)[:, self.laws.cast.cartesian].reshape(rows, -1)
         stiffness = np.nan_to_num(change) / self.off_q[:own] / self.masses[:own]
-        largest = widest(stiffness.reshape(rows, -1, 3).max(axis=2))
         step = float(np.median(np.diff(r.t)))
-        found[:, :own] = np.repeat(step * step * largest > COARSE, 3, axis=1)
-        return found
+        return np.asarray(step * step * stiffness.reshape(rows, -1, 3).max(axis=2))
 
     @property
     def is_slow(self) -> bool:
@@ -191,7 +206,11 @@ class Evidence:
         a_x = (forces[:, cast.dependent].reshape(len(r.t), -1) + r.R_x) / self.masses_x
         found = np.zeros(cast.n, dtype=bool)
         size = max(float(np.abs(r.q[:, :own]).max(initial=0.0)), float(np.abs(r.x).max(initial=0.0)))
-        found[:own] = np.repeat(_coarse(r.v[:, :own], a, step, size), 3)
+        coarse = _coarse(r.v[:, :own], a, step, size)
+        if own and not np.any(self.values.b):
+            # Nothing swings that fast, and what is at rest under a force is no motion.
+            coarse &= self._swing.max(axis=0) > LAZY
+        found[:own] = np.repeat(coarse, 3)
         return found, np.repeat(_coarse(r.u, a_x, step, size), 3)
 
     @functools.cached_property

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from lagcli import model as nouns
-from lagcli.auditing import momenta, motion, pointwise, principle, record, words
-from lagcli.auditing.evidence import Evidence, Tolerance
+from lagcli.auditing import momenta, motion, outputs, pointwise, principle, record, steps, words
+from lagcli.auditing.differences import Estimate
+from lagcli.auditing.evidence import RESOLVED, Evidence, Tolerance
 from lagcli.auditing.laws import Laws, start
 from lagcli.auditing.record import Record
 from lagcli.auditing.report import Audit, Check, Law, judge
@@ -18,13 +19,21 @@ NUMBERS = Law("numbers", "", "every entry is a finite number")
 
 
 def audit(
-    model: nouns.Model, columns: Sequence[str], rows: Array, tolerance: Tolerance, notes: Sequence[str] = ()
+    model: nouns.Model,
+    columns: Sequence[str],
+    rows: Array,
+    tolerance: Tolerance,
+    notes: Sequence[str] = (),
+    unread: Sequence[str] = (),
 ) -> Audit:
     """The second opinion on a table, rows (T, len(columns)), of a model run to a tolerance.
 
+    unread: further columns of the table, which are not at hand.
     Raises `record.TableError` where columns are missing or times do not increase.
     """
-    laws = Laws(model)
+    laws = Laws(model, tolerance.jumps)
+    known = set(record.wanted(laws, columns))
+    unread = (*(name for name in columns if name not in known), *unread)
     found = record.read(laws, columns, rows)
     numbers = _numbers(laws, found)
     checks = [numbers]
@@ -32,7 +41,7 @@ def audit(
     figures: tuple[tuple[str, float], ...] = ()
     if numbers.verdict != "fail":
         with np.errstate(all="ignore"):
-            more, sentences, figures = _examined(Evidence(laws, found, tolerance))
+            more, sentences, figures = _examined(Evidence(laws, found, tolerance), columns, rows)
         checks += more
     return Audit(
         title=model.title,
@@ -46,14 +55,24 @@ def audit(
         sentences=sentences,
         notes=(*notes, *_elsewhere(model, found, tolerance)),
         figures=figures,
+        unread=unread,
     )
 
 
-def _examined(e: Evidence) -> tuple[list[Check], tuple[str, ...], tuple[tuple[str, float], ...]]:
+def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns that an audit reads of those of a table. Raises `record.TableError` with what is missing."""
+    return record.wanted(Laws(model), columns)
+
+
+def _examined(
+    e: Evidence, columns: Sequence[str], rows: Array
+) -> tuple[list[Check], tuple[str, ...], tuple[tuple[str, float], ...]]:
+    stepped = steps.steps(e)  # the first: what it finds hidden, no sum of rows holds
     moved, found = motion.Motion(e), motion.energies(e)
     stretches = principle.windows(e)
     checks = [
         *pointwise.constraints(e),
+        stepped,
         motion.rates(e),
         motion.path(e),
         moved.newton(),
@@ -70,15 +89,22 @@ def _examined(e: Evidence) -> tuple[list[Check], tuple[str, ...], tuple[tuple[st
     acted = principle.action(e, stretches)
     if acted is not None:
         checks.insert(-1, acted)
-    rows, d = e.looked_at, e.displacements
-    virtual = np.abs(d.virtual(e.record.R_q[rows]))[~d.is_singular]
+    checks.append(outputs.columns(e, columns, rows, (found.E, found.E_moved)))
+    d = e.displacements
+    virtual = np.abs(d.virtual(e.record.R_q[e.looked_at]))[~d.is_singular]
     figures = (
         ("virtual_work", float(virtual.max(initial=0.0))),
-        ("work_of_constraints", float(found.constraints[-1])),
-        ("work_of_all_that_changes_the_energy", float(found.work.value[-1, 0])),
+        ("work_of_constraints", _known(found.work, 1)),
+        ("work_of_all_that_changes_the_energy", _known(found.work, 0)),
         ("energy_gained", float(found.E[-1] - found.E[0])),
     )
     return checks, words.sentences(e), figures
+
+
+def _known(work: Estimate, column: int) -> float:
+    """An integral over the whole run; no number where the rows are too far apart to know three digits of it."""
+    value, size = float(work.value[-1, column]), float(work.value[-1, 2])
+    return value if float(work.truncation[-1, column]) <= RESOLVED * size else np.nan
 
 
 def _numbers(laws: Laws, found: Record) -> Check:

@@ -7,12 +7,13 @@ which s are holonomic. Units are those of the model.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from lagcli import model as nouns
+from lagcli.auditing import turns
 from lagcli.auditing.algebra import NumberAlgebra
 from lagcli.auditing.scene import Cast, Scene, Triple
 from lagcli.auditing.tape import Array, Directions, Node, Scalar, scatter
@@ -55,10 +56,13 @@ class Values:
     Q: Array
 
 
-class Laws:
-    """The laws of a model, ready to be evaluated at any rows."""
+NOTHING: Mapping[int, tuple[float, ...]] = {}
 
-    def __init__(self, model: nouns.Model) -> None:
+
+class Laws:
+    """The laws of a model, ready to be evaluated at any rows. jumps: those of `evidence.Tolerance`."""
+
+    def __init__(self, model: nouns.Model, jumps: Mapping[int, tuple[float, ...]] = NOTHING) -> None:
         self.model, self.cast = model, Cast(model)
         self.bodies = self._geometries() if model.rigid else ()
         self.holonomic = [name for law in model.holonomic for name in law.rows]
@@ -68,6 +72,7 @@ class Laws:
         self.rows = (*self.holonomic, *(name for law in model.differential for name in law.rows))
         self.s, self.C = len(self.holonomic), len(self.rows)
         self._pattern: Array | None = None
+        self._jumps = jumps
 
     def values(self, t: Array, q: Array, v: Array, lam: Array) -> Values:
         """Everything at T rows: t (T,), q and v (T, n), lam (T, C)."""
@@ -145,6 +150,33 @@ class Laws:
             total = total + sign * free.wide(x, count).sum(axis=1)
         return np.asarray(total)
 
+    def potential(self, scene: Scene) -> Array:
+        """V (T,) of the declared potentials and of constant forces."""
+        return np.asarray(
+            sum((scene.wide(p, c).sum(axis=1) for p, c in self._potentials(scene)), np.zeros(scene.rows))
+        )
+
+    def parts_of_reactions(self, scene: Scene, lam: Array) -> Array:
+        """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); scene: as of `free`."""
+        surfaces, laws = self._laid(scene)
+        onto = scene.tape.virtual(
+            [(x, lam[:, places]) for x, places in laws], [(x, lam[:, places]) for x, places in surfaces]
+        )
+        found = np.zeros((scene.rows, 3 * len(self.cast.particles)))
+        for numbers, kind in ((self.cast.cartesian, "q"), (self.cast.dependent, "x")):
+            if numbers.size:
+                places = (3 * numbers[:, None] + np.arange(3)).ravel()
+                found[:, places] = onto[kind][:, : places.size]
+        return found
+
+    def free(self, t: Array, q: Array, v: Array) -> Scene:
+        """The scene of rows t (T,), q and v (T, n), in which places of dependent particles are numbers."""
+        return self._scenes(t[:, None], q, v)[1]
+
+    def chunks(self, rows: int) -> Iterator[slice]:
+        """Parts of T rows that a cache holds."""
+        return self._chunks(rows)
+
     def _chunks(self, rows: int) -> Iterator[slice]:
         step = max(8, CHUNK // max(1, self.cast.n, self.C))
         return (slice(start, start + step) for start in range(0, max(rows, 1), step))
@@ -219,6 +251,7 @@ class Laws:
         for x, places in surfaces:
             f[:, places] = scene.wide(x, places.size)
             w[:, places] = np.broadcast_to(_moved(scene, x), (scene.rows, places.size))
+        turns.reduced(f, self._jumps)
         for x, places in laws:
             w[:, places] = scene.wide(x, places.size)
         return f, w

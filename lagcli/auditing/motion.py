@@ -27,8 +27,9 @@ def rates(e: Evidence) -> Check:
     q = e.grid.derivative(r.q, SAFETY * e.off_q)
     limit = q.noise + SAFETY * e.off_v
     size = _grouped(np.abs(r.v).max(axis=0), e)
-    judged = e.is_resolved[0] & (q.truncation <= np.maximum(RESOLVED * size, limit))
-    limit = _sum(limit, q.truncation)
+    truncation = q.truncation + e.grid.roughness(r.q, r.v)
+    judged = e.is_resolved[0] & (truncation <= np.maximum(RESOLVED * size, limit))
+    limit = _sum(limit, truncation)
     judged = e.unaliased(q.value - r.v, limit, judged)
     return judge(RATES, e.names.v, r.t, q.value - r.v, limit, judged)
 
@@ -79,6 +80,7 @@ def _integrated(
     residual = whole - whole[0] - total.value
     size = np.maximum(np.abs(whole - whole[0]).max(axis=0), np.abs(total.value).max(axis=0))
     judged = (total.truncation <= np.maximum(RESOLVED * size, limit)) & e.is_slow & (rows > 2)
+    judged &= e.is_seen
     limit = _sum(limit, total.truncation)
     judged = e.unaliased(residual, limit, judged)
     return judge(law, (*names[0], *names[1]), e.record.t, residual, limit, judged)
@@ -128,6 +130,7 @@ class Motion:
         limit[:, :own] += noise[:, cast.cartesian].reshape(rows, -1)
         truncation = np.where(e.masses > 0, e.masses * a.truncation, 0.0)
         truncation = truncation + np.where(np.abs(values.L_v).max(axis=0) > 0, rate.truncation, 0.0)
+        truncation = truncation + e.grid.roughness(e.masses * r.v + values.L_v, force + r.R_q)
         size = np.maximum(np.abs(e.masses * a.value), np.abs(force))
         inertia_x, limit_x, truncation_x, size_x = self._dependent(F, noise)
         if r.x.size:
@@ -165,7 +168,8 @@ class Motion:
         force = F[:, dependent].reshape(a.value.shape)
         limit = e.masses_x * a.noise + noise[:, dependent].reshape(a.value.shape)
         size = np.maximum(np.abs(e.masses_x * a.value), np.abs(force))
-        return e.masses_x * a.value - force, limit, e.masses_x * a.truncation, size
+        rough = e.grid.roughness(e.masses_x * e.record.u, force + e.record.R_x)
+        return e.masses_x * a.value - force, limit, e.masses_x * a.truncation + rough, size
 
     def _pushed_truncation(self, truncation: Array) -> Array:
         found = self._e.pushed_limit(truncation)
@@ -196,9 +200,11 @@ class Motion:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Energies:
-    """E (T,) = T + V + (q' dL/dq' - L); work (T,) of the constraints, of all that changes E, and their limits."""
+    """E (T,) = T + V + (q' dL/dq' - L), and of the moved states; work (T,) of the constraints, of all that changes E,
+    and their limits."""
 
     E: Array
+    E_moved: Array
     constraints: Array
     work: Estimate
     limit: Array
@@ -234,14 +240,25 @@ def energies(e: Evidence) -> Energies:
     work = e.grid.integral(power, np.array([small, small, np.inf]))
     # Each step of a run may be off by the tolerance, and no more is known of their number than the rows.
     noise = e.spread(E[:, None], E_moved[:, None])[:, 0]
-    noise = noise.max(initial=0.0) * (1 + np.arange(rows) / SAFETY)
+    # Where a force jumps, a run may be off by more than its estimate of a smooth step.
+    noise = noise.max(initial=0.0) * (1 + np.arange(rows) / SAFETY + np.cumsum(_is_rough(e)))
     rounding = SAFETY * e.tolerance.rtol * work.value[:, 2] + e.tolerance.atol
     largest = max(float(np.ptp(E)), float(np.ptp(values.V)), float(work.value[-1, 2]))
     truncation = work.truncation[:, 0]
     judged = (truncation <= np.maximum(RESOLVED * largest, noise)) & e.is_slow & (rows > 2)
-    judged &= not _is_driven(values)
+    judged &= e.is_seen[:, 0] & (not _is_driven(values))
     limit = _sum(noise + rounding, truncation)
-    return Energies(E, work.value[:, 1], work, limit, judged)
+    return Energies(E, E_moved, work.value[:, 1], work, limit, judged)
+
+
+def _is_rough(e: Evidence) -> Array:
+    """Rows (T,) around which the forces have a kink or a jump: stencils do not come closer together."""
+    r = e.record
+    values, own = e.values, e.laws.cast.first_generalized
+    force = r.R_q - values.V_q + values.Q + values.L_q
+    force[:, :own] += values.F[:, e.laws.cast.cartesian].reshape(len(r.t), -1)
+    small = SAFETY * e.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
+    return np.asarray(~e.grid.resolved(force, small).all(axis=1)) & bool(e.is_slow)
 
 
 def energy(e: Evidence, found: Energies) -> Check:

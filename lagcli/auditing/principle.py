@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
+
 import numpy as np
 
 from lagcli.auditing.differences import Grid
@@ -74,35 +77,38 @@ def windows(e: Evidence) -> list[Window]:
         starts = np.linspace(0, T - most, count).astype(int) if starts is None else starts
         cuts = [(int(first), int(first) + most) for first in starts]
     found = [Window(e, np.arange(first, last)) for first, last in cuts]
-    return [window for window in found if window.is_regular and len(window.basis)]
+    return [
+        window
+        for window in found
+        if window.is_regular and len(window.basis) and not e.hidden[window.rows[:-1]].any()
+    ]
 
 
 def hamilton(e: Evidence, found: list[Window]) -> Check:
     """The integral of dL + Q_nc . dq over each window and direction."""
-    values: list[tuple[str, float, float, float, bool]] = []
-    for window in found:
-        for w in window.basis:
-            residual, limit, judged = _variation(window, w)
-            values.append((window.name(w), float(window.record.t[0]), residual, limit, judged))
-    if not values:
-        return _nothing(e, HAMILTON)
-    names, times, residuals, limits, judged_ones = zip(*values, strict=True)
-    # One row and a column for each variation; the time is where its window begins.
-    return judge(
-        HAMILTON,
-        names,
-        np.array(times[:1]),
-        np.array([residuals]),
-        np.array([limits]),
-        np.array([judged_ones]),
-    )
+    varied = [(window, w, _variation(window, w)) for window in found for w in window.basis]
+    return _judged(HAMILTON, varied) if varied else _nothing(e, HAMILTON)
+
+
+def _judged(law: Law, varied: Sequence[tuple[Window, Array, tuple[float, float, bool]]]) -> Check:
+    """The check of variations, each with its integral, limit, and whether it can be judged."""
+    residuals, limits, judged = (np.array([[answer[k] for _, _, answer in varied]]) for k in range(3))
+    names = [window.name(w) for window, w, _ in varied]
+    # One row and a column for each variation; the time is where the first window begins.
+    check = judge(law, names, varied[0][0].record.t[:1], residuals, limits, judged)
+    curve: list[tuple[float, float]] = []
+    for window, _, (residual, limit, known) in varied:
+        if known:
+            t, ratio = window.record.t, abs(residual) / limit if residual else 0.0
+            curve += [(float(t[0]), ratio), (float(t[-1]), ratio), (float(t[-1]), np.nan)]
+    return dataclasses.replace(check, curve=tuple(curve))
 
 
 def _nothing(e: Evidence, law: Law) -> Check:
     """No window: no room to vary, or too few rows."""
-    if len(e.record.t) >= LEAST:
+    if len(e.record.t) >= LEAST and not e.hidden.any():
         return Check(law.name, law.law, law.equation, "nothing", None, note="nothing is free to vary")
-    note = f"cannot be judged at this spacing of rows: {LEAST} are needed"
+    note = f"cannot be judged at this spacing of rows: {LEAST} are needed, and no push between two of them"
     return Check(law.name, law.law, law.equation, "not judged", None, entries=1, note=note)
 
 
@@ -144,18 +150,9 @@ def action(e: Evidence, found: list[Window]) -> Check | None:
     laws = e.laws
     if laws.s < laws.C or np.any(e.values.F) or np.any(e.values.Q) or laws.cast.n > 60:
         return None
-    values: list[tuple[str, float, float, float, bool]] = []
-    for window in found[:1]:
-        for w in window.basis[:3]:
-            answer = _slope(window, w)
-            if answer is not None:
-                values.append((window.name(w), float(window.record.t[0]), *answer))
-    if not values:
-        return None
-    names, times, residuals, limits, judged = zip(*values, strict=True)
-    return judge(
-        ACTION, names, np.array(times[:1]), np.array([residuals]), np.array([limits]), np.array([judged])
-    )
+    varied = [(window, w, _slope(window, w)) for window in found[:1] for w in window.basis[:3]]
+    known = [(window, w, answer) for window, w, answer in varied if answer is not None]
+    return _judged(ACTION, known) if known else None
 
 
 def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:

@@ -1,4 +1,4 @@
-"""The recorded run: the columns of a table that an audit looks at, and nothing else."""
+"""The recorded run: the columns of a table that an audit looks at."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from lagcli.auditing.laws import Laws
 from lagcli.auditing.tape import Array
 
 SHOWN = 8
+ENERGY = "energy"  # the column that every table has
 
 
 class TableError(ValueError):
@@ -76,13 +77,20 @@ def names(laws: Laws) -> Names:
     )
 
 
+def wanted(laws: Laws, columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns that an audit reads of those of a table. Raises `TableError` with what is missing."""
+    needed, known = names(laws).needed, set(columns)
+    missing = [name for name in needed if name not in known]
+    if missing:
+        raise TableError(_missing(laws.model, columns, needed, missing))
+    own = (ENERGY, *(column for output in laws.model.outputs for column in output.columns))
+    return (*needed, *(name for name in own if name in known))
+
+
 def read(laws: Laws, columns: Sequence[str], rows: Array) -> Record:
     """The record in a table, rows (T, len(columns)). Raises `TableError` with what is missing."""
-    wanted = names(laws)
+    wanted(laws, columns)
     known = {name: i for i, name in enumerate(columns)}
-    missing = [name for name in wanted.needed if name not in known]
-    if missing:
-        raise TableError(_missing(laws.model, columns, wanted.needed, missing))
     t = rows[:, known["t"]]
     if not len(t):
         raise TableError("the table has no rows")
@@ -90,8 +98,8 @@ def read(laws: Laws, columns: Sequence[str], rows: Array) -> Record:
         k = int(np.argmax(np.concatenate([[not np.isfinite(t[0])], ~(np.diff(t) > 0)])))
         raise TableError(f"the times of the table do not increase: row {k + 1} is at t = {t[k]:.9g}")
     parts = {
-        field.name: [known[name] for name in getattr(wanted, field.name)]
-        for field in dataclasses.fields(wanted)
+        field.name: [known[name] for name in getattr(names(laws), field.name)]
+        for field in dataclasses.fields(Names)
     }
     return Record(t=t, **{part: rows[:, places] for part, places in parts.items()})
 

@@ -10,8 +10,13 @@ import numpy as np
 
 from lagcli.auditing.tape import Array
 
-Verdict = Literal["pass", "fail", "not judged", "nothing"]
+Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]
 NAMED = 12
+NEARLY_ALL = (
+    0.9  # of the entries must be judged before a check says `pass`: kinks may leave the rows around them open
+)
+HARDLY = 0.1  # of the entries that show the motion: less, and nothing is known of it
+MOTION = ("steps", "rates", "newton")  # checks that hold rows against their neighbours, at every row
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -27,7 +32,9 @@ class Place:
 @dataclasses.dataclass(frozen=True, slots=True)
 class Check:
     """One check. `worst` is the entry nearest to its limit or farthest beyond it; `failing` the worst entry of each
-    name that is beyond, `failures` how many names are; `judged` of `entries` could be decided at this spacing."""
+    name that is beyond, `failures` how many names are; `judged` of `entries` could be decided at this spacing.
+
+    `pass` is said where nearly all entries were judged, `partly judged` where fewer were and none of them fails."""
 
     name: str
     law: str
@@ -41,6 +48,11 @@ class Check:
     note: str = ""
     curve: tuple[tuple[float, float], ...] = ()
 
+    @property
+    def fraction(self) -> float | None:
+        """The part of the entries that was judged; None where there are none."""
+        return self.judged / self.entries if self.entries else None
+
     def as_json(self) -> dict[str, Any]:
         """The check as it stands in the JSON; numbers that are not finite are null."""
         return {
@@ -53,6 +65,7 @@ class Check:
             "failures": self.failures,
             "judged": self.judged,
             "entries": self.entries,
+            "fraction": self.fraction,
             "note": self.note,
         }
 
@@ -60,8 +73,8 @@ class Check:
 @dataclasses.dataclass(frozen=True, slots=True)
 class Audit:
     """The second opinion on a run; `passed` where no check fails. `figures`: numbers beside the checks;
-    `complete`: whether a run that was made for it reached its end; `digits`: what is known of the error of the rows,
-    where that was asked for."""
+    `unread`: columns of the table that no check looked at; `complete`: whether a run that was made for it reached its
+    end; `digits`: what is known of the error of the rows, where that was asked for."""
 
     title: str
     path: str
@@ -74,8 +87,14 @@ class Audit:
     sentences: tuple[str, ...]
     notes: tuple[str, ...]
     figures: tuple[tuple[str, float], ...]
+    unread: tuple[str, ...] = ()
     complete: bool = True
     digits: dict[str, Any] | None = None
+
+    def __repr__(self) -> str:
+        verdict = "passed" if self.passed else "failed"
+        checks = ", ".join(f"{check.name} {check.verdict}" for check in self.checks)
+        return f"<Audit of {self.path}: {verdict}, {self.rows} rows; {checks}>"
 
     @property
     def passed(self) -> bool:
@@ -86,6 +105,24 @@ class Audit:
     def unjudged(self) -> tuple[str, ...]:
         """Checks of which some entries or all could not be judged."""
         return tuple(check.name for check in self.checks if check.judged < check.entries)
+
+    @property
+    def conclusion(self) -> str:
+        """What to make of the checks, in a sentence."""
+        failed = sum(check.verdict == "fail" for check in self.checks)
+        if failed:
+            word = "checks fail" if failed > 1 else "check fails"
+            return f"{failed} {word}: the table is not a motion of this model."
+        thin = [check.name for check in self.checks if check.verdict in ("not judged", "partly judged")]
+        if not thin:
+            return "All checks passed."
+        shown = [check for check in self.checks if check.name in MOTION]
+        if sum(check.judged for check in shown) < HARDLY * sum(check.entries for check in shown):
+            return (
+                "No check fails, but almost nothing of the motion could be judged: the rows are too far apart to"
+                f" show it. Not judged, or only in part: {', '.join(thin)}."
+            )
+        return f"No check fails. Not judged, or only in part: {', '.join(thin)}."
 
     def check(self, name: str) -> Check:
         """The check of a name. Raises `KeyError`."""
@@ -100,6 +137,7 @@ class Audit:
             "title": self.title,
             "path": self.path,
             "passed": self.passed,
+            "conclusion": self.conclusion,
             "complete": self.complete,
             "rows": self.rows,
             "start": self.start,
@@ -108,6 +146,7 @@ class Audit:
             "atol": self.atol,
             "checks": [check.as_json() for check in self.checks],
             "unjudged": list(self.unjudged),
+            "unread": list(self.unread),
             "uniqueness": list(self.sentences),
             "figures": {name: _finite(number) for name, number in self.figures},
             "notes": list(self.notes),
@@ -158,7 +197,7 @@ def judge(
         law.name,
         law.law,
         law.equation,
-        "fail" if beyond else "pass",
+        "fail" if beyond else "pass" if count >= NEARLY_ALL * decided.size else "partly judged",
         place(int(worst[0]), int(worst[1])),
         tuple(place(int(rows[j]), j) for j in beyond[:NAMED]),
         len(beyond),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from lagcli.members import Roll, Whole
 
 Triple = tuple[Scalar, Scalar, Scalar]
 Reference = tree.Name | tree.Member | tree.Index
+ACCELERATIONS = ("a", "ax", "ay", "az")
+Results = Callable[[tree.Node, Mapping[str, Whole]], Any]  # what stands in outputs alone, with index vectors
 
 
 class Cast:
@@ -36,6 +38,15 @@ class Cast:
         self.masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
         self.definitions = {d.name: d.expression.tree for d in model.definitions}
         self.parameters = {p.name: p.value for p in model.parameters}
+        self.constants = {"dt": 1.0, **model.constants}
+
+    def indices(self, node: tree.Index, variables: Mapping[str, Whole]) -> list[Any]:
+        """The values of the indices of a reference: numbers, or vectors (K,) of a family."""
+
+        def lookup(name: tree.Name) -> Any:
+            return variables[name.name] if name.name in variables else self.parameters[name.name]
+
+        return [whole.evaluate(index, lookup) for index in node.indices]
 
 
 class Scene:
@@ -80,10 +91,13 @@ class Scene:
         return self.tape.leaf("v" if rates else "q", self.cast.first_generalized + numbers)
 
     def algebra(
-        self, variables: Mapping[str, Whole] | None = None, own: Mapping[str, Any] | None = None
+        self,
+        variables: Mapping[str, Whole] | None = None,
+        own: Mapping[str, Any] | None = None,
+        results: Results | None = None,
     ) -> NumberAlgebra:
-        """An algebra with index vectors (K,) of a family and `m`, `r`, `v` of a particle."""
-        names = _Names(self, variables or {}, own or {})
+        """An algebra with index vectors (K,) of a family, `m`, `r`, `v` of a particle, and results of the run."""
+        names = _Names(self, variables or {}, own or {}, results)
         return NumberAlgebra(self.tape, names.atom, names.special)
 
     def vector(self, vector: nouns.VectorExpression, algebra: NumberAlgebra) -> Triple:
@@ -180,17 +194,23 @@ class Scene:
 class _Names:
     """What the leaves of one expression stand for."""
 
-    def __init__(self, scene: Scene, variables: Mapping[str, Whole], own: Mapping[str, Any]) -> None:
+    def __init__(
+        self, scene: Scene, variables: Mapping[str, Whole], own: Mapping[str, Any], results: Results | None
+    ) -> None:
         self._scene, self._cast, self._variables, self._own = scene, scene.cast, variables, own
+        self._results = results
 
     def atom(self, node: Reference) -> Any:
         cast = self._cast
         if isinstance(node, tree.Name):
             return self._named(node, node.name)
         if node.owner in cast.particles and node.owner not in self._own:
-            return self._particle(node)
+            return self._result(node) if node.member in ACCELERATIONS else self._particle(node)
         if isinstance(node, tree.Index):
-            return self._scene.generalized(self._numbers(node, cast.coordinates), rates=False)
+            if node.owner in cast.coordinates:
+                return self._scene.generalized(self._numbers(node, cast.coordinates), rates=False)
+            found = self._result(node)
+            return evaluate.component(node, found, node.member, node.owner) if node.member else found
         owner = self._named(tree.Name(node.start, node.end, node.owner), node.owner)
         return evaluate.component(node, owner, node.member, node.owner)
 
@@ -203,7 +223,8 @@ class _Names:
                 if isinstance(found, tuple)
                 else self._differential(found)
             )
-        assert node.function == "rate"
+        if node.function != "rate" or len(node.arguments) > 1:  # `rate(x, 2)` is a result of the run
+            return self._result(node)
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         owner = argument.name if isinstance(argument, tree.Name) else argument.owner
         if owner in self._cast.coordinates:
@@ -212,6 +233,10 @@ class _Names:
         member = "" if isinstance(argument, tree.Name) else argument.member
         return velocity["xyz".index(member)] if member else velocity
 
+    def _result(self, node: tree.Node) -> Any:
+        assert self._results is not None, node
+        return self._results(node, self._variables)
+
     def _differential(self, x: Scalar) -> Scalar:
         return self._scene.tape.rate(x)
 
@@ -219,14 +244,7 @@ class _Names:
         if not isinstance(node, tree.Index):
             return roll.find(node.name if isinstance(node, tree.Name) else node.owner, ())
 
-        def lookup(name: tree.Name) -> Any:
-            return (
-                self._variables[name.name]
-                if name.name in self._variables
-                else self._cast.parameters[name.name]
-            )
-
-        return roll.find(node.owner, [whole.evaluate(index, lookup) for index in node.indices])
+        return roll.find(node.owner, self._cast.indices(node, self._variables))
 
     def _particle(self, node: tree.Member | tree.Index) -> Any:
         numbers = self._numbers(node, self._cast.particles)
@@ -244,8 +262,8 @@ class _Names:
             return self._own[name]
         if name == "t":
             return self._scene.tape.leaf("t", np.zeros(1, dtype=np.int64))
-        if name in ("pi", "dt"):
-            return np.full((1, 1), np.pi if name == "pi" else 1.0)
+        if name in cast.constants:
+            return np.full((1, 1), cast.constants[name])
         if name in cast.parameters:
             known = cast.parameters[name]
             if isinstance(known, tuple):
@@ -255,4 +273,6 @@ class _Names:
             return self._scene.position(cast.particles.find(name, ()))
         if name in cast.coordinates:
             return self._scene.generalized(cast.coordinates.find(name, ()), rates=False)
-        return self._scene.definition(name)
+        if name in cast.definitions:
+            return self._scene.definition(name)
+        return self._result(node)

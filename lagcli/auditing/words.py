@@ -48,6 +48,9 @@ def sentences(e: Evidence) -> tuple[str, ...]:
 
 
 def _rank(C: int, rank: int, n: int) -> str:
+    if rank == C == 1:
+        return f"the one row leaves {n - 1} of {n} directions free"
     if rank == C:
-        return f"the {C} rows are independent; they leave {n - rank} of {n} directions free"
+        rows = "the row is independent; it leaves" if C == 1 else f"the {C} rows are independent; they leave"
+        return f"{rows} {n - rank} of {n} directions free"
     return f"the {C} rows have rank {rank}: {C - rank} too many; they leave {n - rank} of {n} directions free"

@@ -7,13 +7,21 @@ from __future__ import annotations
 
 import textwrap
 
-from lagcli.catalogue import entries, families, formulas, names, outer, start
+from lagcli.catalogue import entries, families, formulas, names, outer, start, stops
 from lagcli.catalogue.page import Page
 
 _PAGES: dict[str, Page] = {
     page.code: page
     for page in sorted(
-        (*outer.PAGES, *entries.PAGES, *families.PAGES, *names.PAGES, *formulas.PAGES, *start.PAGES),
+        (
+            *outer.PAGES,
+            *entries.PAGES,
+            *families.PAGES,
+            *names.PAGES,
+            *formulas.PAGES,
+            *start.PAGES,
+            *stops.PAGES,
+        ),
         key=lambda page: page.code,
     )
 }
@@ -31,6 +39,12 @@ def codes() -> tuple[str, ...]:
     return tuple(_PAGES)
 
 
+def lines() -> list[str]:
+    """All codes, each with its meaning on the same line."""
+    width = max(map(len, _PAGES))
+    return [f"{code:{width}}  {page.meaning}" for code, page in _PAGES.items()]
+
+
 def render(page: Page) -> str:
     """A page as plain text."""
     parts = [
@@ -38,7 +52,7 @@ def render(page: Page) -> str:
         textwrap.fill(page.meaning, WIDTH),
         "Why:\n" + textwrap.fill(page.why, WIDTH, initial_indent="  ", subsequent_indent="  "),
         "Example:\n" + textwrap.indent(page.example.rstrip() or "(an empty file)", "    "),
-        "Cure:\n" + textwrap.fill(page.cure, WIDTH, initial_indent="  ", subsequent_indent="  "),
+        "Fix:\n" + textwrap.fill(page.cure, WIDTH, initial_indent="  ", subsequent_indent="  "),
     ]
     if page.mended_lines:
         parts.append(textwrap.indent("\n".join(page.mended_lines), "    "))

@@ -50,9 +50,9 @@ particles:
     ),
     Page(
         code="conflicting-keys",
-        meaning="Two keys stand together that exclude each other.",
+        meaning="Two keys are given that exclude each other.",
         why="A potential acts on everything it depends on, so it takes no `to` and no `force`; `samples` and"
-        " `output_step` both say where the rows of the table stand.",
+        " `output_step` both set the times of the rows.",
         example=_BALL + "simulation: {duration: 10, samples: 101, output_step: 0.1}\n",
         cure="Keep one of them.",
         old=", output_step: 0.1",
@@ -68,7 +68,7 @@ particles:
     ),
     Page(
         code="not-an-expression",
-        meaning="A list or a mapping stands where one expression is needed.",
+        meaning="A list or a mapping is written where one expression is needed.",
         why="YAML reads an unquoted text that begins with `[` as a list and one that begins with `{` as a mapping.",
         example=_BALL + "outputs:\n  twice: [2*a.x, 0, 0]\n",
         cure="Put the expression in quotes.",
@@ -77,7 +77,7 @@ particles:
     ),
     Page(
         code="not-a-text",
-        meaning="A list or a mapping stands where a text is needed.",
+        meaning="A list or a mapping is written where a text is needed.",
         why="Titles, descriptions and labels of units are single texts. A text with `: ` in it needs quotes.",
         example=_BALL + "title: [Ball, alone]\n",
         cure="Write one text.",

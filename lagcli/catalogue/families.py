@@ -64,8 +64,8 @@ PAGES = (
     ),
     Page(
         code="family-needs-index",
-        meaning="The bare name of a family stands in an expression.",
-        why="Alone it stands for all members, which has a meaning in a list (`to: p`), not in a formula.",
+        meaning="The bare name of a family is used in an expression.",
+        why="Alone it means all members, which has a meaning in a list (`to: p`), not in a formula.",
         example=_CHAIN + "holonomic:\n  floor: p.z = 0\n",
         cure="Name one member, or make the entry a family too.",
         old="floor: p.z = 0",

@@ -51,7 +51,7 @@ PAGES = (
     ),
     Page(
         code="wrong-arguments",
-        meaning="A function stands with too many or too few arguments, or with one of the wrong kind.",
+        meaning="A function is called with too many or too few arguments, or with one of the wrong kind.",
         why="`atan2(y, x)` and `distance(u, w)` take two arguments, `sqrt(x)` one; `reaction(...)` takes the name of"
         " a particle, and the multipliers of a rigid body or of a vector equation are named one by one.",
         example=_BALL + "outputs:\n  angle: atan2(a.z)\n",
@@ -64,7 +64,7 @@ PAGES = (
         meaning="`rate(...)` holds something else than the name of a generalized coordinate.",
         why="`rate(theta)` is the rate of a coordinate. The velocity of a particle is `a.vx` or `a.v`; the"
         " differential of any expression is `d(...)`, in differential constraints. A rate"
-        " of a rate is an acceleration: accelerations are results, m a = F + R, and stand in no expression.",
+        " of a rate is an acceleration: accelerations are results, m a = F + R, and can be used under `outputs` only.",
         example=_KNIFE + "  edge: rate(x*y) = 0\n",
         cure="Write the rates of the coordinates, or differentials.",
         old="rate(x*y)",
@@ -72,7 +72,7 @@ PAGES = (
     ),
     Page(
         code="not-a-scalar",
-        meaning="A vector stands where a number is needed.",
+        meaning="A vector is written where a number is needed.",
         why="Masses, potentials and arguments of `sin`, `sqrt` or `**` are scalars.",
         example=_BALL + "outputs:\n  square: a**2\n",
         cure="Take a component, or `dot(u, w)`, `norm(u)`, `distance(u, w)`.",
@@ -81,7 +81,7 @@ PAGES = (
     ),
     Page(
         code="not-a-vector",
-        meaning="A scalar stands where a vector is needed.",
+        meaning="A scalar is written where a vector is needed.",
         why="Positions, velocities, forces on particles and the arguments of `dot`, `cross`, `norm` and `distance`"
         " are vectors with three components.",
         example=_BALL + "forces:\n  weight: {to: a, force: -9.81}\n",
@@ -146,7 +146,7 @@ particles:
     ),
     Page(
         code="velocity-not-allowed",
-        meaning="Velocities or rates stand where only positions, coordinates and time may.",
+        meaning="Velocities or rates are used where only positions, coordinates and time may.",
         why="A potential V(r, q, t) and a holonomic constraint f(r, q, t) = 0 know no velocities; the method of"
         " multipliers rests on that.",
         example=_BALL + "holonomic:\n  steady: a.vx = 1\n",
@@ -157,20 +157,20 @@ particles:
     ),
     Page(
         code="time-not-allowed",
-        meaning="The time `t` stands in an expression that must be constant.",
+        meaning="The time `t` is used in an expression that must be constant.",
         why="Parameters, masses and initial values hold for the whole run.",
         example="""\
 lagcli: 1
 particles:
   a: {mass: 1 + t, position: [1, 0, 0]}
 """,
-        cure="Use a constant. Time may stand in positions x(q, t), forces, potentials and constraints.",
+        cure="Use a constant. Time may be used in positions x(q, t), forces, potentials and constraints.",
         old="1 + t",
         new="1",
     ),
     Page(
         code="differential-not-allowed",
-        meaning="`d(...)` or `dt` stands outside a differential constraint.",
+        meaning="`d(...)` or `dt` is used outside a differential constraint.",
         why="Differentials have a meaning only as the law that ties them, A dr + A_t dt = 0.",
         example=_BALL + "holonomic:\n  track: d(a.x) = 0\n",
         cure="Move the law to `differential`.",
@@ -179,7 +179,7 @@ particles:
     ),
     Page(
         code="result-not-allowed",
-        meaning="`multiplier`, `reaction`, `kinetic` or `potential` stands outside `outputs`.",
+        meaning="A multiplier, a reaction, an acceleration, `kinetic` or `potential` is used outside `outputs`.",
         why="They are results of the motion: the multipliers are solved for when all other forces are given. A force"
         " that depends on a constraint force (Coulomb friction, mu times the normal force) does virtual work, so it"
         " is not covered by the principle of d'Alembert (D.11), on which the equations rest.",
@@ -189,6 +189,27 @@ particles:
         " forces (m*g on a level floor), write that instead.",
         old='forces:\n  friction: {to: a, force: "[-0.3*multiplier(floor), 0, 0]"}\n',
         new="outputs:\n  grip: 0.3*multiplier(floor)\n",
+    ),
+    Page(
+        code="share-not-determined",
+        meaning="`reaction(a, rod)` asks for the force of a constraint on a particle that its equation does not name.",
+        why="The particle follows generalized coordinates, and so does the constraint. Its multiplier acts on these"
+        " coordinates; which part of it reaches which of the particles that follow them depends on how they are"
+        " built, and the model does not say that.",
+        example="""\
+lagcli: 1
+coordinates: {x: {value: 0}, y: {value: 0, rate: 1}}
+particles:
+  a: {mass: 1, position: "[x, y, 0]"}
+holonomic:
+  rail: x = 0
+outputs:
+  push: reaction(a, rail)
+""",
+        cure="Name the particle in the constraint, or record the multiplier, which is the generalized force.",
+        old="rail: x = 0",
+        new="rail: a.x = 0",
+        stage="start",
     ),
     Page(
         code="no-differential",

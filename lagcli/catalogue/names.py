@@ -14,7 +14,7 @@ PAGES = (
     Page(
         code="bad-name",
         meaning="A name has characters it may not have, or is a word the format or the table needs itself.",
-        why="A name is a letter or `_`, then letters, digits and `_`, so that it can stand in expressions. `t`,"
+        why="A name is a letter or `_`, then letters, digits and `_`, so that it can be used in expressions. `t`,"
         " `dt`, `pi`, `kinetic` and `potential` are taken; `all`, `lambda`, `R`, `energy` and `err` would make two"
         " columns of one name.",
         example="""\
@@ -44,18 +44,36 @@ particles:
     Page(
         code="unknown-name",
         meaning="An expression or a list uses a name that nothing declares.",
-        why="Most often it is misspelt, or its parameter has not been declared. No constant but `pi` is built in,"
-        " not even g.",
+        why="Most often it is misspelt, or its parameter has not been declared. No constants but `pi` and `deg`"
+        " (pi/180) are built in, not even g.",
         example=_BALL + "holonomic:\n  rod: norm(a) = L\n",
         cure="Declare it, or use the name the hint gives.",
         old="lagcli: 1\n",
         new="lagcli: 1\nparameters: {L: 1}\n",
     ),
     Page(
+        code="angle-in-degrees",
+        meaning="A number larger than a full turn in radians is used as an angle.",
+        why="`sin`, `cos` and `tan` take radians. A parameter or a start such as 30 is possible there, but most often"
+        " degrees were meant. This is a note: nothing is changed, and `check --strict` passes.",
+        example="""\
+lagcli: 1
+parameters: {alpha: 30}
+particles:
+  a: {mass: 1, position: [0, 0, 0]}
+holonomic:
+  slope: a.z*cos(alpha) = a.x*sin(alpha)
+""",
+        cure="Write degrees as `30*deg`. Where radians are meant, leave it, or write the number as a multiple of pi.",
+        old="alpha: 30",
+        new="alpha: 30*deg",
+        severity="note",
+    ),
+    Page(
         code="unknown-component",
-        meaning="What stands after the dot is no component of what stands before it.",
-        why="A particle has `.x` `.y` `.z`, `.vx` `.vy` `.vz` and the vector `.v`; any other vector has `.x` `.y`"
-        " `.z`.",
+        meaning="The word after the dot is not a component of what is before it.",
+        why="A particle has `.x` `.y` `.z`, `.vx` `.vy` `.vz` and the vector `.v`, under `outputs` also `.ax` `.ay`"
+        " `.az` and `.a`; any other vector has `.x` `.y` `.z`.",
         example=_BALL + "outputs:\n  height: a.h\n",
         cure="Use one of the components there are.",
         old="a.h",

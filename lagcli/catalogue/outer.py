@@ -39,6 +39,17 @@ PAGES = (
         cure="Keep data out of the model: a model states laws and initial values.",
     ),
     Page(
+        code="too-large-to-build",
+        stage="input",
+        meaning="The model has more particles, coordinates or rows than its equations are built for, or a step of it"
+        " would take too much memory.",
+        why="A file of a few lines could otherwise take all memory of a machine. Free particles under constant forces"
+        " are counted however many they are; a run is refused where it would take more than 2 GB.",
+        example="lagcli simulate models/million-links.yaml",
+        cure="Model fewer members.",
+        new="lagcli simulate models/million-links.yaml --set N=1000",
+    ),
+    Page(
         code="too-large-to-derive",
         stage="input",
         meaning="An expression, or the kinetic energy of dependent particles, is too long to be written out as"
@@ -64,13 +75,13 @@ PAGES = (
         code="empty-model",
         meaning="The file holds nothing, or comments only.",
         why="A model has at least the version of the format and something that can move.",
-        example="# a model will stand here\n",
+        example="# a model will be here\n",
         cure="Begin with the version, then declare particles or coordinates.",
         new=_SMALLEST,
     ),
     Page(
         code="not-a-mapping",
-        meaning="A list or a plain text stands where names and values are needed.",
+        meaning="A list or a plain text is written where names and values are needed.",
         why="A model is a mapping of sections, and most sections are mappings from the names you choose to what"
         " they stand for. Without names there is nothing to call a column or an error by.",
         example="""\
@@ -100,7 +111,7 @@ outputs:
     ),
     Page(
         code="duplicate-key",
-        meaning="The same key stands twice in one mapping.",
+        meaning="The same key occurs twice in one mapping.",
         why="YAML would silently let the second win, and half of what you wrote would be lost.",
         example="""\
 lagcli: 1

@@ -7,7 +7,8 @@ from typing import Literal
 
 from lagcli import diagnostics
 
-Stage = Literal["input", "read", "start"]
+Stage = Literal["input", "read", "start", "run"]
+Severity = diagnostics.Severity | Literal["stop"]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -15,8 +16,8 @@ class Page:
     """One diagnostic code at length.
 
     `example` is a model that gives this code and no other error, `old` a part of it and `new` what cures it.
-    `stage` says where the code arises: while the model is `read`, or at the `start` of a count or run. Where it
-    arises from an `input` that is no text of a page (a directory, a huge file), the example is what was typed.
+    `stage` says where the code arises: while the model is `read`, at the `start` of a count or run, or in a `run`.
+    Where it arises from an `input` that is no text of a page (a directory, a huge file), the example is what was typed.
     """
 
     code: str
@@ -26,7 +27,7 @@ class Page:
     cure: str
     old: str = ""
     new: str = ""
-    severity: diagnostics.Severity = "error"
+    severity: Severity = "error"
     stage: Stage = "read"
 
     @property

@@ -14,6 +14,49 @@ holonomic:
 
 PAGES = (
     Page(
+        code="branch-cut",
+        stage="start",
+        severity="warning",
+        meaning="A row or a force has an angle from `atan2` or `atan`, which jumps by a whole turn at its cut.",
+        why="`atan2(y, x)` jumps from pi to -pi where y = 0 and x < 0. Where this changes a holonomic row by a constant"
+        " only, as in `b.z = h*atan2(b.y, b.x)`, the row has a smooth continuation: a run counts the turns and goes on."
+        " Where the slope of a row jumps too, a run that comes to the cut stops and names the row. A force that jumps"
+        " acts on the other side as the text says; a potential that jumps there changes the energy.",
+        example="""\
+lagcli: 1
+particles:
+  b: {mass: 1, position: [1, 0, 0]}
+holonomic:
+  circle: b.x**2 + b.y**2 = 1
+  helix: b.z = 0.2*atan2(b.y, b.x)
+""",
+        cure="Write the law with the sine or cosine of the angle; where it is meant to go on through many turns nothing"
+        " needs to be done.",
+        old="circle: b.x**2 + b.y**2 = 1\n  helix: b.z = 0.2*atan2(b.y, b.x)",
+        new="across: b.x = cos(5*b.z)\n  along: b.y = sin(5*b.z)",
+    ),
+    Page(
+        code="not-lipschitz",
+        stage="start",
+        severity="warning",
+        meaning="A force, an inertia or a row has an infinite slope, or jumps, at the start.",
+        why="The equations (D.24) have exactly one solution from a start at which forces, inertia and rows are"
+        " Lipschitz: their differences stay below a constant times the distance. `sqrt(abs(x))` at x = 0 is not:"
+        " a particle at rest there may stay, or leave at any time, and all these motions satisfy the equations."
+        " A run gives one of them.",
+        example="""\
+lagcli: 1
+coordinates:
+  x: {value: 0}
+lagrangian: rate(x)**2/2
+forces:
+  push: {to: x, force: sqrt(abs(x))}
+""",
+        cure="Start beside that place, or write the force without the infinite slope.",
+        old="value: 0",
+        new="value: 0.01",
+    ),
+    Page(
         code="contradictory-constraints",
         stage="start",
         meaning="Rows that act along the same direction prescribe different places or motions.",
@@ -86,7 +129,7 @@ lagrangian: (rate(x)**2 - rate(y)**2)/2
     Page(
         code="dependent-constraints",
         stage="start",
-        meaning="Whether some constraints follow from others at the start cannot be told.",
+        meaning="Whether some constraints follow from others at the start cannot be decided.",
         why="Rows that follow from others are left out of the equations, for the motion is the same without them."
         " Rows that are almost, but not quite, dependent are neither: kept they give multipliers without a right"
         " digit, left out they could change the motion.",
@@ -187,7 +230,7 @@ holonomic:
         meaning="Constraints take more freedoms than their gradients span, wherever they hold.",
         why="R = sum of lambda_i B_i lies in the span of the gradients. Three particles on a line with all three"
         " distances cannot bend, and yet no force along the line keeps the middle one from going aside: no finite"
-        " multipliers give the true motion, and what would be computed without this error is another one.",
+        " multipliers give the true motion, and what would be computed without this error is a different motion.",
         example="""\
 lagcli: 1
 particles:

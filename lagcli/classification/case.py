@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from lagcli import constraint_rows, numeric_flag, walk
+from lagcli import numeric_flag
 from lagcli.classification import coupling
 from lagcli.classification.coupling import Group
 from lagcli.compile import NumericSystem, pattern
@@ -12,11 +12,9 @@ from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
 from lagcli.numeric_flag import NumericFlag
 
-LATER = 0.01  # of the duration: how far points move on in time
-
 
 class Case:
-    """A system at its start `begin`: the groups of its rows, points of the surface, and the numeric flags."""
+    """A system at its start `begin`: the groups of its rows, and the numeric flags."""
 
     def __init__(self, system: System, numeric: NumericSystem, begin: State) -> None:
         self.system, self.numeric, self.begin = system, numeric, begin
@@ -32,19 +30,9 @@ class Case:
         """Whether time is a coordinate of the forms."""
         return pattern.depends_on_time(self.system)
 
-    @cached_property
-    def points(self) -> list[State]:
-        """Points of the surface near the start, which is the first."""
-        rows = list(range(self.system.holonomic_count))
-        if len(rows) > constraint_rows.DENSE:
-            # A walk would take longer than all else; one point aside is found without it.
-            return [self.begin]
-        later = LATER * (self.system.model.simulation.duration or 1.0) if self.depends_on_time else 0.0
-        return walk.along(self.numeric, self.begin, rows, later)
-
     def flag(self, group: Group, deadline: float) -> NumericFlag:
         """The flag of a group by numbers; `deadline`: a value of `time.monotonic`."""
         known = self._flags.get(group)
         if known is None or not known.is_certain:
-            known = self._flags[group] = numeric_flag.flag(self.system, self.points, group.rows, deadline)
+            known = self._flags[group] = numeric_flag.flag(self.system, self.begin, group.rows, deadline)
         return known

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import time
 
-from lagcli import settings
+from lagcli import phases, settings
 from lagcli.classification.case import Case
 from lagcli.classification.verdict import Classification
 
 QUICK = 1.0  # seconds for numbers to show that nothing is integrable
 
 
+@phases.phase("classifying the constraints")
 def classify(case: Case, limit: float = settings.LIMIT) -> Classification:
     """The classification. `limit`: seconds for all rows, then `undecided`.
 

@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from lagcli.classification import coupling
+from lagcli.classification import coupling, locality
 from lagcli.classification.case import Case
-from lagcli.classification.verdict import Joint, Kind, Proof, Verdict
+from lagcli.classification.verdict import Condition, HiddenConditionsError, Joint, Kind, Proof, Verdict
 from lagcli.conserved import FirstIntegral
 from lagcli.integrate import initial
 from lagcli.numeric_flag import NumericFlag
@@ -42,26 +42,44 @@ class Judge:
         self._translation = translate.Translation(case.system.model)
         self._forms = self._translation.forms()
         self._alike, self._joint = alike.Judge(), joint.Judge()
+        self._locality = locality.Locality(case, self._translation, deadline)
 
     def judge(self, group: coupling.Group) -> tuple[tuple[Verdict, ...], Joint]:
         """The verdicts of the rows of a group, and their joint one."""
         names, declared = self._names(group.differential), self._block(group)
         block, flagged = self._flagged(group, declared, PROMPT)
-        numbers = None if flagged is not None else self._case.flag(group, self._deadline)
+        is_regular = flagged is not None and self._locality.is_regular(flagged)
+        numbers = None if is_regular else self._case.flag(group, self._deadline)
         single = [self._alone(name) for name in names]
         solved: tuple[FirstIntegral, ...] = ()
-        if numbers is not None and block is not None:
+        if numbers is not None and block is not None and flagged is None:
             solved = self._without_flag(block, numbers, single) if numbers.is_certain else ()
             if not numbers.is_certain or len(solved) < numbers.extra[-1]:
                 block, flagged = self._flagged(group, block, PATIENT)
-        if block is not None and flagged is not None:
+        if (
+            block is not None
+            and flagged is not None
+            and (numbers is None or locality.agree(flagged, numbers))
+        ):
             together = self._exact(block, flagged, single)
         else:
             assert numbers is not None
             together = self._numeric(names, numbers, single, solved)
+            if block is not None and self._is_local(block, flagged, numbers):
+                together = self._locality.told(together, block, flagged, numbers, single)
+            elif block is not None and numbers.is_certain:
+                together = self._locality.without_idle(together, block, numbers)
         if block is not declared:
             together = dataclasses.replace(together, notes=(EXCEPTIONAL, *together.notes))
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
+
+    def _is_local(self, block: Block, flagged: joint.Flagged | None, numbers: NumericFlag) -> bool:
+        """Whether what numbers found need not hold elsewhere: exact algebra differs, or there are other pieces."""
+        if not numbers.is_certain:
+            return False
+        if flagged is not None or numbers.on_piece:
+            return True
+        return numbers.extra[-1] > 0 and self._locality.has_sheets(block, numbers)
 
     def _alone(self, name: str) -> frobenius.Verdict | None:
         """The verdict of a row by itself, for the values of the parameters; None where it is too large."""
@@ -69,9 +87,17 @@ class Judge:
         if isinstance(form, translate.TooLarge):
             return None
         found = self._alike.classify(form, self._deadline)
-        if any(self._translation.vanishes(e) for e in found.exceptional) or self._is_unseen(found):
+        is_exceptional = any(self._translation.vanishes(e) for e in found.exceptional)
+        if is_exceptional or self._is_unseen(found) or self._has_unreal_root(found):
             return self._alike.classify(form.with_values(self._translation.values), self._deadline)
         return found
+
+    def _has_unreal_root(self, found: frobenius.Verdict) -> bool:
+        """Whether the integral holds a root of a parameter that is negative."""
+        values = self._translation.values
+        below = () if found.integral is None else {p.base for p in translate.roots(found.integral)}
+        constant = (e for e in below if e.free_symbols and e.free_symbols <= values.keys())
+        return any(not e.xreplace(values).evalf() >= 0 for e in constant)
 
     def _is_unseen(self, found: frobenius.Verdict) -> bool:
         """Whether the witness that no integrating factor exists may be nothing for the values of the parameters."""
@@ -104,7 +130,8 @@ class Judge:
         """The flag of exact algebra, None where `effort` (seconds of processor time) is too little for it.
 
         Where the parameters have values for which the flag may be another than in general, the block is given back
-        with these values put in. Raises `diagnostics.ModelError` where a combination of rows says dt = 0.
+        with these values put in. Raises `diagnostics.ModelError` where a combination of rows says dt = 0, and
+        `HiddenConditionsError` where one says g dt = 0.
         """
         if block is None:
             return None, None
@@ -120,9 +147,23 @@ class Judge:
         except (field.NotDecidedError, limit.TimeUpError):
             return block, None
         if found.flag.contradiction:
-            rows = [group.differential[i] for i in found.flag.contradiction]
-            raise initial.contradiction(self._case.system, rows)
+            if all(found.flag.conditions) and not self._locality.is_regular(found):
+                return block, None
+            self._demand(group, found)
         return block, found
+
+    def _demand(self, group: coupling.Group, found: joint.Flagged) -> None:
+        """Raise what rows demand of which a combination is g dt: that g = 0, or the impossible."""
+        rows = [group.differential[i] for i in found.flag.contradiction]
+        if not all(found.flag.conditions):
+            raise initial.contradiction(self._case.system, rows)
+        names = self._names(rows)
+        raise HiddenConditionsError(
+            tuple(
+                Condition(printing.written(self._locality.own_factor(factors)), names)
+                for factors in found.flag.conditions
+            )
+        )
 
     def _exact(self, block: Block, flagged: joint.Flagged, single: list[frobenius.Verdict | None]) -> Joint:
         """The joint verdict of exact algebra."""
@@ -138,12 +179,15 @@ class Judge:
             unsolved = tuple(printing.written(form) for form in solved.unsolved)
         told = {printing.written(e): self._is_at_start(e) for e in found.special}
         special = {text: at for text, at in told.items() if len(text) <= SHORT}
-        remarks = [f"special where {text} = 0: there the derived flag is another" for text in special]
+        remarks = [f"special where {text} = 0: there the derived flag is different" for text in special]
         if found.exceptional:
             values = " or ".join(f"{printing.written(e)} = 0" for e in found.exceptional)
             remarks.append(f"shown for parameters in general; with {values} it may be another")
         notes = tuple(
-            f"the start is a special configuration: {text} = 0 there" for text, at in special.items() if at
+            f"the start is a special configuration: {text} = 0 there; the rows lead away from it, and the count is that"
+            " of the motions from it"
+            for text, at in special.items()
+            if at
         )
         proof: Proof = "symbolic" if found.is_exact else "numeric"
         idle = frozenset(names[i] for i in found.vanishing)
@@ -221,6 +265,11 @@ def _verdict(name: str, one: frobenius.Verdict | None, together: Joint) -> Verdi
     factor = None
     if one is not None and one.integrating_factor is not None:
         factor = printing.written(one.integrating_factor)
+    if name in together.vanishing:
+        text = "The form vanishes identically where the holonomic constraints hold: it says nothing."
+        if together.passing or name not in together.inside:
+            text = "The form vanishes along the motions from the start: it says nothing."
+        return Verdict(name, "differential", "exact", None, None, text, together.proof)
     if kind in ("exact", "integrable"):
         return Verdict(name, "differential", kind, integral, factor, method, proof)
     if not together.is_decided:
@@ -228,9 +277,6 @@ def _verdict(name: str, one: frobenius.Verdict | None, together: Joint) -> Verdi
             method = f"{method} Whether it is integrable together with the rows it meets is open: {together.reason}."
             kind, proof = "undecided", "none"
         return Verdict(name, "differential", kind, None, None, method, proof)
-    if name in together.vanishing:
-        text = "The form vanishes identically where the holonomic constraints hold: it says nothing."
-        return Verdict(name, "differential", "exact", None, None, text, together.proof)
     if name in together.inside:
         found = _integral_of(name, together)
         where = "It lies in the integrable part of all rows together (derived flag)."
@@ -248,5 +294,5 @@ def _verdict(name: str, one: frobenius.Verdict | None, together: Joint) -> Verdi
 
 def _integral_of(name: str, together: Joint) -> str | None:
     """An integral in which the row takes part, one of as few rows as there are."""
-    own = [one for one in together.integrals if name in one.rows]
+    own = [one for one in (*together.integrals, *together.passing) if name in one.rows]
     return min(own, key=lambda one: len(one.rows)).text if own else None

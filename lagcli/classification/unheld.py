@@ -1,4 +1,4 @@
-"""What a run is told of differential rows whose first integrals it cannot hold, since they are not known."""
+"""Notes for differential constraints whose first integrals are unknown and therefore not enforced."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def notes(found: Classification) -> tuple[str, ...]:
     for group in found.groups:
         if not group.is_decided:
             undecided += group.rows
-        elif len(group.integrals) < group.flag[-1]:
+        elif len(group.integrals) + len(group.passing) < group.flag[-1]:
             # Where no row alone lies in the integrable part a combination of them does.
             unknown += [row for row in group.rows if row in group.inside] or group.rows
     told = []
@@ -25,7 +25,7 @@ def notes(found: Classification) -> tuple[str, ...]:
     if undecided:
         told.append(f"it is undecided whether {_named(undecided)} can be integrated")
     return tuple(
-        f"{what}: what is not known is not held, and the velocity rows keep it to the tolerance"
+        f"{what}: integrals that are not known are enforced at velocity level only, to the integration tolerance"
         for what in told
     )
 

@@ -26,6 +26,22 @@ class Verdict:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class Condition:
+    """A hidden holonomic condition g = 0 that rows demand by g dt = 0; `text` is g in the model's notation."""
+
+    text: str
+    rows: tuple[str, ...]
+
+
+class HiddenConditionsError(Exception):
+    """Rows demand conditions that are not among those of the system: it is to be classified with them."""
+
+    def __init__(self, conditions: tuple[Condition, ...]) -> None:
+        super().__init__(", ".join(f"{one.text} = 0" for one in conditions))
+        self.conditions = conditions
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class Joint:
     """The derived flag of coupled differential rows, beyond the df of the holonomic rows they meet.
 
@@ -35,7 +51,7 @@ class Joint:
     far as they were found; `unsolved` says in words which of its forms have none. remarks: where the flag drops and
     for which parameters; notes: what of that concerns this very start and these parameters. vanishing: rows that
     vanish identically where the holonomic rows hold. held: rank of the holonomic rows they meet, where that is proved
-    exactly.
+    exactly. passing: integrals that hold on the set alone that the motions from the start keep to.
     """
 
     rows: tuple[str, ...]
@@ -50,6 +66,7 @@ class Joint:
     notes: tuple[str, ...] = ()
     vanishing: frozenset[str] = frozenset()
     held: int = 0
+    passing: tuple[FirstIntegral, ...] = ()
 
     @property
     def is_decided(self) -> bool:
@@ -82,8 +99,13 @@ class Classification:
 
     @property
     def integrals(self) -> tuple[FirstIntegral, ...]:
-        """All first integrals that were found."""
+        """The first integrals that were found, which hold wherever a motion may come to."""
         return tuple(integral for group in self.groups for integral in group.integrals)
+
+    @property
+    def everything(self) -> tuple[FirstIntegral, ...]:
+        """The same, and those that hold for the motions from the start alone."""
+        return tuple(one for group in self.groups for one in (*group.integrals, *group.passing))
 
     @property
     def vanishing(self) -> frozenset[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import collections
 import math
 import os
+import textwrap
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -12,13 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from lagcli import diagnostics, settings
-from lagcli.cli import exits, machine
+from lagcli.cli import exits, group, machine
 
 if TYPE_CHECKING:
     from lagcli import model as nouns
 
 app = typer.Typer(
     name="lagcli",
+    cls=group.Group,
     help="Degrees of freedom, Lagrange multipliers and constraint forces of constrained mechanical systems.",
     epilog="MODEL is a YAML file; - reads it from standard input.",
     add_completion=False,
@@ -32,7 +34,7 @@ app = typer.Typer(
 def _seconds(value: float) -> float:
     """A limit as it is. Raises `typer.BadParameter` for nan, which no lower bound refuses."""
     if math.isnan(value):
-        raise typer.BadParameter("nan is no number of seconds")
+        raise typer.BadParameter("must be a number of seconds, not nan")
     return value
 
 
@@ -42,7 +44,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=EXPR",
-        help="another value for a parameter (m=2) or a start (theta.value=pi/3, a.z=-1); repeatable",
+        help="a different value for a parameter (m=2) or a start (theta.value=pi/3, a.z=-1); repeatable",
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, errors too")]
@@ -118,6 +120,9 @@ def check(
     changes: SetOption = None,
     as_json: JsonOption = False,
     strict: Annotated[bool, typer.Option("--strict", help="exit 1 on warnings")] = False,
+    assemble: Annotated[
+        bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
+    ] = False,
     limit: LimitOption = settings.LIMIT,
     witness: Annotated[
         str | None,
@@ -132,7 +137,7 @@ def check(
 ) -> None:
     """Classify the constraints, count the degrees of freedom, check the initial values.
 
-    With --json one object for one MODEL, and a list of them in the order of the MODELs for several.
+    With --json one object for one MODEL; for several a list in the order of the MODELs, each with path and title.
     """
     from lagcli import pipeline
     from lagcli.cli import tellings
@@ -146,21 +151,24 @@ def check(
         began = time.perf_counter()
         try:
             read = _load(path, changes)
-            report = pipeline.check(read, limit)
-            shown = wish.shown(read, report, limit) if wish is not None else None
+            report = pipeline.check(read, limit, assemble=assemble)
+            shown = wish.shown(read, report, limit, assemble) if wish is not None else None
         except diagnostics.ModelError as error:
             codes.append(exits.of(error))
-            answers.append(machine.errors(error))
+            answers.append({**({"path": path} if len(models) > 1 else {}), **machine.errors(error)})
             if not as_json:
                 exits.say(str(error))
             continue
-        answers.append(
-            report.as_json() if shown is None else {**report.as_json(), "witness": shown.as_json()}
-        )
-        codes.append(exits.INVALID if strict and report.warnings else exits.DONE)
+        # Several objects in a list say which model each is of.
+        heading = {"path": report.path, "title": report.title} if len(models) > 1 else {}
+        witnessed = {} if shown is None else {"witness": shown.as_json()}
+        answers.append({**heading, **report.as_json(), **witnessed})
+        warned = any(found.severity == "warning" for found in report.warnings)
+        codes.append(exits.INVALID if strict and warned else exits.DONE)
         if not as_json:
             tellings.report(report, heading=len(models) > 1)
-            exits.say_all(() if quiet else (warning.render() for warning in report.warnings))
+            told = report.initial.assembled.lines(read.units) if report.initial.assembled else ()
+            exits.say_all(() if quiet else (*told, *(warning.render() for warning in report.warnings)))
         if shown is not None:
             codes.append(shown.tell(as_json))
         if verbose:
@@ -176,7 +184,9 @@ def simulate(
     model: ModelArgument,
     output: Annotated[
         str | None,
-        typer.Option("-o", "--output", metavar="FILE", help=".csv, .json, .npz, .parquet; - for stdout"),
+        typer.Option(
+            "-o", "--output", metavar="FILE", help=".csv, .tsv, .json, .npz, .parquet; - for stdout"
+        ),
     ] = None,
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
@@ -186,6 +196,9 @@ def simulate(
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
     rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
     atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
+    max_step: Annotated[
+        float | None, typer.Option("--max-step", help="no step is longer: for forces that steps may miss")
+    ] = None,
     method: Annotated[str | None, typer.Option(metavar="NAME", help="auto or dop853")] = None,
     assemble: Annotated[
         bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
@@ -216,7 +229,7 @@ def simulate(
     """Integrate m a = F + sum lambda_i B_i and write t, r, v, lambda, R, energy as a table.
 
     CSV on standard output without -o and --plot. Exit 3 where the integration stops before its end: the rows
-    so far are written.
+    so far are in FILE.partial, and FILE is as it was.
     """
     from lagcli import pipeline
     from lagcli.cli import running
@@ -228,7 +241,7 @@ def simulate(
     read = _reported(lambda: _load(model, changes), as_json)
     given = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
-        "method": method, "assemble": True if assemble else None,
+        "max_step": max_step, "method": method, "assemble": True if assemble else None,
     }  # fmt: skip
     try:
         chosen = pipeline.run_settings(read, given)
@@ -242,13 +255,16 @@ def simulate(
 def compare(
     model: ModelArgument,
     other: Annotated[
-        str | None, typer.Argument(metavar="[OTHER]", help="another model, compared on shared columns")
+        str | None, typer.Argument(metavar="[OTHER]", help="a second model, compared on shared columns")
     ] = None,
     duration: Annotated[float | None, typer.Option(help="length of the runs")] = None,
     output_step: Annotated[float | None, typer.Option("--output-step", help="time between rows")] = None,
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted (101)")] = None,
     rtol: Annotated[float | None, typer.Option(help="relative tolerance of the runs")] = None,
     atol: Annotated[float | None, typer.Option(help="absolute tolerance of the runs")] = None,
+    max_step: Annotated[
+        float | None, typer.Option("--max-step", help="no step of the runs is longer")
+    ] = None,
     assemble: Annotated[
         bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
     ] = False,
@@ -265,7 +281,7 @@ def compare(
     verbose: VerboseOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Run a model in every formulation that fits, or two models, and tell to how many digits they agree.
+    """Run a model in every formulation that fits, or two models, and show to how many digits they agree.
 
     Newton with multipliers, Lagrange with multipliers, reduced by the null space. Exit 1 where they disagree, 3 where
     a run stops before its end.
@@ -277,7 +293,7 @@ def compare(
     read = _reported(lambda: [_load(path, changes) for path in paths], as_json)
     given = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
-        "assemble": True if assemble else None,
+        "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
     wishes = comparing.Wishes(columns, tolerance, as_json, quiet)
     if verbose:
@@ -301,6 +317,9 @@ def audit(
     samples: Annotated[int | None, typer.Option(help="number of rows of the new run")] = None,
     rtol: Annotated[float | None, typer.Option(help="relative tolerance of the run")] = None,
     atol: Annotated[float | None, typer.Option(help="absolute tolerance of the run")] = None,
+    max_step: Annotated[
+        float | None, typer.Option("--max-step", help="no step of the new run is longer")
+    ] = None,
     assemble: Annotated[
         bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
     ] = False,
@@ -320,13 +339,13 @@ def audit(
     from lagcli.cli import audit as auditing
 
     wishes = auditing.Wishes(run, plot, digits, as_json, quiet, verbose)
-    wishes.check()
+    wishes.check(model)
     if run is not None and (duration is not None or samples is not None):
         raise exits.UsageError("--run: the table has its own rows; --duration and --samples are of a new run")
     read = _reported(lambda: _load(model, changes), as_json)
     given = {
         "duration": duration, "samples": samples, "rtol": rtol, "atol": atol,
-        "assemble": True if assemble else None,
+        "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
     _reported(lambda: auditing.run(read, given, wishes), as_json)
 
@@ -374,6 +393,7 @@ def derive(
     values: Annotated[
         str, typer.Option(metavar="NAMES", help="parameters to put in as numbers, such as 'm,g'; all")
     ] = "",
+    limit: LimitOption = settings.LIMIT,
     changes: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="as --format json")] = False,
     quiet: QuietOption = False,
@@ -390,7 +410,7 @@ def derive(
     form = deriving.require_format("json" if as_json else form)
     read = _reported(lambda: _load(model, changes), form == "json")
     began = time.perf_counter()
-    page = _reported(lambda: deriving.derived(read, solve, everything, values), form == "json")
+    page = _reported(lambda: deriving.derived(read, solve, everything, values, limit), form == "json")
     deriving.write(page, form)
     if not quiet:
         exits.say_all(warning.render() for warning in (read.warnings if verbose else ()))
@@ -398,24 +418,35 @@ def derive(
         exits.say(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")
 
 
-@app.command(short_help="Say what an error or warning means and how to cure it.")
+@app.command(short_help="Explain an error or warning and how to fix it.")
 @exits.command
 def explain(
     code: Annotated[
-        str | None, typer.Argument(metavar="CODE", help="the word in brackets of a message")
+        str | None, typer.Argument(metavar="CODE", help="the word in brackets of a message, or D.24")
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Say what an error or warning means, why, with an example and the cure; without CODE list all."""
+    """Explain an error or warning and how to fix it, or an equation such as D.24; without CODE list all."""
     from lagcli import catalogue
+    from lagcli.catalogue import equations
 
     if code is None:
-        print("\n".join(catalogue.codes()))
+        print("\n".join(catalogue.lines()))
+        return
+    try:
+        equation = equations.line(code)
+    except KeyError:
+        raise exits.UsageError(f"the equations are D.1 to D.{equations.LAST}") from None
+    if equation is not None:
+        print(textwrap.fill(equation, 80), textwrap.fill(equations.TEXT, 80), sep="\n\n")
         return
     page = catalogue.page(code)
     if page is None:
-        hint = diagnostics.nearest(code, catalogue.codes()) or "`lagcli explain` lists them all"
-        raise exits.UsageError(f"there is no message `{code}`; {hint}")
+        hint = (
+            diagnostics.nearest(code, catalogue.codes())
+            or "`lagcli explain` lists all codes with their meaning"
+        )
+        raise exits.UsageError(f"unknown error code `{code}`; {hint}")
     print(catalogue.render(page))
 
 

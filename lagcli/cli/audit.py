@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 import pathlib
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 from lagcli import diagnostics, pipeline
 from lagcli.auditing.record import TableError
-from lagcli.cli import exits, machine
+from lagcli.cli import console, exits, files, machine
 from lagcli.export import endings, read_table
 from lagcli.export.tables import MissingExtra
 
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
     from lagcli.model import Model
 
 SHOWN = 6  # names of a check that fails
+UNREAD = 12  # names of columns that no check looks at
+LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -31,45 +35,38 @@ class Wishes:
     quiet: bool
     verbose: bool
 
-    def check(self) -> None:
+    def check(self, model: str) -> None:
         """Refuse what cannot be done before anything is computed. Raises `exits.UsageError`, `exits.WriteError`."""
         try:
             if self.plot is not None:
                 endings.of(pathlib.Path(self.plot), endings.FIGURES)
-                exits.check_writable(self.plot)
             if self.table is not None:
                 endings.of(pathlib.Path(self.table), endings.TABLES)
         except endings.UnknownFormat as error:
             raise exits.UsageError(str(error)) from None
         if self.table is not None and not os.path.exists(self.table):
             raise exits.UsageError(f"--run: there is no file {self.table}")
-        if self.table is not None and self.plot is not None and _same(self.table, self.plot):
-            raise exits.UsageError(f"--plot {self.plot}: that is the file of --run")
-
-
-def _same(one: str, other: str) -> bool:
-    return os.path.realpath(one) == os.path.realpath(other)
+        if self.plot is not None:
+            read = [files.File("--run", self.table)] if self.table is not None else []
+            figure = files.File("--plot", self.plot, is_written=True)
+            files.require_separate((*files.model(model), *read, figure, *files.stdout()))
+            exits.check_writable(self.plot)
 
 
 def run(model: Model, given: dict[str, Any], wishes: Wishes) -> None:
     """Audit and tell. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before its end."""
     found = _audited(model, given, wishes)
     if wishes.plot is not None:
-        from lagcli.export import audit_figure
+        with exits.drawing(wishes.plot):
+            from lagcli.export import audit_figure
 
-        with exits.writing(wishes.plot):
             audit_figure.draw(pathlib.Path(wishes.plot), found, model.units.time)
     if wishes.as_json:
         print(machine.text(found.as_json()))
     else:
-        print("\n".join(diagnostics.printable(line) for line in _lines(found, wishes)))
+        _tell(found, wishes)
     if not wishes.quiet:
         exits.say_all(f"note: {note}" for note in found.notes)
-        if found.unjudged:
-            exits.say(
-                f"note: not all could be judged of {', '.join(found.unjudged)}: rows stand too far apart there, or next"
-                " to a singular configuration"
-            )
     if not found.passed:
         raise exits.Exit(exits.INVALID)
     if not found.complete:
@@ -90,37 +87,52 @@ def _audited(model: Model, given: dict[str, Any], wishes: Wishes) -> Audit:
         raise exits.UsageError(str(error)) from None
 
 
-def _lines(found: Audit, wishes: Wishes) -> list[str]:
+def _tell(found: Audit, wishes: Wishes) -> None:
     """The report: a table of checks, what fails by name, and what the rows say about uniqueness."""
     name = found.title or found.path
-    told = [
+    console.paragraph(
         f"Audit of {name}: {found.rows} rows from t = {found.start:g} to {found.end:g},"
         f" run to rtol {found.rtol:g}, atol {found.atol:g}",
         "",
-        *_table_of(found.checks, wishes.verbose),
-        "",
-    ]
+    )
+    print(
+        "\n"
+        + "\n".join(diagnostics.printable(line) for line in _table_of(found.checks, wishes.verbose))
+        + "\n"
+    )
     for check in found.checks:
         if check.verdict == "fail":
-            told.append(
+            head = (
                 f"{check.name} fails ({check.law}: {check.equation}):"
                 if check.law
                 else f"{check.name} fails:"
             )
-            told += [f"  {_fault(place)}" for place in check.failing[:SHOWN]]
+            console.paragraph(head, "  ")
+            for place in check.failing[:SHOWN]:
+                console.paragraph(f"  {_fault(place)}", "    ")
             if check.failures > SHOWN:
-                told.append(f"  and {check.failures - SHOWN} others")
-    told += [sentence[0].upper() + sentence[1:] + "." for sentence in found.sentences]
-    figures = dict(found.figures)
-    if figures:
-        told.append(
-            f"Virtual work of R at most {figures['virtual_work']:.1e}; real work of R"
-            f" {figures['work_of_constraints']:.10g}, energy gained {figures['energy_gained']:.10g}."
-        )
-    told.append(
-        "No check fails." if found.passed else "A check fails: the table is not a motion of this model."
+                print(f"  and {check.failures - SHOWN} others")
+    for sentence in found.sentences:
+        console.paragraph(sentence[0].upper() + sentence[1:] + ".", "")
+    if found.figures:
+        console.paragraph(_work(dict(found.figures)), "")
+    if found.unread:
+        console.paragraph(_unread(found.unread), "")
+    console.paragraph(found.conclusion, "")
+
+
+def _work(figures: dict[str, float]) -> str:
+    real = figures["work_of_constraints"]
+    told = f"{real:.10g}" if math.isfinite(real) else "not known (the rows are too far apart)"
+    return (
+        f"Virtual work of R at most {figures['virtual_work']:.1e}; real work of R {told}, energy gained"
+        f" {figures['energy_gained']:.10g}."
     )
-    return told
+
+
+def _unread(names: tuple[str, ...]) -> str:
+    shown = ", ".join(names[:UNREAD]) + (f" and {len(names) - UNREAD} others" if len(names) > UNREAD else "")
+    return f"Columns that no check looks at: {shown}."
 
 
 def _fault(place: Place) -> str:
@@ -133,8 +145,33 @@ def _where(place: Place) -> str:
 
 
 def _table_of(checks: tuple[Check, ...], verbose: bool) -> list[str]:
-    head = ("check", "equation", "worst", "limit", "where", "verdict")
-    lines = [head]
+    """The lines of the table; on a narrow terminal laws are named by their numbers alone."""
+    lines = _wide_rows(checks)
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    if sum(widths) + 2 * (len(widths) - 1) > console.width():
+        lines = [
+            (line[0], law, *line[2:])
+            for line, law in zip(lines, ["law", *(c.law for c in checks)], strict=True)
+        ]
+        widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+        room = console.width() - sum(widths[:-1]) - 2 * (len(widths) - 1)
+        widths[-1] = max(LEAST_WHERE, min(widths[-1], room))
+    told = []
+    for number, line in enumerate(lines):
+        last = textwrap.wrap(line[-1], widths[-1], break_on_hyphens=False) or [""]
+        cells = [cell.ljust(width) for cell, width in zip(line[:-1], widths[:-1], strict=True)]
+        told.append("  ".join([*cells, last[0]]).rstrip())
+        told += [" " * (sum(widths[:-1]) + 2 * len(widths[:-1])) + part for part in last[1:]]
+        if number and checks[number - 1].note and (verbose or checks[number - 1].name == "momenta"):
+            for part in checks[number - 1].note.split("; "):
+                told += textwrap.wrap(
+                    part, console.width(), initial_indent="    ", subsequent_indent="      "
+                )
+    return told
+
+
+def _wide_rows(checks: tuple[Check, ...]) -> list[tuple[str, ...]]:
+    lines: list[tuple[str, ...]] = [("check", "equation", "worst", "limit", "verdict", "where")]
     for check in checks:
         law = f"{check.equation} ({check.law})" if check.law else check.equation
         worst = check.worst
@@ -144,14 +181,15 @@ def _table_of(checks: tuple[Check, ...], verbose: bool) -> list[str]:
                 law,
                 f"{worst.value:.1e}" if worst else "-",
                 f"{worst.limit:.1e}" if worst else "-",
+                _verdict(check),
                 _where(worst) if worst and worst.value else "-",
-                check.verdict,
             )
         )
-    widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
-    told = []
-    for number, line in enumerate(lines):
-        told.append("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
-        if number and checks[number - 1].note and (verbose or checks[number - 1].name == "momenta"):
-            told += [f"    {part}" for part in checks[number - 1].note.split("; ")]
-    return told
+    return lines
+
+
+def _verdict(check: Check) -> str:
+    """The verdict; of a check that is judged in part how much of it."""
+    if check.verdict != "partly judged" or check.fraction is None:
+        return check.verdict
+    return f"{max(1, math.floor(100 * check.fraction))} % judged"

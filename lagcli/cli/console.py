@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 UNCUT = 10_000  # columns of a "terminal" that is none
 NARROWEST = 20
+USUAL = 80  # of a terminal that does not say
 HEIGHT = 25  # rich takes a width only together with a height; nothing here depends on it
 
 Rows = Sequence[Sequence[str]]
@@ -39,9 +40,34 @@ def width() -> int:
     return max(NARROWEST, shutil.get_terminal_size().columns) if sys.stdout.isatty() else UNCUT
 
 
+def stderr_width() -> int:
+    """Columns of stderr, a terminal."""
+    try:
+        columns = os.get_terminal_size(sys.stderr.fileno()).columns
+    except (OSError, ValueError):  # one that does not say
+        columns = 0
+    return max(NARROWEST, columns or USUAL)
+
+
 def table(headers: Sequence[str], rows: Rows, colours: Mapping[str, str]) -> None:
-    """A table on stdout; cells that are a key of `colours` get that style on a terminal."""
+    """A table on stdout; cells that are a key of `colours` get that style on a terminal.
+
+    On a terminal that is too narrow for it each row is told in lines of its own.
+    """
+    if sys.stdout.isatty() and not fits(headers, rows):
+        for line in stacked(headers, rows, width()):
+            print(line)
+        return
     _console().print(_table(headers, rows, colours))
+
+
+def stacked(headers: Sequence[str], rows: Rows, columns: int) -> Iterator[str]:
+    """A table as paragraphs of at most so many columns: the first cell, then each other one after its header."""
+    for row in rows:
+        first, *cells = (diagnostics.printable(cell) for cell in row)
+        told = [f"{header} {cell}".strip() for header, cell in zip(headers[1:], cells, strict=True) if cell]
+        text = f"{first}: {'; '.join(told)}" if first else "; ".join(told)
+        yield from textwrap.wrap(text, columns, subsequent_indent="    ", break_on_hyphens=False)
 
 
 def fits(headers: Sequence[str], rows: Rows) -> bool:

@@ -22,11 +22,11 @@ def require_format(chosen: str) -> str:
     return chosen
 
 
-def derived(model: Model, solve: bool, everything: bool, values: str) -> Derivation:
+def derived(model: Model, solve: bool, everything: bool, values: str, limit: float) -> Derivation:
     """The derivation. Raises `exits.UsageError` for values of parameters there are not, `ModelError`."""
     names = [name.strip() for name in values.split(",") if name.strip()]
     try:
-        return pipeline.derive(model, solve=solve, everything=everything, values=names)
+        return pipeline.derive(model, solve=solve, everything=everything, values=names, limit=limit)
     except ValueError as error:
         raise exits.UsageError(f"--values: {error}") from None
 

@@ -30,7 +30,11 @@ def run(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bo
         print(machine.text(found.as_json()))
     else:
         _tell(found)
-    if not found.bases.is_certain and not quiet:
+    if quiet:
+        return
+    exits.say_all(found.assembled.lines(model.units) if found.assembled else ())
+    exits.say_all(f"note: {note}; displacements do not depend on velocities" for note in found.notes)
+    if not found.bases.is_certain:
         exits.say("note: the rows are nearly dependent here; the lower of the possible ranks is taken")
 
 

@@ -6,16 +6,21 @@ import contextlib
 import errno
 import functools
 import os
+import pathlib
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 from lagcli import diagnostics
-from lagcli.cli import signals
+from lagcli.cli import signals, status
+from lagcli.export import aside
 from lagcli.reader.overrides import OverrideError
 
 DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141
+
+
+signals.before_end(aside.sweep)
 
 
 class Exit(Exception):
@@ -60,7 +65,11 @@ def command(function: Command) -> Command:
 
     @functools.wraps(function)
     def ended(*arguments: Any, **options: Any) -> None:
-        code = guarded(lambda: function(*arguments, **options), debug=bool(options.get("debug")))
+        try:
+            with status.showing(bool(options.get("quiet"))):
+                code = guarded(lambda: function(*arguments, **options), debug=bool(options.get("debug")))
+        finally:
+            aside.sweep()
         raise SystemExit(code)
 
     return ended  # type: ignore[return-value] # the same parameters, by functools.wraps
@@ -74,6 +83,7 @@ def guarded(run: Callable[[], None], debug: bool = False) -> int:
         sys.stdout.flush()
         return code
     except signals.Interrupted as error:
+        say_all(signals.last_words())
         # Whoever reads stdout may have stopped to: nothing more is written.
         _drop_stdout()
         return 128 + error.number
@@ -124,15 +134,23 @@ def writing(name: str) -> Iterator[None]:
         raise WriteError(f"cannot write {name}: {error.strerror or error}") from error
 
 
-def check_writable(name: str) -> None:
-    """Refuse a file that cannot be made, before a long run and not after it. Raises `WriteError`."""
-    target = os.path.realpath(name)
-    # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
-    in_place = os.path.exists(target) and not os.path.isfile(target)
-    place, rights = (target, os.W_OK) if in_place else (os.path.dirname(target), os.W_OK | os.X_OK)
+@contextlib.contextmanager
+def drawing(name: str) -> Iterator[None]:
+    """What is inside loads matplotlib and writes a figure; matplotlib's remarks on its cache are no answer of ours."""
+    import logging
+
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     with writing(name):
-        if os.path.isdir(target):
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        yield
+
+
+def check_writable(name: str) -> None:
+    """Refuse a file that cannot be made or replaced, before a long run and not after it. Raises `WriteError`."""
+    with writing(name):
+        target = aside.destination(pathlib.Path(name))
+        # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
+        is_replaced = aside.is_replaced(target)
+        place, rights = (target.parent, os.W_OK | os.X_OK) if is_replaced else (target, os.W_OK)
         os.stat(place)
         if not os.access(place, rights):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))

@@ -8,17 +8,18 @@ import json
 import os
 import pathlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import pipeline, settings
-from lagcli.cli import console, exits, machine, signals
+from lagcli.cli import console, exits, files, machine, signals, table
 from lagcli.digits import estimate
-from lagcli.export import aside, checkpoint_file, columns, endings, tables, thinned
-from lagcli.integrate import checkpoint, driver
+from lagcli.export import aside, columns, endings, row_file, thinned
+from lagcli.integrate import checkpoint, driver, moves, tolerance
+from lagcli.mechanics import rows as row_lengths
 from lagcli.model import Model, Simulation
 from lagcli.trajectory import Stats
 
@@ -60,7 +61,7 @@ class Wishes:
             raise exits.UsageError(f"--digits with --resume: {estimate.NOT_RESUMED}")
         try:
             if self.file is not None:
-                endings.of(pathlib.Path(self.file), endings.TABLES)
+                endings.of(pathlib.Path(self.file), endings.WRITTEN)
             if self.plot is not None:
                 endings.of(pathlib.Path(self.plot), endings.FIGURES)
         except endings.UnknownFormat as error:
@@ -72,16 +73,14 @@ class Wishes:
         ):
             if name == "-":
                 raise exits.UsageError(f"{option}: a file name is needed{instead}")
-        taken = {} if model == "-" else {os.path.realpath(model): "MODEL"}
-        for option, name in self._files():
-            other = taken.setdefault(os.path.realpath(name), option)
-            # A run may go on in the checkpoint it came from.
-            if other != option and (other, option) != ("--checkpoint", "--resume"):
-                raise exits.UsageError(f"{option} {name}: that is the file of {other}")
-            if option != "--resume":
-                exits.check_writable(name)
+        files.require_separate(self._files(model), frozenset(("--checkpoint", "--resume")))
+        for file in self._files(model):
+            if file.is_written and file.number is None:
+                exits.check_writable(file.name)
 
-    def _files(self) -> Iterator[tuple[str, str]]:
+    def _files(self, model: str) -> Iterator[files.File]:
+        """All files of the command, those that belong to others after them."""
+        yield from files.model(model)
         for option, name in (
             ("--output", self.file),
             ("--plot", self.plot),
@@ -90,13 +89,20 @@ class Wishes:
             ("--resume", self.resume),
         ):
             if name is not None:
-                yield option, name
+                yield files.File(option, name, is_written=option != "--resume")
+        if self.file is not None and aside.is_replaced(pathlib.Path(self.file)):
+            partial = os.fspath(aside.partial_of(pathlib.Path(os.path.realpath(self.file))))
+            yield files.File("--output", partial, is_written=True, is_derived=True)
+            if self.checkpoint is not None:
+                rows = os.fspath(row_file.path_of(pathlib.Path(os.path.realpath(self.file))))
+                yield files.File("--output", rows, is_written=True, is_derived=True)
+        yield from files.stdout()
 
 
 def ready(model: Model, chosen: Simulation, wishes: Wishes) -> pipeline.Running:
     """The run, from its start or from a checkpoint. Raises `exits.UsageError`, `diagnostics.ModelError`."""
     try:
-        return pipeline.running(model, chosen, wishes.resume, wishes.limit, wishes.digits)
+        return pipeline.running(model, chosen, wishes.resume, wishes.limit, wishes.digits, may_be_over=True)
     except checkpoint.CheckpointError as error:
         raise exits.UsageError(f"--resume {error}") from None
     except FileNotFoundError:
@@ -108,25 +114,40 @@ def ready(model: Model, chosen: Simulation, wishes: Wishes) -> pipeline.Running:
 def run(ready: pipeline.Running, wishes: Wishes) -> None:
     """Integrate and write. Raises `exits.Exit` with 3 where the run stopped before its end."""
     picked = _picked(ready.columns, wishes, ready.by_name)
+    everything = (*ready.columns, *ready.by_name)
+    names = [everything[i] for i in picked]
+    first = table.before(ready, wishes.resume, wishes.file, names)
+    if first is None:
+        _require_rows_left(ready, wishes)
     for warning in () if wishes.quiet else ready.warnings:
         exits.say(warning.render())
-    _tell_start(ready, wishes)
+    _tell_start(ready, wishes, first)
     kept = thinned.Thinned()
+    signals.leave()
     with signals.unwinding():
-        stopped = _write_rows(ready, wishes, picked, kept)
-        try:
-            _finish(ready, wishes, kept)
-            signals.check()
-        except signals.Interrupted:
-            _tell_complete(wishes)
-            raise
+        with table.opened(ready, wishes.file, wishes.to_stdout, names) as written:
+            if wishes.checkpoint is not None:
+                written.keep_checkpoints(wishes.checkpoint, names, ready.grid.step, first)
+            if first is not None:
+                is_whole = wishes.plot is not None and names == list(ready.columns)
+                written.begin(first, names, kept.add if is_whole else lambda block: None)
+            stopped = _write_rows(ready, wishes, picked, written, kept)
+        _finish(ready, wishes, kept)
+        signals.check()
     if not wishes.quiet:
         for note in ready.notes:
             exits.say(f"note: {note}")
-        _tell_account(ready.stats, stopped is None)
+        _tell_account(ready.stats, tolerance.sentence(ready.model.simulation), stopped is None)
     if stopped is not None:
         exits.say(f"lagcli: {stopped.stop.reason}")
         raise exits.Exit(exits.STOPPED)
+
+
+def _require_rows_left(ready: pipeline.Running, wishes: Wishes) -> None:
+    try:
+        ready.require_rows_left()
+    except checkpoint.CheckpointError as error:
+        raise exits.UsageError(f"--resume {wishes.resume}: {error}") from None
 
 
 def _picked(names: tuple[str, ...], wishes: Wishes, by_name: tuple[str, ...] = ()) -> list[int]:
@@ -138,19 +159,18 @@ def _picked(names: tuple[str, ...], wishes: Wishes, by_name: tuple[str, ...] = (
         raise exits.UsageError(f"--columns: {error}") from None
 
 
-def _tell_start(ready: pipeline.Running, wishes: Wishes) -> None:
+def _tell_start(ready: pipeline.Running, wishes: Wishes, first: table.Before | None) -> None:
     if wishes.quiet:
         return
+    if first is not None:
+        exits.say(f"note: {wishes.file} begins {first.sentence}")
+    elif lost := table.elsewhere(ready, wishes.resume):
+        exits.say(f"note: {lost}")
     if ready.assembly is not None:
-        units = ready.model.units
-        exits.say(
-            f"assembled: moved by {ready.assembly.moved:.6g} sqrt({units.mass}) {units.length}, velocities by"
-            f" {ready.assembly.moved_velocity:.6g} sqrt({units.mass}) {units.length}/{units.time}"
-            " (mass-weighted norm)"
-        )
+        exits.say_all(moves.moves(ready.model, ready.assembly).lines(ready.model.units))
     if ready.passed_over:
         exits.say(
-            f"note: {ready.passed_over} rows are passed over: they stand before the state in {wishes.resume}"
+            f"note: {ready.passed_over} rows are skipped: they are from before the state in {wishes.resume}"
             " and were not asked for in the run before"
         )
     if wishes.verbose:
@@ -158,71 +178,51 @@ def _tell_start(ready: pipeline.Running, wishes: Wishes) -> None:
         exits.say(
             f"compiled in {ready.stats.compile_seconds:.3f} s; {ready.grid.count} rows of"
             f" {len(ready.columns)} columns from t = {ready.grid.start:g} to {ready.grid.end:g};"
-            f" rtol {chosen.rtol:g}, atol {chosen.atol:g}"
+            f" {tolerance.sentence(chosen)}"
         )
 
 
 def _write_rows(
-    ready: pipeline.Running, wishes: Wishes, picked: list[int], kept: thinned.Thinned
+    ready: pipeline.Running, wishes: Wishes, picked: list[int], written: table.Table, kept: thinned.Thinned
 ) -> driver.Stopped | None:
     """Pass the blocks on as they come; the reason if the run stopped before its end.
 
     A checkpoint is taken when the rows before it have been written, so that they agree.
     """
-    everything = (*ready.columns, *ready.by_name)
-    names = [everything[i] for i in picked]
-    keeper = checkpoint_file.Keeper(wishes.checkpoint) if wishes.checkpoint is not None else None
-    over, complete = False, False
-    with _sink(wishes, names) as sink:
-
-        def take(block: Floats) -> None:
-            if sink is not None:
-                sink.write(ready.taken(block, picked))
-            if wishes.plot is not None:
-                kept.add(block)
-            if keeper is not None:
-                with exits.writing(wishes.checkpoint or ""):
-                    keeper.take(ready.checkpoint())
-
-        try:
-            stopped = _stream(ready, wishes, take)
-            with signals.shielded():
-                over = True
-                if sink is not None:
-                    sink.commit()
-                complete = True
-                _keep_checkpoint(keeper, wishes)
-        except signals.Interrupted:
-            with signals.shielded():
-                if complete:
-                    _tell_complete(wishes)
-                elif sink is not None and wishes.file is not None and not over:
-                    _keep_partial(sink)
-                if not over:
-                    _keep_checkpoint(keeper, wishes)
-            raise
+    stopped: driver.Stopped | None = None
+    try:
+        with _progress(ready, wishes) as bar:
+            for block in _blocks(ready, bar):
+                point = ready.checkpoint() if wishes.checkpoint is not None else None
+                written.take(block, ready.taken(block, picked), point)
+                if wishes.plot is not None:
+                    kept.add(block)
+    except driver.Stopped as stop:
+        stopped = stop
+    except signals.Interrupted:
+        if written.t_end == ready.grid.end:
+            written.complete()
+        elif (partial := written.keep()) is not None:
+            exits.say(f"lagcli: interrupted; the complete rows are in {partial}")
+        raise
+    if stopped is None:
+        written.complete()
+    elif (partial := written.keep()) is not None:
+        signals.leave(f"lagcli: interrupted; the complete rows are in {partial}")
+        exits.say(f"lagcli: the complete rows are in {partial}")
     return stopped
 
 
-def _stream(ready: pipeline.Running, wishes: Wishes, take: Callable[[Floats], None]) -> driver.Stopped | None:
-    """Run, and hand over each block; the reason if the run stopped before its end."""
-    try:
-        with _progress(ready, wishes) as bar:
-            for block in ready.blocks():
-                signals.check()
-                with signals.shielded(signals.PATIENCE):
-                    take(block)
-                bar.at(ready.t)
-    except driver.Stopped as stop:
-        return stop
-    return None
-
-
-def _keep_checkpoint(keeper: checkpoint_file.Keeper | None, wishes: Wishes) -> None:
-    if keeper is None:
-        return
-    with exits.writing(wishes.checkpoint or ""):
-        keeper.write()
+def _blocks(ready: pipeline.Running, bar: console.Progress) -> Iterator[Floats]:
+    """The blocks of a run; an interrupt breaks off only what computes them."""
+    blocks = ready.blocks()
+    while True:
+        with signals.window():
+            bar.at(ready.t)
+            block = next(blocks, None)
+        if block is None:
+            return
+        yield block
 
 
 def _progress(ready: pipeline.Running, wishes: Wishes) -> contextlib.AbstractContextManager[console.Progress]:
@@ -231,56 +231,70 @@ def _progress(ready: pipeline.Running, wishes: Wishes) -> contextlib.AbstractCon
     return console.progress(ready.grid.start, ready.grid.end, silent)
 
 
-@contextlib.contextmanager
-def _sink(wishes: Wishes, names: list[str]) -> Iterator[tables.Sink | None]:
-    """The sink of the table; trouble with it is told with its name."""
-    if wishes.file is None and not wishes.to_stdout:
-        yield None
-        return
-    target = sys.stdout.buffer if wishes.file is None else pathlib.Path(wishes.file)
-    with exits.writing(wishes.file or "standard output"), contextlib.ExitStack() as stack:
-        # An interrupt finds a sink that will be discarded, or none: no file stays behind.
-        with signals.shielded(signals.PATIENCE):
-            try:
-                sink = stack.enter_context(tables.open_sink(target, names))
-            except tables.MissingExtra as error:
-                raise exits.UsageError(str(error)) from None
-        yield sink
-
-
-def _tell_complete(wishes: Wishes) -> None:
-    if wishes.file is not None:
-        exits.say(f"lagcli: interrupted; {wishes.file} is complete")
-
-
-def _keep_partial(sink: tables.Sink) -> None:
-    path = sink.keep_partial()
-    exits.say(f"lagcli: interrupted; the complete rows are in {path}")
-
-
 def _finish(ready: pipeline.Running, wishes: Wishes, kept: thinned.Thinned) -> None:
     """The figure and the account."""
     account = ready.stats.as_json()
     rows = kept.rows()
     if wishes.plot is not None and len(rows):
         # matplotlib takes a third of a second to load: only where a figure is asked for.
-        from lagcli.export import figure
+        from lagcli.export import panels
 
+        names, drawn = _drawn(ready.columns, rows, wishes, ready.by_name)
         title = ready.model.title or pathlib.Path(ready.model.path).stem
-        with exits.writing(wishes.plot):
+        with exits.drawing(wishes.plot):
+            from lagcli.export import figure
+
             figure.draw(
                 pathlib.Path(wishes.plot),
-                ready.columns,
-                rows,
+                names,
+                drawn,
                 title=title,
                 units=ready.model.units,
-                indeterminate=ready.stats.indeterminate,
+                facts=panels.Facts(
+                    ready.stats.indeterminate,
+                    _zeros(ready, rows),
+                    row_lengths.lengths(ready.model),
+                    len(names) < len(ready.columns),
+                ),
             )
     if wishes.stats is not None:
         with exits.writing(wishes.stats):
             _write_json(wishes.stats, account)
     if wishes.as_json and not wishes.to_stdout:
         print(machine.text(account))
+
+
+def _drawn(
+    names: tuple[str, ...], rows: Floats, wishes: Wishes, by_name: tuple[str, ...]
+) -> tuple[tuple[str, ...], Floats]:
+    """The columns of the figure: those of multipliers and reactions that `--columns` names, all where it names none."""
+    if wishes.columns is None:
+        return names, rows
+    everything = (*names, *by_name)
+    chosen = [everything[i] for i in _picked(names, wishes, by_name)]
+    # A reaction of a particle is drawn with all its components.
+    groups = {
+        name.removesuffix(f".{name[-1]}") for name in chosen if name.startswith("R.") and name[-2] == "."
+    }
+    kept = [
+        i
+        for i, name in enumerate(names)
+        if name in chosen or (name.startswith("R.") and name.rpartition(".")[0] in groups)
+    ]
+    kept = [i for i in kept if names[i].startswith(("lambda.", "R."))]
+    if not kept:
+        if not wishes.quiet:
+            exits.say("note: --columns names no multiplier and no reaction; the figure shows all of them")
+        return names, rows
+    kept = [names.index("t"), *kept]
+    return tuple(names[i] for i in kept), rows[:, kept]
+
+
+def _zeros(ready: pipeline.Running, rows: Floats) -> list[str]:
+    """The columns that are zero to rounding."""
+    floors = ready.floors()
+    floors.take(rows)
+    return [name for name, is_zero in zip(ready.columns, floors.zeros(), strict=True) if is_zero]
 
 
 def _write_json(path: str, value: dict[str, Any]) -> None:
@@ -294,12 +308,16 @@ def _write_json(path: str, value: dict[str, Any]) -> None:
     file.commit()
 
 
-def _tell_account(stats: Stats, complete: bool) -> None:
+def _tell_account(stats: Stats, held_to: str, complete: bool) -> None:
     head = "done" if complete else "stopped"
+    balance = "not known: the power of rows or forces oscillates too often within a step"
+    if stats.energy_imbalance is not None:
+        balance = f"to {stats.energy_imbalance:.1e} of the energy exchanged"
     exits.say(
-        f"{head}: {stats.steps} steps ({stats.rejected} rejected) of {stats.method} in {stats.solve_seconds:.3g} s;"
+        f"{head}: {stats.steps} steps ({stats.rejected} rejected) of {stats.method} in {stats.solve_seconds:.3g} s,"
+        f" {held_to};"
         f" drift {stats.position_drift:.1e} in position, {stats.velocity_drift:.1e} in velocity;"
-        f" energy balance to {stats.energy_imbalance:.1e} of the energy exchanged"
+        f" energy balance {balance}"
     )
     if stats.accuracy is not None and stats.accuracy.sentence:
         exits.say(f"digits: {stats.accuracy.sentence}")

@@ -1,8 +1,9 @@
-"""Interrupts: they end the process at once, or where files have been begun, in order.
+"""Signal handling: exit at once, or, once output files are open, put them in order first.
 
 Before a run has begun to write there is nothing to put in order, and an exception would not be safe: extension
-modules drop some of those that are raised while they are imported. Then it is raised, at once or, while rows are
-being written, right after.
+modules drop some of those that are raised while they are imported. Later a signal raises `Interrupted`, at once or,
+where rows are being written, when they are. A second and a third one never break off the writing of a file: only what
+may wait for ever, a pipe that nobody reads, is given up.
 """
 
 from __future__ import annotations
@@ -10,11 +11,14 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-from collections.abc import Iterator
+import sys
+import time
+from collections.abc import Callable, Iterator
 from types import FrameType
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 PATIENCE = 1.0  # seconds an interrupt waits for a pipe that takes no more
+WAIT = "lagcli: writing the rows, a moment"
 
 
 class Interrupted(BaseException):
@@ -30,6 +34,11 @@ _shielded = 0
 _raised: list[int] = []
 _pending: list[int] = []
 _patience: list[float] = []
+_farewells: list[Callable[[], None]] = []
+_handled = -1.0  # when the handler ran last, by `time.monotonic`
+_is_window = False
+_last_words: list[str] = []
+_told: list[str] = []
 
 
 def install() -> None:
@@ -40,10 +49,37 @@ def install() -> None:
 
 
 def release() -> None:
-    """Give the signals back to the system: the command has ended, and its exit code is known."""
+    """Ignore the signals from now on: the command has ended, its exit code is known, and its files are written."""
     for number in _numbers():
         if signal.getsignal(number) is _handle:
-            signal.signal(number, signal.SIG_DFL)
+            signal.signal(number, signal.SIG_IGN)
+
+
+def is_ending(number: int) -> bool:
+    """Whether a signal is one of those that end the process, and taken here."""
+    return any(number == each and signal.getsignal(each) is _handle for each in _numbers())
+
+
+def before_end(farewell: Callable[[], None]) -> None:
+    """Have a function called before the process ends at once; from any thread, and it must not wait for another."""
+    _farewells.append(farewell)
+
+
+def end_at_once(number: int) -> None:
+    """End the process as a signal does.
+
+    Nothing that is still in a buffer is written: whoever reads it may have stopped to.
+    """
+    for farewell in _farewells:
+        farewell()
+    for text in _last_words:
+        _tell(text)
+    os._exit(128 + number)
+
+
+def is_stuck(since: float) -> bool:
+    """Whether the handler has not run since a time, and nothing has been begun that must be put in order."""
+    return _handled < since and not _shielded and not _unwinding
 
 
 def _numbers() -> list[signal.Signals]:
@@ -51,18 +87,52 @@ def _numbers() -> list[signal.Signals]:
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
-    # A second one does not wait: what is shielded may be stuck, in a pipe that nobody reads.
-    if _shielded and not _pending:
-        _pending.append(number)
-        if _patience:
-            _alarm(min(_patience))
+    global _handled
+    _handled = time.monotonic()
+    if _shielded:
+        is_first = not _pending and not _raised
+        if not _pending:
+            _pending.append(number)
+            if _patience:
+                _alarm(min(_patience))
+        elif _patience:
+            # What waits for a reader may wait for ever: a second signal gives it up.
+            _pending.clear()
+            _raised.append(number)
+            raise Interrupted(number)
+        if not is_first:
+            _tell(WAIT)
         return
+    if _is_window and _raised:
+        return  # it has been raised, and `check` raises it again where somebody else's code has dropped it
     _pending.clear()
-    if not _shielded and not _unwinding:
-        # Nothing that is still in a buffer is written: whoever reads it may have stopped to.
-        os._exit(128 + number)
+    if not _unwinding:
+        end_at_once(number)
     _raised.append(number)
     raise Interrupted(number)
+
+
+def _tell(text: str) -> None:
+    """Write a line on stderr, once, past its buffer: the signal may have come while that was being written."""
+    if text in _told:
+        return
+    _told.append(text)
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # closed, or nothing of the system's
+        os.write(sys.stderr.fileno(), f"{text}\n".encode(errors="backslashreplace"))
+
+
+def leave(*texts: str) -> None:
+    """Keep what is said where a signal ends the command from now on, by `last_words` or the end of the process."""
+    _last_words[:] = texts
+    _told.clear()
+
+
+def last_words() -> Iterator[str]:
+    """What was left to be said, each text once."""
+    while _last_words:
+        text = _last_words.pop()
+        if text not in _told:
+            yield text
 
 
 @contextlib.contextmanager
@@ -76,6 +146,7 @@ def unwinding() -> Iterator[None]:
         _unwinding -= 1
         if not _unwinding:
             _raised.clear()
+            _pending.clear()
 
 
 def check() -> None:
@@ -86,10 +157,10 @@ def check() -> None:
 
 @contextlib.contextmanager
 def shielded(patience: float | None = None) -> Iterator[None]:
-    """Hold an interrupt back inside the block, and raise it at the end.
+    """Hold interrupts back inside the block, and raise one at the end.
 
-    With `patience` it is raised after so many seconds even where the block has not ended, on platforms that
-    have timers for it: for what may never end, the writing into a pipe that nobody reads.
+    With `patience` the first is raised after so many seconds even where the block has not ended, on platforms that
+    have timers for it, and a second one at once: for what may never end, the writing into a pipe that nobody reads.
     """
     global _shielded
     _shielded += 1
@@ -102,7 +173,26 @@ def shielded(patience: float | None = None) -> Iterator[None]:
             _patience.pop()
         _shielded -= 1
     if _pending and not _shielded:
-        raise Interrupted(_pending.pop())
+        number = _pending.pop()
+        _raised.append(number)
+        raise Interrupted(number)
+
+
+@contextlib.contextmanager
+def window() -> Iterator[None]:
+    """Let an interrupt through inside a shielded block, one that was held back too: for work that may be broken off.
+
+    It is raised once. Whatever comes after it is held back again, while what has been begun is put in order.
+    """
+    global _shielded, _is_window
+    depth, _is_window, _shielded = _shielded, True, 0
+    try:
+        if _pending and not _raised:
+            _raised.append(_pending.pop())
+        check()
+        yield
+    finally:
+        _shielded, _is_window = depth, False
 
 
 def _alarm(seconds: float) -> None:
@@ -114,4 +204,5 @@ def _alarm(seconds: float) -> None:
 def _out_of_patience(number: int, frame: FrameType | None) -> None:
     # Too late where the block has ended meanwhile, and another without patience may have begun.
     if _shielded and _patience and _pending:
+        _raised.append(_pending[-1])
         raise Interrupted(_pending.pop())

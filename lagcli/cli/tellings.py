@@ -76,7 +76,8 @@ def _joint(joint: Joint) -> list[str]:
         lines.append(f"derived flag of all rows: [{dims}]")
         growth = ", ".join(map(str, joint.growth_vector))
         reach = "" if joint.is_bracket_generating else "not "
-        lines.append(f"growth vector: ({growth}) of {joint.dimension}, {reach}bracket-generating")
+        time = " dimensions, time among them" if joint.counts_time else ""
+        lines.append(f"growth vector: ({growth}) of {joint.dimension}{time}, {reach}bracket-generating")
     else:
         lines.append("derived flag of all rows: undecided")
     for one in joint.combinations:
@@ -145,7 +146,8 @@ def _start(found: Report) -> str:
     start = found.initial
     if start.consistent:
         return "initial values: consistent"
-    return (
+    told = (
         f"initial values: inconsistent, by {start.position_residual:.3g} in position and"
-        f" {start.velocity_residual:.3g} in velocity"
+        f" {start.velocity_residual:.3g} in velocity (the largest residuals of the equations as they are written)"
     )
+    return told if start.assembled is None else f"{told}; `assemble` moves the start"

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from lagcli import diagnostics
-from lagcli.cli import console, exits
+from lagcli.cli import console, exits, files
 from lagcli.export import endings
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class Wish:
     row: str
     plot: str | None
 
-    def shown(self, model: Model, report: Report, limit: float) -> Answer:
+    def shown(self, model: Model, report: Report, limit: float, assemble: bool = False) -> Answer:
         """The answer within `limit` seconds. Raises `exits.UsageError` where no differential row is meant."""
         constraint = self._constraint(report)
         verdict = constraint.verdict
@@ -45,15 +45,17 @@ class Wish:
         from lagcli import pipeline
         from lagcli.holonomy import witness
 
+        if assemble or model.simulation.assemble:
+            model, _ = pipeline.assembled(model)
         ready = pipeline.compiled(model)
         found = witness.find(ready.system, ready.numeric, self.row, time.monotonic() + limit)
         if found is None:
             reason = f"undecided: no loop that shows `{self.row}` to be nonholonomic was found in {limit:g} s"
             return Answer(self, None, reason, exits.UNDECIDED)
         if self.plot is not None:
-            from lagcli.export import loop_figure
+            with exits.drawing(self.plot):
+                from lagcli.export import loop_figure
 
-            with exits.writing(self.plot):
                 loop_figure.draw(pathlib.Path(self.plot), found)
         return Answer(self, found, "", exits.DONE)
 
@@ -87,6 +89,8 @@ def wish(row: str | None, plot: str | None, models: list[str]) -> Wish | None:
             endings.of(pathlib.Path(plot), endings.FIGURES)
         except endings.UnknownFormat as error:
             raise exits.UsageError(str(error)) from None
+        figure = files.File("--plot", plot, is_written=True)
+        files.require_separate((*files.model(models[0]), figure, *files.stdout()))
         exits.check_writable(plot)
     return Wish(row, plot)
 

@@ -19,6 +19,9 @@ Kind = Literal["independent", "redundant", "singular", "deficient", "undecided"]
 
 ORDER: tuple[Kind, ...] = ("independent", "redundant", "singular", "deficient", "undecided")
 TOGETHER = 30  # rows of small groups that are looked at together
+# The proof that rows follow from others looks at all rows of the model, again and again: of more than so many it
+# takes minutes.
+MOST_CIRCUITS = 3000
 LATER = (0.001, 0.01)  # of the duration: soon, so that no other law has come to its end by then
 
 
@@ -84,6 +87,14 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
     chosen = dependence.dependence(rows, found.value).selection
     case = _Case(system, numeric, state, _times(system, state))
     kept = set(chosen.kept)
+    if len(chosen.circuits) > MOST_CIRCUITS:
+        left_out = tuple(circuit[0] for circuit in chosen.circuits)
+        such_as = initial.names_of(system, list(left_out[:1]))
+        reason = (
+            f"{len(left_out)} rows depend on others at the start, such as {such_as}:"
+            f" that they follow from them is proved of {MOST_CIRCUITS} rows at most"
+        )
+        return Codimension("undecided", found.value, None, left_out, reason=reason)
     groups = _connected(chosen.circuits)
     follow, failing = _followed(case, groups, kept)
     if failing:  # of a group that does not follow as a whole some circuits may
@@ -93,12 +104,14 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
         follow = sorted({*follow, *more})
         # Where all that is left of a group is kept, all of it follows from that.
         failing = [rest for group in failing if not kept.issuperset(rest := sorted(set(group) - set(more)))]
-    sets = [_Set("redundant", 0, 0, sorted({i for group in groups for i in group}), [], follow)]
+    dependent = sorted({i for circuit in chosen.circuits for i in circuit})
+    sets = [_Set("redundant", 0, 0, dependent, [], follow)]
     for among in _around(B, set(follow)) if failing else ():
         some = sorted({i for group in failing for i in group}.intersection(among))
         if some:
             sets.append(_examined(case, among, some, kept))
-    return _joined(system, found.value, sets)
+    flat = {circuit[0] for circuit in chosen.circuits if len(circuit) == 1}
+    return _joined(system, found.value, sets, flat)
 
 
 def _around(B: Any, without: set[int]) -> list[Rows]:
@@ -145,7 +158,7 @@ def _followed(case: _Case, groups: list[Rows], kept: set[int]) -> tuple[Rows, li
     follow: Rows = []
     failing: list[Rows] = []
     for several in _batches(groups):
-        rows = sorted(i for group in several for i in group)
+        rows = sorted({i for group in several for i in group})
         is_small = len(rows) <= constraint_rows.DENSE
         if is_small and _is_regular(case.part(rows), len(kept.intersection(rows)), case.times):
             follow += [i for i in rows if i not in kept]
@@ -165,13 +178,13 @@ def _is_regular(part: equations.Part, held: int, times: Sequence[float]) -> bool
 def _batches(groups: list[Rows]) -> list[list[Rows]]:
     """Groups in lots of a few rows."""
     lots: list[list[Rows]] = []
-    size = TOGETHER
+    rows: set[int] = set()
     for group in groups:
-        if size + len(group) > TOGETHER:
+        if not lots or len(rows.union(group)) > TOGETHER:
             lots.append([])
-            size = 0
+            rows = set()
         lots[-1].append(group)
-        size += len(group)
+        rows.update(group)
     return lots
 
 
@@ -196,7 +209,8 @@ def _examined(case: _Case, among: Rows, some: Rows, kept: set[int]) -> _Set:
     return unknown
 
 
-def _joined(system: System, found: int, sets: list[_Set]) -> Codimension:
+def _joined(system: System, found: int, sets: list[_Set], flat: set[int]) -> Codimension:
+    """The answer for all sets; flat: rows whose gradients vanish."""
     kind = max((one.kind for one in sets), key=ORDER.index)
     rows = tuple(sorted({i for one in sets if one.kind == kind for i in one.rows}))
     coordinates = tuple(sorted({i for one in sets if one.kind == kind for i in one.coordinates}))
@@ -209,12 +223,24 @@ def _joined(system: System, found: int, sets: list[_Set]) -> Codimension:
     )
     if kind == "undecided":
         reason = (
-            f"the rows {initial.names_of(system, list(rows))} depend on one another, and neither their rank nor"
-            " second derivatives prove the dimension of the surface"
+            f"{_trouble(system, rows, flat)}, and neither the rank nor second derivatives prove the dimension of the"
+            " surface"
         )
         return Codimension(kind, found, None, rows, coordinates, follow, reason, notes)
     codimension = found + sum(one.codimension - one.rank for one in sets)
     return Codimension(kind, found, codimension, rows, coordinates, follow, "", notes)
+
+
+def _trouble(system: System, rows: Sequence[int], flat: set[int]) -> str:
+    """What is the matter with the gradients of rows where they are looked at."""
+    alone, others = [i for i in rows if i in flat], [i for i in rows if i not in flat]
+    told = []
+    if alone:
+        what = "the gradient of {} vanishes" if len(alone) == 1 else "the gradients of {} vanish"
+        told.append(what.format(initial.names_of(system, alone)) + " at the start")
+    if others:
+        told.append(f"the rows {initial.names_of(system, others)} depend on one another at the start")
+    return ", and ".join(told)
 
 
 def refusal(system: System, found: Codimension) -> diagnostics.ModelError:

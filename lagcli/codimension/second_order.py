@@ -16,11 +16,13 @@ omega(y) . f(y + u) + c |f(y + u)|^2 is positive for small u across Y and c larg
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import rank as rank_limits
 from lagcli.codimension import definite, manifold
 from lagcli.codimension.equations import Part
 
@@ -28,6 +30,9 @@ Floats = npt.NDArray[np.float64]
 
 # Of second derivatives in scaled coordinates: below it they are the square root of the rounding of the start.
 NOTHING, SOMETHING = 1e-6, 1e-5
+# How far, in units of the scaled coordinates, the start may lie from where the stress balances: rounding. From
+# farther off a small curve through the start, as x**2 + y**2 = 1e-10 x, looks like a point; smaller ones still do.
+BALANCED = 1e-13
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -71,9 +76,22 @@ def dimension(part: Part, rank: int, times: Sequence[float]) -> int | None:
     stress, kernel = held
     deflated = Deflated(part, stress, stresses)
     found = manifold.along(deflated, deflated.begin, t, deflated.begin.size - kernel)
-    if found is None or not manifold.is_whole(found, deflated.begin, t, times):
+    if found is None or _shift(found, deflated, t) > BALANCED + manifold.ROUNDINGS * part.rounding:
+        return None
+    if not manifold.is_whole(found, deflated.begin, t, times):
         return None
     return kernel
+
+
+def _shift(found: manifold.Manifold, deflated: Deflated, t: float) -> float:
+    """How far the start lies from the manifold, in its coordinates; inf where Newton's method finds no way to it."""
+    begin = deflated.begin
+    F, J = deflated.at(begin, t)
+    step = np.linalg.lstsq(J, F, rcond=rank_limits.SMALL)[0]
+    there = found.reached(begin - step, t)
+    if there is None:
+        return math.inf
+    return float(np.abs((there - begin)[: len(deflated.part.coordinates)]).max(initial=0.0))
 
 
 def _held(part: Part, stresses: Floats, tangent: Floats) -> tuple[Floats, int] | None:

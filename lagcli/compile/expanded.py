@@ -49,7 +49,7 @@ class Expanded:
 
     @cached_property
     def landing(self) -> Any:
-        """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, and `outcome`.
+        """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, `outcome`, `sizes`.
 
         One factorization serves all, unless M depends on the velocity that is projected.
         """
@@ -64,8 +64,9 @@ class Expanded:
             inertia, schur = there.inertia, solving.solver(there.S)
         a, lam = _acceleration(there, inertia, schur)
         landed = ca.densify(ca.vertcat(y[:n], v, y[2 * n]))
-        outcome = shared.outcome(parts, self._watched[1], v)
-        outputs = [landed, shared.state_rate(there, a, lam), lam, outcome]
+        sizes = shared.sizes(parts, v, there.h, there.M)
+        outcome = shared.outcome(parts, self._watched[1], v, sizes)
+        outputs = [landed, shared.state_rate(there, a, lam), lam, outcome, sizes.packed]
         return ca.Function("landing", parts.inputs, outputs)
 
     @cached_property

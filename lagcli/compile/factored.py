@@ -49,7 +49,7 @@ class Factored:
 
     @cached_property
     def landing(self) -> Any:
-        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, and `outcome`.
+        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, `outcome` and `sizes`.
 
         The clearance is that of S with a unit diagonal, the least eigenvalue but for a factor that changes little:
         1 / |S^-1 z| of a fixed z of length one.
@@ -64,13 +64,14 @@ class Factored:
         before = ca.Function("before", parts.inputs, [parts.S, rights])
         landed = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B_kept.T @ mu), y[2 * n]))
         after = ca.Function("after", [*parts.inputs, mu], [landed])
-        outcome = shared.outcome(parts, 1 / ca.norm_2(lengths * x), v)
-        told = ca.Function("outcome", [*parts.inputs, x], [outcome])
+        sizes = shared.sizes(parts, v, parts.h, parts.M)
+        outcome = shared.outcome(parts, 1 / ca.norm_2(lengths * x), v, sizes)
+        told = ca.Function("outcome", [*parts.inputs, x], [outcome, sizes.packed])
         t, _, p = inputs = self._inputs()
         found = _solved(before, inputs)
         there = after(*inputs, found[:, 0])
         rate, lam = self._acceleration(t, there, p)
-        return ca.Function("landing", inputs, [there, rate, lam, told(t, there, p, found[:, 1])])
+        return ca.Function("landing", inputs, [there, rate, lam, *told(t, there, p, found[:, 1])])
 
     @cached_property
     def _acceleration(self) -> Any:

@@ -75,7 +75,7 @@ class Problem:
             "x": s.q,
             "p": ca.vertcat(s.t, q0, entries, weights, system.p),
             "f": ca.dot(d, ca.mtimes(M, d)) / 2,
-            "g": system.rows.f * weights,
+            "g": system.f * weights,
         }
         self._solver: Any = ca.nlpsol("nearest", "ipopt", problem, OPTIONS)
 

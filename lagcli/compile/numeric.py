@@ -53,6 +53,12 @@ class NumericSystem:
         return NumericSystem(self._system, self._parts.holding(charts))
 
     @property
+    def has_time(self) -> bool:
+        """Whether t occurs in what moves the system. Where it does not, the motion from a start is the same at any
+        time."""
+        return self._parts.has_time
+
+    @property
     def selection(self) -> Selection:
         """The independent rows that the system is stepped with."""
         return self._parts.selection
@@ -82,19 +88,19 @@ class NumericSystem:
 
     @cached_property
     def land(self) -> Any:
-        """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, and an outcome of four.
+        """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, an outcome of four, and `parts.Sizes.packed`.
 
-        These are `parts.outcome` (residual, clearance, least) and the sum of y', finite only where all of y' is.
+        The outcome is `parts.outcome` (residual, clearance, least) and the sum of y', finite only where all of y' is.
         A state that g = 0 threw far off counts as not landed: it is on another branch.
         """
         t, y, p = inputs = _inputs(self._way.landing)
-        landed, rate, _, outcome = self._way.landing(t, self._projected(t, y, p), p)
+        landed, rate, _, outcome, sizes = self._way.landing(t, self._projected(t, y, p), p)
         residual = outcome[0]
         if self._parts.g.numel():
-            size = ca.norm_inf(landed[: self.n]) + shared.TINY
-            residual += THROWN * ca.norm_inf((landed - y)[: self.n]) / size
+            thrown = ca.mmax(ca.fabs((landed - y)[: self.n] / sizes[: self.n]))
+            residual += THROWN * thrown / (sizes[self.n] + shared.TINY)
         outcome = ca.vertcat(residual, outcome[1:], ca.sum1(rate))
-        return ca.Function("land", inputs, [landed, rate, ca.densify(outcome)])
+        return ca.Function("land", inputs, [landed, rate, ca.densify(outcome), sizes])
 
     @cached_property
     def record(self) -> Any:
@@ -103,7 +109,7 @@ class NumericSystem:
         These are position drift, velocity drift, Jacobi energy and its part without velocities.
         """
         t, y, p = inputs = _inputs(self._way.landing)
-        landed, rate, lam, _ = self._way.landing(t, self._projected(t, y, p), p)
+        landed, rate, lam, _, _ = self._way.landing(t, self._projected(t, y, p), p)
         lam = self._parts.multipliers(t, landed, p, lam)
         row, account = table.table(self._system, self._parts)(t, landed, rate, lam, p)
         return ca.Function("record", inputs, [landed, row, account])
@@ -132,6 +138,14 @@ class NumericSystem:
     def inertia(self) -> Any:
         """inertia(t, q, v, p) -> M (n, n)."""
         return ca.Function("inertia", self._inputs, [self._parts.M])
+
+    @cached_property
+    def sizes(self) -> Any:
+        """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
+        parts = self._parts
+        packed = shared.sizes(parts, parts.v, parts.h, parts.M).packed
+        q = parts.y[: self.n]
+        return ca.Function("sizes", [parts.t, q, parts.v, parts.p], [packed])
 
     @property
     def force(self) -> Any:

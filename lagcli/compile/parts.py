@@ -26,6 +26,7 @@ SHARED_NODES = 20_000
 class Parts:
     """The expressions of (D.24) with their common subexpressions shared, where the graph `is_small`.
 
+    cartesian: how many of q are components of Cartesian particles; they come first.
     g (k,), dg (k, n): what is held at zero besides f, first integrals of differential rows less their values at
     the start, and the gradient by q. They enter the projection of positions and nothing else.
     selection: the independent rows among all C; lambda is that of these rows, unless said otherwise.
@@ -46,6 +47,7 @@ class Parts:
     g: Any
     dg: Any
     selection: Selection
+    cartesian: int
 
     @cached_property
     def force(self) -> Any:
@@ -61,6 +63,14 @@ class Parts:
     def reaction(self, lam: Any) -> Any:
         """B^T lambda, (n,)."""
         return mechanics.reaction(self.B_kept, lam)
+
+    @cached_property
+    def has_time(self) -> bool:
+        """Whether t occurs in what moves the system: rows, integrals that are held, inertia, forces, power."""
+        entries = [self.B.nz[:], self.M.nz[:], self.dg.nz[:]]
+        rest = [self.f, self.b, self.gamma, self.h, self.power, self.g]
+        whole = ca.vertcat(*(ca.vec(each) for each in entries), *(ca.densify(each) for each in rest))
+        return bool(ca.depends_on(whole, self.t))
 
     @property
     def inputs(self) -> list[Any]:
@@ -161,7 +171,7 @@ def parts(system: System) -> Parts:
     t, v = system.symbols.t, system.symbols.v
     y = ca.vertcat(system.symbols.q, v, ca.SX.sym("W"))
     B, M = rows.B, dynamics.M
-    expressions = [rows.f, B.nz[:], rows.b, rows.gamma, M.nz[:], dynamics.h, dynamics.power]
+    expressions = [system.f, B.nz[:], rows.b, rows.gamma, M.nz[:], dynamics.h, dynamics.power]
     # Shared here, before the factorizations, which are large and have nothing left to share. The search takes
     # time that grows faster than the model, and large models repeat small parts that share nothing. Of matrices it
     # sees the entries alone: the zeros would take memory and time by their number.
@@ -173,7 +183,9 @@ def parts(system: System) -> Parts:
     B, M = ca.SX(B.sparsity(), B_entries), ca.SX(M.sparsity(), M_entries)
     nothing, no_rows = ca.SX(0, 1), ca.SX(0, v.numel())
     everything = Selection(tuple(range(B.shape[0])))
-    return Parts(t, y, system.p, v, f, B, b, gamma, M, h, power, is_small, nothing, no_rows, everything)
+    cartesian = v.numel() - len(system.model.generalized_names)
+    equations = (f, B, b, gamma, M, h, power)
+    return Parts(t, y, system.p, v, *equations, is_small, nothing, no_rows, everything, cartesian)
 
 
 def _level(chart: Chart, a: Any, b: Any) -> Any:
@@ -190,7 +202,13 @@ def state_rate(parts: Parts, a: Any, lam: Any) -> Any:
 
 def position_residual(parts: Parts) -> Any:
     """Largest |f_i| / |B_i| of all rows, and |g_j| / |dg_j|, a length where q are lengths."""
-    f, B = (
+    f, B = _position_rows(parts)
+    return ca.mmax(ca.fabs(f) / _row_norms(B)) if f.numel() else ca.SX(0)
+
+
+def _position_rows(parts: Parts) -> tuple[Any, Any]:
+    """f and g, and their gradients."""
+    return (
         (parts.f, parts.B_whole)
         if not parts.g.numel()
         else (
@@ -198,14 +216,47 @@ def position_residual(parts: Parts) -> Any:
             ca.vertcat(parts.B_whole, parts.dg),
         )
     )
-    return ca.mmax(ca.fabs(f) / _row_norms(B)) if f.numel() else ca.SX(0)
 
 
-def outcome(parts: Parts, clearance: Any, v: Any) -> Any:
-    """(3,) at a velocity v: the larger of `position_residual` as a part of the largest |q| and `departure`;
+@dataclasses.dataclass(frozen=True)
+class Sizes:
+    """Sizes in which positions, velocities and accelerations are small or large, whatever the units.
+
+    units (n,): what one unit of the others means for each coordinate. Those of generalized coordinates are M_ii^(-1/2):
+    an angle of a long arm counts as much as the way of its end. All components of Cartesian particles have one, that
+    of the heaviest. q, v, a: the largest of |q_i|, |v_i| and |h_i| / M_ii in these units; a is there where forces
+    balance each other too.
+    """
+
+    units: Any
+    q: Any
+    v: Any
+    a: Any
+
+    @property
+    def packed(self) -> Any:
+        """One column (n + 3,): units, then q, v and a."""
+        return ca.densify(ca.vertcat(self.units, self.q, self.v, self.a))
+
+
+def sizes(parts: Parts, v: Any, h: Any, M: Any) -> Sizes:
+    """The sizes at a velocity, with h and M there."""
+    inertia = ca.fabs(ca.densify(ca.diag(M))) + TINY
+    heaviest = ca.mmax(inertia[: parts.cartesian]) if parts.cartesian else ca.SX(0, 1)
+    of_all = ca.vertcat(ca.repmat(heaviest, parts.cartesian, 1), inertia[parts.cartesian :])
+    units = 1 / ca.sqrt(of_all)
+    largest = [
+        ca.mmax(ca.fabs(x / units)) if x.numel() else ca.SX(0) for x in (parts.y[: v.numel()], v, h / inertia)
+    ]
+    return Sizes(units, *largest)
+
+
+def outcome(parts: Parts, clearance: Any, v: Any, sizes: Sizes) -> Any:
+    """(3,) at a velocity v: the larger of what is left of the rows, as a part of the size of q, and `departure`;
     how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes with a row."""
-    size = ca.norm_inf(parts.y[: parts.v.numel()]) + TINY
-    residual = ca.fmax(position_residual(parts) / size, _departure(parts, v))
+    f, B = _position_rows(parts)
+    left = ca.mmax(ca.fabs(f) / _row_norms(B, sizes.units)) / (sizes.q + TINY) if f.numel() else ca.SX(0)
+    residual = ca.fmax(left, _departure(parts, v, sizes))
     return ca.densify(ca.vertcat(residual, nearness(parts, clearance)))
 
 
@@ -215,13 +266,13 @@ def nearness(parts: Parts, clearance: Any) -> Any:
     return ca.densify(ca.vertcat(clearance, least))
 
 
-def _departure(parts: Parts, v: Any) -> Any:
-    """Largest |B_i v + b_i| / |B_i| of the rows left out, as a part of the largest |v|: do they still follow?"""
+def _departure(parts: Parts, v: Any, sizes: Sizes) -> Any:
+    """Largest |B_i v + b_i| / |B_i| of the rows left out, as a part of the size of v: do they still follow?"""
     rest = [circuit[0] for circuit in parts.selection.circuits]
     if not rest:
         return ca.SX(0)
     B, b = parts.B[rest, :], parts.b[rest]
-    return ca.mmax(ca.fabs(B @ v + b) / _row_norms(B)) / (ca.norm_inf(v) + TINY)
+    return ca.mmax(ca.fabs(B @ v + b) / _row_norms(B, sizes.units)) / (sizes.v + TINY)
 
 
 def velocity_residual(parts: Parts) -> Any:
@@ -231,5 +282,7 @@ def velocity_residual(parts: Parts) -> Any:
     return ca.mmax(ca.fabs(parts.B @ parts.v + parts.b) / _row_norms(parts.B))
 
 
-def _row_norms(B: Any) -> Any:
+def _row_norms(B: Any, units: Any | None = None) -> Any:
+    if units is not None:
+        B = B @ ca.diag(units)
     return ca.sqrt(ca.sum2(B * B)) + TINY

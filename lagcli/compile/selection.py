@@ -52,16 +52,25 @@ class Selection:
 
     def groups(self) -> Iterator[tuple[list[int], list[int]]]:
         """Rows left out and kept rows of circuits that share rows; a row that vanishes belongs to none."""
-        pending = [(circuit[0], set(circuit[1:])) for circuit in self.circuits if len(circuit) > 1]
-        while pending:
-            row, support = pending.pop(0)
-            rest = [row]
-            while touching := [entry for entry in pending if entry[1] & support]:
-                pending = [entry for entry in pending if not entry[1] & support]
-                for other, more in touching:
-                    rest.append(other)
-                    support |= more
-            yield sorted(rest), sorted(support)
+        head: dict[int, int] = {}  # of each kept row, one that stands for all of its group
+
+        def top(row: int) -> int:
+            while head.setdefault(row, row) != row:
+                head[row] = head[head[row]]
+                row = head[row]
+            return row
+
+        for _, *support in self.circuits:
+            for row in support:
+                head[top(row)] = top(support[0])
+        found: dict[int, tuple[list[int], set[int]]] = {}
+        for first, *support in self.circuits:
+            if support:
+                rest, kept = found.setdefault(top(support[0]), ([], set()))
+                rest.append(first)
+                kept.update(support)
+        for rest, kept in found.values():
+            yield sorted(rest), sorted(kept)
 
 
 def split(selection: Selection, S: Any, lam: Any) -> Any:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import sympy
 
-from lagcli import diagnostics
+from lagcli import diagnostics, settings
 from lagcli.derivation import formula as f
 from lagcli.derivation import multipliers, solution
 from lagcli.derivation.calculus import ZERO
@@ -16,35 +17,46 @@ from lagcli.derivation.page import Derivation, Line, Section
 from lagcli.derivation.sections import Sections, joined, triple
 from lagcli.derivation.signs import Signs
 from lagcli.derivation.system import Symbolic, symbolic
-from lagcli.derivation.tidy import polynomial, shorter, tidy
+from lagcli.derivation.tidy import polynomial, tidy
 from lagcli.derivation.vectors import NOTHING
 from lagcli.mechanics.system import System
+from lagcli.pfaffian.exact import limit
 
 # Of a family this many lines are shown, then the last one; of a long sum this many terms.
 SHOWN, TERMS = 2, 16
 # Operations up to which lambda is put into accelerations.
 SHORT = 16
+# Operations up to which a component of an acceleration is written with a longer lambda put in.
+COMPONENT = 40
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Options:
     """solve: lambda and accelerations in closed form. everything: all members of families, all terms of sums.
-    values: parameters that are put in as numbers."""
+    values: parameters that are put in as numbers. limit: seconds of processor time for it."""
 
     solve: bool = False
     everything: bool = False
     values: frozenset[str] = frozenset()
+    limit: float = settings.LIMIT
 
 
 def derive(built: System, options: Options) -> Derivation:
     """The equations of motion. Raises `diagnostics.ModelError` for what is too large to be written out."""
     try:
-        return _derived(built, options)
+        # In processor time: what else the machine does refuses no model.
+        return limit.run(math.inf, lambda: _derived(built, options), effort=options.limit)
     except RecursionError:
-        message = "the equations cannot be written out: an expression is nested too deeply"
-        where = diagnostics.Location(built.model.path, 1, 1)
-        found = diagnostics.Diagnostic("too-large-to-derive", message, where)
-        raise diagnostics.ModelError([found]) from None
+        raise _too_large(built, "an expression is nested too deeply") from None
+    except limit.TimeUpError:
+        hint = "`--limit SECONDS` gives it more time"
+        raise _too_large(built, f"it takes longer than {options.limit:g} s", hint) from None
+
+
+def _too_large(built: System, reason: str, hint: str = "") -> diagnostics.ModelError:
+    message = f"the equations cannot be written out: {reason}"
+    where = diagnostics.Location(built.model.path, 1, 1)
+    return diagnostics.ModelError([diagnostics.Diagnostic("too-large-to-derive", message, where, hint)])
 
 
 def _derived(built: System, options: Options) -> Derivation:
@@ -76,7 +88,9 @@ def _derived(built: System, options: Options) -> Derivation:
     if said := _constants(system, signs):
         written.insert(0, ("Values put in", said))
     sections = tuple(Section(title, tuple(_cut(lines, options))) for title, lines in written if lines)
-    return Derivation(model.title or "Equations of motion", _about(system), sections, system)
+    # No title, whatever characters it has, steers a terminal or leaves its line.
+    title = " ".join(diagnostics.printable(model.title or "Equations of motion").split())
+    return Derivation(title, _about(system), sections, system)
 
 
 def _about(system: Symbolic) -> str:
@@ -87,7 +101,7 @@ def _about(system: Symbolic) -> str:
         f"{rows} constraint row{'s' * (rows != 1)}",
     ]
     said = ", ".join(part for part in counts if part)
-    return f"{said}. (D.n) are the numbers of the equations in the text."
+    return f"{said}. (D.n): `lagcli explain D.n` says what each equation is."
 
 
 def _constants(system: Symbolic, signs: Signs) -> list[Line]:
@@ -110,8 +124,7 @@ def _multipliers(
 ) -> list[tuple[str, list[Line]]]:
     """The equation for lambda (D.24), and its solution where that is asked for."""
     if not system.rows:
-        note = [Line(note="There is no constraint row, and so no multiplier to solve for.")]
-        return [("Solution", note)] if options.solve else []
+        return [("Solution", list(_without_rows(system, parts)))] if options.solve else []
     title = "Multiplier equation  (B M⁻¹ Bᵀ) λ = γ − B M⁻¹ h"
     lines = list(parts.gammas())
     inverted = multipliers.inverse(system)
@@ -155,6 +168,16 @@ def _solution(
     yield from _accelerations(system, parts, inverted, solved, put)
 
 
+def _without_rows(system: Symbolic, parts: Sections) -> Iterator[Line]:
+    """Accelerations where nothing constrains them."""
+    inverted = multipliers.inverse(system)
+    if inverted.entries is None:
+        yield Line(note=f"Accelerations in closed form are not written out: {inverted.reason}.")
+        return
+    yield Line(note="There is no constraint row, and so no multiplier.")
+    yield from _accelerations(system, parts, inverted, solution.Solved({}, "", {}), {})
+
+
 def _accelerations(
     system: Symbolic,
     parts: Sections,
@@ -165,30 +188,43 @@ def _accelerations(
     """Accelerations, with lambda put in where that stays short."""
     signs = parts.signs
     lengths = {x: value for x, value in solved.on.items() if str(x).startswith("root ")}
-    for number in system.newton:
-        first, mass = system.place(number), system.world.mass(number)
-        x, y, z = (tidy(value / mass) for value in triple(system.h, first))
-        # A long lambda stays a lambda.
-        factors = [
-            tidy((put[lam] if lam in put and put[lam].count_ops() <= SHORT else lam) / mass)
-            for lam in system.lam
-        ]
-        terms = [] if (x, y, z) == NOTHING else signs.scaled(sympy.Integer(1), (x, y, z))
-        terms += parts.reaction(first, factors, lengths)
-        left = signs.of_particle("r", system.world.particles.names[number], dots=2)
-        yield Line("D.23", (left, joined(terms)), kind="acceleration")
     h = list(system.h)
     for row, lam in zip(system.rows, system.lam, strict=True):
         for i, slope in row.B.items():
             h[i] += slope * lam
+    for number in system.newton:
+        first, mass = system.place(number), system.world.mass(number)
+        x, y, z = (tidy(value / mass) for value in triple(system.h, first))
+        # A long lambda stays a lambda.
+        short = {lam for lam in system.lam if lam in put and put[lam].count_ops() <= SHORT}
+        factors = [tidy((put[lam] if lam in short else lam) / mass) for lam in system.lam]
+        terms = [] if (x, y, z) == NOTHING else signs.scaled(sympy.Integer(1), (x, y, z))
+        terms += parts.reaction(first, factors, lengths)
+        left = signs.of_particle("r", system.world.particles.names[number], dots=2)
+        yield Line("D.23", (left, joined(terms)), kind="acceleration")
+        long = set(system.lam) & set().union(*(h[i].free_symbols for i in range(first, first + 3))) - short
+        if long and long <= put.keys():
+            for i in range(first, first + 3):
+                value = _closed(system, h[i].xreplace(put) / mass, solved.on)
+                if value.count_ops() <= COMPONENT:
+                    yield Line("D.23", (signs.node(system.a[i]), signs.node(value)), kind="component")
     assert inverted.entries is not None
     for i in system.lagrange:
         value = sum((inverted.entries.get((i, j), ZERO) * h[j] for j in system.lagrange), ZERO)
-        whole = tidy(solution.put(system, value.xreplace(put), solved.on))
-        whole = shorter(whole, polynomial(whole, system.v))
+        whole = _closed(system, value.xreplace(put), solved.on)
         if whole.count_ops() > solution.MAX_OPERATIONS:
             whole = tidy(value)
-        yield Line("D.53", (signs.node(system.a[i]), signs.node(whole)), kind="acceleration")
+        driven = any(system.Q.get(j, ZERO) != 0 for j in system.lagrange)
+        equation = "D.53" if system.rows else "D.34" if driven else "D.39"
+        yield Line(equation, (signs.node(system.a[i]), signs.node(whole)), kind="acceleration")
+
+
+def _closed(system: Symbolic, value: Any, on: dict[Any, Any]) -> Any:
+    """The form of an acceleration that reads best, with what the rows say put in."""
+    whole = tidy(solution.put(system, value, on))
+    small = whole.count_ops() <= 2 * solution.MAX_OPERATIONS
+    found = solution.cancelled(whole, system.v) if small else []
+    return min(*found, polynomial(whole, system.v), whole, key=solution.burden)
 
 
 def _cut(lines: list[Line], options: Options) -> Iterator[Line]:

@@ -67,6 +67,13 @@ class Derivation:
     sections: tuple[Section, ...]
     system: Symbolic
 
+    def __repr__(self) -> str:
+        lines = sum(len(section.lines) for section in self.sections)
+        return f"<Derivation {self.title[:60]!r}: {lines} lines in {len(self.sections)} sections; print it>"
+
+    def __str__(self) -> str:
+        return self.text()
+
     def equations(self) -> tuple[Any, ...]:
         """M a = h + B^T lambda for each coordinate (D.23, D.53), in SymPy."""
         import sympy

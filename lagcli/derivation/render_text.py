@@ -86,15 +86,16 @@ def _moves(node: f.Node | None) -> bool:
     return isinstance(node, f.Sign) and len(node.base) == 2 and node.base[0] in "dδ"
 
 
-def _small(node: f.Fraction) -> bool:
-    return (text(node.above), text(node.below)) in _HALVES
+def _small(node: f.Fraction) -> str | None:
+    """The single letter for a half and the like, or None."""
+    if isinstance(node.above, f.Number) and isinstance(node.below, f.Number):
+        return _HALVES.get((node.above.text, node.below.text))
+    return None
 
 
+# Each part of a formula is written once: written twice at every level, a nested one would take 2^depth steps.
 def _fraction(node: f.Fraction) -> str:
-    above, below = text(node.above), text(node.below)
-    if (above, below) in _HALVES:
-        return _HALVES[above, below]
-    return f"{_held(node.above, PRODUCT)}/{_held(node.below, APPLIED)}"
+    return _small(node) or f"{_held(node.above, PRODUCT)}/{_held(node.below, APPLIED)}"
 
 
 def _power(base: f.Node, exponent: f.Node) -> str:
@@ -110,9 +111,9 @@ def _apply(node: f.Apply, closed: bool = False) -> tuple[str, int]:
     if node.power is not None:
         digits = text(node.power).replace("−", "-")
         name += digits.translate(_SUPER) if digits.lstrip("-").isdecimal() else f"^{digits}"
-    if len(node.arguments) == 1 and not closed:
+    if len(node.arguments) == 1 and not closed and isinstance(node.arguments[0], (f.Sign, f.Number)):
         inner, hold = _write(node.arguments[0])
-        if hold == ATOM and isinstance(node.arguments[0], (f.Sign, f.Number)):
+        if hold == ATOM:
             return f"{name} {inner}", APPLIED
     return f"{name}({', '.join(map(text, node.arguments))})", APPLIED
 

@@ -10,7 +10,7 @@ import sympy
 from lagcli.derivation.calculus import TIME, ZERO
 from lagcli.derivation.multipliers import Equation, components
 from lagcli.derivation.system import Symbolic
-from lagcli.derivation.tidy import tidy
+from lagcli.derivation.tidy import by_monomials, tidy, without_squares
 
 # Rows that may be coupled.
 MAX_ROWS = 4
@@ -51,7 +51,7 @@ def solve(system: Symbolic, equation: Equation) -> Solved:
         right = sympy.Matrix([put(system, equation.right[r], on) for r in block])
         above = matrix.adjugate() * right
         for r, value in zip(block, above, strict=True):
-            found = _shortest(value, determinant)
+            found = _shortest(value, determinant, system.v)
             if found.count_ops() > MAX_OPERATIONS:
                 reason = f"λ of {system.rows[r].name} would have {found.count_ops()} operations"
                 reason += f", and {MAX_OPERATIONS} are still read"
@@ -60,19 +60,41 @@ def solve(system: Symbolic, equation: Equation) -> Solved:
     return Solved(values, reason, on)
 
 
-def _shortest(above: Any, below: Any) -> Any:
+def _shortest(above: Any, below: Any, rates: tuple[Any, ...]) -> Any:
     found = [tidy(tidy(above) / below), tidy(above) / below]
     if above.count_ops() + below.count_ops() <= 2 * MAX_OPERATIONS:
-        found.append(tidy(sympy.cancel(above / below)))
-        # Common factors first, then sin^2 + cos^2 = 1 above and below.
-        top, bottom = (
-            tidy(part) for part in sympy.fraction(sympy.factor_terms(sympy.together(above / below)))
-        )
-        found.append(tidy(top / bottom))
-    return min(found, key=_burden)
+        found += cancelled(above / below, rates)
+    return min(found, key=burden)
 
 
-def _burden(value: Any) -> int:
+def cancelled(value: Any, rates: tuple[Any, ...]) -> list[Any]:
+    """Equal forms of a quotient without common factors, as a whole and for each power of the rates.
+
+    sin^2 + cos^2 = 1 hides a common factor where both stand, so that it is looked for with each of them alone too.
+    """
+    found = []
+    together = sympy.together(value)
+    for squared, other in ((None, None), (sympy.cos, sympy.sin), (sympy.sin, sympy.cos)):
+        above, below = sympy.fraction(together)
+        if squared is not None:
+            above, below = (without_squares(part, squared, other) for part in (above, below))
+        if below == 0:  # sin^2 + cos^2 - 1 in disguise: nothing is known of such a quotient
+            continue
+        found.append(_factored(above / below))
+        if not below.free_symbols & set(rates):
+            terms = by_monomials(sympy.expand(above), rates)
+            found.append(sympy.Add(*(monomial * _factored(part / below) for monomial, part in terms)))
+    return found
+
+
+def _factored(value: Any) -> Any:
+    """A quotient without common factors, above and below tidied."""
+    above, below = sympy.fraction(sympy.factor_terms(sympy.cancel(value)))
+    return tidy(tidy(above) / tidy(below))
+
+
+def burden(value: Any) -> int:
+    """How hard an expression is to read, by its operations."""
     # Fractions in fractions read worst.
     parts = sympy.preorder_traversal(value)
     return int(value.count_ops()) + 3 * sum(1 for part in parts if part.is_Pow and part.exp.is_negative)

@@ -56,7 +56,7 @@ def _length(value: Any) -> int:
 def _trigonometric(wide: Any) -> list[Any]:
     sums = [wide]
     for first, second in ((sympy.cos, sympy.sin), (sympy.sin, sympy.cos)):
-        less = _without_squares(wide, first, second)
+        less = without_squares(wide, first, second)
         if less != wide:
             sums.append(less)
     found = []
@@ -104,7 +104,7 @@ def _added(a: Any, b: Any, found: dict[str, Any]) -> Any:
     return even + sc * sin(a) * cos(b) + cs * cos(a) * sin(b)
 
 
-def _without_squares(value: Any, squared: Any, other: Any) -> Any:
+def without_squares(value: Any, squared: Any, other: Any) -> Any:
     """cos(u)^2 as 1 - sin(u)^2, or the other way round, in all places."""
 
     def less(power: Any) -> Any:

@@ -18,7 +18,7 @@ from lagcli.derivation.vectors import Collapse, Key, Triple, Vector
 from lagcli.expression import evaluate, tree, whole
 from lagcli.expression.operators import Operators
 from lagcli.members import Members, Roll
-from lagcli.pfaffian.translate import FUNCTIONS
+from lagcli.pfaffian.translate import FUNCTIONS, constants
 
 # Beyond these an expression is no longer one a person could read, and SymPy needs minutes for it.
 MAX_NODES, MAX_OPERATIONS, MAX_DIGITS, MAX_EXPONENT = 4000, 6000, 300, 200
@@ -47,6 +47,7 @@ class World:
         self.particles = Roll(p.members for p in model.particles)
         self.generalized = Roll(c.members for c in model.coordinates)
         self.numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
+        self.constants = constants(model)
         self.parameter_values: dict[Any, float] = {}
         self.parameters: dict[str, Any] = {}
         self.substituted: dict[str, Any] = {}
@@ -81,7 +82,7 @@ class World:
         """The value of a parameter, pi/3 rather than its decimals where it is written so."""
         if isinstance(parameter.value, tuple):
             return tuple(exact(part) for part in parameter.value)
-        if parameter.formula is not None and not tree.names(parameter.formula.tree) - {"pi"}:
+        if parameter.formula is not None and not tree.names(parameter.formula.tree) - self.constants.keys():
             return self.evaluated(parameter.formula)
         return exact(parameter.value)
 
@@ -313,8 +314,8 @@ class Algebra(Operators):
             return sympy.Integer(there.indices[name])
         if name in there.own:
             return there.own[name]
-        constants: Mapping[str, Any] = {"t": TIME, "pi": sympy.pi, "dt": sympy.Integer(1)}
-        for known in (constants, world.parameters, world.coordinates):
+        leaves: Mapping[str, Any] = {"t": TIME, "dt": sympy.Integer(1)}
+        for known in (leaves, world.constants, world.parameters, world.coordinates):
             if name in known:
                 return known[name]
         if name in world.particles:

@@ -18,7 +18,9 @@ class Accuracy:
 
     errors: of the largest component up to t, in the units of the columns; scales: the largest value up to t;
     until: time of the last row before the error first exceeded a thousandth of the scale, t where it never did;
-    rtol: what the steps of the repeated run were held to; steps, rejected, evaluations: its account.
+    rtol: what the steps of the repeated run were held to; steps, rejected, evaluations: its account. zero: kinds of
+    which all values are zero to rounding; parted: between which times the two runs have gone apart at once, one of them
+    having missed a force; None where they have not.
     """
 
     t: float
@@ -29,12 +31,15 @@ class Accuracy:
     steps: int
     rejected: int
     evaluations: int
+    zero: frozenset[str] = frozenset()
+    parted: tuple[float, float] | None = None
 
     @property
     def digits(self) -> dict[str, float | None]:
-        """log10(scale / error) of each kind, not below 0; None where all values are zero or there are none."""
-        pairs = zip(self.errors, self.scales, strict=True)
-        return dict(zip(KINDS, (_digits(error, scale) for error, scale in pairs), strict=True))
+        """log10(scale / error) of each kind, not below 0; None where all values are zero, to rounding, or there are
+        none."""
+        triples = zip(KINDS, self.errors, self.scales, strict=True)
+        return {k: None if k in self.zero else _digits(error, scale) for k, error, scale in triples}
 
     @property
     def sentence(self) -> str:
@@ -46,7 +51,21 @@ class Accuracy:
             count = str(math.floor(digits))
             better = f" (to {SURE} up to t = {until:.9g})" if digits < SURE and until < self.t else ""
             told.append(f"{name} to {count}{better}" if told else self._first(name, count, better))
-        return ", ".join(told)
+        none = [name for kind, name in zip(KINDS, _NAMES, strict=True) if kind in self.zero]
+        if none:
+            is_one = none == ["R"]
+            told.append(f"{' and '.join(none)} {'is' if is_one else 'are'} zero to rounding")
+        return ", ".join(told) + self._parting
+
+    @property
+    def _parting(self) -> str:
+        if self.parted is None:
+            return ""
+        early, late = self.parted
+        return (
+            f"; the two runs go apart between t = {early:.9g} and {late:.9g}: one of them did not see a force there, so"
+            " bound the steps with --max-step"
+        )
 
     def _first(self, name: str, count: str, better: str) -> str:
         verb = "is" if name == "R" else "are"
@@ -64,6 +83,7 @@ class Accuracy:
                 "steps": self.steps,
                 "rejected": self.rejected,
                 "evaluations": self.evaluations,
+                "parted": None if self.parted is None else list(self.parted),
             },
         }
 

@@ -14,8 +14,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.digits import parting
 from lagcli.digits.accuracy import KINDS, SURE, Accuracy
-from lagcli.integrate import driver
+from lagcli.integrate import driver, tolerance
 from lagcli.mechanics.system import System
 from lagcli.model import Simulation
 
@@ -43,8 +44,11 @@ FLOOR = 1e-13
 
 
 def repeated(settings: Simulation) -> Simulation:
-    """The settings of the repeated run: the same grid, another tolerance, such that steps differ too."""
-    rtol, atol = driver.step_tolerance(settings).tolist()
+    """The settings of the repeated run: the same grid, another tolerance, such that steps differ too, and half the
+    largest step."""
+    if settings.max_step is not None:
+        settings = dataclasses.replace(settings, max_step=settings.max_step / 2)
+    rtol, atol, *_ = tolerance.of_steps(settings).tolist()
     if rtol < NEARLY * FINEST:
         return _held_to(settings, LOOSER * rtol, LOOSER * atol)
     finer = max(rtol / TIGHTER, FINEST)
@@ -52,14 +56,16 @@ def repeated(settings: Simulation) -> Simulation:
 
 
 def _held_to(settings: Simulation, rtol: float, atol: float) -> Simulation:
-    """Settings whose steps are held to these: the inverse of `driver.step_tolerance`."""
-    wanted = rtol if rtol < driver.FINEST else rtol * driver.TIGHTENING
-    return dataclasses.replace(settings, rtol=wanted, atol=atol * wanted / rtol)
+    """Settings whose steps are held to these: the inverse of `tolerance.of_steps`."""
+    wanted = rtol if rtol < tolerance.FINEST else rtol * tolerance.TIGHTENING
+    return dataclasses.replace(
+        settings, rtol=wanted, atol=None if settings.atol is None else atol * wanted / rtol
+    )
 
 
 def safety(settings: Simulation) -> float:
     """What the distance of the two runs is multiplied by."""
-    rtol = driver.step_tolerance(settings)[0]
+    rtol = tolerance.of_steps(settings)[0]
     return next(factor for least, factor in SAFETY if rtol >= least)
 
 
@@ -79,10 +85,13 @@ def places(system: System) -> tuple[list[int], ...]:
 class Errors:
     """Running maxima of the distance of two tables and of the values themselves, each kind for itself.
 
-    kinds: the places of the columns of each kind.
+    kinds: the places of the columns of each kind; parted: what looks for a place where the tables go apart.
     """
 
-    def __init__(self, kinds: tuple[list[int], ...], factor: float) -> None:
+    def __init__(
+        self, kinds: tuple[list[int], ...], factor: float, parted: parting.Parting | None = None
+    ) -> None:
+        self._parting = parted or parting.Parting(0)
         self._kinds, self._factor = kinds, factor
         self._gaps, self._sizes = np.zeros(len(kinds)), np.zeros(len(kinds))
         self._last = math.nan
@@ -93,15 +102,18 @@ class Errors:
         """The errors (k, 4) of rows (k, columns) of the one table from those of the other at the same times."""
         with np.errstate(invalid="ignore"):
             gaps = self._running(self._gaps, [rows[:, at] - others[:, at] for at in self._kinds])
-        sizes = self._running(self._sizes, [rows[:, at] for at in self._kinds])
+        # Where one of the runs has seen nothing, its values alone give no scale.
+        both = [np.maximum(np.abs(rows[:, at]), np.abs(others[:, at])) for at in self._kinds]
+        sizes = self._running(self._sizes, both)
+        self._parting.take(rows[:, 0], gaps, sizes)
         errors = np.maximum(self._factor * gaps, FLOOR * sizes)
         if len(rows):
             self._gaps, self._sizes = gaps[-1], sizes[-1]
             self._follow(rows[:, 0], errors > 10.0**-SURE * sizes)
         return errors
 
-    def accuracy(self, again: driver.Run, tolerance: float) -> Accuracy | None:
-        """What is known after the rows so far, if any; `again`: the repeated run, held to a tolerance."""
+    def accuracy(self, again: driver.Run, held_to: float) -> Accuracy | None:
+        """What is known after the rows so far, if any; `again`: the repeated run, held to this tolerance."""
         if math.isnan(self._last):
             return None
         errors = np.maximum(self._factor * self._gaps, FLOOR * self._sizes)
@@ -111,10 +123,11 @@ class Errors:
             tuple(errors.tolist()),
             tuple(self._sizes.tolist()),
             tuple(self._until),
-            tolerance,
+            held_to,
             account.steps,
             account.rejected,
             account.evaluations,
+            parted=self._parting.found,
         )
 
     def _running(self, before: Floats, values: list[Floats]) -> Floats:

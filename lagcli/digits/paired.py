@@ -8,11 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.digits import estimate
+from lagcli.digits import estimate, parting
 from lagcli.digits.accuracy import Accuracy
-from lagcli.integrate import driver
+from lagcli.integrate import driver, tolerance
 from lagcli.integrate.checkpoint import Mark
 from lagcli.integrate.holding import Holding
+from lagcli.mechanics import timed
 from lagcli.mechanics.system import System
 from lagcli.model import Simulation
 
@@ -29,18 +30,22 @@ class Paired:
         self, system: System, run: driver.Run, held: Holding, begin: driver.Begin, settings: Simulation
     ) -> None:
         again = estimate.repeated(settings)
-        self._tolerance = float(driver.step_tolerance(again)[0])
+        self._tolerance = float(tolerance.of_steps(again)[0])
         self._run = run
-        smaller = dataclasses.replace(begin, part=estimate.FIRST_STEP)
-        self._again = driver.Run(held, smaller, again, system.columns)
+        smaller = dataclasses.replace(begin, part=estimate.FIRST_STEP, is_again=True)
+        self._again = driver.Run(held, smaller, again, system.columns, (), timed.functions(system.model))
         self._ahead = self._again.blocks()
         self._waiting = np.zeros((0, 1 + len(system.columns)))
         self._broken: driver.Stop | None = None
-        self._errors = estimate.Errors(estimate.places(system), estimate.safety(settings))
+        window = parting.window(run.grid.count) if held.has_time else 0
+        relative = settings.rtol + tolerance.absolute(settings, 1.0) * (settings.atol is None)
+        parted = parting.Parting(window, relative, settings.atol or 0.0)
+        self._errors = estimate.Errors(estimate.places(system), estimate.safety(settings), parted)
         # The run as it stood behind the last whole block, and where rows end within one: only where the repeated run
         # has stopped there.
         self._mark: Mark | None = None
         self._cut: float | None = None
+        self._taken = 0
 
     @property
     def solve_seconds(self) -> float:
@@ -78,10 +83,11 @@ class Paired:
             errors = self._errors.take(rows[:known], others)
             if known < len(rows):
                 if known:
-                    self._cut = float(rows[known - 1, 0])
+                    self._cut = self._run.grid.time(self._taken + known - 1)
                     yield np.hstack([rows[:known], errors])
                 assert self._broken is not None, "the rows of both runs stand on one grid"
                 raise driver.Stopped(self._broken)
+            self._taken += known
             yield np.hstack([rows, errors])
             self._mark = self._run.mark()
 

@@ -1,10 +1,15 @@
 """Files written aside and moved into place, so that a target is either the old file or the whole new one."""
 
+import contextlib
 import errno
 import os
-import secrets
 import stat
 from pathlib import Path
+
+MOST_LINKS = 40  # links to links that are followed, as many as Linux follows
+PERMISSIONS = 0o777  # what is kept of a mode: a set-user-ID bit was given to the old content and its owner
+
+_begun: set[Path] = set()  # files aside that have been neither moved nor removed
 
 
 class Aside:
@@ -12,43 +17,166 @@ class Aside:
 
     A link is followed, so that the file it names is replaced and the link stays. A target that is no regular
     file (a pipe, a device) cannot be replaced and is written in place. Raises OSError, with the name of the
-    target, where the folder cannot be written or the target is a directory.
+    target, where `destination` does and where the folder cannot be written.
     """
 
     def __init__(self, target: Path) -> None:
-        self._target = Path(os.path.realpath(target)) if target.is_symlink() else target
-        if self._target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
-        self._in_place = self._target.exists() and not self._target.is_file()
+        self._target = destination(target)
+        self._in_place = not is_replaced(self._target)
         if self._in_place:
             self.path = self._target
             return
         # The name is cut because many file systems allow only 255 bytes in one.
-        name = f".{self._target.name[:50]}.{secrets.token_hex(4)}.tmp"
+        name = f".{self._target.name[:50]}.{os.urandom(4).hex()}.tmp"
         self.path = self._target.with_name(name)
+        # Known before it is made: an interrupt in between leaves nothing that `sweep` does not find.
+        _begun.add(self.path)
         try:
-            # 0o666 under the umask: the rights of any new file, which tempfile.mkstemp would not give.
+            # 0o666 under the umask: the permissions of any new file, which tempfile.mkstemp would not give.
             os.close(os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         except OSError as error:
+            _begun.discard(self.path)
             raise OSError(error.errno, error.strerror, str(target)) from error
 
-    def commit(self) -> None:
-        """Move the file into the place of the target, with the access rights the target had."""
+    @property
+    def is_in_place(self) -> bool:
+        """Whether the target itself is written, so that writing may have to wait for a reader."""
+        return self._in_place
+
+    def commit(self, durably: bool = False) -> None:
+        """Move the file into the place of the target, with the permissions and the owner the target had.
+
+        durably: return when it is on the disk, so that a power cut finds the new file or the old one.
+        """
         if self._in_place:
             return
+        if durably:
+            with self.path.open("r+b") as file:
+                os.fsync(file.fileno())
         if self._target.exists():
-            os.chmod(self.path, stat.S_IMODE(self._target.stat().st_mode))
+            _take_over(self.path, self._target.stat())
         os.replace(self.path, self._target)
+        _begun.discard(self.path)
+        if durably:
+            _sync_folder(self._target.parent)
 
     def keep_partial(self) -> Path:
         """Move the file to the target's name with ``.partial`` after it, and return that path."""
         if self._in_place:
             return self._target
-        partial = self._target.with_name(self._target.name + ".partial")
+        partial = partial_of(self._target)
         os.replace(self.path, partial)
+        _begun.discard(self.path)
         return partial
 
     def discard(self) -> None:
         """Remove the file; the target is as it was."""
         if not self._in_place:
             self.path.unlink(missing_ok=True)
+            _begun.discard(self.path)
+
+
+def sweep() -> None:
+    """Remove the files aside whose writers were interrupted; for the end of a command."""
+    while _begun:
+        _begun.pop().unlink(missing_ok=True)
+
+
+def is_replaced(target: Path) -> bool:
+    """Whether a target is replaced by a new file; a pipe or a device is written in place."""
+    return target.is_file() or not target.exists()
+
+
+def partial_of(target: Path) -> Path:
+    """Where the rows of a run are kept that was broken off."""
+    return target.with_name(target.name + ".partial")
+
+
+def destination(target: Path) -> Path:
+    """The file that is replaced where ``target`` is written: itself, or what its links lead to.
+
+    Raises OSError, with the name of the target, for a directory, a write-protected file, a file that only somebody
+    else may replace, a link that leads to itself, and a link of somebody else in a sticky folder that everybody may
+    write, which Linux with ``fs.protected_symlinks`` does not follow either.
+    """
+    end = target
+    for _ in range(MOST_LINKS):
+        if not end.is_symlink():
+            break
+        if is_foreign(end.lstat(), end.parent.stat(), _user()):
+            reason = "it is a link of somebody else, in a folder where everybody may make links"
+            raise PermissionError(errno.EACCES, reason, str(target))
+        end = end.parent / os.readlink(end)
+    else:
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(target))
+    if end is not target:
+        end = Path(os.path.realpath(end))
+    if end.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
+    if end.is_file() and (reason := protection(end.stat(), end.parent.stat(), _user())):
+        raise PermissionError(errno.EACCES, reason, str(target))
+    return end
+
+
+def is_foreign(link: os.stat_result, folder: os.stat_result, user: int | None) -> bool:
+    """Whether a link must not be followed: others may make links in its folder, and it is neither the user's nor of
+    the owner of the folder. ``user`` is None where users have no numbers."""
+    is_shared = bool(folder.st_mode & stat.S_ISVTX and folder.st_mode & stat.S_IWOTH)
+    return user is not None and is_shared and link.st_uid not in (user, folder.st_uid)
+
+
+def protection(file: os.stat_result, folder: os.stat_result, user: int | None) -> str:
+    """Why a file must not be replaced by the user, or nothing.
+
+    Root may write everything: then its owner's permission counts, as a protected file was protected on purpose.
+    """
+    if user is None or user in (0, file.st_uid):
+        may_write = bool(file.st_mode & stat.S_IWUSR)
+    else:
+        in_group = file.st_gid in (os.getegid(), *os.getgroups())
+        may_write = bool(file.st_mode & (stat.S_IWGRP if in_group else stat.S_IWOTH))
+    if not may_write:
+        return "it is write-protected"
+    if folder.st_mode & stat.S_ISVTX and user is not None and user not in (0, file.st_uid, folder.st_uid):
+        return "it belongs to somebody else, in a folder where only owners may replace files"
+    return ""
+
+
+def _sync_folder(folder: Path) -> None:
+    """Return when the names in a folder are on the disk, where the system can do that."""
+    if os.name != "posix":
+        return
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # some file systems have no such call for folders
+            os.fsync(number)
+    finally:
+        os.close(number)
+
+
+def _user() -> int | None:
+    return os.geteuid() if hasattr(os, "geteuid") else None
+
+
+def _take_over(path: Path, old: os.stat_result) -> None:
+    """Give a new file the owner and the permissions of the one it replaces, as far as the system allows it.
+
+    Where the group cannot be kept, the new one gets the permissions of everybody else.
+    """
+    mode = stat.S_IMODE(old.st_mode) & PERMISSIONS
+    new = path.stat()
+    is_same = (new.st_uid, new.st_gid) == (old.st_uid, old.st_gid)
+    if not is_same and not _chown(path, old.st_uid, old.st_gid) and not _chown(path, -1, old.st_gid):
+        mode = mode & 0o707 | (mode & 0o007) << 3
+    os.chmod(path, mode)
+
+
+def _chown(path: Path, owner: int, group: int) -> bool:
+    """Change the owner; whether the system has allowed it."""
+    if not hasattr(os, "chown"):
+        return True  # there is nothing to change
+    try:
+        os.chown(path, owner, group)
+    except OSError:
+        return False
+    return True

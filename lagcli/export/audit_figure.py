@@ -8,7 +8,7 @@ from matplotlib import axes, figure
 from matplotlib.backends import backend_agg
 
 from lagcli.auditing.report import Audit, Check
-from lagcli.export import endings
+from lagcli.export import endings, labels
 from lagcli.export import figure as project
 
 _BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
@@ -32,9 +32,12 @@ def compose(found: Audit, unit: str = "s") -> figure.Figure:
     with project.style():
         drawn = figure.Figure(figsize=(7.2, 1.1 + _HEIGHT * len(checks)), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
-        verdict = "no check fails" if found.passed else "a check fails"
+        verdict = found.conclusion.partition(".")[0].partition(":")[0].partition(",")[0]
         drawn.suptitle(
-            f"Audit of {found.title or found.path}: {verdict}", fontsize=10, fontweight="bold", y=0.99
+            f"Audit of {labels.shortened(found.title or found.path, labels.NAME)}: {verdict}",
+            fontsize=10,
+            fontweight="bold",
+            y=0.99,
         )
         strips = drawn.subplots(len(checks), 1, sharex=True, squeeze=False)[:, 0]
         bottom, top = 0.5 / drawn.get_figheight(), 1 - 0.4 / drawn.get_figheight()
@@ -53,7 +56,7 @@ def compose(found: Audit, unit: str = "s") -> figure.Figure:
             strip.set_ylabel(label, fontsize=7, rotation=0, ha="right", va="center", color=colour, labelpad=8)
             strip.set_xlim(found.start, found.end if found.end > found.start else found.start + 1)
         strips[-1].set_xlabel(
-            f"t [{unit}]     (each curve: worst value as a part of its limit, dashed)", fontsize=8
+            f"t ({unit})     (each curve: worst value as a part of its limit, dashed)", fontsize=8
         )
         return drawn
 
@@ -62,5 +65,6 @@ def _curve(strip: axes.Axes, check: Check, colour: str) -> None:
     if not check.curve:
         return
     t, part = np.array(check.curve).T
-    part = np.clip(np.where(np.isfinite(part), part, 1e12), _FLOOR, 1e12)
+    # Not a number: a gap between the stretches of a check that looks at windows.
+    part = np.clip(np.where(np.isposinf(part), 1e12, part), _FLOOR, 1e12)
     strip.plot(t, part, color=colour, linewidth=0.9, marker="o" if len(t) == 1 else None, markersize=3)

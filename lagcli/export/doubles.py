@@ -1,6 +1,7 @@
 """Doubles as text, the fewest digits that read back to the same double. The only file that imports orjson."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import orjson
@@ -43,3 +44,8 @@ def json_lines(rows: NDArray[np.float64]) -> bytes:
     """``rows``, shape (k, columns), as JSON lists, a line each, with a comma between them; nan is null."""
     text = orjson.dumps(np.ascontiguousarray(rows), option=orjson.OPT_SERIALIZE_NUMPY)
     return text[1:-1].replace(b"],[", b"],\n[")
+
+
+def parsed_json(text: bytes) -> Any:
+    """What a text of JSON says. Raises ValueError, also for numbers beyond all doubles and too deep lists."""
+    return orjson.loads(text)

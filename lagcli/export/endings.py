@@ -1,8 +1,10 @@
 """The file endings that are written, so that a wrong one is refused before a long run and not after it."""
 
+import os
 from pathlib import Path
 
 TABLES = ("csv", "json", "npz", "parquet")
+WRITTEN = (*TABLES, "tsv")  # of tables that are written, not read back
 FIGURES = ("png", "svg", "pdf")
 
 
@@ -17,7 +19,12 @@ class UnknownFormat(ValueError):
 
 
 def of(path: Path, known: tuple[str, ...]) -> str:
-    """The ending of ``path``, in lower case, without its dot; ``UnknownFormat`` if it is not in ``known``."""
+    """The ending of ``path``, in lower case, without its dot; ``UnknownFormat`` if it is not in ``known``.
+
+    What is written to the null device may have any format, and is CSV where that is known.
+    """
+    if str(path) == os.devnull and "csv" in known:
+        return "csv"
     ending = path.suffix.lower().removeprefix(".")
     if ending not in known:
         raise UnknownFormat(path.name, known)

@@ -1,7 +1,8 @@
 """Figures of a run, fit to be printed: lambda_i(t) and R_k(t). The only file that imports matplotlib.
 
 The page is a column of blocks, each of which knows its height in inches before anything is drawn. Texts are
-measured and broken into lines, never cut, and never read as markup: the names and the title are the user's.
+measured and broken into lines, cut only where they are very long, and never read as markup: the names and the title
+are the user's.
 """
 
 import bisect
@@ -9,7 +10,7 @@ import contextlib
 import dataclasses
 import itertools
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from matplotlib import axes, collections, colors, figure, font_manager, lines, t
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.export import aside, endings, panels
+from lagcli.export import aside, endings, labels, panels
 
 _WIDTH = 7.2
 _MARGIN = 0.12
@@ -88,19 +89,19 @@ def draw(
     *,
     title: str,
     units: panels.Units,
-    indeterminate: Collection[str] = (),
+    facts: panels.Facts = panels.NOTHING,
 ) -> None:
     """Draw the multipliers and constraint forces of a run to ``path``: png, svg or pdf.
 
     ``rows`` has shape (T, len(columns)), with all the columns of a run; equal runs give equal bytes.
-    ``indeterminate`` names the constraints of which lambda is not unique; they are marked.
+    ``facts``: multipliers that are not unique are marked, columns that are zero to rounding drawn as zero.
     The file is written aside and moved into place.
     Raises ``endings.UnknownFormat``, OSError, and ValueError where the column ``t`` is missing.
     """
     target = Path(path)
     fmt = endings.of(target, endings.FIGURES)
     with style():
-        drawn = compose(columns, rows, title=title, units=units, indeterminate=indeterminate)
+        drawn = compose(columns, rows, title=title, units=units, facts=facts)
         write(target, fmt, drawn)
 
 
@@ -121,10 +122,14 @@ def compose(
     *,
     title: str,
     units: panels.Units,
-    indeterminate: Collection[str] = (),
+    facts: panels.Facts = panels.NOTHING,
 ) -> figure.Figure:
     """The figure that ``draw`` writes; arguments and errors are those of ``draw``."""
-    found = panels.bands(columns, rows, units, indeterminate)
+    title = labels.shortened(title, labels.TITLE)
+    units = labels.ShortUnits(
+        *(labels.shortened(u, labels.UNIT) for u in (units.length, units.mass, units.time))
+    )
+    found = panels.bands(columns, rows, units, facts)
     time = panels.with_unit("t", units.time.strip())
     with style():
         ruler = _Ruler([title, *columns, units.length, units.mass, units.time])
@@ -200,7 +205,7 @@ class _Ruler:
         return float(width) / 72
 
     def wrap(self, text: str, width: float, size: float, weight: str = "normal") -> str:
-        """``text`` in lines of at most ``width``, broken between words where possible, else within them."""
+        """``text`` in lines of at most ``width``, broken between words where possible; cut if very long."""
         room = 0.97 * width  # pixels round letters to a little more than measured
 
         def too_wide(line: str) -> bool:
@@ -208,7 +213,7 @@ class _Ruler:
 
         done: list[str] = []
         line = ""
-        for word in text.translate(self._codes).split():
+        for word in labels.shortened(text, labels.TITLE).translate(self._codes).split():
             if line and too_wide(f"{line} {word}"):
                 done.append(line)
                 line = ""

@@ -1,8 +1,12 @@
-"""Tables as JSON: ``{"columns": [...], "rows": [[...]]}``, one row a line, doubles that read back exactly."""
+"""Tables as JSON: ``{"columns": [...], "rows": [[...]]}``, one row a line, doubles that read back exactly.
+
+Behind the rows ``"provenance"``, where it is known.
+"""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +17,13 @@ from lagcli.export import block_file, doubles
 class Writer:
     """Writes a table to ``path`` as its rows arrive."""
 
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+    def __init__(
+        self, path: Path, columns: Sequence[str], provenance: Mapping[str, Any] | None = None
+    ) -> None:
+        self._end = b"\n]}\n"
+        if provenance is not None:
+            text = json.dumps(provenance, ensure_ascii=False, allow_nan=False)
+            self._end = f'\n], "provenance": {text}}}\n'.encode()
         self._columns = tuple(columns)
         self._separator = b"\n"
         names = json.dumps(self._columns, ensure_ascii=False)
@@ -28,7 +38,7 @@ class Writer:
 
     def finish(self) -> None:
         """Complete and close the file."""
-        self._file.append(b"\n]}\n")
+        self._file.append(self._end)
         self._file.close()
 
     def abandon(self) -> None:

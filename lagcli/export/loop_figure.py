@@ -9,7 +9,7 @@ from matplotlib import axes, figure
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.export import endings
+from lagcli.export import endings, labels
 from lagcli.export import figure as project
 from lagcli.holonomy import witness
 
@@ -35,7 +35,8 @@ def compose(found: witness.Witness) -> figure.Figure:
         drawn = figure.Figure(figsize=(7.2, 3.4), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
         how = "over equal times" if found.is_timed else f"around a closed loop in {_names(found.back)}"
-        title = f"{found.row}: {found.coordinate} moves by {found.amount:.6g} {how}".replace("-", "−")
+        row, coordinate = (labels.shortened(name, labels.NAME) for name in (found.row, found.coordinate))
+        title = f"{row}: {coordinate} moves by {found.amount:.6g} {how}".replace("-", "−")
         drawn.suptitle(title, fontsize=10, fontweight="bold", wrap=True, y=0.98)
         left, right = drawn.subplots(1, 2)
         drawn.subplots_adjust(left=0.1, right=0.97, bottom=0.14, top=0.85, wspace=0.3)
@@ -88,8 +89,8 @@ def _loop(plot: axes.Axes, found: witness.Witness) -> None:
             f"{number}", xy=middle, xytext=(5 + 10 * beside, 4), textcoords="offset points", fontsize=8
         )
     plot.plot(*path.corners[0][[i, j]], "o", color="#222222", markersize=4)
-    plot.set_xlabel(found.names[i], fontsize=9)
-    plot.set_ylabel(found.names[j], fontsize=9)
+    plot.set_xlabel(labels.shortened(found.names[i], labels.NAME), fontsize=9)
+    plot.set_ylabel(labels.shortened(found.names[j], labels.NAME), fontsize=9)
 
 
 def _moved(plot: axes.Axes, found: witness.Witness) -> None:
@@ -106,7 +107,7 @@ def _moved(plot: axes.Axes, found: witness.Witness) -> None:
         np.arange(len(path.corners) - 1) + 0.5, [f"{k + 1}" for k in range(len(path.corners) - 1)]
     )
     plot.set_xlabel("move", fontsize=9)
-    plot.set_ylabel(found.coordinate, fontsize=9)
+    plot.set_ylabel(labels.shortened(found.coordinate, labels.NAME), fontsize=9)
 
 
 def _times(plot: axes.Axes, found: witness.Witness, place: int) -> None:
@@ -118,7 +119,7 @@ def _times(plot: axes.Axes, found: witness.Witness, place: int) -> None:
     if found.names[place] == found.coordinate:
         _gap(plot, ends[0][-1], ends[1][place], ends[0][place], found.amount)
     plot.set_xlabel("t", fontsize=9)
-    plot.set_ylabel(found.names[place], fontsize=9)
+    plot.set_ylabel(labels.shortened(found.names[place], labels.NAME), fontsize=9)
 
 
 def _gap(plot: axes.Axes, x: float, low: float, high: float, amount: float) -> None:

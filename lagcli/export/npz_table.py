@@ -2,13 +2,16 @@
 
 A column can only be written when all its rows are there, so the rows wait, column by column within each
 block, in a temporary file (in memory while they are few). ``numpy.savez`` is not used: it holds the whole
-table, and it cannot write a column called ``file``.
+table, and it cannot write a column called ``file``. The comment of the archive holds the provenance: another array
+would look like a column.
 """
 
+import json
 import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +19,16 @@ from numpy.typing import NDArray
 from lagcli.export import gathered
 
 _BYTES_IN_MEMORY = 1 << 23
+_MOST_COMMENT = 65_535  # bytes; the format of zip archives has no room for more
 
 
 class Writer:
     """Writes a table to ``path`` once all its rows have arrived."""
 
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+    def __init__(
+        self, path: Path, columns: Sequence[str], provenance: Mapping[str, Any] | None = None
+    ) -> None:
+        self._comment = _comment(provenance) if provenance is not None else b""
         self._path = path
         self._columns = tuple(columns)
         self._gathered = gathered.Gathered(len(self._columns))
@@ -40,6 +47,7 @@ class Writer:
         for block in self._gathered.rest():
             self._store(block)
         with self._spool, zipfile.ZipFile(self._path, "w") as archive:
+            archive.comment = self._comment
             for index, name in enumerate(self._columns):
                 # A fixed date, so that equal tables give equal files.
                 member = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
@@ -69,3 +77,12 @@ class Writer:
             places.append((start + 8 * length * index, 8 * length))
             start += 8 * length * len(self._columns)
         return places
+
+
+def _comment(provenance: Mapping[str, Any]) -> bytes:
+    """The provenance as JSON; what makes it too long, thousands of parameters, is null then."""
+    kept = dict(provenance)
+    while len(text := json.dumps(kept, allow_nan=False).encode()) > _MOST_COMMENT:
+        longest = max(kept, key=lambda name: len(json.dumps(kept[name])))
+        kept[longest] = None
+    return text

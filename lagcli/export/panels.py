@@ -6,7 +6,7 @@ panel only while their values are of like size.
 """
 
 import dataclasses
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -35,6 +35,24 @@ class Units(Protocol):
     def mass(self) -> str: ...
     @property
     def time(self) -> str: ...
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Facts:
+    """What is known of the columns of a run.
+
+    indeterminate: constraints of which lambda is not unique, by name; zeros: columns that are zero to rounding and are
+    shown as zero; lengths: the dimension of rows as a power of a length, where it is known; is_choice: the columns are
+    some of those of a run.
+    """
+
+    indeterminate: Collection[str] = ()
+    zeros: Collection[str] = ()
+    lengths: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    is_choice: bool = False
+
+
+NOTHING = Facts()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -80,9 +98,12 @@ class _Table:
 
 
 def bands(
-    columns: Sequence[str], rows: NDArray[np.float64], units: Units, indeterminate: Collection[str] = ()
+    columns: Sequence[str],
+    rows: NDArray[np.float64],
+    units: Units,
+    facts: Facts = NOTHING,
 ) -> list[Band]:
-    """The bands of the figure of a run, from top to bottom; indeterminate: constraints of which lambda is not unique.
+    """The bands of the figure of a run, from top to bottom.
 
     ``rows`` has shape (T, len(columns)). Every ``lambda.NAME`` is shown, zero or not; of the particles
     (columns ``R.NAME.x``, ``.y``, ``.z``) and coordinates (``R.NAME``) those whose force is not zero
@@ -90,17 +111,30 @@ def bands(
     """
     if "t" not in columns:
         raise ValueError('a figure needs the column "t"')
+    zeros = facts.zeros
+    if zeros:
+        rows = np.where(np.isin(columns, list(zeros)), 0.0, rows)
     table = _Table({name: place for place, name in enumerate(columns)}, rows)
     forces = [name.removeprefix("R.") for name in columns if name.startswith("R.")]
     particles = [name.removesuffix(".x") for name in forces if name.endswith(".x")]
     # Names hold no dot, so "R.theta" is a coordinate and "R.a.x" belongs to a particle.
     coordinates = [name for name in forces if "." not in name]
     multipliers = [name for name in columns if name.startswith("lambda.")]
-    found = [_multipliers(table, multipliers, units, indeterminate)]
+    hidden = facts.is_choice and not multipliers
+    found = [] if hidden else [_multipliers(table, multipliers, units, facts)]
     if particles:
         found.append(_particle_forces(table, particles, units))
     if coordinates:
         found.append(_coordinate_forces(table, coordinates, units))
+    idle = [name.removeprefix("lambda.") for name in multipliers if not _size(table.column(name))]
+    if idle:
+        rounded = any(f"lambda.{name}" in zeros for name in idle)
+        told = f"{'zero to rounding' if rounded else 'zero throughout'}: {_listed(idle)}"
+        found[0] = dataclasses.replace(found[0], note="; ".join(filter(None, (found[0].note, told))))
+    if zeros:
+        for place, band in enumerate(found):
+            note = band.note.replace("zero throughout", "zero to rounding")
+            found[place] = dataclasses.replace(band, note=note)
     return found
 
 
@@ -142,10 +176,10 @@ def with_unit(quantity: str, unit: str) -> str:
     return f"{quantity}  ({unit})" if unit not in ("", "1") else quantity
 
 
-def _multipliers(table: _Table, names: list[str], units: Units, indeterminate: Collection[str]) -> Band:
+def _multipliers(table: _Table, names: list[str], units: Units, facts: Facts) -> Band:
     heading = "Multipliers λᵢ of the constraints"
-    unit = force_unit(units, length_power=2)
-    label = with_unit("λᵢ", f"{unit or '1'} / unit of fᵢ")
+    indeterminate = facts.indeterminate
+    label = _multiplier_label(names, units, facts)
     if not names:
         return Band(heading, label, (), note="no constraints")
     # A name in brackets is no name of a constraint: the mark cannot be taken for one.
@@ -160,6 +194,16 @@ def _multipliers(table: _Table, names: list[str], units: Units, indeterminate: C
     if 1 < len(curves) <= _OVERLAID and _of_like_size(curves):
         return Band(heading, label, (Panel("", tuple(curves)),), note=note)
     return Band(heading, label, tuple(Panel(curve.label, (curve,)) for curve in curves), note=note)
+
+
+def _multiplier_label(names: list[str], units: Units, facts: Facts) -> str:
+    """The axis of lambda: of rows that are lengths a force, of others what their equations say."""
+    powers = {facts.lengths.get(name.removeprefix("lambda.")) for name in names}
+    power = powers.pop() if len(powers) == 1 else None
+    if power in (0.0, 1.0):
+        return with_unit("λᵢ", force_unit(units, length_power=2 - int(power)))
+    unit = force_unit(units, length_power=2)
+    return with_unit("λᵢ", f"{unit or '1'} / unit of fᵢ")
 
 
 def _particle_forces(table: _Table, particles: list[str], units: Units) -> Band:
@@ -207,8 +251,11 @@ def _acting(forces: dict[str, NDArray[np.float64]]) -> tuple[list[str], str]:
         return shown, ""
     if not shown:
         return shown, "zero throughout"
-    names = ", ".join(idle) if len(idle) <= _FORCE_PANELS else f"{len(idle)} others"
-    return shown, f"zero throughout: {names}"
+    return shown, f"zero throughout: {_listed(idle)}"
+
+
+def _listed(idle: list[str]) -> str:
+    return ", ".join(idle) if len(idle) <= _FORCE_PANELS else f"{len(idle)} others"
 
 
 def _of_like_size(curves: Iterable[Curve]) -> bool:

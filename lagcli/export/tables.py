@@ -2,17 +2,19 @@
 
 import abc
 import contextlib
+import functools
 import io
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Protocol, Self, TextIO, cast
+from typing import Any, BinaryIO, Protocol, Self, TextIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.export import aside, csv_table, endings, json_table, npz_table
+from lagcli import requirements
+from lagcli.export import aside, csv_table, endings, json_table, npz_table, tsv_table
 
 
 class MissingExtra(RuntimeError):
@@ -29,8 +31,12 @@ class Sink(Protocol):
     def write(self, rows: NDArray[np.float64]) -> None:
         """Append ``rows``, shape (k, columns); raises ValueError for another shape or an ended sink."""
 
-    def commit(self) -> None:
-        """The table is complete: move it into place."""
+    @property
+    def is_file(self) -> bool:
+        """Whether the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
+
+    def commit(self, durably: bool = False) -> None:
+        """The table is complete: move it into place; ``durably``: return when it is on the disk."""
 
     def keep_partial(self) -> Path | None:
         """The run broke off: keep the rows so far in FILE.partial and return that path; None for a stream."""
@@ -55,13 +61,21 @@ class _Writer(Protocol):
     def abandon(self) -> None: ...
 
 
+Make = Callable[[Path, Sequence[str]], _Writer]
+
+
 def open_sink(
-    target: str | os.PathLike[str] | BinaryIO | TextIO, columns: Sequence[str], fmt: str | None = None
+    target: str | os.PathLike[str] | BinaryIO | TextIO,
+    columns: Sequence[str],
+    fmt: str | None = None,
+    provenance: Mapping[str, Any] | None = None,
 ) -> Sink:
     """A sink for the table with the names ``columns``.
 
-    ``target`` is a path, whose ending (or ``fmt``, one of ``endings.TABLES``) picks the format, or an open
+    ``target`` is a path, whose ending (or ``fmt``, one of ``endings.WRITTEN``) picks the format, or an open
     stream, which gets CSV, flushed after every block. A file is written aside and moved into place.
+    ``provenance``: where the table comes from, for the formats that have a place for it (all but CSV): the key
+    ``provenance`` of JSON and of the metadata of a Parquet schema, the comment of the zip archive of NPZ.
 
     Raises ``endings.UnknownFormat``, ``MissingExtra``, ValueError for two equal names, and OSError where the
     file cannot be made. Nothing has been written then.
@@ -74,8 +88,8 @@ def open_sink(
         return _StreamSink(target, columns)
     path = Path(target)
     if fmt is None:
-        fmt = endings.of(path, endings.TABLES)
-    return _FileSink(path, columns, fmt)
+        fmt = endings.of(path, endings.WRITTEN)
+    return _FileSink(path, columns, _writer(path, fmt, provenance))
 
 
 class _Base(abc.ABC):
@@ -86,7 +100,7 @@ class _Base(abc.ABC):
         self._ended = False
 
     @abc.abstractmethod
-    def commit(self) -> None: ...
+    def commit(self, durably: bool = False) -> None: ...
 
     @abc.abstractmethod
     def discard(self) -> None: ...
@@ -116,9 +130,8 @@ class _Base(abc.ABC):
 
 
 class _FileSink(_Base):
-    def __init__(self, path: Path, columns: Sequence[str], fmt: str) -> None:
+    def __init__(self, path: Path, columns: Sequence[str], make: Make) -> None:
         super().__init__(columns)
-        make = _writer(path, fmt)
         self._aside = aside.Aside(path)
         try:
             self._writer = make(self._aside.path, columns)
@@ -129,9 +142,13 @@ class _FileSink(_Base):
     def write(self, rows: NDArray[np.float64]) -> None:
         self._writer.write(self._checked(rows))
 
-    def commit(self) -> None:
+    @property
+    def is_file(self) -> bool:
+        return not self._aside.is_in_place
+
+    def commit(self, durably: bool = False) -> None:
         with self._ending():
-            self._aside.commit()
+            self._aside.commit(durably)
 
     def keep_partial(self) -> Path:
         with self._ending():
@@ -184,7 +201,9 @@ class _StreamSink(_Base):
             self._put(part)
         self._flush()
 
-    def commit(self) -> None:
+    is_file = False
+
+    def commit(self, durably: bool = False) -> None:
         self._must_be_open()
         self._put(self._header)
         self._flush()
@@ -210,7 +229,10 @@ class _StreamSink(_Base):
 
 @contextlib.contextmanager
 def needing_pyarrow(path: Path) -> Iterator[None]:
-    """What is imported inside needs pyarrow, for this file. Raises `MissingExtra` where it is not installed."""
+    """What is imported inside needs pyarrow, for this file. Raises `MissingExtra` if it is missing or too old."""
+    refusal = requirements.too_old(requirements.OPTIONAL)
+    if refusal:
+        raise MissingExtra(f'"{path.name}": {refusal}')
     try:
         yield
     except ModuleNotFoundError as error:
@@ -221,16 +243,18 @@ def needing_pyarrow(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _writer(path: Path, fmt: str) -> Callable[[Path, Sequence[str]], _Writer]:
+def _writer(path: Path, fmt: str, provenance: Mapping[str, Any] | None) -> Make:
     match fmt:
         case "csv":
             return csv_table.Writer
+        case "tsv":
+            return tsv_table.Writer
         case "json":
-            return json_table.Writer
+            return functools.partial(json_table.Writer, provenance=provenance)
         case "npz":
-            return npz_table.Writer
+            return functools.partial(npz_table.Writer, provenance=provenance)
         case "parquet":
             with needing_pyarrow(path):
                 from lagcli.export import parquet_table
-            return parquet_table.Writer
-    raise endings.UnknownFormat(path.name, endings.TABLES)
+            return functools.partial(parquet_table.Writer, provenance=provenance)
+    raise endings.UnknownFormat(path.name, endings.WRITTEN)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from lagcli import diagnostics
-from lagcli.expression import refusals, tree
+from lagcli.expression import meant, refusals, tree
 from lagcli.expression.tree import ExpressionError
 
 S = TypeVar("S")
@@ -23,7 +23,13 @@ SCALAR_FUNCTIONS: dict[str, int] = {
 }  # name: number of arguments
 MANY_ARGUMENT_FUNCTIONS = ("min", "max")
 VECTOR_FUNCTIONS: dict[str, int] = {"dot": 2, "cross": 2, "norm": 1, "distance": 2}
-SPECIAL_FUNCTIONS = ("rate", "d", "multiplier", "reaction")
+# Functions of what is written: the least and the largest number of arguments.
+SPECIAL_FUNCTIONS: dict[str, tuple[int, int]] = {
+    "rate": (1, 2),
+    "d": (1, 1),
+    "multiplier": (1, 1),
+    "reaction": (1, 2),
+}
 
 FUNCTION_NAMES = (*SCALAR_FUNCTIONS, *MANY_ARGUMENT_FUNCTIONS, *VECTOR_FUNCTIONS, *SPECIAL_FUNCTIONS)
 
@@ -116,6 +122,7 @@ class _Walk:
             tree.Sum: self._sum,
             tree.Product: self._product,
             tree.Power: self._power,
+            tree.Component: self._component,
             tree.Vector: self._vector_literal,
             tree.Call: self._call,
             tree.Relation: self._relation,
@@ -127,6 +134,11 @@ class _Walk:
     @staticmethod
     def _relation(node: tree.Relation) -> Any:
         raise ExpressionError("syntax", "an equation has no value", node.start, node.end)
+
+    def _component(self, node: tree.Component) -> Any:
+        vector = node.vector
+        owner = f"{vector.function}(...)" if isinstance(vector, tree.Call) else "(...)"
+        return component(node, self.value(vector), node.member, owner)
 
     def _power(self, node: tree.Power) -> Any:
         return self._algebra.power(node, self.scalar(node.base), self.scalar(node.exponent))
@@ -204,13 +216,14 @@ class _Walk:
     def _vector_literal(self, node: tree.Vector) -> tuple[Any, ...]:
         if len(node.components) != 3:
             message = f"a vector has three components, and this one has {len(node.components)}"
-            raise ExpressionError("vector-length", message, node.start, node.end)
+            hint = meant.vector(len(node.components))
+            raise ExpressionError("vector-length", message, node.start, node.end, hint)
         return tuple(self.scalar(part) for part in node.components)
 
     def _call(self, node: tree.Call) -> Any:
         name = node.function
         if name in SPECIAL_FUNCTIONS:
-            self._count(node, 1)
+            self._count(node, *SPECIAL_FUNCTIONS[name])
             return self._algebra.special(node)
         if name in VECTOR_FUNCTIONS:
             self._count(node, VECTOR_FUNCTIONS[name])
@@ -225,11 +238,17 @@ class _Walk:
         raise unknown_function(node)
 
     @staticmethod
-    def _count(node: tree.Call, expected: int) -> None:
-        if len(node.arguments) != expected:
-            plural = "argument" if expected == 1 else "arguments"
-            message = f"`{node.function}` takes {expected} {plural}, and {len(node.arguments)} stand here"
-            raise ExpressionError("wrong-arguments", message, node.start, node.end)
+    def _count(node: tree.Call, least: int, most: int = 0) -> None:
+        """Raise where the number of arguments is not between `least` and `most`, by default exactly `least`."""
+        most = max(least, most)
+        given = len(node.arguments)
+        if not least <= given <= most:
+            plural = "argument" if most == 1 else "arguments"
+            wanted = f"{least}" if least == most else f"{least} or {most}"
+            counted = {0: "none was", 1: "1 was"}.get(given, f"{given} were")
+            message = f"`{node.function}` takes {wanted} {plural}, but {counted} given"
+            hint = meant.ARGUMENTS.get(node.function, "")
+            raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
 
     def _vector_function(self, node: tree.Node, name: str, vectors: list[tuple[Any, Any, Any]]) -> Any:
         algebra = self._algebra

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from lagcli.expression import evaluate, refusals, tree
 from lagcli.expression.tree import ExpressionError
 
-Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mass", "result"]
+Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mass", "acceleration", "result"]
 
 Value = float | npt.NDArray[np.float64]
 
@@ -31,7 +31,7 @@ POSITION: frozenset[Flag] = PLACE | {"cartesian"}
 MOTION: frozenset[Flag] = POSITION | {"velocity"}
 FORCE: frozenset[Flag] = MOTION | {"mass"}
 DIFFERENTIAL: frozenset[Flag] = MOTION | {"differential"}
-OUTPUT: frozenset[Flag] = MOTION | {"result"}
+OUTPUT: frozenset[Flag] = MOTION | {"acceleration", "result"}
 
 
 @dataclasses.dataclass(slots=True, eq=False)
@@ -53,6 +53,7 @@ FLAG_ERRORS: dict[str, tuple[str, str]] = {
     "velocity": ("velocity-not-allowed", "may not depend on velocities or rates"),
     "time": ("time-not-allowed", "may not depend on the time `t`"),
     "differential": ("differential-not-allowed", "may not hold differentials"),
+    "acceleration": ("result-not-allowed", "may not depend on accelerations"),
     "result": ("result-not-allowed", "may not depend on multipliers, reactions or energies"),
 }
 
@@ -250,8 +251,10 @@ def _written(node: tree.Node) -> str:
             return node.name
         case tree.Member():
             return f"{node.owner}.{node.member}"
-        case tree.Call(arguments=(argument,)):
-            return f"{node.function}({_written(argument)})"
+        case tree.Call():
+            return f"{node.function}({', '.join(map(_written, node.arguments))})"
+        case tree.Number():
+            return node.text
         case tree.Index():
             return f"{node.owner}[...]"
         case _:

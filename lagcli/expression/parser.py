@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lagcli.expression import tokens, tree
+from lagcli.expression import meant, tokens, tree
 from lagcli.expression.tokens import Token
 from lagcli.expression.tree import ExpressionError
 
@@ -59,9 +59,9 @@ def parse_reference(text: str) -> tree.Name | tree.Index:
     if bare and (isinstance(node, tree.Name) or (isinstance(node, tree.Index) and not node.member)):
         return node
     if isinstance(node, (tree.Index, tree.Member)) and node.member:
-        message = f"only a name stands here, without `.{node.member}`"
+        message = f"only a name is allowed here, without `.{node.member}`"
         raise ExpressionError("syntax", message, node.end - len(node.member) - 1, node.end)
-    message, hint = "only a name stands here", "for example `a`, or `p[1]` of a family `p`"
+    message, hint = "only a name is allowed here", "for example `a`, or `p[1]` of a family `p`"
     raise ExpressionError("syntax", message, 0, len(text), hint)
 
 
@@ -87,7 +87,7 @@ class _Parser:
             right = self._sum()
             node = tree.Relation(left.start, right.end, left, relation, right)
         if self._kinds[self._at] != "end":
-            raise _surplus(self._peek(), relations)
+            raise self._surplus(relations)
         return node
 
     def range(self) -> tree.Range:
@@ -117,7 +117,7 @@ class _Parser:
         if last.kind == ",":
             raise ExpressionError("syntax", "one range ends here", last.start, last.end, _SEVERAL)
         if last.kind != "end":
-            raise _surplus(last, ())
+            raise self._surplus()
         return tree.Range(name.start, high.end, name.text, low, high)
 
     def _bound(self, which: str, hint: str) -> tree.Node:
@@ -145,8 +145,38 @@ class _Parser:
         if token.kind == "end":
             raise ExpressionError("syntax", f"this `{opened.text}` is never closed", opened.start, opened.end)
         if token.kind != kind:
-            raise _surplus(token, ())
+            raise self._surplus()
         self._at += 1
+
+    def _surplus(self, relations: tuple[str, ...] = ()) -> ExpressionError:
+        """The error for the token here, which cannot go on from what stands before it."""
+        token, hint = self._peek(), ""
+        if token.kind == "=":
+            message, hint = "an `=` has no place here", "a formula has no `=`; an equation is a constraint"
+            if "=" in relations:
+                message, hint = "there is a second `=`", "each equation has an entry of its own"
+        elif token.kind in (">=", "<=", "<", ">", "==", "!="):
+            message = f"`{token.text}` has no place here"
+            hint = meant.relation(token.kind, "=" in relations)
+        elif token.kind in (")", "]"):
+            message = f"this `{token.text}` closes nothing"
+        elif token.kind == ",":
+            message = "a comma has no place here"
+            following = self._texts[self._at + 1] if self._kinds[self._at + 1] == "number" else ""
+            hint = meant.comma(self._before(1), following)
+        elif token.kind == "..":
+            message, hint = "`..` has no place here", "a range `i = 1..N` belongs under `for`"
+        elif token.kind in ("number", "name", "(", "["):
+            message = f"an operator is missing before `{token.text}`"
+            hint = meant.between(self._before(1), (token.kind, token.text), self._before(2))
+        else:
+            message = f"`{token.text}` has no place here"
+        return ExpressionError("syntax", message, token.start, token.end, hint)
+
+    def _before(self, count: int) -> tuple[str, str]:
+        """Kind and text of the token so many places before this one; empty where there is none."""
+        place = self._at - count
+        return (self._kinds[place], self._texts[place]) if place >= 0 else ("", "")
 
     def _nested(self, token: Token) -> None:
         self._depth += 1
@@ -224,6 +254,7 @@ class _Parser:
         if token.kind == "(":
             inner = self._grouped()
             self._expect(")", token)
+            inner = self._component(token.start, inner)
         else:
             items = self._items("]", token)
             inner = tree.Vector(token.start, self._end(), items)
@@ -238,7 +269,11 @@ class _Parser:
         if token.kind == "end":
             last = self._tokens[self._at - 1]
             return ExpressionError("syntax", f"the expression ends after `{last.text}`", last.start, last.end)
-        hint = {"*": "write `**` for a power", ".": "a range has two dots: `1..N`"}.get(token.kind, "")
+        hint = {
+            "*": "write `**` for a power",
+            ".": "a range has two dots: `1..N`",
+            "=": "the value alone is written after the colon" if self._at == 0 else "",
+        }.get(token.kind, "")
         message = f"a number, name or bracket is missing before `{token.text}`"
         return ExpressionError("syntax", message, token.start, token.end, hint)
 
@@ -267,7 +302,7 @@ class _Parser:
             self._nested(opened)
             arguments = self._items(")", opened)
             self._depth -= 1
-            return tree.Call(start, self._end(), name, arguments)
+            return self._component(start, tree.Call(start, self._end(), name, arguments))
         if following not in ("[", ".", "number"):
             return tree.Name(start, start + len(name), name)
         indices = self._indices()
@@ -277,6 +312,13 @@ class _Parser:
         if member:
             return tree.Member(start, self._end(), name, member)
         return tree.Name(start, start + len(name), name)
+
+    def _component(self, start: int, vector: tree.Node) -> tree.Node:
+        """What a closing parenthesis ends, or a component of it: `reaction(a).x`."""
+        if self._kinds[self._at] != ".":
+            return vector
+        member = self._member()
+        return tree.Component(start, self._end(), vector, member)
 
     def _indices(self) -> tuple[tree.Node, ...]:
         indices: list[tree.Node] = []
@@ -309,8 +351,13 @@ class _Parser:
             message = f"a component is missing after `{self._tokens[self._at - 2].text}.`"
             raise ExpressionError("syntax", message, token.start, token.end, "for example `.x`")
         if self._kinds[self._at] == ".":
-            extra = self._peek()
-            raise ExpressionError("syntax", "only one dot may follow a name", extra.start, extra.end)
+            extra, owner, further = (
+                self._peek(),
+                self._texts[self._at - 3],
+                self._texts[self._at + 1 : self._at + 2],
+            )
+            hint = meant.second_dot(owner, part.text, further[0] if further else "")
+            raise ExpressionError("syntax", "only one dot may follow a name", extra.start, extra.end, hint)
         return part.text
 
 
@@ -387,15 +434,14 @@ class _FilterParser(_Parser):
             raise self._unjoined(token)
         super()._expect(kind, opened)
 
-    @staticmethod
-    def _unjoined(token: Token) -> ExpressionError:
+    def _unjoined(self, token: Token) -> ExpressionError:
         """The error for a token that cannot go on from what stands before it."""
         if token.kind == "=":
             message, hint = "a single `=` does not compare", "write `==`"
         elif token.kind in ("name", "not"):
             message, hint = f"an `and` or `or` is missing before `{token.text}`", ""
         else:
-            return _surplus(token, ())
+            return self._surplus()
         return ExpressionError("syntax", message, token.start, token.end, hint)
 
 
@@ -410,25 +456,3 @@ def _needs_number(node: tree.Node) -> None:
         message = "a number is needed here, and this is a comparison"
         hint = "comparisons are joined with `and`, `or`, `not`"
         raise ExpressionError("syntax", message, node.start, node.end, hint)
-
-
-def _surplus(token: Token, relations: tuple[str, ...]) -> ExpressionError:
-    """The error for a token that cannot go on from what stands before it."""
-    hint = ""
-    if token.kind == "=":
-        message = "there is a second `=`" if "=" in relations else "an `=` has no place here"
-    elif token.kind in (">=", "<=", "<", ">", "==", "!="):
-        message = f"`{token.text}` has no place here"
-        hint = "an equation has one `=`; a one-sided condition belongs under `inequality`"
-    elif token.kind in (")", "]"):
-        message = f"this `{token.text}` closes nothing"
-    elif token.kind == ",":
-        message, hint = "a comma has no place here", "a vector is written `[x, y, z]`"
-    elif token.kind == "..":
-        message, hint = "`..` has no place here", "a range `i = 1..N` belongs under `for`"
-    elif token.kind in ("number", "name", "(", "["):
-        message = f"an operator is missing before `{token.text}`"
-        hint = "write `*` for a product"
-    else:
-        message = f"`{token.text}` has no place here"
-    return ExpressionError("syntax", message, token.start, token.end, hint)

@@ -7,8 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Container
 
+from lagcli.expression import meant
+
 # What a name that nothing declares may be meant as.
 UNDECLARED = {
+    **meant.NAMES,
     "energy": "`energy` is a column of every table, not a name of expressions; under `outputs`, write"
     " `kinetic + potential`",
     **dict.fromkeys(
@@ -23,8 +26,9 @@ UNDECLARED = {
 }
 
 NO_ACCELERATION = (
-    "accelerations are results, m a = F + R, and stand in no expression: a law in accelerations is integrated to one in"
-    " velocities, under `differential`, or held by a force"
+    "accelerations are results: under `outputs`, and only there, write `a.ax` or `a.a` for a particle, `rate(theta, 2)`"
+    " for a coordinate; a law in accelerations is integrated to one in velocities, under `differential`, or replaced by"
+    " a force"
 )
 _DERIVATIVE = (
     "a time derivative is written `rate(x)` for a coordinate, `a.vx` or `a.v` for a particle, `d(...)` in a"
@@ -37,15 +41,30 @@ _CONSTRAINT_FORCE = (
 
 # The same for a function that the format does not have.
 UNKNOWN_FUNCTIONS = {
+    **meant.FUNCTIONS,
     **dict.fromkeys(("ddot", "acc", "accel", "acceleration"), NO_ACCELERATION),
     **dict.fromkeys(("diff", "der", "derivative", "ddt", "velocity", "speed"), _DERIVATIVE),
     **dict.fromkeys(
         ("tension", "friction", "normal", "normal_force", "force", "constraint_force"), _CONSTRAINT_FORCE
     ),
 }
-AT_A_TIME = (
-    "a name stands for its value at the time `t`: write it alone, without parentheses, or `*` for a product"
+# The same for what follows the dot of a particle.
+OTHER_MEMBER = (
+    "a particle has `.x .y .z`, `.vx .vy .vz` and the vector `.v`; under `outputs` also `.ax .ay .az`, `.a`"
 )
+_POSITION_VECTOR = "the particle's name alone is its position vector; its components are `.x` `.y` `.z`"
+_REACTION = "the constraint force on a particle `a` is `reaction(a)`, under `outputs` only"
+PARTICLE_MEMBERS = {
+    **dict.fromkeys(("r", "pos", "position", "p", "xyz", "q"), _POSITION_VECTOR),
+    **dict.fromkeys(
+        ("vel", "velocity", "speed", "dot", "xdot", "ydot", "zdot", "dx", "dy", "dz"),
+        "velocities are `.v`, `.vx` `.vy` `.vz`",
+    ),
+    **dict.fromkeys(("R", "reaction", "force", "F"), _REACTION),
+    **dict.fromkeys(("m", "mass"), "give the mass a name under `parameters` and use that"),
+    **dict.fromkeys(("acc", "accel", "acceleration"), NO_ACCELERATION),
+}
+AT_A_TIME = "a name is its value at the time `t`: write it alone, without parentheses, or `*` for a product"
 
 _DEGREES = {2: "quadratic", 3: "cubic"}
 _LONGEST_TERM = 60
@@ -80,7 +99,16 @@ def nonlinear(term: str, degree: int, kinds: frozenset[str], quotient: bool) -> 
 
 
 def derivative_of(name: str, coordinates: Container[str]) -> str:
-    """What to write for an undeclared `xdot`, `x_dot`, `dx` where x is a coordinate, or an empty text."""
+    """What to write for an undeclared `xdot`, `x_dot`, `dx`, `ẋ` where x is a coordinate, or an empty text."""
+    plain = meant.dotted(name)
+    if plain:
+        return f"write `rate({plain})`" if plain in coordinates else _DERIVATIVE
+    if (
+        name[:1] == "d"
+        and name.removesuffix("dt").removesuffix("_")[1:] in coordinates
+        and name.endswith("dt")
+    ):
+        return f"write `rate({name.removesuffix('dt').removesuffix('_')[1:]})`"
     stem = name.removesuffix("dot")
     if stem == name:
         prefixed = name[:1] == "d" and name[1:] in coordinates
@@ -106,6 +134,17 @@ def way_out(flag: str, subject: str, written: str) -> str:
 _CONSTANT = "parameters, masses and initial values are numbers: write its value at the start"
 
 _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
+    "acceleration": (
+        ("a parameter", _CONSTANT),
+        ("a mass", _CONSTANT),
+        ("an initial", _CONSTANT),
+        (
+            "the force",
+            "move the part with the acceleration into the mass: (m + k) a = F instead of m a = F - k a",
+        ),
+        ("a generalized", "put the part with the acceleration into `lagrangian`, as kinetic energy"),
+        ("", NO_ACCELERATION),
+    ),
     "velocity": (
         ("a holonomic", "a law in velocities belongs under `differential`"),
         ("a potential", "a force that depends on velocities is declared with `to:` and `force:`"),
@@ -137,7 +176,7 @@ _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
             "a differential of a differential has no meaning in a constraint: write one `d`",
         ),
         ("a definition", "write the differentials in the law itself, or name a rate instead"),
-        ("", "differentials belong under `differential`"),
+        ("", "differentials belong under `differential`; a time derivative is written `rate(x)`"),
     ),
 }
 
@@ -149,7 +188,8 @@ def _instead_of_result(subject: str, written: str) -> str:
     record = f"record `{written}` under `outputs`"
     if "force" in subject or "definition" in subject:
         return (
-            "a force that depends on a constraint force, such as friction mu*N, is not ideal (D.11), and the"
-            f" multipliers are solved for given forces: work N out from the other forces by hand; {record}"
+            "a force that depends on a constraint force, such as friction mu*N, does virtual work (D.11) and is not"
+            " supported. Where N is known beforehand write its formula: m*g on a level floor, m*g*cos(alpha) on a"
+            f" slope. Else only friction of given size, such as -c*v, can be declared; {record}"
         )
     return f"constraint forces follow from the laws and the forces, and may not enter them; {record}"

@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import re
 
+from lagcli.expression import meant
 from lagcli.expression.tree import ExpressionError
 
 MAX_LENGTH = 2**20
@@ -21,30 +22,6 @@ _WORD = re.compile(
     re.VERBOSE | re.DOTALL,
 )
 _SIGNS = frozenset(("**", ">=", "<=", "==", "!=", "..", *"-+*/()[],=<>."))
-
-HINTS = {
-    "^": "write `**` for a power",
-    "×": "write `*`",
-    "·": "write `*`",
-    "−": "this is a Unicode minus; write `-`",
-    "–": "this is a dash; write `-`",
-    "÷": "write `/`",
-    "²": "write `**2`",
-    "³": "write `**3`",
-    "√": "write `sqrt(...)`",
-    "&": "conditions are joined with `and`",
-    "|": "write `abs(x)` for |x|, `norm(u)` for |u|",
-    "{": "only round brackets group; `[x, y, z]` is a vector",
-    "}": "only round brackets group; `[x, y, z]` is a vector",
-    "≥": "write `>=`",
-    "≤": "write `<=`",
-    "≠": "write `!=`",
-    "!": "write `!=`, or `not`",
-    ":": "a range is written `1..N`",
-    "…": "write two dots: `1..N`",
-    "'": "a time derivative is written `rate(x)`; quoted texts have no place here",
-    '"': "quoted texts have no place here",
-}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -94,7 +71,7 @@ def tokenize(text: str) -> Tokens:
     kind_of = {word: _kind(word) for word in set(words)}
     if "" in kind_of.values():
         index = next(i for i, word in enumerate(words) if not kind_of[word])
-        raise _unexpected(words[index], starts[index])
+        raise _unexpected(text, words[index], starts[index])
     kinds = [kind_of[word] for word in words]
     if "space" in kind_of.values():
         kept = [kind != "space" for kind in kinds]
@@ -115,9 +92,9 @@ def _kind(word: str) -> str:
     return "name" if is_name(word) else ""
 
 
-def _unexpected(word: str, start: int) -> ExpressionError:
+def _unexpected(text: str, word: str, start: int) -> ExpressionError:
     # `\w` takes digits of other scripts too; the first character that is no part of a name is shown.
     index = next((i for i, c in enumerate(word) if not is_name("_" + c)), 0)
     character, at = word[index], start + index
     message = f"the character {character!r} has no meaning here"
-    return ExpressionError("unexpected-character", message, at, at + 1, HINTS.get(character, ""))
+    return ExpressionError("unexpected-character", message, at, at + 1, meant.character(text, at))

@@ -76,6 +76,14 @@ class Call(Node):
 
 
 @dataclasses.dataclass(slots=True, unsafe_hash=True)
+class Component(Node):
+    """`reaction(a).x` or `(a - b).x`: a component of a vector that is not a name."""
+
+    vector: Node
+    member: str
+
+
+@dataclasses.dataclass(slots=True, unsafe_hash=True)
 class Sum(Node):
     """Terms added (sign +1) or subtracted (sign -1); a single negative term is a negation."""
 
@@ -156,6 +164,7 @@ _CHILDREN: dict[type[Node], Callable[[Any], tuple[Node, ...]]] = {
     Sum: lambda node: tuple(term for _, term in node.terms),
     Product: lambda node: tuple(factor for _, factor in node.factors),
     Power: lambda node: (node.base, node.exponent),
+    Component: lambda node: (node.vector,),
     Vector: lambda node: node.components,
     Relation: lambda node: (node.left, node.right),
     Index: lambda node: node.indices,

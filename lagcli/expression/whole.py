@@ -92,7 +92,7 @@ def _not(truth: Truth) -> Truth:
 def _fraction(node: tree.Node, lookup: Lookup) -> _Fraction:
     for part in tree.walk(node):
         known = isinstance(part, tree.Call) and part.function in walk.FUNCTION_NAMES
-        if isinstance(part, (tree.Vector, tree.Member, tree.Index)) or (
+        if isinstance(part, (tree.Vector, tree.Member, tree.Index, tree.Component)) or (
             known and isinstance(part, tree.Call) and part.function not in _FUNCTIONS
         ):
             raise _unfit(part)

@@ -50,6 +50,9 @@ class Formulation:
     exchanged: float
     stopped: str = ""
 
+    def __repr__(self) -> str:
+        return f"<Formulation {self.name} of {self.path}: {len(self.table)} rows>"
+
     @property
     def reached(self) -> float:
         """The time of the last row; nan where there is none."""
@@ -90,6 +93,11 @@ class Comparison:
     agreements: tuple[Mapping[str, Agreement], ...]
     tolerance: float
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        verdict = {True: "agree", False: "disagree", None: "nothing to compare"}[self.agree]
+        names = ", ".join(one.name for one in self.formulations)
+        return f"<Comparison of {names}: {verdict} (tolerance {self.tolerance:g})>"
 
     @property
     def agree(self) -> bool | None:

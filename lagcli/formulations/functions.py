@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from lagcli.compile import parts, table
 from lagcli.integrate.call import Call
+from lagcli.integrate.turns import Turns
+from lagcli.mechanics import timed
 from lagcli.mechanics.system import System
 
 Floats = npt.NDArray[np.float64]
@@ -48,15 +50,21 @@ class Functions:
         self._t, self._q, self._v = np.zeros(1), np.zeros(self.n), np.zeros(self.n)
         own = [self._t, self._q]
         inputs = [symbols.t, symbols.q, system.p]
-        place = [rows.f, ca.densify(rows.B), rows.b]
-        self._place = Call(_function("place", inputs, place), [*own, np.array(p)])
+        place = [system.f, ca.densify(rows.B), rows.b]
+        self._turns, self._last = Turns(system), np.array(p)
+        self._place = Call(_function("place", inputs, place), [*own, self._last])
         forces = [ca.densify(dynamics.M), dynamics.h, rows.gamma]
         inputs = [symbols.t, symbols.q, symbols.v, system.p]
         self._forces = Call(_function("forces", inputs, forces), [*own, self._v, np.array(p)])
         self._is_diagonal = bool(dynamics.M.sparsity().is_diag())
         self._record = table.table(system, parts.parts(system))
         self._p = p
+        self.timed = timed.functions(system.model)
         self.calls = 0
+
+    def settle(self, t: float, q: Floats) -> None:
+        """Angles with a cut are counted on from where they are at t, q (n,), a state of the motion."""
+        self._turns.settle(t, q, self._last)
 
     def place(self, t: float, q: Floats) -> Place:
         """The rows at t, q (n,)."""

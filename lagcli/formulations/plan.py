@@ -73,7 +73,7 @@ def compared(
     notes = []
     if near.any():
         notes.append(
-            f"multipliers are not compared in {int(near.sum())} of {near.size} rows, which stand near a singular"
+            f"multipliers are not compared in {int(near.sum())} of {near.size} rows, which are near a singular"
             " configuration: they have a pole there"
         )
     runs = (first, *(other for other, _ in others))

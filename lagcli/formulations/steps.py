@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Iterator
 
@@ -11,8 +12,9 @@ import numpy.typing as npt
 
 from lagcli.formulations.chart import Chart, Lost, Motion
 from lagcli.formulations.functions import Functions
-from lagcli.integrate import dop853, driver, tableau
+from lagcli.integrate import dop853, driver, tableau, tolerance
 from lagcli.integrate.grid import Grid
+from lagcli.integrate.timetable import Timetable
 from lagcli.model import Simulation
 
 Floats = npt.NDArray[np.float64]
@@ -57,10 +59,13 @@ def rows(
     except Lost as lost:
         raise Stopped(t, str(lost)) from None
     account.charts += 1
+    functions.settle(t, motion.q)
     y = chart.y
-    tolerance = driver.step_tolerance(settings)
+    held_to = tolerance.of_steps(settings)
     h = _first(motion, grid)
+    timetable = Timetable(functions.timed, t, grid.step, settings.max_step or np.inf)
     account.seconds += time.perf_counter() - began
+    pace_from = t
     yield t, motion
     for i in range(1, grid.count):
         began = time.perf_counter()
@@ -68,10 +73,15 @@ def rows(
         while t < goal:
             if motion.turned > TURNED:
                 chart, y, motion = _renewed(functions, t, motion, account)
-            taken = min(h, goal - t)
+            switch = timetable.switch(t)
+            if switch is not None:
+                t = min(switch[1], goal)
+                motion = _again(chart, t, y)
+                continue
+            taken = min(timetable.shortened(t, h), goal - t)
             last = taken == goal - t or goal - t - taken < 1e-12 * taken
             taken = goal - t if last else taken
-            error, found = _step(chart, t, taken, (y, motion.rate), tolerance)
+            error, found = _step(chart, t, taken, (y, motion.rate), held_to)
             if found is None or not error < 1.0:
                 account.rejected += 1
                 h = taken * (max(SHRINK, SAFETY * error ** (-1 / dop853.ORDER)) if error < np.inf else 0.25)
@@ -83,8 +93,15 @@ def rows(
             account.steps += 1
             y, motion = found
             t = goal if last else t + taken
+            if account.steps % driver.PACE == 0:
+                pace_from, advanced = t, t - pace_from
+                if (grid.end - t) * driver.PACE > driver.HOPELESS * advanced:
+                    raise Stopped(
+                        t, f"the last {driver.PACE} steps advanced by {advanced:.2g}: the run is too long"
+                    )
+            functions.settle(t, motion.q)
             grown = taken * min(GROW, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1 / dop853.ORDER)))
-            h = max(h, grown) if last and taken < h else grown
+            h = max(h, grown) if taken < h else grown
         account.seconds += time.perf_counter() - began
         yield t, motion
 
@@ -101,6 +118,14 @@ def _renewed(
         raise Stopped(t, str(lost)) from None
 
 
+def _again(chart: Chart, t: float, y: Floats) -> Motion:
+    """The motion at another time with the same y."""
+    try:
+        return chart.at(t, y)
+    except Lost as lost:
+        raise Stopped(t, str(lost)) from None
+
+
 def _first(motion: Motion, grid: Grid) -> float:
     speed = float(np.abs(motion.v).max(initial=0.0))
     size = float(np.abs(motion.q).max(initial=0.0)) or 1.0
@@ -110,7 +135,7 @@ def _first(motion: Motion, grid: Grid) -> float:
 
 
 def _step(
-    chart: Chart, t: float, h: float, begin: tuple[Floats, Floats], tolerance: Floats
+    chart: Chart, t: float, h: float, begin: tuple[Floats, Floats], held_to: Floats
 ) -> tuple[float, tuple[Floats, Motion] | None]:
     """A step from (y, y'): its error as a part of the tolerance, and where it leads; infinite where the chart ends.
 
@@ -128,8 +153,13 @@ def _step(
         return np.inf, None
     d = y.size - chart.freedoms
     sizes = chart.sizes.copy()
-    sizes[d:] = max(np.abs(y[d:]).max(initial=0.0), np.abs(new[d:]).max(initial=0.0))
-    scale = tolerance[1] + tolerance[0] * sizes
+    # From rest, or from the origin, a step itself says what is large.
+    for part in (slice(0, d), slice(d, None)):
+        moved = max(np.abs(values[part]).max(initial=0.0) for values in (y, new, h * rate))
+        sizes[part] = np.maximum(sizes[part], moved)
+    scale = held_to[1] + held_to[0] * sizes + tolerance.TINY
     e5 = float(np.abs((E5 @ stages) / scale).max(initial=0.0))
     e3 = float(np.abs((E3 @ stages) / scale).max(initial=0.0))
-    return h * e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3 + 1e-300), (new, motion)
+    # Hypotenuse: squares of large estimates overflow.
+    error = h * e5 * (e5 / max(math.hypot(e5, 0.1 * e3), 1e-150))
+    return error, (new, motion)

@@ -40,6 +40,7 @@ class Assembly:
     state: State
     moved: float
     moved_velocity: float
+    declared: State
 
 
 def held(system: System, keep: tuple[str, ...]) -> Flags:
@@ -68,7 +69,13 @@ def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[s
         raise _nothing_left(system, np.flatnonzero(stuck).tolist())
     if not initial.residuals(system, numeric, there).consistent:
         raise _no_velocity(search, there, rows, b)
-    return Assembly(there, whole.length(q - state.q), whole.length(v - state.v))
+    return Assembly(there, whole.length(q - state.q), whole.length(v - state.v), state)
+
+
+def configuration(system: System, numeric: NumericSystem, state: State) -> State:
+    """The state with the nearest configuration, whatever its velocities. Raises `diagnostics.ModelError`."""
+    initial.residuals(system, numeric, state)  # a row may have no value there
+    return dataclasses.replace(state, q=_configuration(Search(system, numeric, state, held(system, ()))))
 
 
 def require_consistent(system: System, numeric: NumericSystem, state: State, found: Residuals) -> None:
@@ -249,7 +256,7 @@ def _no_velocity(search: Search, there: State, rows: Rows, b: Floats) -> diagnos
     system = search.system
     parting = conflict.least(rows, b)
     if parting:
-        return initial.contradiction(system, parting)
+        return initial.contradiction(system, parting, "at the nearest configuration")
     if search.fixed.any():
         free = ~search.fixed
         kept = rows.times(np.where(free, 0.0, there.v)) + b

@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import __version__
 from lagcli.compile.selection import Selection
 from lagcli.conserved import Chart, FirstIntegral
+from lagcli.diagnostics import printable
 from lagcli.integrate.account import Figures
 from lagcli.integrate.holding import Level, Levels
 from lagcli.integrate.lost import Loss
@@ -27,10 +29,11 @@ from lagcli.model import Model, Vector3
 
 Floats = npt.NDArray[np.float64]
 
-FORMAT = 3
+FORMAT = 5
 METHOD = "dop853"
 MOST_BYTES = 2**28
 MOST_COUNT = 2**53
+MOST_VERSION = 40  # letters of a version that are shown
 
 
 class CheckpointError(ValueError):
@@ -45,7 +48,8 @@ class Mark:
     look at the pace; steps, rejected, evaluations: the account up to t; row: time of the last row handed out,
     which may lie on either side of t; figures: those of all rows handed out; levels: how each integral is held;
     notes: what has been said about them; selection: the rows it is stepped with; watch: what the
-    next singular configuration is foreseen from; crossings: those that were passed.
+    next singular configuration is foreseen from; crossings: those that were passed; turns: where angles with a cut
+    were, counted through all turns. Times are counted from `origin`, but for those of crossings.
     """
 
     t: float
@@ -63,13 +67,15 @@ class Mark:
     notes: tuple[str, ...] = ()
     watch: tuple[float, ...] = ()
     crossings: tuple[Loss, ...] = ()
+    origin: float = 0.0
+    turns: tuple[float, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Identity:
     """What must be the same for a run to go on: the text of the model, all that `--set` may change, the settings.
 
-    q, v: the declared start, (n,) each.
+    q, v: the declared start, (n,) each; max_step: None where steps have no bound.
     """
 
     fingerprint: str
@@ -78,17 +84,31 @@ class Identity:
     v: tuple[float, ...]
     start: float
     rtol: float
-    atol: float
+    atol: float | None
     method: str
+    max_step: float | None = None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Table:
+    """The table a run was writing into a file: where it is, seen from the folder of the checkpoint; step: between its
+    rows; count, checksum: of those that were written."""
+
+    file: str
+    step: float
+    count: int
+    checksum: int
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Checkpoint:
-    """A run, and whose; integrals: those that were found of its differential rows when it began."""
+    """A run, and whose; integrals: those that were found of its differential rows when it began; table: where its rows
+    went, where that is a file."""
 
     identity: Identity
     mark: Mark
     integrals: tuple[FirstIntegral, ...]
+    table: Table | None = None
 
 
 def identity(model: Model) -> Identity:
@@ -104,18 +124,19 @@ def identity(model: Model) -> Identity:
         chosen.rtol,
         chosen.atol,
         METHOD if chosen.method == "auto" else chosen.method,
+        chosen.max_step,
     )
 
 
 def require_same(found: Identity, model: Model) -> None:
     """Raise `CheckpointError` with what differs between a checkpoint and the model it shall go on with."""
     for sentence in _differences(found, identity(model), model):
-        raise CheckpointError(f"it is of another run: {sentence}")
+        raise CheckpointError(f"it belongs to a different run: {sentence}")
 
 
 def _differences(there: Identity, here: Identity, model: Model) -> Iterator[str]:
     if there.fingerprint != here.fingerprint:
-        yield "the text of the model, or of the position of a dependent particle, is another"
+        yield "the text of the model, or of the position of a dependent particle, is different"
     if there.parameters.keys() != here.parameters.keys():
         yield "its parameters are others"
     if len(there.q) != len(here.q) or len(there.v) != len(here.v):
@@ -126,7 +147,7 @@ def _differences(there: Identity, here: Identity, model: Model) -> Iterator[str]
     names = model.coordinate_names
     pairs += [(f"the start of `{n}`", a, b) for n, a, b in zip(names, there.q, here.q, strict=True)]
     pairs += [(f"the initial rate of `{n}`", a, b) for n, a, b in zip(names, there.v, here.v, strict=True)]
-    for name in ("start", "rtol", "atol", "method"):
+    for name in ("start", "rtol", "atol", "method", "max_step"):
         pairs.append((f"`{name}`", getattr(there, name), getattr(here, name)))
     for what, a, b in pairs:
         if a != b:
@@ -134,13 +155,15 @@ def _differences(there: Identity, here: Identity, model: Model) -> Iterator[str]
 
 
 def _shown(value: object) -> str:
+    if value is None:
+        return "not given"
     return str(list(value)) if isinstance(value, tuple) else str(value)
 
 
 def encoded(point: Checkpoint) -> bytes:
     """The checkpoint as JSON."""
     parts = _parts(point)
-    whole = {"lagcli-checkpoint": FORMAT, **parts, "sum": control_sum(parts)}
+    whole = {"lagcli-checkpoint": FORMAT, "version": __version__, **parts, "sum": control_sum(parts)}
     return json.dumps(whole, allow_nan=False).encode() + b"\n"
 
 
@@ -151,11 +174,13 @@ def _parts(point: Checkpoint) -> dict[str, Any]:
     mark["selection"] = dataclasses.asdict(point.mark.selection)
     mark["levels"] = [None if level is None else dataclasses.astuple(level) for level in point.mark.levels]
     mark["notes"], mark["watch"] = list(point.mark.notes), list(point.mark.watch)
+    mark["turns"] = list(point.mark.turns)
     mark["crossings"] = [dataclasses.asdict(crossing) for crossing in point.mark.crossings]
     return {
         "identity": dataclasses.asdict(point.identity),
         "mark": mark,
         "integrals": [dataclasses.asdict(integral) for integral in point.integrals],
+        "table": None if point.table is None else dataclasses.asdict(point.table),
     }
 
 
@@ -181,11 +206,11 @@ def decoded(data: bytes) -> Checkpoint:
         raise CheckpointError("it is no checkpoint, or torn") from None
     if not isinstance(whole, dict) or "lagcli-checkpoint" not in whole:
         raise CheckpointError("it is no checkpoint")
-    if whole["lagcli-checkpoint"] != FORMAT:
-        raise CheckpointError(f"it is a checkpoint of another version than {FORMAT}")
+    _require_version(whole["lagcli-checkpoint"], whole.get("version"))
     try:
         integrals = tuple(_integral(**value) for value in whole["integrals"])
-        point = Checkpoint(_identity(whole["identity"]), _mark(whole["mark"], integrals), integrals)
+        table = None if whole["table"] is None else _table(**whole["table"])
+        point = Checkpoint(_identity(whole["identity"]), _mark(whole["mark"], integrals), integrals, table)
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError):
         raise CheckpointError(
             "it is a damaged checkpoint: something is missing or no finite number"
@@ -197,11 +222,31 @@ def decoded(data: bytes) -> Checkpoint:
         == 2 * len(point.identity.v) + 1
     ):
         raise CheckpointError("it is a damaged checkpoint: its parts are not of one length")
-    if min(point.mark.t, point.mark.row) < point.identity.start:
-        raise CheckpointError("it is a damaged checkpoint: it stands before the start of its run")
+    if point.mark.origin + min(point.mark.t, point.mark.row) < point.identity.start:
+        raise CheckpointError("it is a damaged checkpoint: it is from before the start of its run")
     if control_sum(_parts(point)) != whole.get("sum"):
         raise CheckpointError("it is a damaged checkpoint: its numbers are not those that were written")
     return point
+
+
+def _require_version(form: object, version: object) -> None:
+    """Another version may compute other last digits, so that the rows would not be those of one run."""
+    ours = f"this is lagcli {__version__}"
+    if version is not None and version != __version__:
+        theirs = printable(str(version))[:MOST_VERSION]
+        raise CheckpointError(
+            f"it was written by lagcli {theirs}, and {ours}, a different version, whose last digits may differ: go on"
+            f' with `pip install "lagcli=={theirs}"`, or begin the run again'
+        )
+    if form != FORMAT:
+        raise CheckpointError(
+            f"it is a checkpoint of a different version, of format {printable(str(form))[:MOST_VERSION]}, and {ours},"
+            f" which reads format {FORMAT}: go on with the version that wrote it, or begin the run again"
+        )
+
+
+def _table(file: object, step: object, count: object, checksum: object) -> Table:
+    return Table(_text(file), _number(step), _count(count), _count(checksum))
 
 
 def _identity(value: dict[str, Any]) -> Identity:
@@ -212,8 +257,9 @@ def _identity(value: dict[str, Any]) -> Identity:
         tuple(_numbers(value["v"]).tolist()),
         _number(value["start"]),
         _number(value["rtol"]),
-        _number(value["atol"]),
+        None if value["atol"] is None else _number(value["atol"]),
         _text(value["method"]),
+        None if value["max_step"] is None else _number(value["max_step"]),
     )
 
 
@@ -238,6 +284,8 @@ def _mark(value: dict[str, Any], integrals: tuple[FirstIntegral, ...]) -> Mark:
         tuple(_text(note) for note in value["notes"]),
         tuple(_numbers(value["watch"]).tolist()),
         tuple(_loss(**crossing) for crossing in value["crossings"]),
+        _number(value["origin"]),
+        tuple(_numbers(value["turns"]).tolist()),
     )
     if mark.step <= 0:
         raise ValueError("a step that does not advance")

@@ -8,6 +8,7 @@ there the constraints may be singular, as long as the motion is smooth.
 from __future__ import annotations
 
 import dataclasses
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -60,10 +61,10 @@ def improved(land: Call, guess: Step, h: float, count: int, rtol: float) -> Step
     nodes, A = _gauss(count)
     slopes = np.array([guess.slope(x * h / guess.h) for x in nodes])
     converged = max(ROUNDING, PART * rtol)
-    size = float(np.abs(y).max()) or 1.0
+    sizes = _sizes(land, t, y)
     before = np.inf
     states = y + h * (A @ slopes)
-    mixing = _Mixing(size)
+    mixing = _Mixing(sizes)
     for _ in range(MOST_ITERATIONS):
         for i, x in enumerate(nodes):
             rate = landed(land, t + x * h, states[i])
@@ -71,7 +72,7 @@ def improved(land: Call, guess: Step, h: float, count: int, rtol: float) -> Step
                 return None
             slopes[i] = rate
         new = y + h * (A @ slopes)
-        change = float(np.abs(new - states).max()) / size
+        change = float((np.abs(new - states) / sizes).max())
         if change <= converged or (change > 0.5 * before and before <= STALLED):
             return Step(t, h, y, slopes)
         before = min(change, before)
@@ -87,16 +88,16 @@ class _Mixing:
     1/h: the plain iteration then contracts slowly or not at all, in a few directions, whatever the length of the step.
     """
 
-    def __init__(self, size: float) -> None:
-        self._size = size
+    def __init__(self, sizes: Floats) -> None:
+        self._sizes = sizes
         self._values: list[Floats] = []
         self._changes: list[Floats] = []
 
     def next(self, x: Floats, g: Floats) -> Floats:
         """The next x after one with g(x)."""
         self._values, self._changes = (
-            [*self._values[-DEPTH:], g.ravel()],
-            [*self._changes[-DEPTH:], (g - x).ravel()],
+            [*self._values[-DEPTH:], (g / self._sizes).ravel()],
+            [*self._changes[-DEPTH:], ((g - x) / self._sizes).ravel()],
         )
         if len(self._values) == 1:
             return g
@@ -105,7 +106,29 @@ class _Mixing:
         lengths = np.linalg.norm(differences, axis=0)
         lengths[lengths == 0] = 1.0
         weights = np.linalg.lstsq(differences / lengths, changes[-1], rcond=SINGULAR)[0] / lengths
-        return np.asarray(values[-1] - weights @ np.diff(values, axis=0)).reshape(g.shape)
+        mixed = np.asarray(values[-1] - weights @ np.diff(values, axis=0)).reshape(g.shape)
+        return np.asarray(mixed * self._sizes)
+
+
+def _sizes(land: Call, t: float, y: Floats) -> Floats:
+    """Sizes (2n + 1,) by which changes of y are judged: those of positions, of velocities and of an energy."""
+    at, state = land.arguments[:2]
+    at[0], state[:] = t, y
+    land.trigger()
+    land.used += 1
+    # At a singular start no velocity is landed.
+    n = y.size // 2
+    packed = np.nan_to_num(land.results[3])
+    packed[n : n + 2] = [np.abs(part / packed[:n]).max(initial=0.0) for part in (y[:n], y[n : 2 * n])]
+    return sizes_of(packed)
+
+
+def sizes_of(packed: Floats) -> Floats:
+    """The same (2n + 1,) from `parts.Sizes.packed` (n + 3,)."""
+    units, (q, v, a) = packed[:-3], packed[-3:].tolist()
+    # What is at rest begins to move.
+    speed = v or math.sqrt(q * a)
+    return np.concatenate([(q or 1.0) * units, (speed or 1.0) * units, [speed**2 or 1.0]])
 
 
 def landed(land: Call, t: float, y: Floats) -> Floats | None:
@@ -128,6 +151,11 @@ def closest(count: int, place: float) -> float:
 def first(count: int) -> float:
     """Where the first node lies, as a part of the step."""
     return float(_gauss(count)[0][0])
+
+
+def nodes(count: int) -> list[float]:
+    """The nodes of Gauss as parts of a step."""
+    return [float(x) for x in _gauss(count)[0]]
 
 
 @lru_cache

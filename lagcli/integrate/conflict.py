@@ -80,7 +80,11 @@ def position(search: Search, failed: Found) -> diagnostics.Diagnostic:
     names, location = initial.names_of(system, rows), system.rows.rows[rows[-1]].location
     worst = rows[int(np.argmax(found.best.residuals))]
     unit = f" {system.model.units.length}" if not system.model.coordinates else ""
-    remains = f"the least that remains is {found.best.worst:.6g}{unit}, in `{system.rows.rows[worst].name}`"
+    f = abs(float(np.array(search.numeric.whole(search.state.t, found.best.q, search.state.p)[0])[worst, 0]))
+    shown, row = f"{found.best.worst:.6g}", system.rows.rows[worst].name
+    remains = f"the least that remains is {shown}{unit}, in `{row}`"
+    if f"{f:.6g}" != shown:
+        remains = f"the least that remains is {shown}{unit} per unit of the gradient, in `{row}`, off by {f:.6g} there"
     if not np.isfinite(found.best.worst):
         remains = "they have no finite value where it was looked for"
     free = Search(system, search.numeric, search.state, np.zeros_like(search.fixed))

@@ -35,10 +35,12 @@ ROUNDING, AMPLIFIED, WORST = 1e-13, 2e-17, 1e-9
 CENTERED, MOST_CENTERINGS = 0.04, 6
 # Where the instant lies in a step: in its middle, or between the first nodes where the step begins at an angle that is
 # smaller than this.
-PLACES, TOO_CLOSE = (0.5, 0.13, 0.04), 0.03
+PLACES, TOO_CLOSE = (0.5, 0.13, 0.35, 0.04, 0.22), 0.03
 # Points beside the instant, as parts of twice the time up to it, where the clearance is read: a line through zero,
 # bent by BENT.
 FAR, CLOSE, BENT = (0.15, 0.3), (0.02, 0.04), 0.1
+# Newton's steps for the zero of a cubic that is nearly a line: each doubles the digits, from one or more.
+ZERO_STEPS = 6
 ALONG_STEP = (0.02, 0.2, 0.4, 0.6, 0.8, 0.9)
 # A step from a singular start is halved so often; its velocities must be those of the start to this part.
 HALVINGS, ALONG = 30, 1e-5
@@ -46,7 +48,7 @@ HALVINGS, ALONG = 30, 1e-5
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Point:
-    """Where a step begins: t, y and y' (2n + 1,), the parameters p, and the tolerance (rtol, atol) of steps."""
+    """Where a step begins: t, y and y' (2n + 1,), the parameters p, and `tolerance.of_steps`."""
 
     t: float
     y: Floats
@@ -119,8 +121,9 @@ def away(numeric: NumericSystem, land: Call, here: Point, h: float) -> Crossing 
         found = _start(land, here, h)
         if found is not None:
             loss = lost.loss(numeric, here.state(here.t + h, found.step.state(1.0)), start, here.tolerance[0])
-            off = float(np.abs(found.step.slope(0.0)[: start.v.size] - start.v).max())
-            is_along = off <= ALONG * float(np.abs(start.v).max())
+            units = np.array(numeric.sizes(start.t, start.q, start.v, start.p)).ravel()[: start.v.size]
+            off = float((np.abs(found.step.slope(0.0)[: start.v.size] - start.v) / units).max())
+            is_along = off <= ALONG * float((np.abs(start.v) / units).max())
             return Crossing(found, loss) if loss is not None and is_along else None
         h /= 2
     return None
@@ -167,7 +170,8 @@ def _placed(land: Call, here: Point, foreseen: Foreseen, part: float) -> Passage
                 return None
             fewer = collocation.improved(land, step, h, FEWER, rtol)
             delta = found[1] * h * collocation.closest(NODES, part) / foreseen.most
-            return Passage(step, found[0]) if fewer and _agree(step, fewer, tolerance, delta) else None
+            agree = fewer is not None and _agree(land, (step, fewer), tolerance, delta)
+            return Passage(step, found[0]) if agree else None
         instant = found[0]
     return None
 
@@ -181,16 +185,24 @@ def _start(land: Call, here: Point, h: float) -> Passage | None:
     if step is None or fewer is None:
         return None
     delta = _root(land, step, CLEARANCE, t + h * collocation.first(NODES))
-    return Passage(step, t) if delta > 0 and _agree(step, fewer, tolerance, delta) else None
+    return Passage(step, t) if delta > 0 and _agree(land, (step, fewer), tolerance, delta) else None
 
 
-def _agree(step: collocation.Step, fewer: collocation.Step, tolerance: Floats, delta: float) -> bool:
+def _agree(
+    land: Call, steps: tuple[collocation.Step, collocation.Step], tolerance: Floats, delta: float
+) -> bool:
     """Whether two steps agree to the tolerance, or to rounding at a distance delta from dependent rows."""
-    new, other = step.state(1.0)[:-1], fewer.state(1.0)[:-1]
-    rtol, atol = tolerance
-    size = np.maximum(np.abs(step.y[:-1]), np.abs(new))
+    step = steps[0]
+    new, other = (each.state(1.0)[:-1] for each in steps)
+    rtol, atol = tolerance[:2]
+    own = np.maximum(np.abs(step.y[:-1]), np.abs(new))
+    collocation.landed(land, step.t + step.h, step.state(1.0))
+    n = new.size // 2
+    sizes = collocation.sizes_of(land.results[3])[:-1]
+    # Rounding of positions shows in velocities, the more the shorter the step.
+    sizes[n:] = np.maximum(sizes[n:], sizes[:n] / step.h)
     rounding = min(WORST, max(ROUNDING, AMPLIFIED / delta**3))
-    allowed = np.maximum(atol + rtol * size, rounding * size.max(initial=0.0))
+    allowed = np.maximum(atol + rtol * own, rounding * sizes)
     return bool((np.abs(new - other) <= allowed).all())
 
 
@@ -204,15 +216,39 @@ def _instant(land: Call, step: collocation.Step, guess: Foreseen, width: float) 
         if not np.isfinite(roots).all():
             return None
         signed = roots * np.sign(-taus)
-        line = np.polynomial.Polynomial.fit(taus, signed, 3)
-        near = [z.real for z in line.roots() if abs(z.imag) < 1e-6 * width and abs(z.real) < abs(taus[1])]
-        if len(near) != 1:
+        if not signed[1] > 0 > signed[2]:
             return None
-        instant += float(near[0])
-    slope = abs(float(line.deriv()(near[0])))
-    if np.any(np.abs(roots - slope * np.abs(taus - near[0])) > BENT * roots):
+        zero, slope = _zero(taus, signed)
+        if not abs(zero) < taus[2]:
+            return None
+        instant += zero
+    if np.any(np.abs(roots - abs(slope) * np.abs(taus - zero)) > BENT * roots):
         return None
-    return instant, slope
+    return instant, abs(slope)
+
+
+def _zero(x: Floats, y: Floats) -> tuple[float, float]:
+    """Zero of the cubic through four points (x, y) near a falling line, and its slope there; nan if it does not fall.
+
+    Newton's method on divided differences. Roots from a companion matrix would be as inexact as the cubic term is
+    small, by 1e-10 where it is rounding only, and different from one linear algebra library to the next.
+    """
+    first = np.diff(y) / np.diff(x)
+    second = np.diff(first) / (x[2:] - x[:-2])
+    third = (second[1] - second[0]) / (x[3] - x[0])
+    # Newton's form on the nodes x[1], x[2], x[0], x[3].
+    cubic, factor = np.polynomial.Polynomial([y[1]]), np.polynomial.Polynomial([1.0])
+    for coefficient, node in zip((first[1], second[0], third), (x[1], x[2], x[0]), strict=True):
+        factor = factor * np.polynomial.Polynomial([-node, 1.0])
+        cubic = cubic + coefficient * factor
+    derivative = cubic.deriv()
+    zero = float(x[1] - y[1] / first[1])
+    for _ in range(ZERO_STEPS):
+        slope = float(derivative(zero))
+        if not slope < 0:  # far from a line
+            return math.nan, slope
+        zero -= float(cubic(zero)) / slope
+    return zero, slope
 
 
 def _is_only_one(land: Call, step: collocation.Step, place: int, instant: float) -> bool:

@@ -75,7 +75,7 @@ def indefinite(M: Floats, names: Sequence[str]) -> Fault:
             f"the kinetic energy of the motion {shown} is negative at the start: the inertia matrix is not"
         )
         message += " positive definite"
-        hint = "mend the sign in the Lagrangian: kinetic energy must grow with every motion"
+        hint = "correct the sign in the Lagrangian: kinetic energy must grow with every motion"
     return Fault("indefinite-inertia", message, along, hint)
 
 

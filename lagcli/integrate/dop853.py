@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from lagcli.compile import NumericSystem
 from lagcli.integrate import tableau
+from lagcli.integrate import tolerance as tolerances
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,6 +25,11 @@ ORDER = 8
 DENSE_ROWS = 7
 # The projection may move a state by this many tolerances, and by this part of its size.
 MOVED, MOVED_ROUNDING = 100.0, 1e-10
+# Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its change over the
+# step, divided by the step, in each of them.
+TIME_ROUNDING = 2**-52
+# A step of so many roundings of the time may hold a jump; the part of a speed that is nothing there.
+JUMP, NEGLIGIBLE = 1024, 1e-9
 # Stages at which the nearness of the rows to dependent ones is looked at, in the order of their times.
 WATCHED = (1, 3, 6, 5, 9, 8, 10)
 DIP = 0.3
@@ -38,14 +44,14 @@ BEYOND = FIGURES + 1
 class Scheme:
     """Compiled step, dense output and rows.
 
-    step(t, h, y, k, tolerance, p) -> y new, k new, (error, moved, hidden, outcome of `land`), then the stages 2 to
-    12, each an output (2n + 1,) of its own, so that none is copied where they are not wanted
+    step(t, h, y, k, tolerance, p) -> y new, k new, (error, moved, hidden, outcome of `land`, the error of W), then the
+    stages 2 to 12, each an output (2n + 1,) of its own, so that none is copied where they are not wanted
     dense(t, h, y, y new, k new, p, k, stages 2 to 12) -> coefficients (2n + 1, 7)
     line_at(t, y, p) -> t, the row of the table, the figures of `account`, W and a sum of them all
     line_inside(t, x, y, coefficients, p) -> the same at the fraction x of a step from y
-    with k = y'(t, y), tolerance = (rtol, atol). A step may be accepted where error < 1, the estimate of the scheme,
+    with k = y'(t, y) and `tolerance.of_steps`. A step may be accepted where error < 1, the estimate of the scheme,
     and moved < 1: how far the projection moved the state, as a part of what it may. Where hidden < 0 rows have become
-    dependent and independent again within the step.
+    dependent and independent again within the step. The error of W is a part of what rtol allows; it does not steer.
     """
 
     step: Any
@@ -72,7 +78,7 @@ def _step(numeric: NumericSystem) -> Any:
     size, parameters = _sizes(numeric)
     t, h = ca.MX.sym("t"), ca.MX.sym("h")
     y, k = ca.MX.sym("y", size), ca.MX.sym("k", size)
-    tolerance, p = ca.MX.sym("tolerance", 2), ca.MX.sym("p", parameters)
+    tolerance, p = ca.MX.sym("tolerance", 4), ca.MX.sym("p", parameters)
     stages, near = [k], {}
     for s in range(1, tableau.STAGES):
         inputs = t + tableau.C[s] * h, y + h * _mix(tableau.A[s], stages), p
@@ -85,20 +91,63 @@ def _step(numeric: NumericSystem) -> Any:
     new = y + h * change
     # The weights of order 3 are those of order 8 but for three entries.
     e3 = change + _mix([low - high for low, high in zip(tableau.E3, tableau.B, strict=True)], stages)
-    landed, k_new, outcome = numeric.land(t + h, new, p)
-    judged = _judge(size)(y, new, landed, h, _mix(tableau.E5, stages), e3, tolerance)
+    landed, k_new, outcome, sizes = numeric.land(t + h, new, p)
+    # The doubles around t may be so far apart that the state is not known better.
+    near_t = TIME_ROUNDING * ca.fabs(t + h) if numeric.has_time else 0.0
+    noise = near_t * _within(near_t, h, (y, k, k_new)) * ca.fabs(k_new - k) if numeric.has_time else 0.0 * k
+    # Rows that move are where they are at one of these times.
+    blur = near_t * ca.fabs(k_new)
+    e5 = _mix(tableau.E5, stages)
+    judged = _judge(size)(y, new, landed, h, e5, e3, sizes, tolerance, noise, blur)
     hidden = _hidden()(ca.horzcat(*(near[s] for s in WATCHED), outcome[1:3])) if near else 1.0
-    outputs = [landed, k_new, ca.vertcat(judged, hidden, outcome), *stages[1:]]
+    outputs = [landed, k_new, ca.vertcat(judged[:2], hidden, outcome, judged[2]), *stages[1:]]
     return ca.Function("step", [t, h, y, k, tolerance, p], outputs)
 
 
+def _within(near_t: Any, h: Any, states: tuple[Any, Any, Any]) -> Any:
+    """By how much the rounding of the time counts: 1, and more where a step of a few roundings holds a jump.
+
+    A jump changes velocities by next to nothing in such a step, or is what sets a body at rest in motion. A pole does
+    neither: it must be met. states: y, and y' at both ends.
+    """
+    y, k, k_new = states
+    n = y.numel() // 2
+    gained, speed = h * ca.mmax(ca.fabs(k_new - k)[n : 2 * n]), ca.mmax(ca.fabs(y[n : 2 * n]))
+    is_jump = ca.logic_or(gained <= NEGLIGIBLE * speed, speed <= NEGLIGIBLE * gained)
+    return 1 + is_jump * near_t * JUMP**2 / h
+
+
 def _judge(size: int) -> Any:
-    """judge(y, new, landed, h, E5, E3, tolerance) -> (error, moved), written out for a short state."""
+    """judge(y, new, landed, h, E5, E3, sizes, tolerance, noise, blur) -> (error, moved, error of W), written out for a
+    short state.
+
+    noise, blur (2n + 1,): what the rounding of t makes of the error, and of the state.
+    """
     sort: Any = ca.SX if size <= WRITTEN_OUT else ca.MX
-    y, new, landed, e5, e3 = (sort.sym(name, size) for name in ("y", "new", "landed", "e5", "e3"))
-    h, tolerance = sort.sym("h"), sort.sym("tolerance", 2)
-    both = ca.vertcat(_error(y, new, h, (e5, e3), tolerance), _moved(y, new, landed, tolerance))
-    return ca.Function("judge", [y, new, landed, h, e5, e3, tolerance], [both])
+    n = size // 2
+    y, new, landed, e5, e3, noise, blur = states = [
+        sort.sym(name, size) for name in ("y", "new", "landed", "e5", "e3", "noise", "blur")
+    ]
+    h, sizes, tolerance = sort.sym("h"), sort.sym("sizes", n + 3), sort.sym("tolerance", 4)
+    scale = _scales((y, new), h, sizes, tolerance)
+    moved = _moved(landed - new, scale + blur[: 2 * n], sizes)
+    # The energy at hand: what has been done up to here, or that of the motion.
+    energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
+    of_work = _combined(h, ca.fabs(e5[2 * n]), ca.fabs(e3[2 * n])) / (tolerance[0] * energy + tolerances.TINY)
+    all_three = ca.vertcat(_error(h, (e5, e3), scale + noise[: 2 * n]), moved, of_work)
+    return ca.Function("judge", [*states[:3], h, e5, e3, sizes, tolerance, noise, blur], [all_three])
+
+
+def _scales(states: Sequence[Any], h: Any, sizes: Any, tolerance: Any) -> Any:
+    """What the errors of (q, v) are compared with (2n,): expressions of the states (2n + 1,) at both ends of a step of
+    length h, of `parts.Sizes.packed` at its end, and of `tolerance.of_steps`."""
+    n = (states[0].numel() - 1) // 2
+    rtol, atol, part, rounding = (tolerance[i] for i in range(4))
+    units, (q, v, a) = sizes[:n], (sizes[n + i] for i in range(3))
+    speed = ca.fmax(v, h * a)
+    largest = ca.fmax(*(ca.fabs(y)[: 2 * n] for y in states))
+    floors = ca.vertcat(units * (part * h * speed + rounding * q), units * (part * speed + rounding * q / h))
+    return rtol * largest + atol + floors + tolerances.TINY
 
 
 def _hidden() -> Any:
@@ -127,30 +176,31 @@ def _hidden() -> Any:
     return ca.Function("hidden", [squares], [ca.mmin(ca.vertcat(*gaps))])
 
 
-def _error(y: Any, new: Any, h: Any, estimates: tuple[Any, Any], tolerance: Any) -> Any:
+def _error(h: Any, estimates: tuple[Any, Any], scale: Any) -> Any:
     """Hairer's combination of the error estimates of order 5 and 3, over the largest component of (q, v).
 
     The largest component, and not the root mean square: a coordinate at rest then does not loosen the
     tolerance of the others, and a model takes the same steps however many idle coordinates it is written in.
     The work W does not steer the step: it is left out.
     """
-    n2 = y.numel() - 1
-    scale = tolerance[1] + tolerance[0] * ca.fmax(ca.fabs(y), ca.fabs(new))
-    e5, e3 = (ca.mmax(ca.fabs(estimate / scale)[:n2]) for estimate in estimates)
+    return _combined(h, *(ca.mmax(ca.fabs(estimate[: scale.numel()] / scale)) for estimate in estimates))
+
+
+def _combined(h: Any, e5: Any, e3: Any) -> Any:
     return h * e5 * e5 / ca.sqrt(e5 * e5 + 0.01 * e3 * e3 + 1e-300)
 
 
-def _moved(y: Any, new: Any, landed: Any, tolerance: Any) -> Any:
+def _moved(by: Any, scale: Any, sizes: Any) -> Any:
     """How far the projection moved (q, v), as a part of what it may.
 
     A step that is right to the tolerance lies about as close to the constraints. One that is moved much farther has
     come to another branch, or to no motion at all.
     """
-    n2 = y.numel() - 1
-    size = ca.fmax(ca.fabs(y), ca.fabs(new))[:n2]
-    halves = [ca.repmat(ca.norm_inf(part), n2 // 2, 1) for part in ca.vertsplit(size, max(n2 // 2, 1))]
-    allowed = MOVED * (tolerance[1] + tolerance[0] * size) + MOVED_ROUNDING * ca.vertcat(*halves)
-    return ca.mmax(ca.fabs(landed - new)[:n2] / allowed)
+    n2 = scale.numel()
+    n = n2 // 2
+    units = sizes[:n]
+    allowed = MOVED * scale + MOVED_ROUNDING * ca.vertcat(units * sizes[n], units * sizes[n + 1])
+    return ca.mmax(ca.fabs(by)[:n2] / allowed)
 
 
 def _dense(numeric: NumericSystem) -> Any:
@@ -167,6 +217,27 @@ def _dense(numeric: NumericSystem) -> Any:
     rows = [change, h * stages[0] - change, 2 * change - h * (k_new + stages[0])]
     rows += [h * _mix(row, stages) for row in tableau.D_DENSE]
     return ca.Function("dense", [t, h, y, new, k_new, p, *given], [ca.horzcat(*rows)])
+
+
+def defect(numeric: NumericSystem) -> Any:
+    """defect(t, x, h, y, coefficients, tolerance, p) -> how far y' of the dense output is from that of the equations at
+    the fraction x of a step from y, times h, as a part of what the tolerance allows the largest component of (q, v).
+
+    It is no less than the error of a step that has missed a force at that time, and of order 7 in h otherwise.
+    """
+    size, parameters = _sizes(numeric)
+    t, x, h = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("h")
+    y, coefficients = ca.MX.sym("y", size), ca.MX.sym("coefficients", size, DENSE_ROWS)
+    tolerance, p = ca.MX.sym("tolerance", 4), ca.MX.sym("p", parameters)
+    state = interpolated(y, coefficients, x)
+    rate = numeric.rhs(t, state, p)
+    off = ca.fabs(ca.jtimes(state, x, ca.MX(1)) - h * rate)
+    noise = TIME_ROUNDING * (ca.fabs(t) + ca.fabs(h)) * ca.fabs(rate)
+    n = size // 2
+    sizes = numeric.sizes(t, state[:n], state[n : 2 * n], p)
+    scale = _scales((y, state), h, sizes, tolerance) + noise[: 2 * n]
+    worst = ca.mmax(off[: 2 * n] / scale) if n else ca.MX(0)
+    return ca.Function("defect", [t, x, h, y, coefficients, tolerance, p], [ca.densify(worst)])
 
 
 def _line_at(numeric: NumericSystem) -> Any:

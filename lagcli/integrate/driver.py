@@ -18,20 +18,29 @@ from lagcli.compile.selection import Selection
 from lagcli.integrate import (
     collocation,
     crossing,
+    dip,
     dop853,
     first_step,
     holding,
     initial,
+    jumps,
     limits,
     lost,
+    standing,
     tableau,
+    tolerance,
 )
 from lagcli.integrate import grid as grids
 from lagcli.integrate.account import Account, Figures
 from lagcli.integrate.call import Call, cells
 from lagcli.integrate.checkpoint import CheckpointError, Mark
 from lagcli.integrate.holding import Holding
-from lagcli.integrate.watch import NEVER, Watch
+from lagcli.integrate.timetable import Timetable
+from lagcli.integrate.turns import Turns
+from lagcli.integrate.watch import BACK, CLOSE_START, NEVER, Watch
+from lagcli.integrate.witnesses import Witnesses
+from lagcli.integrate.work import COARSE, Work, within
+from lagcli.mechanics.timed import TimeFunctions
 from lagcli.model import Simulation
 
 Floats = npt.NDArray[np.float64]
@@ -44,31 +53,43 @@ LANDING = 1e-9
 # A step of this error is right, and so are rows that are independent: where it does not land, integrals may be the
 # reason.
 CERTAIN = 1e-6
-# Errors of steps add up over a run, and what is promised is about the result: the scheme is held to a hundredth
-# of the tolerance asked for, but not below where its error estimate is rounding.
-TIGHTENING, FINEST = 100.0, 1e-14
 EXPONENT = -1.0 / dop853.ORDER
 # A row where nothing has a value is a limit from points at this part of a step, and at twice that.
 NEAR = 1e-4
 # Where the drifts of a row stand in a line: rounding, which is not interpolated.
 DRIFTS = slice(-dop853.BEYOND, -dop853.BEYOND + 2)
+# Where W stands in a line.
+WORK = -2
 # A step from a singular configuration moves by this part of its size, or less.
 FIRST = 0.1
 # A step in which rows have been dependent unseen counts as one of this error, which halves it; down to this part of
 # the step proposed, for rounding may look the same.
 HIDDEN, HIDING = 100.0, 1e-3
+# A step is wrong where the dense output is off the equations by so many tolerances at a row, and counts as one of
+# this error then.
+FORGIVEN, UNSEEN = 3e3, -1.0
 # Rows that are this close to dependent ones where a run stops are the reason.
 DEPENDENT, SOON = 1e-2, 1e-4
+# Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so much
+# that a step may not reach its tolerance: masses differ by 1e8.
+WEIGHED = 1e-4
 # Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
 PACE, HOPELESS = 5000, 1e10
+BELOW_ROUNDING = "the step needed for the tolerance is below the rounding of the time"
+
+
+# Why a run stops, as codes for `lagcli explain`.
+SINGULAR, NO_SOLUTION = "singular-constraints", "no-solution-beyond"
+NOT_FINITE, TOO_SMALL = "not-finite", "step-too-small"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Stop:
-    """Why a run ended before its end: the time reached and a sentence."""
+    """Why a run ended before its end: the time reached, a sentence, and one of the codes of `catalogue.stops`."""
 
     t: float
     reason: str
+    code: str
 
 
 class Stopped(Exception):
@@ -79,28 +100,24 @@ class Stopped(Exception):
         self.stop = stop
 
 
-def step_tolerance(settings: Simulation) -> Floats:
-    """(rtol, atol) the error estimate of a step is compared with."""
-    rtol = max(settings.rtol / TIGHTENING, min(settings.rtol, FINEST))
-    return np.array([rtol, settings.atol * rtol / settings.rtol])
-
-
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Begin:
     """A consistent start, q and v (n,); is_singular: the rows are dependent there and not nearby; part: of the usual
-    first step, with which the run begins."""
+    first step, with which the run begins; is_again: it repeats another run and must not miss what that one may."""
 
     q: Floats
     v: Floats
     is_singular: bool = False
     part: float = 1.0
+    is_again: bool = False
 
 
 class Run:
     """One integration, from a consistent start or from where another run was marked; `columns` after t.
 
     held: the functions, with the integrals that are held at the start or at the mark; notes: what was said about
-    them at the start. Iterate `blocks` once; `account` is filled as they come.
+    them at the start; timed: what the model says about t alone. Times in here, `t` and the grid too, are counted from
+    `origin`. Iterate `blocks` once; `account` is filled as they come.
     """
 
     def __init__(
@@ -110,22 +127,36 @@ class Run:
         settings: Simulation,
         columns: tuple[str, ...],
         notes: tuple[str, ...] = (),
+        timed: TimeFunctions | None = None,
     ) -> None:
-        self.grid = grid = grids.grid(settings)
+        self.origin = begin.origin if isinstance(begin, Mark) else grids.origin(settings, held.has_time)
+        self.grid = grid = grids.grid(dataclasses.replace(settings, start=settings.start - self.origin))
+        spoken = timed if held.has_time else None
+        is_again = isinstance(begin, Begin) and begin.is_again
+        longest = settings.max_step or math.inf
+        self._timetable = Timetable(spoken, grid.start, grid.step, longest, 0 if is_again else 1)
+        self._witnesses = Witnesses(grid, spoken, is_again)
         self._columns = columns
         self.account = Account(notes=notes)
         self._resumed = begin if isinstance(begin, Mark) else None
         state = begin.y if isinstance(begin, Mark) else np.concatenate([begin.q, begin.v, [0.0]])
         self._is_singular = isinstance(begin, Begin) and begin.is_singular
         self._part = begin.part if isinstance(begin, Begin) else 1.0
-        self._tolerance = step_tolerance(settings)
+        self._tolerance = tolerance.of_steps(settings)
+        # A run counts its turns in numbers of its own.
+        held = dataclasses.replace(held, p=held.p.copy())
+        self._turns = Turns(held.integrals.system)
+        if isinstance(begin, Mark):
+            self._turns.resume(held.p, begin.turns)
         self._bind(held, np.array(state, dtype=float))
         self.t = self._reached = self._pace_from = self._t_cell[0] = grid.start
         self._step_size = self._taken = self._proposed = 0.0
         self._watch = Watch()
         self._foreseen = NEVER
         self._passage: crossing.Passage | None = None
-        self._in_step = self._has_dense = False
+        # W in the step just found, where its stages were too few for it.
+        self._work: Work | None = None
+        self._in_step = self._has_dense = self._is_still = False
         # The state before the last step that is what a longer run would have taken; None where that is the last.
         self._undisturbed: Mark | None = None
         self._next_row = self.passed_over = 0
@@ -139,7 +170,7 @@ class Run:
         """The compiled functions on their arrays: y and k at the begin of a step, new and k_new at its end."""
         self._held = held
         numeric, scheme, p = held.functions.numeric, held.functions.scheme, held.parameters
-        tolerance = self._tolerance
+        self._p = p
         t, h, at, x = (np.zeros(1) for _ in range(4))
         k = np.zeros(y.size)
         self._y, self._k = y, k
@@ -147,7 +178,7 @@ class Run:
         self._land = Call(numeric.land, [t, y, p])
         aside = np.zeros(1)
         self._land_aside = Call(numeric.land, [aside, np.zeros(y.size), p])
-        arguments = [t, h, y, k, tolerance, p]
+        arguments = [t, h, y, k, self._tolerance, p]
         self._step = Call(scheme.step, arguments, wanted=3)
         new, k_new, outcome = self._step.results
         # The same step with its stages, for the dense output of one that holds rows.
@@ -155,6 +186,9 @@ class Run:
         stages = self._staged_step.results[3:]
         self._dense = Call(scheme.dense, [t, h, y, new, k_new, p, k, *stages])
         coefficients = self._dense.results[0]
+        if self._witnesses.is_any:
+            inputs = [at, x, h, y, coefficients.T, self._tolerance, p]
+            self._defect = Call(held.functions.defect, inputs)
         self._line_inside = Call(scheme.line_inside, [at, x, y, coefficients.T, p])
         line = self._line_inside.results
         self._line_begin = Call(scheme.line_at, [at, y, p], given=line)
@@ -180,10 +214,15 @@ class Run:
         after = grid.after(mark.row)
         self._next_row = max(after, grid.first(mark.t))
         self.passed_over = self._next_row - after
-        if self._next_row >= grid.count:
+
+    def require_rows_left(self) -> None:
+        """Raise `CheckpointError` where all rows of a resumed run were handed out before."""
+        mark = self._resumed
+        if mark is not None and self._next_row >= self.grid.count:
             raise CheckpointError(
-                f"nothing is left to do: it stands at t = {mark.t:.9g} with its last row at {mark.row:.9g}, and the"
-                f" run ends at {grid.end:.9g}; a longer duration goes on"
+                f"nothing is left to do: it stands at t = {self.origin + mark.t:.9g} with its last row at"
+                f" {self.origin + mark.row:.9g}, and the run ends at {self.origin + self.grid.end:.9g}; a longer"
+                " duration goes on"
             )
 
     @property
@@ -206,7 +245,8 @@ class Run:
     def _here(self, figures: Figures) -> Mark:
         state = self._t_cell[0], self._y.copy(), self._k.copy(), self._step_size, self._pace_from
         base = Mark(*state, *self._counted, self._row, figures, self._selection, self._levels, self._notes)
-        return dataclasses.replace(base, watch=self._watched, crossings=self._crossings)
+        watched = dataclasses.replace(base, watch=self._watched, crossings=self._crossings)
+        return dataclasses.replace(watched, origin=self.origin, turns=self._turns.of(self._held.p))
 
     def _settle(self) -> None:
         """Keep what belongs to the state from which the next step is tried."""
@@ -239,7 +279,7 @@ class Run:
                 block = block.copy()
             if self._filled:
                 self.account.keep(block[:, -dop853.BEYOND : -1])
-                self._row = float(block[-1, 0])
+                self._row = self.grid.time(self._next_row - 1)
             rows = block[:, : -dop853.BEYOND]
             rows += 0.0  # no table shows -0.0
             self.account.solve_seconds += time.perf_counter() - began
@@ -265,7 +305,7 @@ class Run:
                     return False
             elif self._next_row == count:
                 return True
-            if not self._foreseen.is_any or not self._pass():
+            if not self._stand() and not (self._foreseen.is_any and self._pass()):
                 self._advance()
 
     def _begin(self) -> None:
@@ -282,16 +322,30 @@ class Run:
         self._land.trigger()
         self._y[:], self._k[:] = self._land.results[0], self._land.results[1]
         clearance, least = self._land.results[2][1:3].tolist()
-        self._watch.foreseen(self.t, clearance, least)
         self.account.evaluations += 1
         if not np.isfinite(self._k).all():
-            self._stop("the accelerations are not finite at the start")
+            self._stop("the accelerations are not finite at the start", NOT_FINITE)
         self.account.evaluations += 1
-        self._step_size = self._part * first_step.first_step(self._rhs, self._k, self._tolerance)
+        self._step_size = self._part * first_step.first_step(
+            self._rhs, self._k, self._land.results[3], float(self._tolerance[0])
+        )
+        if clearance < CLOSE_START**2:
+            # No step is wasted towards a singular configuration so near: each amplifies rounding more.
+            self._look_back(BACK * self._step_size)
+        self._foreseen = self._watch.foreseen(self.t, clearance, least)
         self._settle()
-        self._at_cell[0] = self.t
+        self._at_cell[0] = self.origin + self.t
         self._line_begin.trigger()
         self._put_line()
+
+    def _look_back(self, tau: float) -> None:
+        """Watch a time before the start, where Euler's step backward leads, so that the start itself foresees."""
+        self._land_cells[0], self._land_aside.arguments[1][:] = self.t - tau, self._y - tau * self._k
+        self._land_aside.trigger()
+        self._count_aside()
+        residual, clearance, least = self._land_aside.results[2][:3].tolist()
+        if residual <= LANDING:
+            self._watch.foreseen(self.t - tau, clearance, least)
 
     def _advance(self) -> None:
         """Find an acceptable step from the current state.
@@ -300,22 +354,21 @@ class Run:
         longer run would have tried it, so that the steps up to the last do not depend on the end.
         """
         t, end = self.t, self.grid.end
-        h = self._foreseen.shortened(t, self._step_size) if self._foreseen.is_any else self._step_size
+        wished = self._foreseen.shortened(t, self._step_size)
+        h = self._timetable.shortened(t, wished)
         grow, shorter = GROW, 0.0
         while True:
-            reached, taken = t + h, h
+            # The step ends at a time that is a double, so that t and the state go on together.
+            reached = t + h
+            taken = reached - t
+            if not taken > 0.0:
+                self._stop(BELOW_ROUNDING, TOO_SMALL)
             last = reached >= end or end - reached < 1e-12 * h
             is_cut = last and not shorter
             if is_cut:
                 reached, taken = end, end - t
-            self._h_cell[0] = taken
-            (self._staged_step if self._row_time < reached else self._step).trigger()
-            self.account.evaluations += tableau.STAGES
-            scheme_error, moved, hidden, residual, clearance, least, everything = self._outcome
-            landed, error = residual <= LANDING, max(scheme_error, moved)
-            if hidden < 0.0 and taken > HIDING * self._step_size:
-                error = max(error, HIDDEN)
-            if error < 1.0 and landed and math.isfinite(everything):
+            error, smaller = self._try(reached, taken)
+            if not smaller:
                 if is_cut or not last:
                     break
                 # Beyond the end there is a good step, and none up to it: from here on the end matters.
@@ -323,23 +376,100 @@ class Run:
                 h = shorter
                 continue
             self.account.rejected += 1
-            if self._held.is_any and scheme_error < CERTAIN and self._let_go(last):
+            if self._held.is_any and error != UNSEEN and self._outcome[0] < CERTAIN and self._let_go(last):
                 continue
             grow = 1.0
-            # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
-            known = math.isfinite(error) and error >= 1.0 and landed
-            smaller = taken * (min(0.9, max(SHRINK, SAFETY * error**EXPONENT)) if known else 0.25)
             if t + smaller / 64 == t:
-                self._stop(self._why(error, residual))
+                self._stop(*self._why(error, self._outcome[3]))
             if is_cut:
                 shorter = smaller
             else:
                 h = smaller
-        self._foreseen = self._watch.foreseen(reached, clearance, least)
+        self._foreseen = self._watch.foreseen(reached, self._outcome[4], self._outcome[5])
         self.account.steps += 1
-        self._in_step, self._has_dense = True, False
+        if self._outcome[7] > COARSE and self.account.is_balanced:
+            self._find_work(taken)
+        self._in_step = True
         self._reached, self._taken = reached, taken
-        self._proposed = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
+        grown = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
+        # Where the timetable has cut a step, and not its error, the next one has the length that was wished.
+        self._proposed = max(grown, wished if h < wished and grow > 1.0 else 0.0)
+
+    def _try(self, reached: float, taken: float) -> tuple[float, float]:
+        """The error of a step, and the length of a smaller one that should be tried; 0 where it may be taken.
+
+        The error is `UNSEEN` where only a witness speaks against it.
+        """
+        self._h_cell[0], self._has_dense = taken, False
+        is_watched = self._row_time < reached or self._witnesses.is_any
+        (self._staged_step if is_watched else self._step).trigger()
+        self.account.evaluations += tableau.STAGES
+        scheme_error, moved, hidden, residual, _, _, everything, _ = self._outcome
+        landed, error = residual <= LANDING, max(scheme_error, moved)
+        if hidden < 0.0 and taken > HIDING * self._step_size:
+            error = max(error, HIDDEN)
+        if error < 1.0 and landed and math.isfinite(everything):
+            unseen = self._unseen(reached, taken) if self._witnesses.is_any else math.inf
+            return (error, 0.0) if unseen == math.inf else (UNSEEN, unseen - self.t)
+        # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
+        known = math.isfinite(error) and error >= 1.0 and landed
+        return error, taken * (min(0.9, max(SHRINK, SAFETY * error**EXPONENT)) if known else 0.25)
+
+    def _unseen(self, reached: float, taken: float) -> float:
+        """The first time within a step at which the forces are not those it was made of; infinite where they are."""
+        for at in self._witnesses.inside(self.t, reached):
+            self._make_dense()
+            self._at_cell[0], self._x_cell[0] = self.origin + at, (at - self.t) / taken
+            self._defect.trigger()
+            self.account.evaluations += 1
+            if self._defect.results[0][0] > FORGIVEN:
+                return at
+        return math.inf
+
+    def _find_work(self, taken: float) -> None:
+        """Integrate W over a step on its dense output: the scheme's own W is not right to the tolerance of the run."""
+        self._staged_step.trigger()
+        self._make_dense()
+        span = self.t, taken, self._tolerance[0]
+        self._work = within(self._land_aside, span, self._y, self._dense.results[0])
+        self._count_aside()
+        if self._work is None:
+            self.account.doubt()
+        else:
+            self._new[-1] = self._work.end
+
+    def _make_dense(self) -> None:
+        if not self._has_dense:
+            self._dense.trigger()
+            self.account.evaluations += len(tableau.A_DENSE)
+            self._has_dense = True
+
+    def _stand(self) -> bool:
+        """Go to the other side of a time at which functions of t switch, where the state is the same; False where there
+        is none here."""
+        found = None if self._foreseen.is_here else self._timetable.switch(self.t)
+        if found is None:
+            return False
+        middle, after = (min(t, self.grid.end) for t in found)
+        y, k, dt = self._y, self._k, after - self.t
+        self._land_cells[0], self._land_aside.arguments[1][:] = after, y
+        self._land_aside.trigger()
+        landed, rate, *_ = self._land_aside.results
+        if not standing.is_same((y, k), (landed, rate), dt):
+            rows = standing.violated(self._held.functions.numeric, self._state(after, y))
+            self._stop(
+                self._jump()
+                or f"the rows {self._named(rows)} make velocities jump there: an impact, which the equations of motion"
+                " do not describe",
+                NO_SOLUTION,
+            )
+        self._land_aside.arguments[1][:] = y + (middle - self.t) * k + (after - middle) * rate
+        self._land_aside.trigger()
+        self._count_aside()
+        self._new[:], self._k_new[:] = landed, rate
+        self._in_step = self._is_still = True
+        self._reached, self._taken, self._proposed = after, dt, self._step_size
+        return True
 
     def _pass(self) -> bool:
         """Take one step across the singular configuration that is foreseen, or away from it; False where there is none
@@ -348,6 +478,8 @@ class Run:
             self._leave()
             return True
         if not self._foreseen.is_near(self.t, self._step_size, self._tolerance[0]):
+            return False
+        if self._foreseen.angle > dip.CERTAIN and self._is_dip():
             return False
         found = crossing.across(self._held.functions.numeric, self._land_aside, self._point, self._foreseen)
         self._count_aside()
@@ -359,6 +491,19 @@ class Run:
         elif self._held.is_any:
             return self._pass_without_integrals()
         return isinstance(found, crossing.Crossing)
+
+    def _is_dip(self) -> bool:
+        """Whether ordinary steps show that rows only come closer to dependent ones, and part again."""
+        place = self._foreseen.place
+
+        def square(h: float) -> float:
+            self._h_cell[0] = h
+            self._step.trigger()
+            self.account.evaluations += tableau.STAGES
+            _, _, _, residual, *there, _, _ = self._outcome
+            return there[place - 1] if residual <= LANDING else math.nan
+
+        return dip.is_dip(square, self._watch.state[place], self._foreseen.instant - self.t)
 
     def _rebind(self, held: Holding) -> None:
         y, k = self._y.copy(), self._k.copy()
@@ -397,7 +542,8 @@ class Run:
         if found is None:
             self._stop(
                 "the start is a singular configuration, and no smooth motion along one of the branches that meet"
-                " there has the initial velocities"
+                " there has the initial velocities",
+                SINGULAR,
             )
         self._cross(found)
 
@@ -413,13 +559,14 @@ class Run:
         """Make a step across the step just found."""
         step = found.passage.step
         reached = step.t + step.h
-        self._land_cells[0], self._land_aside.arguments[1][:] = reached, step.state(1.0)
+        at_end = step.state((reached - step.t) / step.h)
+        self._land_cells[0], self._land_aside.arguments[1][:] = reached, at_end
         self._land_aside.trigger()
-        landed, rate, outcome = self._land_aside.results
+        landed, rate, outcome, _ = self._land_aside.results
         self._new[:], self._k_new[:] = landed, rate
         self._foreseen = self._watch.foreseen(reached, outcome[1], outcome[2])
         self.account.steps += 1
-        self.account.crossings += (found.loss,)
+        self.account.crossings += (dataclasses.replace(found.loss, t=self.origin + found.loss.t),)
         self._in_step, self._passage = True, found.passage
         self._reached, self._taken = reached, step.h
         self._proposed = self._step_size
@@ -431,7 +578,7 @@ class Run:
         step = Call(self._held.plain.functions.scheme.step, arguments, wanted=3)
         step.trigger()
         self.account.evaluations += tableau.STAGES
-        new, _, (error, moved, _, residual, _, _, everything) = step.results
+        new, _, (error, moved, _, residual, _, _, everything, _) = step.results
         if not (max(error, moved) < 1.0 and residual <= LANDING and math.isfinite(everything)):
             return False
         if is_last:
@@ -446,17 +593,25 @@ class Run:
 
     def _state(self, t: float, y: Floats) -> initial.State:
         n = y.size // 2
-        return initial.State(t, y[:n], y[n : 2 * n], self._held.p)
+        return initial.State(self.origin + t, y[:n], y[n : 2 * n], self._held.p)
 
     def _accept(self) -> None:
-        self._in_step, self._passage = False, None
+        was_still, self._is_still = self._is_still, False
+        self._in_step, self._passage, self._work = False, None, None
         self._t_cell[0] = self.t = self._reached
         self._y[:], self._k[:] = self._new, self._k_new
         self._step_size = self._proposed
+        if self._turns.is_any:
+            self._count_turns()
         self._settle()
-        if self.account.steps % PACE == 0:
+        if self.account.steps % PACE == 0 and not was_still:
             pace_from, self._pace_from = self._pace_from, self.t
             self._check_pace(self.t - pace_from)
+
+    def _count_turns(self) -> None:
+        p, n = self._held.p, self._y.size // 2
+        self.account.notes += self._turns.settle(self.origin + self.t, self._y[:n], p)
+        self._p[: p.size] = p
 
     def _put_rows(self) -> bool:
         """Put the rows of the grid within the step just found into the block; False where it is full before."""
@@ -465,14 +620,15 @@ class Run:
         while self._row_time <= reached:
             if self._filled == capacity:
                 return False
-            self._at_cell[0] = at = self._row_time
-            if self._passage is not None:
+            at = self._row_time
+            self._at_cell[0] = self.origin + at
+            if self._is_still:
+                self._line_aside.arguments[1][:] = self._y
+                self._line_aside.trigger()
+            elif self._passage is not None:
                 self._across(self._passage, at)
             elif at < reached:
-                if not self._has_dense:
-                    self._dense.trigger()
-                    self.account.evaluations += len(tableau.A_DENSE)
-                    self._has_dense = True
+                self._make_dense()
                 self._x_cell[0] = (at - t) / taken
                 self._line_inside.trigger()
             else:
@@ -494,10 +650,10 @@ class Run:
         found = np.array(lines)
         self._line[:] = limits.interpolated(taus, found, tau)
         self._line[DRIFTS] = found[:, DRIFTS].max(axis=0)
-        self._line[0] = self._at_cell[0] = at
+        self._line[0] = self._at_cell[0] = self.origin + at
 
     def _put_aside(self, at: float, step: collocation.Step) -> None:
-        self._at_cell[0] = at
+        self._at_cell[0] = self.origin + at
         self._line_aside.arguments[1][:] = step.state((at - step.t) / step.h)
         self._line_aside.trigger()
 
@@ -526,9 +682,11 @@ class Run:
 
     def _put_line(self) -> None:
         if not math.isfinite(self._line_cells[-1]) and self._passage is None:
-            if self._in_step and self._at_cell[0] < self._reached:
+            if self._in_step and self._row_time < self._reached:
                 self._mend()
             self._require_finite()
+        if self._work is not None:
+            self._line[WORK] = self._work.at(self._row_time)
         self._lines[self._filled] = self._line
         self._filled += 1
         self._next_row += 1
@@ -541,7 +699,7 @@ class Run:
         column = int(bad[0]) - 1
         known = column < len(self._columns)
         what = f"the column `{self._columns[column]}`" if known else "the energy balance"
-        self._stop(f"{what} is not finite at t = {self._at_cell[0]:.9g}")
+        self._stop(f"{what} is not finite at t = {self._at_cell[0]:.9g}", NOT_FINITE)
 
     def _figures(self) -> Figures:
         """Those of the rows handed out; a block that is being filled is not yet among them."""
@@ -551,41 +709,59 @@ class Run:
         """Stop a run that would not end in any time one can wait."""
         if (self.grid.end - self.t) * PACE > HOPELESS * advanced:
             self._stop(
-                f"the last {PACE} steps advanced by {advanced:.2g}, so that the run would need"
+                self._jump()
+                or f"the last {PACE} steps advanced by {advanced:.2g}, so that the run would need"
                 f" {(self.grid.end - self.t) / max(advanced, 1e-300) * PACE:.0e} more: the motion chatters across"
-                " a jump of the forces, the forces are far too stiff for an explicit scheme, or the run is too long"
+                " a jump of the forces, the forces are far too stiff for an explicit scheme, or the run is too long",
+                TOO_SMALL,
             )
 
-    def _why(self, error: float, residual: float) -> str:
+    def _why(self, error: float, residual: float) -> tuple[str, str]:
+        """The reason why no step can be taken, and its code."""
         nearness, is_alone = self._watch.nearness
-        if nearness < DEPENDENT and self._foreseen.instant - self.t < SOON * (
-            self.grid.end - self.grid.start
-        ):
-            numeric = self._held.functions.numeric
-            told = self._named(lost.closest(numeric, self._state(self.t, self._y), is_alone))
+        is_near, numeric = nearness < DEPENDENT, self._held.functions.numeric
+        is_soon = self._foreseen.instant - self.t < SOON * (self.grid.end - self.grid.start)
+        here = self._state(self.t, self._y)
+        apart = lost.apart(numeric, here) if is_near and not is_alone else None
+        if is_near and is_soon and apart is None:
+            told = self._named(lost.closest(numeric, here, is_alone))
             what = f"the gradient of {told} vanishes" if is_alone else f"the rows {told} become dependent"
             return (
                 f"{what} there, a singular configuration through which this motion does not go on smoothly (a toggle"
-                " position, or a cusp)"
+                " position, or a cusp)",
+                SINGULAR,
             )
+        jump = self._jump()
+        if jump:
+            return jump, NO_SOLUTION
+        if apart is not None and nearness < WEIGHED:
+            told = f"inertias that differ by a factor of {apart:.0e} amplify rounding"
+            return f"{BELOW_ROUNDING}: {told}", TOO_SMALL
         if not math.isfinite(error) or not math.isfinite(residual):
             return (
                 "the accelerations or multipliers are not finite there: the constraints become dependent,"
-                " or a function of the model has a pole"
+                " or a function of the model has a pole",
+                NOT_FINITE,
             )
         if residual > LANDING:
             ahead = self._state(self.t + self._h_cell[0], self._new)
-            parting = lost.departed(self._held.functions.numeric, ahead, LANDING)
+            parting = lost.departed(numeric, ahead, LANDING)
             if parting:
-                return f"the rows {self._named(parting)} contradict each other beyond: they agree up to here"
-            return "the constraints cannot be satisfied beyond: their surface ends there"
-        return "the step needed for the tolerance is below the rounding of the time"
+                told = f"the rows {self._named(parting)} contradict each other beyond: they agree up to here"
+                return told, NO_SOLUTION
+            return "the constraints have no solution after this time", NO_SOLUTION
+        return BELOW_ROUNDING, TOO_SMALL
+
+    def _jump(self) -> str:
+        state = self._state(self.t, self._y)
+        return jumps.reason(self._held.integrals.system, self._held.plain.functions.numeric, state)
 
     def _named(self, rows: tuple[int, ...]) -> str:
         names = [name.removeprefix("lambda.") for name in self._columns if name.startswith("lambda.")]
         return ", ".join(f"`{names[i]}`" for i in rows[: initial.MOST_TOLD])
 
-    def _stop(self, reason: str) -> NoReturn:
+    def _stop(self, reason: str, code: str) -> NoReturn:
         row = self._next_row
-        where = f"stopped at t = {self.t:.9g} (after row {row} of {self.grid.count})"
-        raise Stopped(Stop(self.t, f"{where}: {reason}"))
+        t = self.origin + self.t
+        where = f"stopped at t = {t:.9g} (after row {row} of {self.grid.count})"
+        raise Stopped(Stop(t, f"{where}: {reason}", code))

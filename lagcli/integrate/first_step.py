@@ -1,6 +1,6 @@
-"""The first step of a run, from the sizes of y, y' and y''.
+"""The first step of a run, from the times in which positions, velocities and accelerations change by their sizes.
 
-Hairer, Norsett, Wanner, Solving ODEs I, sec. II.4.
+As in Hairer, Norsett, Wanner, Solving ODEs I, sec. II.4, but that no size is one of a unit.
 """
 
 from __future__ import annotations
@@ -17,32 +17,53 @@ Floats = npt.NDArray[np.float64]
 
 # Where nothing moves and the scale of time is unknown: of the unit of time, or of the time itself.
 REST, REST_OF_TIME = 1e-6, 1e-10
+# A step advances the time, which is a double, by so many of its roundings at least.
+ROUNDINGS = 256
+# A look ahead by this part of the shortest of the times that are known at the start.
+LOOK = 1e-3
+# Speeds that are less than this part of those that the accelerations make of rest are rounding.
+SLOW = 1e-8
+# The error of a step of this part of the shortest time, to the power of its order, is about as large as it may be.
+PART = 0.01
 
 
-def first_step(rhs: Call, k: Floats, tolerance: Floats) -> float:
-    """The length of the first step from where `rhs` stands on its arrays (t, y, p), with k = y'(t, y) (2n + 1,) and
-    tolerance (rtol, atol).
+def first_step(rhs: Call, k: Floats, sizes: Floats, rtol: float) -> float:
+    """The length of the first step from where `rhs` stands on its arrays (t, y, p), with k = y'(t, y) (2n + 1,),
+    `parts.Sizes.packed` there (n + 3,) and the relative tolerance of a step.
 
     One evaluation of `rhs` is used, whose arguments are left as they were. The end of the run plays no part in it.
     """
+    t = float(rhs.arguments[0][0])
+    n = k.size // 2
+    units, (q, v, _) = sizes[:n], sizes[n:].tolist()
+
+    def size(accelerations: Floats) -> float:
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is asked for below
+            return float(np.abs(accelerations / units).max(initial=0.0))
+
+    a = size(k[n : 2 * n])
+    v = v if v > SLOW * math.sqrt(q * a) else 0.0
+    times = [_ratio(q, v), _ratio(v, a), math.sqrt(_ratio(q, a))]
+    known = min((time for time in times if 0.0 < time < math.inf), default=0.0)
+    step = max(REST, REST_OF_TIME * abs(t))
+    if known:
+        later = _ahead(rhs, k, LOOK * known)
+        turned = _ratio(a, size(later[n : 2 * n] - k[n : 2 * n]) / (LOOK * known))
+        if math.isfinite(turned):
+            known = min(known, turned or known)
+        step = known * (PART * rtol) ** (1.0 / dop853.ORDER)
+    return max(step, ROUNDINGS * math.ulp(t))
+
+
+def _ratio(size: float, rate: float) -> float:
+    return size / rate if rate > 0.0 else math.inf
+
+
+def _ahead(rhs: Call, k: Floats, h: float) -> Floats:
+    """y' (2n + 1,) after a step of Euler's."""
     t_cell, y_cells, _ = rhs.arguments
     t, y = float(t_cell[0]), y_cells.copy()
-    at_rest = max(REST, REST_OF_TIME * abs(t))
-    scale = tolerance[1] + np.abs(y) * tolerance[0]
-
-    def norm(u: Floats) -> float:
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is asked for below
-            return float(np.sqrt(np.mean((u[:-1] / scale[:-1]) ** 2))) if u.size > 1 else 0.0
-
-    d0, d1 = norm(y), norm(k)
-    # A start at the origin moves by a hundredth of the tolerance.
-    h0 = (0.01 * max(d0, 1.0) / d1 if d1 >= 1e-5 else 0.0) or at_rest
-    t_cell[0], y_cells[:] = t + h0, y + h0 * k
+    t_cell[0], y_cells[:] = t + h, y + h * k
     rhs.trigger()
-    d2 = norm(rhs.results[0] - k) / h0
     t_cell[0], y_cells[:] = t, y
-    if not math.isfinite(d2):
-        return at_rest
-    steepest = max(d1, d2)
-    h1 = max(at_rest, h0 * 1e-3) if steepest <= 1e-15 else (0.01 / steepest) ** (1.0 / dop853.ORDER)
-    return min(100 * h0, h1)
+    return rhs.results[0]

@@ -40,6 +40,14 @@ class Grid:
         return i
 
 
+def origin(settings: Simulation, has_time: bool) -> float:
+    """The time from which a run counts: its start where no t occurs in what moves the model, else 0.
+
+    Time counted from the start has the same roundings at every start.
+    """
+    return 0.0 if has_time else settings.start
+
+
 def grid(settings: Simulation) -> Grid:
     """The grid of a run; a duration of zero is the start alone."""
     start, duration = settings.start, settings.duration

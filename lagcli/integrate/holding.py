@@ -66,6 +66,11 @@ class Functions:
         """The compiled step and dense output."""
         return dop853.scheme(self.numeric)
 
+    @cached_property
+    def defect(self) -> Any:
+        """The compiled comparison of the dense output with the equations."""
+        return dop853.defect(self.numeric)
+
 
 class Integrals:
     """The integrals of one system, and its functions with any choice of their charts.
@@ -83,6 +88,11 @@ class Integrals:
         self.selection = plain.numeric.selection
         self._kept: dict[Selection, Integrals] = {self.selection: self}
 
+    @property
+    def system(self) -> System:
+        """The system they are of."""
+        return self._system
+
     def hold_for(self, system: System) -> bool:
         """Whether all that was built holds for other values of parameters too."""
         return self._charts.hold_for(system)
@@ -95,6 +105,12 @@ class Integrals:
             other._built, other.selection = {}, selection
             self._kept[selection] = other
         return self._kept[selection]
+
+    @cached_property
+    def has_time(self) -> bool:
+        """Whether t occurs in what moves the system, or in a chart of an integral."""
+        charts = self._charts.charts
+        return self._plain.numeric.has_time or any(integrals.has_time(self._system, each) for each in charts)
 
     def functions(self, levels: Levels) -> Functions:
         """The functions of the system with these levels held."""
@@ -206,6 +222,11 @@ class Holding:
     def keeping(self, selection: Selection) -> Holding:
         """The same with a system stepped with other independent rows."""
         return dataclasses.replace(self, integrals=self.integrals.keeping(selection))
+
+    @property
+    def has_time(self) -> bool:
+        """Whether t occurs in what moves the system; it does not depend on what is held."""
+        return self.integrals.has_time
 
     @property
     def plain(self) -> Holding:

@@ -42,7 +42,8 @@ class State:
 class Residuals:
     """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed.
 
-    flat (C,): rows whose gradient vanishes there or has no value; of them |f_i| and |b_i| are given.
+    norms (C,): |B_i|, so that their products are the residuals of the equations as they are written. flat (C,): rows
+    whose gradient vanishes there or has no value; of them |f_i| and |b_i| are given, and the norm is 1.
     """
 
     position: Floats
@@ -50,6 +51,17 @@ class Residuals:
     position_limit: Floats
     velocity_limit: Floats
     flat: npt.NDArray[np.bool_]
+    norms: Floats
+
+    @property
+    def of_positions(self) -> float:
+        """The largest |f_i|, as the equation is written."""
+        return float((self.position * self.norms[: self.position.size]).max(initial=0.0))
+
+    @property
+    def of_velocities(self) -> float:
+        """The largest |B_i v + b_i|, as the equation is written."""
+        return float((self.velocity * self.norms).max(initial=0.0))
 
     @property
     def consistent(self) -> bool:
@@ -75,7 +87,7 @@ class Residuals:
 def declared(system: System) -> State:
     """The state a model declares."""
     q, v = mechanics.start(system.model)
-    return State(system.model.simulation.start, q, v, mechanics.parameter_values(system.model, system.bodies))
+    return State(system.model.simulation.start, q, v, mechanics.values(system))
 
 
 def inertia(
@@ -144,14 +156,15 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     s, norms = f.size, rows.divisors
     # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
     # by something like its size in the time of the run.
-    slow = SLOWEST * np.abs(state.q).max(initial=0.0) / (system.model.simulation.duration or 1.0)
+    # As a plain number: in the shortest of times it is more than any, inf.
+    slow = SLOWEST * float(np.abs(state.q).max(initial=0.0)) / (system.model.simulation.duration or 1.0)
     speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
     position = np.abs(f) / norms[:s]
     limits = ROUNDINGS * np.finfo(float).eps * _sizes(rows, state.q)[:s]
     if (position > limits).any():
         limits += _explained(numeric, state, rows)[:s]
     return Residuals(
-        position, np.abs(rows.times(state.v) + b) / norms, limits, CONSISTENT * speed, rows.norms == 0
+        position, np.abs(rows.times(state.v) + b) / norms, limits, CONSISTENT * speed, rows.norms == 0, norms
     )
 
 
@@ -229,17 +242,24 @@ def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagno
 def _violation(system: System, found: Residuals, i: int) -> diagnostics.Diagnostic:
     """How far the start violates a row."""
     row, units = system.rows.rows[i], system.model.units
-    cartesian = not system.model.coordinates
-    if found.in_position(i):
-        unit = f" {units.length}" if cartesian else ""
-        if found.flat[i]:
-            unit = " of its own unit (its gradient vanishes or has no value there)"
-        message = f"the initial positions violate `{row.name}` by {found.position[i]:.6g}{unit}"
-    else:
-        unit = f" {units.length}/{units.time}" if cartesian else ""
-        message = f"the initial velocities violate `{row.name}` by {found.velocity[i]:.6g}{unit}"
-    hint = "mend the initial values, or use `--assemble` to move them to the nearest consistent state"
+    whole = found.in_position(i)
+    kind, unit = ("positions", units.length) if whole else ("velocities", f"{units.length}/{units.time}")
+    unit = f" {unit}" if not system.model.coordinates else ""
+    by = violated(found.size(i), float(found.norms[i]), unit)
+    if whole and found.flat[i]:
+        by = f"{found.position[i]:.6g} of its own unit (its gradient vanishes or has no value there)"
+    message = f"the initial {kind} violate `{row.name}` by {by}"
+    hint = "correct the initial values, or use `--assemble` to move them to the nearest consistent state"
     return diagnostics.Diagnostic("inconsistent-start", message, row.location, hint)
+
+
+def violated(scaled: float, norm: float, unit: str) -> str:
+    """A residual of an equation as it is written, with that for a gradient of length one, which has a `unit`."""
+    residual = f"{scaled * norm:.6g}"
+    shown = f"{scaled:.6g}"
+    if residual == shown:
+        return f"{shown}{unit}"
+    return f"{residual} ({shown}{unit} per unit of its gradient)"
 
 
 def metric_at(numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_] | None = None) -> Metric:
@@ -251,11 +271,15 @@ def metric_at(numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_]
         return Metric.unit(M.shape[0], fixed)
 
 
-def contradiction(system: System, rows: list[int]) -> diagnostics.ModelError:
-    """The error for rows of which a combination says dt = 0: no velocity satisfies them together."""
+def contradiction(system: System, rows: list[int], at: str = "") -> diagnostics.ModelError:
+    """The error for rows of which a combination says dt = 0: no velocity satisfies them together, or only none `at`
+    some configurations, in words."""
     message = f"{names_of(system, rows)} contradict each other: a combination of them says dt = 0"
     if len(rows) == 1:
         message = f"{names_of(system, rows)} can never hold: it says dt = 0"
+    if at:
+        verb = "satisfies it" if len(rows) == 1 else "satisfies them together"
+        message = f"{names_of(system, rows)}: no velocity {verb} {at}"
     location = system.rows.rows[rows[-1]].location
     return diagnostics.ModelError([diagnostics.Diagnostic("contradictory-constraints", message, location)])
 

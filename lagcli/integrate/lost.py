@@ -27,6 +27,8 @@ ROUNDING, ERRORS = 1e-13, 10.0
 STRONG_STEPS = 3
 # Of rows that are close to dependent ones those with this part of the largest weight are named.
 PART = 1e-2
+# Unit rows whose smallest singular value is larger are independent in themselves, whatever the masses.
+INDEPENDENT = 0.1
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -50,7 +52,8 @@ def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> Lo
     metric = metric_at(numeric, before)
     lengths = Rows(metric.whitened(_rows(numeric, before)[kept, :])).divisors
     q = there.q.copy()
-    size = float(np.abs(q).max(initial=0.0)) or 1.0
+    # f over the lengths of rows in the metric is a length in it.
+    size = metric.length(q) or 1.0
     unit = ca.mtimes(ca.diag(ca.DM(1 / lengths)), metric.whitened(_rows(numeric, there)[kept, :]))
     squares, left = np.linalg.eigh(np.array(ca.densify(ca.mtimes(unit, unit.T))))
     strong = squares > LOST**2
@@ -81,6 +84,22 @@ def closest(numeric: NumericSystem, state: State, is_alone: bool) -> tuple[int, 
     else:
         weights = np.abs(np.linalg.svd(rows.dense)[0][:, -1])
     return tuple(kept[i] for i in np.flatnonzero(weights > PART * weights.max()))
+
+
+def apart(numeric: NumericSystem, state: State) -> float | None:
+    """The ratio of the largest inertia to the least, where the independent rows are so in themselves and only the mass
+    metric brings them close to dependent ones; None where they are close to dependent ones without it."""
+    kept = list(numeric.selection.kept)
+    if len(kept) > MOST_ROWS:
+        return None
+    rows = _rows(numeric, state)[kept, :]
+    unit = np.array(ca.densify(rows)) / Rows(rows).divisors[:, None]
+    inertias = np.array(numeric.inertia(state.t, state.q, state.v, state.p)).diagonal()
+    if not (np.isfinite(unit).all() and np.isfinite(inertias).all() and inertias.min() > 0):
+        return None
+    if np.linalg.eigvalsh(unit @ unit.T)[0] < INDEPENDENT**2:
+        return None
+    return float(inertias.max() / inertias.min())
 
 
 def departed(numeric: NumericSystem, state: State, limit: float) -> tuple[int, ...]:

@@ -18,6 +18,8 @@ EARLIER = 6.0
 GROWING = 4.0
 # An ordinary step goes this part of the way to the instant.
 SHORTER = 0.6
+# Rows at a start at a smaller angle than this are looked at this part of the first step earlier, too.
+CLOSE_START, BACK = 0.1, 0.1
 # Places in the outcome of `land`.
 CLEARANCE, LEAST = 1, 2
 STANDING = -1  # in place of them, at a start at which rows are dependent

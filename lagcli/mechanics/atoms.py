@@ -18,13 +18,26 @@ Results = Callable[[tree.Node, Mapping[str, Whole]], Any]
 Reference = tree.Name | tree.Member | tree.Index
 
 
+ACCELERATIONS = ("a", "ax", "ay", "az")
+
+
+def is_second(node: tree.Call) -> bool:
+    """Whether a call is `rate(x, 2)`: an acceleration."""
+    return node.function == "rate" and len(node.arguments) > 1 and _is_two(node.arguments[1])
+
+
+def _is_two(order: tree.Node) -> bool:
+    return isinstance(order, tree.Number) and float(order.text) == 2.0
+
+
 class Names:
     """The names of a model: who is a member of what, and what definitions mean."""
 
     def __init__(self, model: nouns.Model, symbols: Symbols) -> None:
         self.particles = Roll(particle.members for particle in model.particles)
         self.coordinates = Roll(coordinate.members for coordinate in model.coordinates)
-        self.constants: dict[str, Any] = {"t": symbols.t, "pi": ca.SX(ca.pi), "dt": ca.SX(1)}
+        self.constants: dict[str, Any] = {"t": symbols.t, "dt": ca.SX(1)}
+        self.constants |= {name: ca.SX(value) for name, value in model.constants.items()}
         self.constants |= symbols.parameters
         self._definitions = {d.name: d.expression.tree for d in model.definitions}
         self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
@@ -97,12 +110,13 @@ class Atoms:
         if isinstance(node, tree.Name):
             return self._named(node, node.name)
         if node.owner in names.particles and node.owner not in self._own:
+            if node.member in ACCELERATIONS:
+                return self._result(node)
             return self._particle(node)
         if isinstance(node, tree.Index):
             if node.owner in names.coordinates:
                 return self._coordinate(node, rates=False)
-            assert self._results is not None, node.owner
-            value = self._results(node, self._variables)
+            value = self._result(node)
             return evaluate.component(node, value, node.member, node.owner) if node.member else value
         owner = self._named(tree.Name(node.start, node.end, node.owner), node.owner)
         return evaluate.component(node, owner, node.member, node.owner)
@@ -113,7 +127,7 @@ class Atoms:
         if node.function == "d":
             value = evaluate.evaluate(argument, algebra)
             return tuple(map(leaves.rate, value)) if isinstance(value, tuple) else leaves.rate(value)
-        if node.function == "rate":
+        if node.function == "rate" and not is_second(node):
             assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
             owner = argument.name if isinstance(argument, tree.Name) else argument.owner
             if owner in self._names.coordinates:
@@ -121,7 +135,11 @@ class Atoms:
             velocity = leaves.velocity(self._names.numbers(argument, self._names.particles, self._variables))
             member = "" if isinstance(argument, tree.Name) else argument.member
             return velocity["xyz".index(member)] if member else velocity
-        assert self._results is not None, node.function
+        return self._result(node)
+
+    def _result(self, node: tree.Node) -> Any:
+        """What is known only of a motion: multipliers, reactions, accelerations, energies and outputs."""
+        assert self._results is not None, node
         return self._results(node, self._variables)
 
     def _coordinate(self, node: Reference, rates: bool) -> Any:
@@ -151,5 +169,4 @@ class Atoms:
             return self._coordinate(node, rates=False)
         if names.is_definition(name):
             return self._leaves.definition(name)
-        assert self._results is not None, name
-        return self._results(node, self._variables)
+        return self._result(node)

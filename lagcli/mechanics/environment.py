@@ -49,6 +49,7 @@ class Environment:
         if self.cartesian.size:
             self._positions.fill(self.cartesian, self._own_components(symbols.q))
             self._velocities.fill(self.cartesian, self._own_components(symbols.v))
+        self._free = free if self.dependent.size else None
         if free is not None and self.dependent.size:
             self._positions.fill(self.dependent, free[0])
             self._velocities.fill(self.dependent, free[1])
@@ -135,8 +136,12 @@ class Environment:
         return x, y, z
 
     def rate(self, value: Any) -> Any:
-        """d/dt of a function of (q, t): its differential, divided by dt."""
-        return rate(value, self.q, self.v, self.t)
+        """d/dt of a function of (q, t), and of free positions: its differential, divided by dt."""
+        found = rate(value, self.q, self.v, self.t)
+        if self._free is None:
+            return found
+        places, rates = (ca.vertcat(*parts) for parts in self._free)
+        return ca.densify(found + ca.jtimes(value, places, rates))
 
     def generalized(self, numbers: Whole, rates: bool) -> Any:
         """Generalized coordinates or their rates, (K, 1)."""

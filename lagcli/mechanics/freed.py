@@ -32,7 +32,7 @@ def model(built: system.System, t: float, q: Floats, v: Floats) -> nouns.Model:
     Particles and coordinates keep their names, and forces, potentials and rows their texts.
     """
     declared = built.model
-    p = system.parameter_values(declared, built.bodies)
+    p = system.values(built)
     symbols = built.symbols
     where = ca.Function("where", [symbols.t, symbols.q, symbols.v, built.p], [built.r, built.r_dot])
     r, r_dot = (np.array(part).reshape(-1, 3) for part in where(t, q, v, p))

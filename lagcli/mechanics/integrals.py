@@ -56,6 +56,11 @@ def charts(system: System, written: Iterable[conserved.Chart]) -> Charts:
     return Charts(found, fixed.used())
 
 
+def has_time(system: System, chart: Chart) -> bool:
+    """Whether t occurs in a chart."""
+    return any(ca.depends_on(ca.SX(each), system.symbols.t) for each in (chart.above, chart.below))
+
+
 class _Names:
     """What the names in a chart stand for. Dependent particles and definitions do not occur in them."""
 

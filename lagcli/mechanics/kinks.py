@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from lagcli import diagnostics
 from lagcli import model as nouns
+from lagcli.mechanics import graph
 from lagcli.mechanics.rows import Row, Rows
 from lagcli.mechanics.symbols import Symbols
 
@@ -137,28 +138,16 @@ def _speaks_of_switches(model: nouns.Model) -> bool:
     return any(_WORDS.search(text) for text in texts)
 
 
-def _arguments(value: Any, inputs: Sequence[Any]) -> Iterator[Any]:
+def _arguments(value: Any, inputs: Sequence[Any]) -> list[Any]:
     """What is compared with zero by `abs` and `sign`, and the difference of what `min` and `max` compare."""
-    work: dict[int, Any] = {}
-    function = ca.Function("row", list(inputs), [value])
-    constant, entry, exit_ = ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT
-    flat = [ca.vertsplit(part) if part.numel() > 1 else [part] for part in inputs]
-    for k in range(function.n_instructions()):
-        op, taken, given = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
-        if op == exit_:
-            continue
-        if op == entry:
-            work[given[0]] = flat[taken[0]][taken[1]]
-        elif op == constant:
-            work[given[0]] = ca.SX(function.instruction_constant(k))
-        else:
-            parts = [work[place] for place in taken]
-            if op in (ca.OP_FABS, ca.OP_SIGN):
-                yield parts[0]
-            elif op in (ca.OP_FMIN, ca.OP_FMAX):
-                yield parts[0] - parts[1]
-            work[given[0]] = ca.SX.binary(op, *parts) if len(parts) == 2 else ca.SX.unary(op, *parts)
+    found: list[Any] = []
+
+    def visit(op: int, parts: list[Any], result: Any) -> Any:
+        if op in (ca.OP_FABS, ca.OP_SIGN):
+            found.append(parts[0])
+        elif op in (ca.OP_FMIN, ca.OP_FMAX):
+            found.append(parts[0] - parts[1])
+        return result
+
+    graph.replayed(ca.densify(ca.vec(value)), inputs, visit)
+    return found

@@ -11,6 +11,7 @@ import numpy as np
 
 from lagcli import diagnostics
 from lagcli import model as nouns
+from lagcli.expression import dimensions
 from lagcli.mechanics import rigid, template
 from lagcli.mechanics.environment import Environment
 
@@ -47,9 +48,7 @@ def lay_down(
     for law in model.holonomic:
         holonomic.add(law)
     for body, (geometry, constants) in zip(model.rigid, bodies, strict=True):
-        columns = environment.position(np.array(body.particles))
-        places = list(zip(*(ca.vertsplit(part) for part in columns), strict=True))
-        values = ca.vertcat(*_rigid_rows(places, geometry, constants))
+        values = of_body(body, environment, geometry, constants)
         numbered = range(1, values.numel() + 1)
         holonomic.add_plain(values, [Row(f"{body.name}.{i}", body.name, body.location) for i in numbered])
     for rule in model.differential:
@@ -110,6 +109,15 @@ def _stack(values: list[Any]) -> Any:
     return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
 
 
+def of_body(
+    body: nouns.RigidBody, environment: Environment, geometry: rigid.Geometry, constants: Sequence[Any]
+) -> Any:
+    """The rows f of a rigid body, (k, 1)."""
+    columns = environment.position(np.array(body.particles))
+    places = list(zip(*(ca.vertsplit(part) for part in columns), strict=True))
+    return ca.vertcat(*_rigid_rows(places, geometry, constants))
+
+
 def _rigid_rows(
     positions: Sequence[tuple[Any, Any, Any]], geometry: rigid.Geometry, constants: Sequence[Any]
 ) -> list[Any]:
@@ -162,3 +170,15 @@ def _refuse_empty(names: Sequence[Row], B: Any, values: Any) -> None:
             )
             for row in empty
         )
+
+
+def lengths(model: nouns.Model) -> dict[str, float]:
+    """The dimension of rows as a power of a length, by their names, where the particles in them tell it."""
+    particles = {particle.members.base for particle in model.particles}
+    found: dict[str, float] = {}
+    laws: tuple[nouns.Holonomic | nouns.Differential, ...] = (*model.holonomic, *model.differential)
+    for law in laws:
+        power = dimensions.of_relation(law.equation.tree, particles.__contains__)
+        if power is not None:
+            found |= dict.fromkeys(law.rows, power)
+    return found

@@ -8,22 +8,19 @@ R = + B^T lambda                    (D.22)
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import diagnostics, members
+from lagcli import diagnostics
 from lagcli import model as nouns
-from lagcli.expression import tree
-from lagcli.expression.tree import ExpressionError
-from lagcli.mechanics import columns, energy, kinks, rigid, rows, symbols
+from lagcli.mechanics import columns, cuts, energy, explicit, kinks, results, rigid, rows, symbols
 from lagcli.mechanics.columns import Columns
 from lagcli.mechanics.environment import Environment
 from lagcli.mechanics.symbols import FixedExponents, Symbols
-from lagcli.members import Roll, Whole
 
 Floats = npt.NDArray[np.float64]
 
@@ -36,7 +33,8 @@ class System:
     M (n, n), h (n); f (s), B (C, n), b (C), gamma (C), the first s rows holonomic; R (N, 3) flattened,
     Q_R = B^T lambda (n); T, V, energy, jacobi, power as in `energy.Dynamics`; outputs flattened.
     built_in: parameters that stand in exponents, with the values built into the expressions.
-    kinks: where the gradients of rows jump, or None where they cannot.
+    kinks: where the gradients of rows jump, or None where they cannot; cuts: f continued across the cuts of angles, or
+    None where there are none.
     """
 
     model: nouns.Model
@@ -54,7 +52,13 @@ class System:
     bodies: tuple[rigid.Geometry, ...]
     built_in: tuple[tuple[str, float], ...]
     kinks: kinks.Kinks | None
+    cuts: cuts.Cuts | None
     warnings: tuple[diagnostics.Diagnostic, ...]
+
+    @property
+    def f(self) -> Any:
+        """f (s,), continued across the cuts of angles."""
+        return self.rows.f if self.cuts is None else self.cuts.f
 
     @property
     def holonomic_count(self) -> int:
@@ -95,15 +99,19 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     lam, a = ca.SX.sym("lam", len(laid.rows)), ca.SX.sym("a", s.q.numel())
     Q_R = reaction(laid.B, lam)
     everyone = np.arange(len(env.particles))
-    R = _reactions(env, dynamics, Q_R, a)
-    results = _Results(model, env, laid, lam, R, dynamics)
+    accelerations = _accelerations(env, a)
+    R = _reactions(env, dynamics, Q_R, accelerations)
+    solved = results.Solved(laid, lam, a, accelerations, R)
+    named = results.Results(env, dynamics, solved, explicit.Forces(model, env, bodies, constants))
     p = ca.vertcat(s.p, *constants)
     switching = kinks.find(model, s, p, laid)
-    kinks.require_smooth(switching, *_place(model, bodies))
+    start_place = _place(model, bodies)
+    kinks.require_smooth(switching, *start_place)
+    cut = cuts.find(model, s, p, laid, start_place)
     return System(
         model=model,
         symbols=s,
-        p=p,
+        p=p if cut is None else ca.vertcat(p, cut.references),
         lam=lam,
         a=a,
         dynamics=dynamics,
@@ -112,10 +120,11 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
         R=_flat(R.take(everyone)),
         r=_flat(env.position(everyone)),
         r_dot=_flat(env.velocity(everyone)),
-        outputs=_outputs(model, env, results),
+        outputs=results.outputs(model, env, named),
         bodies=bodies,
         built_in=fixed.used(),
         kinks=switching,
+        cuts=cut,
         warnings=_reaction_warnings(model, s, env, dynamics),
     )
 
@@ -141,7 +150,10 @@ def with_values(built: System, model: nouns.Model) -> System | None:
     bodies = geometries(model, built.symbols, env) if env else ()
     if [body.shape for body in bodies] != [body.shape for body in built.bodies]:
         return None
-    kinks.require_smooth(built.kinks, *_place(model, bodies))
+    place = _place(model, bodies)
+    kinks.require_smooth(built.kinks, *place)
+    if built.cuts is not None and not built.cuts.hold_for(*place):
+        return None
     return dataclasses.replace(built, model=model, bodies=bodies)
 
 
@@ -164,8 +176,18 @@ def start(model: nouns.Model) -> tuple[Floats, Floats]:
     return np.concatenate([nothing, *q]), np.concatenate([nothing, *v])
 
 
+def values(built: System) -> Floats:
+    """Numbers for `System.p` at the declared start."""
+    p = parameter_values(built.model, built.bodies)
+    if built.cuts is None:
+        return p
+    return built.cuts.begin(
+        built.model.simulation.start, start(built.model)[0], np.concatenate([p, np.zeros(built.cuts.count)])
+    )
+
+
 def parameter_values(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> Floats:
-    """Numbers for `System.p`."""
+    """Numbers for parameters and constants of rigid bodies."""
     numbers = symbols.parameter_values(model)
     for body in bodies:
         numbers += body.numbers
@@ -199,97 +221,30 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[rigid.
     return tuple(found)
 
 
-def _reactions(env: Environment, dynamics: energy.Dynamics, Q_R: Any, a: Any) -> Columns:
+def _accelerations(env: Environment, a: Any) -> Columns:
+    """a_k of all particles: components of a, or of a dependent particle the second derivative of x(q, t)."""
+    found = Columns(len(env.particles))
+    if env.cartesian.size:
+        x, y, z = (a[axis : env.first_generalized : 3] for axis in range(3))
+        found.fill(env.cartesian, (x, y, z))
+    if env.dependent.size:
+        velocity = ca.vertcat(*env.velocity(env.dependent))
+        acceleration = ca.densify(ca.jtimes(velocity, env.symbols.v, a) + env.rate(velocity))
+        found.fill(env.dependent, tuple(ca.vertsplit(acceleration, env.dependent.size)))
+    return found
+
+
+def _reactions(env: Environment, dynamics: energy.Dynamics, Q_R: Any, accelerations: Columns) -> Columns:
     """R_k: the particle's part of B^T lambda; of a dependent particle m a_k - F_k (D.10)."""
-    s, R = env.symbols, Columns(len(env.particles))
+    R = Columns(len(env.particles))
     if env.cartesian.size:
         R.fill(env.cartesian, tuple(Q_R[axis : env.first_generalized : 3] for axis in range(3)))
     if env.dependent.size:
-        velocity = ca.vertcat(*env.velocity(env.dependent))
-        acceleration = ca.jtimes(velocity, s.v, a) + env.rate(velocity)
         m = columns.taken(env.masses(), env.dependent)
+        acceleration = ca.vertcat(*accelerations.take(env.dependent))
         force = ca.densify(ca.vertcat(m, m, m) * acceleration - dynamics.applied)
         R.fill(env.dependent, tuple(ca.vertsplit(force, env.dependent.size)))
     return R
-
-
-class _Results:
-    """What `multiplier`, `reaction`, `kinetic`, `potential` and earlier outputs stand for in outputs."""
-
-    def __init__(
-        self,
-        model: nouns.Model,
-        env: Environment,
-        laid: rows.Rows,
-        lam: Any,
-        R: Columns,
-        dynamics: energy.Dynamics,
-    ) -> None:
-        self._environment, self._R, self._lam = env, R, lam
-        self._energies = {"kinetic": dynamics.kinetic, "potential": dynamics.potential}
-        self._rows = {row.name: i for i, row in enumerate(laid.rows)}
-        self._roll = Roll(output.members for output in model.outputs)
-        self._outputs = Columns(len(self._roll))
-
-    def keep(self, entry: int, count: int, parts: Sequence[Any]) -> None:
-        """An output that later outputs may use."""
-        values = tuple(columns.column(part, count) for part in parts)
-        self._outputs.fill(np.arange(count) + self._roll.first(entry), values)
-
-    def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Any:
-        if isinstance(node, tree.Name) and node.name in self._energies:
-            return self._energies[node.name]
-        if isinstance(node, (tree.Name, tree.Index)):
-            found = self._outputs.take(self._environment.names.numbers(node, self._roll, variables))
-            return found if len(found) == 3 else found[0]
-        assert isinstance(node, tree.Call)
-        argument = node.arguments[0]
-        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
-        if node.function == "reaction":
-            return self._R.take(
-                self._environment.names.numbers(argument, self._environment.particles, variables)
-            )
-        return self._multipliers(argument, variables)
-
-    def _multipliers(self, node: tree.Name | tree.Member | tree.Index, variables: Mapping[str, Whole]) -> Any:
-        """lambda of a row, or of the three of a vector equation."""
-        base = node.name if isinstance(node, tree.Name) else node.owner
-        member = "" if isinstance(node, tree.Name) else node.member
-        places: list[tuple[int, ...]] = [()]
-        if isinstance(node, tree.Index):
-            places = self._environment.names.indices(node, variables)
-        names = [members.name(base, place) for place in places]
-        if member:
-            return self._lam_of(node, [f"{name}.{member}" for name in names])
-        if all(name in self._rows for name in names):
-            return self._lam_of(node, names)
-        return tuple(self._lam_of(node, [f"{name}.{axis}" for name in names]) for axis in "xyz")
-
-    def _lam_of(self, node: tree.Name | tree.Member | tree.Index, names: list[str]) -> Any:
-        for name in names:
-            if name not in self._rows:
-                message = f"there is no multiplier `{name}`"
-                rows = [row for row in self._rows if row.startswith(name.rpartition(".")[0] + ".")]
-                hint = f"the rows are `{rows[0]}` to `{rows[-1]}`" if rows else ""
-                raise ExpressionError("unknown-row", message, node.start, node.end, hint)
-        return columns.taken(self._lam, np.array([self._rows[name] for name in names], dtype=np.int64))
-
-
-def _outputs(model: nouns.Model, env: Environment, results: _Results) -> Any:
-    values: list[Any] = []
-    for entry, output in enumerate(model.outputs):
-        if not output.members.count:
-            continue
-        origin = output.expression.origin
-        try:
-            parts = env.either(output.expression, env.algebra(output.members.variables, results=results))
-        except ExpressionError as error:
-            location = origin.locate(error.start, error.end)
-            found = diagnostics.Diagnostic(error.code, error.message, location, error.hint)
-            raise diagnostics.ModelError([found]) from None
-        results.keep(entry, output.members.count, parts)
-        values.append(columns.interleaved(parts, output.members.count))
-    return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
 
 
 def _reaction_warnings(

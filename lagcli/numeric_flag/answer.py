@@ -8,6 +8,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.integrate.initial import State
+
 Floats = npt.NDArray[np.float64]
 
 
@@ -20,7 +22,9 @@ class NumericFlag:
     these in the growth vector, (0, ...). inside (m,): which rows lie in I^(oo). combinations (k, m): a basis of
     the k combinations of rows that stay, at the start, or where that is special at a generic point.
     contradiction: a multiple of dt lies in the rows. special: ranks or growth at the start are not those nearby
-    (None: brackets were too large to look there too).
+    (None: brackets were too large to look there too). places: states of the orbit that were looked at, the start
+    first; surface: the rank of the holonomic rows on it. on_piece: abs, min, max or sign switch in the rows, so that
+    the flag is that of the start's side.
     digits: the precision of the proof; error: the largest value that counted as zero, least: the smallest that
     did not, both relative to the size of the terms they are made of. Where not `is_certain`, `reason` says why, and
     of extra, growth, inside and combinations what is not known is empty or None.
@@ -35,6 +39,9 @@ class NumericFlag:
     combinations: Floats | None = None
     contradiction: bool = False
     special: bool | None = False
+    places: tuple[State, ...] = ()
+    surface: int = 0
+    on_piece: bool = False
     is_certain: bool = False
     reason: str = ""
     digits: int = 16

@@ -60,7 +60,7 @@ class Exact:
     def bracket(self, shape: Shape, U: list[list[int]]) -> Sample:
         """Values on the independent differential rows, of a bracket of fields of scaled components U (leaves, N)."""
         columns = [self._plain(column) for column in U]
-        return self._sampled(lambda one: one._value(shape, self._x, columns, 1))
+        return self._sampled(lambda one: one._value(shape, one._x, columns, 1))
 
     def rows_along(self, u: list[int], w: list[Decimal]) -> Sample:
         """All rows (s + m,) along the field of scaled components u (N,) and of values w."""
@@ -72,9 +72,11 @@ class Exact:
 
     @cached_property
     def _shaken(self) -> Exact:
-        """The same with numbers that are off as those may be that were computed in doubles."""
+        """The same with numbers that are off as those may be that were computed in doubles, the start among them: it
+        may stand for a place that no double hits (sin(x) = 0 at pi)."""
         other = copy.copy(self)
         other._p, other._read = [digits.shaken(a) for a in self._p], digits.shaken_constant
+        other._x = [digits.shaken(a) for a in self._x]
         return other
 
     def _sampled(self, values: Callable[[Exact], list[Decimal]]) -> Sample:

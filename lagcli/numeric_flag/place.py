@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compile import program
+from lagcli.compile.block import Block
 from lagcli.numeric_flag import digits
 from lagcli.numeric_flag.ranks import Ranks
 
@@ -22,18 +23,27 @@ Floats = npt.NDArray[np.float64]
 
 # Relative to their size they are certainly not zero from here on.
 CERTAIN = 1e-6
+# A value that vanishes on the orbit is less than this many times its size and how far the point is off.
+OFF = 100.0
 # So many pairs are looked at in so many digits.
 LOOKED_AT, FEWER = 3, 30
 SEED = 20062
 
 
 class Place(Ranks):
-    """The rows at one point, and their brackets of two random fields."""
+    """The rows at one point, and their brackets of two random fields.
+
+    error: how far the point may lie off the orbit of the start, in parts of the way to it.
+    """
+
+    def __init__(self, block: Block, x: Floats, p: Floats, error: float = 0.0) -> None:
+        super().__init__(block, x, p)
+        self.error = error
 
     @property
     def first(self) -> int:
         """The rank of these brackets, the certain part of it."""
-        return int((self.turning > CERTAIN).sum())
+        return int((self.turning > max(CERTAIN, OFF * self.error)).sum())
 
     @cached_property
     def turning(self) -> Floats:
@@ -62,13 +72,13 @@ class Place(Ranks):
         """Sizes (m,) of what cancelled in these values: what rounding has changed, and what shaken numbers do."""
         curl, found = program.written_out(self.block.curl), np.zeros(values.shape[0])
         x, p = _decimals(self.x), _decimals(self.p)
-        other_p = [digits.shaken(a) for a in p]
+        other_x, other_p = ([digits.shaken(a) for a in some] for some in (x, p))
         for (Y, Z), value in zip(pairs, values.T.tolist(), strict=False):
             fields = _decimals(Y), _decimals(Z)
             try:
                 with decimal.localcontext(prec=FEWER):
                     plain = digits.run(curl, [x, p, *fields], Decimal)
-                    other = digits.run(curl, [x, other_p, *fields], digits.shaken_constant)
+                    other = digits.run(curl, [other_x, other_p, *fields], digits.shaken_constant)
             except digits.NotFinite:
                 return np.full(found.size, math.inf)
             changes = [

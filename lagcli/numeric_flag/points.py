@@ -1,104 +1,80 @@
-"""The points that the flag of a block is looked for at: the start, others of the surface, one of its own.
+"""The points that the flag of a block is looked for at: the start, and others that motions from it reach.
 
-What holds at a generic point holds at nearly all; a start is often special.
+What holds at a generic point of the orbit holds at nearly all of it; a start is often special.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+import dataclasses
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compile.block import Block
-from lagcli.constraint_rows import MetricRows
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
-from lagcli.metric import Metric
 from lagcli.numeric_flag import doubt
+from lagcli.numeric_flag.orbit import Orbit
 from lagcli.numeric_flag.place import Place
 
 Floats = npt.NDArray[np.float64]
 
-# How far the own point lies from the best of the others, in parts of its size and of the duration.
-STEP, LATER, STEPS, SHORTER, FACTOR = 0.1, 0.01, 10, 8, 4
-# Newton's steps must become shorter by this.
-CONTRACTS = 0.9
-# Where Newton's steps have reached rounding, in parts of the size.
-MET, STALLED = 1e-13, 1e-9
-SEED = 20062
+FLOWS = 2  # one after the other, each from the place before; of many rows one, which takes long
+# A switch (abs, min, max, sign) that is this part of the size of the coordinates from zero stands on neither side.
+ON_KINK = 1e-9
 
 
 class Points:
-    """The start and other points of the surface, as places of one block.
+    """The start and other points of its orbit, as places of one block; `places` that were met, the start first.
 
     Raises `doubt.Undecided` where the rows are not finite at the start.
     """
 
-    def __init__(self, block: Block, system: System, points: Sequence[State], deadline: float) -> None:
-        self._block, self._deadline = block, deadline
-        self._duration = system.model.simulation.duration or 1.0
-        places = [Place(block, _variables(block, point), point.p) for point in points]
-        if not places[0].is_finite:
+    def __init__(self, block: Block, system: System, begin: State, deadline: float) -> None:
+        self._block, self._begin, self._system = block, begin, system
+        self.start = Place(block, variables(block, begin), begin.p)
+        if not self.start.is_finite:
             raise doubt.Undecided("the rows are not finite at the start")
-        self.start, self._places = places[0], [place for place in places if place.is_finite]
+        self.places = [self.start]
+        self._orbit = Orbit(block, system.model.simulation.duration or 1.0, deadline)
 
     def generic(self) -> Place:
         """The place with the highest ranks; among equals the last, which is no special choice of anyone."""
         count = len(self._block.holonomic) + len(self._block.differential)
-        best = self._best()
-        is_open = best.all.low < count or best.first < len(best.kept)
-        # A start is often special, and so may be its time.
-        if is_open and (best is self.start or self._block.has_time):
-            aside = self._aside(best)
-            if aside is not None:
-                self._places.append(aside)
-                best = self._best()
-        return best
+        if self.start.all.low < count or self.start.first < len(self.start.kept):
+            self.walk()
+        return max(enumerate(self.places), key=lambda one: (*one[1].ranks, one[1].first, one[0]))[1]
 
-    def _best(self) -> Place:
-        keys = [(*place.ranks, place.first, k) for k, place in enumerate(self._places)]
-        return self._places[max(keys)[-1]]
+    def walk(self) -> list[Place]:
+        """The start, and places on its orbit as far as flows lead."""
+        count = 1 if self.start.rows.is_large else FLOWS
+        while len(self.places) <= count:
+            there = self._orbit.from_place(self.places[-1])
+            if there is None:
+                break
+            self.places.append(there)
+        return self.places
 
-    def _aside(self, place: Place) -> Place | None:
-        """A random point of the surface near a place, later in time where that is a variable, or None."""
-        block, n, s = self._block, len(self._block.columns), len(self._block.holonomic)
-        random = np.random.default_rng(SEED)
-        size = float(np.abs(place.x[:n]).max(initial=0.0)) or 1.0
-        rows = place.plain[:s, :n]
-        u = random.standard_normal(n)
-        u = u + MetricRows(rows, Metric.unit(n)).correction(np.array(rows @ u).ravel())
-        step = np.zeros(block.size)
-        step[:n] = STEP * size * u / (np.abs(u).max(initial=0.0) or 1.0)
-        step[n:] = LATER * self._duration * random.random()
-        for k in range(SHORTER):
-            doubt.require_time(self._deadline)
-            there = _met(block, place.x + step / FACTOR**k, place.p, size)
-            if there is not None:
-                return there
-        return None
+    def state(self, place: Place) -> State:
+        """The state at a place; coordinates that are none of the block stay where they are."""
+        n = len(self._block.columns)
+        q = self._begin.q.copy()
+        q[self._block.columns] = place.x[:n]
+        t = float(place.x[n]) if self._block.has_time else self._begin.t
+        return dataclasses.replace(self._begin, t=t, q=q)
+
+    def are_on_one_piece(self, place: Place) -> bool:
+        """Whether the start lies on no kink, and a place on the same side of all of them."""
+        kinks = self._system.kinks
+        if kinks is None:
+            return True
+        size = float(np.abs(self._begin.q).max(initial=0.0)) or 1.0
+        here, there = (
+            np.array(kinks.switches(one.t, one.q, one.p)).ravel() for one in (self._begin, self.state(place))
+        )
+        return bool(((np.abs(here) > ON_KINK * size) & (np.sign(here) == np.sign(there))).all())
 
 
-def _variables(block: Block, point: State) -> Floats:
+def variables(block: Block, point: State) -> Floats:
     """x (N,) of a state."""
     return np.append(point.q[block.columns], [point.t] if block.has_time else [])
-
-
-def _met(block: Block, x: Floats, p: Floats, size: float) -> Place | None:
-    """The place on f = 0 that a few Newton steps in the coordinates reach from x, or None; size: that of x."""
-    n, s = len(block.columns), len(block.holonomic)
-    before = math.inf
-    for _ in range(STEPS):
-        A, f = block.rows(x, p)
-        if not (np.isfinite(A.nonzeros()).all() and np.isfinite(f.nonzeros()).all()):
-            return None
-        step = MetricRows(A[:s, :n], Metric.unit(n)).correction(np.array(f).ravel())
-        length = float(np.abs(step).max(initial=0.0))
-        # Of many rows the last steps end at a rounding of their own.
-        if length <= MET * size or before <= length <= STALLED * size:
-            return Place(block, x, p)
-        if not length < before * CONTRACTS:
-            return None
-        x, before = np.append(x[:n] + step, x[n:]), length
-    return None

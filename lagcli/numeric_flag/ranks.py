@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,12 @@ from lagcli.metric import Metric
 Floats = npt.NDArray[np.float64]
 
 
+# A row counts as zero below this part of what it changes by over the size of the coordinates: that much the rounding
+# of a point leaves of a row that vanishes on the surface.
+ROUNDING, NUDGE = 64 * float(np.finfo(float).eps), 1e-7
+SEED = 20064
+
+
 class Ranks:
     """The rows at one point x (N,): scaled, their ranks, and which of them are independent of those before."""
 
@@ -24,6 +31,7 @@ class Ranks:
         A, _ = block.rows(x, p)
         self.is_finite = bool(np.isfinite(A.nonzeros()).all())
         if self.is_finite:
+            A = _without_rounding(block, A, x, p)
             self.sizes = column_sizes.of(A, block.kinds)
             self.plain, self.A = A, column_sizes.applied(A, self.sizes)
             self.rows = MetricRows(self.A, Metric.unit(block.size))
@@ -75,3 +83,20 @@ class Ranks:
         for _ in range(2):
             u = u + self.rows.correction(np.array(self.A @ u).ravel())
         return u
+
+
+def _without_rounding(block: Block, A: Any, x: Floats, p: Floats) -> Any:
+    """The rows A (s + m, N), with zeros in place of differential ones that are rounding alone."""
+    s, row = len(block.holonomic), np.asarray(A.sparsity().row(), dtype=np.intp)
+    size = float(np.abs(x).max(initial=0.0)) or 1.0
+    aside, _ = block.rows(x + NUDGE * size * np.random.default_rng(SEED).standard_normal(x.size), p)
+    values, others = (np.array(one.nonzeros(), dtype=float) for one in (A, aside))
+    largest, change = np.zeros(A.size1()), np.zeros(A.size1())
+    np.maximum.at(largest, row, np.abs(values))
+    np.maximum.at(change, row, np.abs(np.where(np.isfinite(others), others, values) - values) / NUDGE)
+    nothing = np.flatnonzero((largest > 0) & (largest <= ROUNDING * change))
+    if not (nothing >= s).any():
+        return A
+    kept = A[:, :]  # a copy
+    kept[nothing[nothing >= s].tolist(), :] = 0.0
+    return kept

@@ -19,28 +19,31 @@ from lagcli.numeric_flag.answer import NumericFlag
 from lagcli.numeric_flag.growth import Growth
 from lagcli.numeric_flag.place import Place
 from lagcli.numeric_flag.points import Points
-from lagcli.numeric_flag.span import Span
+from lagcli.numeric_flag.span import Limits, Span
 from lagcli.numeric_flag.values import Values
 
 Floats = npt.NDArray[np.float64]
 
+CONDITION = "a combination of the rows says g dt = 0, and the condition g = 0 was not found in closed form"
 # What a start that was declared in decimals shows where it lies on a special place.
-AT_START = Decimal("1e-11")
+AT_START = Limits(Decimal("1e-11"), Decimal("1e-11"))
+# The limits that are tried: numbers as they are written, as doubles, and at last as those of a start that was rounded,
+# off the place that it lies on.
+ROUNDED = Limits(Decimal("1e-10"), Decimal("1e-6"))
+ATTEMPTS: tuple[tuple[bool, Limits | None], ...] = ((True, None), (False, None), (True, ROUNDED))
 
 
-def flag(
-    system: System, points: Sequence[State], rows: Sequence[int], deadline: float = math.inf
-) -> NumericFlag:
+def flag(system: System, begin: State, rows: Sequence[int], deadline: float = math.inf) -> NumericFlag:
     """The flag of the differential ones among `rows`, indices of rows of the system, the others holonomic.
 
-    points: on the surface, the start first; one of its own is added where it is needed. deadline: a value of
-    `time.monotonic` at which the search is given up.
+    begin: a start on the surface; the flag is that of the motions from it. deadline: a value of `time.monotonic` at
+    which the search is given up.
     """
     block = Block(system, sorted(rows))
     nothing = NumericFlag(block.differential, block.has_time)
     try:
         with decimal.localcontext(prec=exact.DIGITS):
-            return _found(nothing, Points(block, system, points, deadline), deadline)
+            return _found(nothing, Points(block, system, begin, deadline), deadline)
     except doubt.Undecided as why:
         return dataclasses.replace(nothing, reason=str(why))
 
@@ -55,16 +58,33 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
         dimension=generic.dimension,
         contradiction=generic.still.high < generic.all.low,
         special=start.ranks != generic.ranks,
+        places=tuple(points.state(place) for place in points.places),
+        surface=generic.surface.low,
         is_certain=True,
     )
+    _require_one_branch(generic, start)
+    if known.contradiction:
+        return dataclasses.replace(known, is_certain=False, reason=CONDITION)
     if generic.first == len(generic.kept):
         return _open(known, start, generic)
     if generic is start and generic.dimension > 1:  # one field has no brackets
         raise doubt.Undecided("no other point of the surface was found, and the start may be special")
-    try:
-        return _searched(known, start, Values(generic, deadline, is_spelled=True))
-    except doubt.NoGap:
-        return _searched(known, start, Values(generic, deadline, is_spelled=False))
+    for is_spelled, limits in ATTEMPTS:
+        try:
+            given = Values(generic, deadline, is_spelled, limits)
+            return _on_piece(_searched(known, start, given), points, generic)
+        except doubt.NoGap as why:
+            failed = why
+    raise failed
+
+
+def _on_piece(found: NumericFlag, points: Points, place: Place) -> NumericFlag:
+    """The flag, with what kinks (abs, sign, min, max) mean for combinations that stay."""
+    if not found.is_certain or not found.extra[-1] or not place.block.has_kinks:
+        return found
+    if not points.are_on_one_piece(place):
+        raise doubt.Undecided("the start lies on a kink (abs, sign, min, max), whose sides may differ")
+    return dataclasses.replace(found, on_piece=True)
 
 
 def _open(known: NumericFlag, start: Place, place: Place) -> NumericFlag:
@@ -86,8 +106,6 @@ def _searched(known: NumericFlag, start: Place, given: Values) -> NumericFlag:
     """The flag by brackets."""
     place = given.place
     grown = growth.of(given) if place.dimension > 1 else Growth(given.span())
-    if grown.span.rank < grown.span.count:
-        _require_one_piece(place, start)
     told = dataclasses.replace(
         known,
         growth=grown.ranks,
@@ -112,12 +130,8 @@ def _searched(known: NumericFlag, start: Place, given: Values) -> NumericFlag:
     return dataclasses.replace(told, extra=extra, error=error, least=least)
 
 
-def _require_one_piece(place: Place, start: Place) -> None:
-    """Raise `doubt.Undecided` where a combination that stays here need not stay elsewhere on the surface."""
-    if place.block.has_kinks:
-        raise doubt.Undecided(
-            "what holds on one side of a kink (abs, sign, min, max) need not hold on the other"
-        )
+def _require_one_branch(place: Place, start: Place) -> None:
+    """Raise `doubt.Undecided` where what holds at a place need not hold elsewhere around the start."""
     if start.surface.low < place.surface.low:
         raise doubt.Undecided("the surface is singular at the start, and its branches may differ")
 

@@ -16,7 +16,7 @@ from lagcli.compile import brackets, kernel_fields
 from lagcli.compile.brackets import LEAF, Shape
 from lagcli.numeric_flag import digits, doubt, exact
 from lagcli.numeric_flag.exact import Exact
-from lagcli.numeric_flag.place import Place
+from lagcli.numeric_flag.place import OFF, Place
 from lagcli.numeric_flag.span import Limits, Sample, Span
 
 Floats = npt.NDArray[np.float64]
@@ -35,10 +35,10 @@ SEED = 20062
 class Values:
     """Random values of brackets on the independent differential rows of a place.
 
-    is_spelled: as in `Exact`. limit: what is smaller counts as zero. Raises `doubt.Undecided`.
+    is_spelled: as in `Exact`. limits: other ones than those of the digits. Raises `doubt.Undecided`.
     """
 
-    def __init__(self, place: Place, deadline: float, is_spelled: bool, limit: Decimal | None = None) -> None:
+    def __init__(self, place: Place, deadline: float, is_spelled: bool, limits: Limits | None = None) -> None:
         if place.all.low != len(place.independent):
             raise doubt.Undecided("which of so many rows depend on others is not known")
         self.place, self._deadline, self._is_spelled = place, deadline, is_spelled
@@ -47,12 +47,12 @@ class Values:
         self._seconds_of_work = 0.0
         self.exact = in_digits(place, is_spelled)
         self.digits = 16 if self.exact is None else exact.DIGITS
-        zero, sure = (ROUGH_ZERO, ROUGH_SURE) if self.exact is None else (exact.ZERO, exact.SURE)
-        self._limits = Limits(zero, sure) if limit is None else Limits(max(zero, limit), max(zero, limit))
+        usual = Limits(ROUGH_ZERO, ROUGH_SURE) if self.exact is None else Limits(exact.ZERO, exact.SURE)
+        self._limits = _beyond(limits or usual, OFF * place.error)
 
-    def at(self, place: Place, limit: Decimal) -> Values:
+    def at(self, place: Place, limits: Limits) -> Values:
         """The same at another place."""
-        return Values(place, self._deadline, self._is_spelled, limit)
+        return Values(place, self._deadline, self._is_spelled, limits)
 
     def span(self) -> Span:
         """An empty span for them."""
@@ -95,6 +95,11 @@ class Values:
         if not np.isfinite(sizes).all():
             raise doubt.Undecided("a bracket is not finite")
         return Sample([Decimal(a) for a in here.tolist()], [Decimal(a) for a in sizes.tolist()])
+
+
+def _beyond(limits: Limits, off: float) -> Limits:
+    """Limits at a place that may be off the orbit, where a value that should vanish may be so large."""
+    return Limits(limits.zero, max(limits.sure, Decimal(off)))
 
 
 def in_digits(place: Place, is_spelled: bool) -> Exact | None:

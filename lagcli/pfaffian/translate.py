@@ -47,6 +47,7 @@ ROUNDING = 1e-12
 TIME = sympy.Symbol("t", real=True)
 _DT = sympy.Symbol("dt", real=True)
 _ALONE = members.one("")
+_CONSTANTS: dict[str, Any] = {"pi": sympy.pi, "deg": sympy.pi / 180}
 
 
 class TooLarge(Exception):
@@ -97,6 +98,11 @@ class Translation:
         values = self.values | {x: sympy.Float(number) for x, number in numbers}
         number = expression.xreplace(values).evalf()
         return bool(number.is_number) and abs(number) <= ROUNDING
+
+    @functools.cached_property
+    def numbers(self) -> dict[Any, float]:
+        """The parameters and their values as doubles."""
+        return {p: float(value) for p, value in self.values.items()}
 
     @functools.cached_property
     def values(self) -> dict[Any, Any]:
@@ -184,6 +190,7 @@ class _Names(Operators):
         self._moved = {d: x for x, d in self.differentials.items()}
         self._rank = {x: n for n, x in enumerate((*self.differentials, TIME))}
         self._parameters = {p.name: _parameter(p) for p in model.parameters}
+        self._constants = constants(model)
         self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
         self._particles = Roll(p.members for p in model.particles)
         self._generalized = Roll(c.members for c in model.coordinates)
@@ -295,7 +302,7 @@ class _Names(Operators):
         return sum((sympy.diff(value, x) * self.differentials[x] for x in used), sympy.Integer(0))
 
     def _named(self, name: str) -> Any:
-        constants: Mapping[str, Any] = {"t": TIME, "pi": sympy.pi, "dt": _DT}
+        constants: Mapping[str, Any] = {"t": TIME, "dt": _DT, **self._constants}
         if name in constants:
             return constants[name]
         for known in (self._parameters, self._coordinates):
@@ -339,6 +346,11 @@ class _Names(Operators):
         return position["xyz".index(node.member)] if node.member else position
 
 
+def constants(model: nouns.Model) -> dict[str, Any]:
+    """The constants that expressions of a model know without a declaration, exactly."""
+    return {name: _CONSTANTS[name] for name in model.constants}
+
+
 def _exact(value: float) -> Any:
     """The shortest decimal that reads as this double."""
     return sympy.Rational(repr(float(value)))
@@ -367,6 +379,11 @@ def _parameter(parameter: nouns.Parameter) -> Any:
     if isinstance(parameter.value, tuple):
         return tuple(sympy.Symbol(f"{parameter.name}.{axis}", real=True) for axis in "xyz")
     return sympy.Symbol(parameter.name, real=True)
+
+
+def roots(expression: Any) -> set[Any]:
+    """The powers in an expression that are roots."""
+    return {p for p in expression.atoms(sympy.Pow) if p.exp.is_Rational and not p.exp.is_Integer}
 
 
 def first_integral(phi: Any, rows: tuple[str, ...], parameters: Iterable[Any]) -> FirstIntegral:

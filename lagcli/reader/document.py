@@ -14,7 +14,20 @@ from lagcli import diagnostics, members, model, settings, source
 from lagcli.expression import facts, parser, tokens, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members
-from lagcli.reader import families, keys, laws, multipliers, names, order, overrides, scope, sections, starts
+from lagcli.reader import (
+    angles,
+    families,
+    keys,
+    laws,
+    multipliers,
+    names,
+    order,
+    overrides,
+    scope,
+    sections,
+    slips,
+    starts,
+)
 from lagcli.reader.formula import Formulas
 
 T = TypeVar("T")
@@ -45,7 +58,10 @@ def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = No
     """
     root = source.parse(data, path)
     changed, of_members = overrides.apply(root, changes or {})
-    return _Document(root, changed).read(of_members)
+    found = _Document(root, changed).read(of_members)
+    digest = hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
+    given = tuple((name, str(value)) for name, value in (changes or {}).items())
+    return dataclasses.replace(found, sha256=digest, changes=given)
 
 
 class _Document:
@@ -62,6 +78,7 @@ class _Document:
 
     def read(self, of_members: Sequence[overrides.OfMember]) -> model.Model:
         """The model, with the changes to single members made."""
+        self._read_indents()
         self._check_sections()
         texts = {section: self._text(section) for section in ("title", "description", "source")}
         units = self._units()
@@ -101,7 +118,7 @@ class _Document:
         coordinates = starts.coordinates(self._formulas, coordinates, changes["coordinates"])
         particles = starts.particles(self._formulas, particles, changes["particles"])
         self._found.raise_errors()
-        return model.Model(
+        found = model.Model(
             path=self._root.text.path,
             fingerprint=_fingerprint(self._root.text.content, particles),
             title=texts["title"],
@@ -123,17 +140,32 @@ class _Document:
             order=evaluation,
             structure=tuple(sorted(self._scope.indexed.structure.items())),
         )
+        notes = tuple(angles.notes(self._root, found.expressions()))
+        return dataclasses.replace(found, warnings=(*found.warnings, *notes)) if notes else found
+
+    def _read_indents(self) -> None:
+        """Report entries whose keys are not indented, and read them as if they were."""
+        same = self._file is self._root
+        self._root, found = slips.indented(self._root)
+        self._file = self._root if same else slips.indented(self._file)[0]
+        for entry, key in found:
+            message = f"the keys of `{entry.value}` are not indented below it"
+            hint = (
+                f"indent `{key.value}` and the keys after it, or write `{entry.value}: {{{key.value}: ...}}`"
+            )
+            self._formulas.report(key, "not-a-mapping", message, hint)
 
     def _check_sections(self) -> None:
         root, formulas = self._root, self._formulas
+        empty = ""
         for key, value in root:
             if key.value not in keys.FORMAT.names:
-                hint = diagnostics.nearest(key.value, keys.FORMAT.names)
-                hint = hint or "the sections are " + ", ".join(keys.FORMAT.names)
+                hint = slips.section(key.value, value, empty)
                 formulas.report(key, "unknown-key", f"there is no section `{key.value}`", hint)
             elif not keys.FORMAT.key(key.value).supported and not source.is_empty(value):
                 message = f"the section `{key.value}` is not supported yet: the run would leave it out"
                 formulas.report(key, "not-supported-yet", message, keys.FORMAT.key(key.value).instead)
+            empty = key.value if source.is_empty(value) and key.value in keys.FORMAT.names else ""
         version = root.get("lagcli")
         if version is None:
             hint = "a model begins with the line `lagcli: 1`"
@@ -148,8 +180,10 @@ class _Document:
             return
         if not isinstance(node, source.Mapping):
             key = keys.FORMAT.key(section)
-            message = f"`{section}` is a mapping from names to {key.holds}"
-            self._formulas.report(node, "not-a-mapping", message)
+            what = "keys" if key.holds == "mapping" else key.holds
+            message = f"`{section}` needs a name for each entry, with its {what} after a colon"
+            hint = f"for example {slips.EXAMPLES[section]}, indented under `{section}:`"
+            self._formulas.report(node, "not-a-mapping", message, hint)
             return
         yield from node
 
@@ -166,7 +200,12 @@ class _Document:
                 trouble = self._scope.names.declare(name.value, base, kind)
                 if trouble:
                     code = "duplicate-name" if base in self._scope.names else "bad-name"
-                    self._formulas.report(name, code, trouble)
+                    hint = (
+                        "a decimal point is written `.`, not `,`"
+                        if slips.is_decimal_part(name, value)
+                        else ""
+                    )
+                    self._formulas.report(name, code, trouble, hint)
                     self._scope.names.spoil(name.value, base, kind)
 
     def _take_constraint_names(self) -> None:
@@ -229,6 +268,8 @@ class _Document:
     def _parameters(self) -> tuple[model.Parameter, ...]:
         read = []
         for name, node in self._entries("parameters"):
+            if slips.is_decimal_part(name, node):
+                continue  # reported where names are declared
             found, formula = sections.parameter(self._formulas, node)
             self._scope.names.define(name.value, functools.partial(_same, found))
             if found is not None:
@@ -404,7 +445,7 @@ class _Document:
             if setting is not None:
                 read[key] = setting
         if "samples" in fields and "output_step" in fields:
-            message = "`samples` and `output_step` both say where the rows stand"
+            message = "`samples` and `output_step` both set the times of the rows"
             self._formulas.report(fields["output_step"], "conflicting-keys", message, "keep one of them")
         simulation = dataclasses.replace(default, **read)
         for key, message in settings.faults(simulation):
@@ -421,7 +462,7 @@ class _Document:
             if key == "method":
                 return text
             if text not in ("true", "false"):
-                self._formulas.report(node, "bad-setting", "`assemble` is `true` or `false`")
+                self._formulas.report(node, "bad-setting", "`assemble` is `true` or `false`", _truth(text))
             return text == "true"
         value = self._formulas.constant(node, f"the setting `{key}`")
         if key == "samples" and value is not None:
@@ -432,7 +473,7 @@ class _Document:
         return value
 
     def _keep(self, node: source.AnyNode, particles: tuple[model.Particle, ...]) -> tuple[str, ...] | None:
-        listed = sections.name_list(self._formulas, node)
+        listed = [] if source.is_empty(node) else sections.name_list(self._formulas, node)
         if listed is None:
             return None
         cartesian = {name for p in particles if not p.is_dependent for name in p.members.names}
@@ -463,6 +504,16 @@ class _Document:
             message = f"the particle `{dependent[0]}` has no coordinates of its own"
             self._formulas.report(node, "unknown-name", message, "keep the coordinates it depends on")
         return kept
+
+
+def _truth(text: str) -> str:
+    """A hint for other words of yes and no."""
+    words = {
+        **dict.fromkeys(("yes", "on", "1", "y"), "true"),
+        **dict.fromkeys(("no", "off", "0", "n"), "false"),
+    }
+    meant = words.get(text.casefold(), text.casefold())
+    return f"write `{meant}`" if meant in ("true", "false") else ""
 
 
 def _fingerprint(content: str, particles: tuple[model.Particle, ...]) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lagcli import diagnostics, members, source
-from lagcli.expression import evaluate, facts, parser, refusals, tree
+from lagcli.expression import evaluate, facts, meant, parser, refusals, tree
 from lagcli.expression.facts import FactsAlgebra, Flag
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members
@@ -105,7 +105,9 @@ class Formulas:
         """The expression written in `node`."""
         if not isinstance(node, source.Scalar):
             shape = "list" if isinstance(node, source.Sequence) else "mapping"
-            hint = "an expression that begins with `[` needs quotes" if shape == "list" else ""
+            hint = "write the expression itself after the colon"
+            if shape == "list":
+                hint = "an expression that begins with `[` needs quotes"
             message = f"an expression is needed here, and this is a {shape}"
             self.report(node, "not-an-expression", message, hint)
             return None
@@ -199,13 +201,18 @@ class Formulas:
 
     def vector_expression(self, node: source.AnyNode) -> VectorExpression | None:
         """A list of three expressions or one vector expression, parsed."""
+        if isinstance(node, source.Mapping):
+            message = "a vector is needed here, and this is a mapping"
+            self.report(node, "not-an-expression", message, "a vector is a list: `[x, y, z]`")
+            return None
         if not isinstance(node, source.Sequence):
             expression = self.parse(node, parser.parse)
             return None if expression is None else VectorExpression((expression,))
         if len(node.items) != 3:
             message = f"a vector has three components, and this one has {len(node.items)}"
             torn = any(isinstance(item, source.Scalar) and item.is_torn for item in node.items)
-            self.report(node, "vector-length", message, source.QUOTES if torn else "")
+            hint = source.QUOTES if torn else meant.vector(len(node.items))
+            self.report(node, "vector-length", message, hint)
             return None
         parts = [self.parse(item, parser.parse) for item in node.items]
         if any(part is None for part in parts):

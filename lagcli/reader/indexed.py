@@ -66,11 +66,13 @@ class Indexed:
         base = node.owner
         if not is_family:
             message = f"`{base}` is no family and has no members"
-            raise ExpressionError("not-a-family", message, node.start, node.end)
+            is_particle = self._names.kind(base) == "particle"
+            hint = f"components are written `{base}.x`, `{base}.y`, `{base}.z`" if is_particle else ""
+            raise ExpressionError("not-a-family", message, node.start, node.end, hint)
         depth = roll.depth(base) if base in roll else None
         if depth is not None and depth != len(node.indices):
             word = "index" if depth == 1 else "indices"
-            message = f"the members of `{base}` have {depth} {word}, and {len(node.indices)} stand here"
+            message = f"the members of `{base}` have {depth} {word}, but {len(node.indices)} were given"
             raise ExpressionError("no-such-member", message, node.start, node.end)
         indices = [whole.evaluate(index, self.whole(variables)) for index in node.indices]
         try:

@@ -162,7 +162,12 @@ FORMAT = Key(
                 Key("output_step", "expression of parameters", "time between rows, instead of `samples`"),
                 Key("method", "`auto` or `dop853`", "the integration scheme", "auto"),
                 Key("rtol", "expression of parameters", "relative tolerance of a step", "1e-11"),
-                Key("atol", "expression of parameters", "absolute tolerance of a step", "1e-13"),
+                Key(
+                    "atol",
+                    "expression of parameters",
+                    "absolute tolerance of a step",
+                    "1e-13 of the sizes of the motion",
+                ),
                 Key(
                     "assemble", "`true` or `false`", "move the start to the nearest consistent state", "false"
                 ),

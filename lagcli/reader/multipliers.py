@@ -44,6 +44,7 @@ class Laws:
     def take(self, base: str, is_family: bool) -> None:
         """Take the name of a constraint."""
         self._laws.setdefault(base, Law(is_family))
+        self._names.laws.add(base)
 
     def number(self, members: Members, shape: Shape | None) -> str:
         """Number the members of a constraint, None for a broken one; the name of one that is there already."""
@@ -57,26 +58,45 @@ class Laws:
 
     def multiplier(self, argument: tree.Node, variables: Mapping[str, Whole]) -> Any:
         """The facts of `multiplier(argument)`. Raises `ExpressionError`."""
+        name, shapes = self._shapes_of(argument, variables, "multiplier(...)")
+        return _facts(argument, name, shapes) if shapes else RESULT
+
+    def force(self, argument: tree.Node, variables: Mapping[str, Whole]) -> None:
+        """Check the constraint of `reaction(a, argument)`, whole or one of its rows. Raises `ExpressionError`."""
+        name, shapes = self._shapes_of(argument, variables, "reaction(a, ...)")
+        if shapes and isinstance(argument, (tree.Member, tree.Index)) and argument.member:
+            _facts(argument, name, shapes, "reaction(a, ...)")
+
+    def _shapes_of(
+        self, argument: tree.Node, variables: Mapping[str, Whole], call: str
+    ) -> tuple[str, set[Shape]]:
+        """The name of a constraint and what its entries are; of laws that are not read yet none.
+
+        Where these are asked for no result is allowed, and that is reported.
+        """
         name = str(getattr(argument, "owner", getattr(argument, "name", "")))
         law = self._laws.get(name)
         if law is not None and law.is_broken:
             raise namespace.broken(argument)
         if law is None or not isinstance(argument, (tree.Name, tree.Member, tree.Index)):
             hint = diagnostics.nearest(name, self._laws)
-            message = "`multiplier(...)` takes the name of a constraint"
+            if not hint and self._laws:
+                hint = "the constraints are " + diagnostics.listed(self._laws)
+            place = "as its second argument " if "," in call else ""
+            message = f"`{call}` takes {place}the name of a constraint"
             raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
         if not law.shapes:
-            return RESULT  # the laws are not read yet, and where this stands no multiplier is allowed
+            return name, set()
         if law.is_family and not isinstance(argument, tree.Index):
             raise self._names.bare(argument, name)
         shapes: set[Shape] = set(law.shapes)
         if isinstance(argument, tree.Index):
             numbers = self._indexed.find(argument, self._roll, law.is_family, variables)
             shapes = {self._shapes[entry] for entry in set(self._roll.entries(numbers).tolist())} or shapes
-        return _facts(argument, name, shapes)
+        return name, shapes
 
 
-def _facts(argument: tree.Node, name: str, shapes: set[Shape]) -> Any:
+def _facts(argument: tree.Node, name: str, shapes: set[Shape], call: str = "multiplier(...)") -> Any:
     """The facts of the multipliers of laws of these shapes."""
     member = str(getattr(argument, "member", ""))
     if len(shapes) > 1:
@@ -95,5 +115,10 @@ def _facts(argument: tree.Node, name: str, shapes: set[Shape]) -> Any:
     }
     if known[shape]:
         return (RESULT,) * 3 if shape == "vector" and not member else RESULT
-    message = "`multiplier(...)` takes the name of a constraint"
-    raise ExpressionError("unknown-constraint", message, argument.start, argument.end)
+    message = f"the constraint `{name}` has no row `{member}`"
+    hint = {"scalar": f"it has one row: write `{call.replace('...', name)}`"}.get(
+        shape, f"its rows are `{name}.x`, `{name}.y`, `{name}.z`"
+    )
+    if shape == "body":
+        hint = f"its rows are numbered: `{name}.1`, `{name}.2`, ..."
+    raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)

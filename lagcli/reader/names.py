@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 from lagcli import diagnostics
-from lagcli.expression import evaluate, refusals, tokens, tree
+from lagcli.expression import evaluate, meant, refusals, tokens, tree
 from lagcli.expression.facts import Facts
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members, Roll
@@ -55,6 +55,7 @@ class Names:
         self._keys: dict[str, list[str]] = {}  # base name -> the keys that bear it
         self._families: set[str] = set()
         self._hints: dict[str, str] = {}
+        self.laws: set[str] = set()  # names of constraints, for hints
         self.rolls: dict[Kind, Roll] = {kind: Roll() for kind in NUMBERED}
         self._numbered: dict[Kind, list[str]] = {kind: [] for kind in NUMBERED}  # keys, as in the roll
 
@@ -203,6 +204,9 @@ class Names:
             if name not in self._hints:
                 known = self.of(kind) if kind else [*self._keys, *RESERVED]
                 derivative = refusals.derivative_of(name, self.of("coordinate"))
+                folded = {coordinate.casefold() for coordinate in self.of("coordinate")}
+                if not derivative and name.casefold() not in folded:
+                    derivative = meant.part_of(name, set(self.of("particle")), self.laws)
                 self._hints[name] = derivative or diagnostics.nearest(name, [*further, *known])
             hint = self._hints[name]
         return ExpressionError("unknown-name", f"the name `{name}` is not known", node.start, node.end, hint)
@@ -211,7 +215,7 @@ class Names:
         """The error for a family that stands without an index."""
         if self.is_broken(name):
             return broken(node)
-        rule = "alone it stands for all its members, and only in lists such as `to:`"
+        rule = "alone it means all its members, and only in lists such as `to:`"
         hint = f"write one of its members, for example `{name}[1]`"
         return ExpressionError(
             "family-needs-index", f"`{name}` is a family: {rule}", node.start, node.end, hint

@@ -118,6 +118,10 @@ def _set_field(
         raise OverrideError(_unknown(root, name))
     if source.is_empty(entry):
         entry = source.Mapping(entry.text, entry.start, entry.end, ())
+    elif section == "coordinates" and isinstance(entry, source.Scalar):
+        # `X: 0` is short for `X: {value: 0}`.
+        short = source.scalar("value", "--set")
+        entry = source.Mapping(entry.text, entry.start, entry.end, ((short, entry),))
     if not isinstance(entry, source.Mapping):
         return root  # the entry is no mapping: an error of the file, reported where it stands
     return _with(root, section, _with(entries, owner, _with(entry, field, value)))

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from lagcli.expression import evaluate, facts, refusals, tree
+from lagcli.expression import evaluate, facts, meant, refusals, tree
 from lagcli.expression.facts import Facts
 from lagcli.expression.tree import ExpressionError
 from lagcli.members import Members, Whole
+from lagcli.model import CONSTANTS
 from lagcli.reader import names as namespace
 from lagcli.reader.indexed import Indexed
 from lagcli.reader.multipliers import RESULT, Laws
@@ -17,12 +18,17 @@ from lagcli.reader.names import Kind, Names
 Lookup = Callable[[tree.Node], Any]
 
 VELOCITY = Facts(None, frozenset(("velocity",)), 1, 1)
+ACCELERATION = Facts(None, frozenset(("acceleration",)))
 OWN: dict[str, Any] = {
     "m": Facts(None, frozenset(("mass",))),
     "r": (Facts(None, frozenset(("position", "cartesian"))),) * 3,
     "v": (VELOCITY,) * 3,
 }
-_VELOCITY_MEMBERS = {"vx": 0, "vy": 1, "vz": 2}
+# The members of a particle beside its components: of a vector, or of one component of it.
+_MOTIONS = {
+    **dict.fromkeys(("v", "vx", "vy", "vz"), VELOCITY),
+    **dict.fromkeys(("a", "ax", "ay", "az"), ACCELERATION),
+}
 
 
 class Scope:
@@ -62,8 +68,8 @@ class Scope:
             return OWN[name]
         if name == "t":
             return Facts(None, frozenset(("time",)))
-        if name == "pi":
-            return Facts(3.141592653589793)
+        if name in CONSTANTS and name not in self.names:
+            return Facts(CONSTANTS[name])
         if name == "dt":
             return Facts(None, frozenset(("differential",)), 1, 1)
         if name in ("kinetic", "potential"):
@@ -77,6 +83,10 @@ class Scope:
         owner = self._name(spot, variables, own)
         if self.names.kind(node.owner) == "particle" and not (own and node.owner in OWN):
             return _particle_member(node, owner, node.member)
+        if self.names.kind(node.owner) == "coordinate":
+            message = f"the coordinate `{node.owner}` has no component `{node.member}`"
+            hint = meant.coordinate_member(node.owner, node.member)
+            raise ExpressionError("unknown-component", message, node.start, node.end, hint)
         return evaluate.component(node, owner, node.member, node.owner)
 
     def _of_family(self, node: tree.Index, variables: Mapping[str, Whole]) -> Any:
@@ -88,7 +98,8 @@ class Scope:
         if kind is None or kind not in namespace.NUMBERED:
             what = f"is {namespace.article(kind)}, no family," if kind else "is no family"
             message = f"`{base}` {what} and has no members"
-            raise ExpressionError("not-a-family", message, node.start, node.end)
+            hint = f"components are written `{base}.x`, `{base}.y`, `{base}.z`" if kind == "particle" else ""
+            raise ExpressionError("not-a-family", message, node.start, node.end, hint)
         if not names.is_reached(base):
             names.value(node, base)
         numbers = self.indexed.numbers(node, variables)
@@ -103,24 +114,40 @@ class Scope:
         if node.function == "rate":
             return self._rate(node, argument, variables)
         if node.function == "reaction":
-            if _is_whole(argument) and self._argument_kind(argument) == "particle":
-                self._lookup(argument, variables, False)
-                return (RESULT,) * 3
-            self._known_argument(argument, "particle", "reaction(...)")
+            return self._reaction(node, argument, variables)
+        if self._argument_kind(argument) == "particle" and _owner(argument) not in self.laws:
+            message = "`multiplier(...)` takes the name of a constraint"
+            hint = f"`{_owner(argument)}` is a particle: the force of its constraints is `reaction(...)`"
+            raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
         return self.laws.multiplier(argument, variables)
+
+    def _reaction(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Any:
+        """The facts of R of a particle, or with a second argument of the part that one constraint has in it."""
+        if not _is_whole(argument) or self._argument_kind(argument) != "particle":
+            name = _owner(argument)
+            if name in self.laws and name not in self.names:
+                message = f"`reaction(...)` takes the name of a particle, and `{name}` is a constraint"
+                hint = f"its force on a particle `a` is `reaction(a, {name})`, its multiplier `multiplier({name})`"
+                raise ExpressionError("wrong-arguments", message, argument.start, argument.end, hint)
+            self._known_argument(argument, "particle", "reaction(...)")
+        self._lookup(argument, variables, False)
+        if len(node.arguments) > 1:
+            self.laws.force(node.arguments[1], variables)
+        return (RESULT,) * 3
 
     def _argument_kind(self, argument: tree.Node) -> Kind | None:
         return self.names.kind(_owner(argument))
 
     def _rate(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Any:
+        found = (VELOCITY, ACCELERATION)[_order(node) - 1]
         kind = self._argument_kind(argument)
         if kind in ("coordinate", "particle"):
             value = self._lookup(argument, variables, False)
             if _is_whole(argument):
-                return (VELOCITY,) * 3 if isinstance(value, tuple) else VELOCITY
+                return (found,) * 3 if isinstance(value, tuple) else found
             if kind == "particle":
                 if getattr(argument, "member", "") in evaluate.COMPONENTS:
-                    return VELOCITY
+                    return found
                 message = "rates of velocities are accelerations"
                 raise ExpressionError("bad-rate", message, node.start, node.end, refusals.NO_ACCELERATION)
         if isinstance(argument, (tree.Name, tree.Index)):
@@ -140,8 +167,23 @@ class Scope:
         message = f"`{call}` takes the name of a {kind}"
         if isinstance(node, tree.Name):
             message += f", and `{name}` is none"
-        hint = "" if call != "rate(...)" else "in a differential constraint, `d(...)` takes any expression"
+        hint = "in a differential constraint, `d(...)` takes any expression"
+        if call != "rate(...)":
+            is_coordinate = self.names.kind(name) == "coordinate"
+            hint = f"the table has the column `R.{name}`" if is_coordinate else ""
         raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
+
+
+def _order(node: tree.Call) -> int:
+    """1 of `rate(x)`, 2 of `rate(x, 2)`. Raises `ExpressionError`."""
+    if len(node.arguments) == 1:
+        return 1
+    order = node.arguments[1]
+    if isinstance(order, tree.Number) and float(order.text) in (1.0, 2.0):
+        return int(float(order.text))
+    hint = "`rate(theta)` is the rate of `theta`, `rate(theta, 2)` its acceleration"
+    message = "the second argument of `rate(...)` is the order, 1 or 2"
+    raise ExpressionError("bad-rate", message, order.start, order.end, hint)
 
 
 def _owner(node: tree.Node) -> str:
@@ -154,14 +196,11 @@ def _is_whole(argument: tree.Node) -> bool:
 
 
 def _particle_member(node: tree.Member | tree.Index, position: Any, member: str) -> Any:
-    if member == "v":
-        return (VELOCITY,) * 3
-    if member in _VELOCITY_MEMBERS:
-        return VELOCITY
+    if member in _MOTIONS:
+        found = _MOTIONS[member]
+        return (found,) * 3 if len(member) == 1 else found
     if member not in evaluate.COMPONENTS:
-        hint = "a particle has `.x` `.y` `.z`, `.vx` `.vy` `.vz` and the vector `.v`"
-        if member in ("a", "ax", "ay", "az"):
-            hint = refusals.NO_ACCELERATION
+        hint = refusals.PARTICLE_MEMBERS.get(member, refusals.OTHER_MEMBER)
         message = f"a particle has no `.{member}`"
         raise ExpressionError("unknown-component", message, node.start, node.end, hint)
     return evaluate.component(node, position, member, node.owner)

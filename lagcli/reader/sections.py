@@ -9,7 +9,7 @@ import numpy as np
 from lagcli import diagnostics, model, source
 from lagcli.expression import facts, parser, tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.reader import families, keys, names, scope
+from lagcli.reader import families, keys, names, scope, slips
 from lagcli.reader.formula import Formulas
 
 FAMILY = ("for", "if")
@@ -19,24 +19,27 @@ def fields(formulas: Formulas, node: source.AnyNode, key: keys.Key) -> dict[str,
     """The fields of a mapping by the keys of `key`; unknown, unsupported and missing ones are reported."""
     if not isinstance(node, source.Mapping):
         known = ", ".join(f"`{k.name}`" for k in key.keys if k.supported)
-        formulas.report(node, "not-a-mapping", f"a mapping is needed here, with the keys {known}")
+        message = f"a mapping is needed here, with the keys {known}"
+        formulas.report(node, "not-a-mapping", message, slips.shape(key, node))
         return None
+    unknown = []
     found: dict[str, source.AnyNode] = {}
     by_name = {field.name: field for field in key.keys}
     for name, value in node:
         if name.value in FAMILY:
             continue  # what they say has become the members of the entry
         if name.value not in by_name:
-            known = ", ".join(f"`{k.name}`" for k in key.keys if k.supported)
-            hint = diagnostics.nearest(name.value, key.names) or f"the keys here are {known}"
+            unknown.append(name)
+            hint = slips.key(key, name, value)
             formulas.report(name, "unknown-key", f"there is no key `{name.value}` here", hint)
         elif not by_name[name.value].supported:
             message = f"`{name.value}` is not supported yet"
             formulas.report(name, "not-supported-yet", message, by_name[name.value].instead)
         else:
             found[name.value] = value
+    meant = slips.meant_keys(key, unknown)
     for field in key.keys:
-        if field.required and field.name not in found:
+        if field.required and field.name not in found and field.name not in meant:
             formulas.report(node, "missing-key", f"the key `{field.name}` is missing ({field.meaning})")
     return found
 
@@ -73,8 +76,12 @@ def parameter_value(found: Any) -> float | model.Vector3:
 
 
 def coordinate(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> model.Coordinate | None:
-    """A generalized coordinate; `theta:` alone starts at rest at zero."""
-    found = {} if source.is_empty(node) else fields(formulas, node, keys.FORMAT.key("coordinates"))
+    """A generalized coordinate; `theta:` alone starts at rest at zero, `theta: 0.5` at rest there."""
+    found: dict[str, source.AnyNode] | None = {}
+    if isinstance(node, source.Scalar) and not source.is_empty(node):
+        found = {"value": node}  # `X: 0` is short for `X: {value: 0}`
+    elif not source.is_empty(node):
+        found = fields(formulas, node, keys.FORMAT.key("coordinates"))
     if found is None:
         return None
     start = dict.fromkeys(("value", "rate"), formulas.values(0.0))
@@ -192,6 +199,9 @@ def force(formulas: Formulas, node: source.AnyNode) -> model.Force | None:
         return None if expression is None else model.Potential(formulas.members, expression)
     missing = [key for key in ("to", "force") if key not in found]
     if missing:
+        assert isinstance(node, source.Mapping)
+        if set(missing) <= slips.meant_keys(keys.FORMAT.key("forces"), (name for name, _ in node)):
+            return None  # they are there under other names, and that has been reported
         message = f"the key `{missing[0]}` is missing"
         formulas.report(node, "missing-key", message, "a force has `to` and `force`, or a `potential`")
         return None
@@ -348,7 +358,7 @@ def rigid(formulas: Formulas, name: source.Scalar, node: source.AnyNode) -> mode
         seen: set[int] = set()
         for item, (_, found, _) in zip(name_list(formulas, node) or (), named, strict=True):
             if seen & set(found.tolist()):
-                message = f"the particle `{item.value}` stands twice in the body"
+                message = f"the particle `{item.value}` occurs twice in the body"
                 hint = "list each particle once: its distance to itself is no constraint"
                 formulas.report(item, "duplicate-name", message, hint)
             seen |= set(found.tolist())

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from lagcli.compile import NumericSystem
 from lagcli.integrate.initial import State
+from lagcli.integrate.moves import Moves
 from lagcli.mechanics.system import System
 from lagcli.virtual_displacements import bases, components, internal
 from lagcli.virtual_displacements.bases import Bases
@@ -28,7 +29,7 @@ class Displacements:
     """Allowed and virtual displacements at the time t and the configuration q (n,) that moves with v (n,).
 
     virtual_r (N, 3, n - rank) and allowed_r (N, 3): the same of the particles, dr_k = sum_j dr_k/dq_j dq_j (D.28),
-    and dr_k/dt for dt = 1.
+    and dr_k/dt for dt = 1. assembled: what assembly changed in the start; notes: initial velocities that violate rows.
     """
 
     t: float
@@ -40,12 +41,22 @@ class Displacements:
     allowed_r: Floats
     components: Components
     internal: tuple[Internal, ...]
+    assembled: Moves | None = None
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"<Displacements at t = {self.t:g}: {self.bases.dimension} virtual, of {self.q.size} coordinates and"
+            f" {self.bases.rows} rows>"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """The object of `displacements --json`."""
         found, parts = self.bases, self.components
         named = [{"name": n, "number": k} for n, k in zip(parts.names, parts.numbers, strict=True)]
+        assembled = {} if self.assembled is None else {"assembled": self.assembled.as_json()}
         return {
+            **assembled,
             "t": self.t,
             "coordinates": list(parts.names),
             "q": self.q.tolist(),
@@ -73,7 +84,7 @@ class Displacements:
 
 
 def displacements(system: System, numeric: NumericSystem, state: State) -> Displacements:
-    """The displacements at a state that satisfies the rows."""
+    """The displacements at a state whose configuration satisfies the rows; its velocities enter forces alone."""
     found = bases.bases(numeric, state)
     s, model = system.symbols, system.model
     J = ca.Function("J", [s.t, s.q, s.p], [ca.jacobian(system.r, s.q), ca.jtimes(system.r, s.t, ca.SX(1))])

@@ -21,7 +21,7 @@ RESULTS = Path(__file__).with_name("results.json")
 PAGE = ROOT / "docs" / "explanation" / "benchmarks.md"
 FIGURE = ROOT / "docs" / "images" / "benchmarks.png"
 
-MOTIONS = ("chain", "cloth", "disk", "axis")
+MOTIONS = ("chain", "cloth", "disk", "nonholonomic", "axis")
 ONLY = ("steps", "build", *MOTIONS, "whole")
 # Size and target of read + count + compile, seconds.
 BUILDS = (("chain", 1000, 1.0), ("chain", 10000, 10.0), ("cloth", 30, None), ("cloth", 100, None))
@@ -51,7 +51,7 @@ def _arguments(given: Sequence[str]) -> argparse.Namespace:
     chosen.peers = [peer for peer in environment.ALL if peer.key in chosen.peers.split(",")]
     if chosen.quick:
         chosen.largest, chosen.rounds, chosen.no_peers, chosen.no_write = 3, 1, True, True
-        chosen.only &= {"steps", "chain"}
+        chosen.only &= {"steps", "chain", "nonholonomic"}
     if chosen.no_peers or not chosen.only & {*MOTIONS, "whole"}:
         chosen.peers = []
     return chosen

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 # Seconds of motion: long enough for some dozens of steps, short enough for a reference to rounding.
 DURATIONS = {3: 5.0, 10: 2.0, 30: 1.0, 100: 1.0, 1000: 0.1, 10000: 0.02}
+GALLERY, GALLERY_DURATION = Path(__file__).parents[2] / "models", 6.0
 CLOTH_SIDE, CLOTH_DURATION = 30, 0.2
 
 # F. Mazzia, C. Magherini, Test Set for Initial Value Problem Solvers, release 2.4, University of Bari 2008:
@@ -107,6 +109,53 @@ def disk() -> Case:
     )
 
 
+def _ramp() -> Floats:
+    """The knife edge after 6 s: x, y, phi."""
+    alpha, w, t = math.pi / 4, math.pi / 3, GALLERY_DURATION
+    way = 9.81 * math.sin(alpha) / (2 * w**2)
+    return np.array([way * math.sin(w * t) ** 2, way * (w * t - math.sin(2 * w * t) / 2), w * t])
+
+
+def _axle() -> Floats:
+    """The two wheels after 6 s: x, y, theta, phi1, phi2."""
+    M, J, a, b, w, t = 3.0, 0.01, 0.2, 0.8, math.pi / 2, GALLERY_DURATION
+    pull = M * 9.81 * math.sin(math.pi / 12) / (M + 2 * J / a**2)
+    way, angle = pull / (2 * w**2), w * t
+    gone = pull * (1 - math.cos(angle)) / w**2
+    turned = [(gone + side * b * angle / 2) / a for side in (-1, 1)]
+    return np.array([way * math.sin(angle) ** 2, way * (angle - math.sin(2 * angle) / 2), angle, *turned])
+
+
+def _integrators() -> Floats:
+    """The crossed integrators after 6 s: phi, y, z."""
+    angle = 0.08 * GALLERY_DURATION**2 / (2 * (0.02 + 0.5 * 0.2**2))
+    return np.array([angle, 0.2 * math.cos(angle), 0.2 * math.sin(angle)])
+
+
+# Nonholonomic models of the gallery beside the rolling disk: their coordinates, and where they end, in closed form.
+NONHOLONOMIC: dict[str, tuple[tuple[str, ...], Callable[[], Floats]]] = {
+    "knife-edge": (("x", "y", "phi"), _ramp),
+    "two-wheel-axle": (("x", "y", "theta", "phi1", "phi2"), _axle),
+    "crossed-integrators": (("phi", "y", "z"), _integrators),
+}
+
+
+def nonholonomic(name: str) -> Case:
+    """A nonholonomic model of the gallery, which the peers have no equations of."""
+    columns, end = NONHOLONOMIC[name]
+    text = (GALLERY / f"{name}.yaml").read_text(encoding="utf-8")
+    return Case(
+        part="nonholonomic",
+        name=name.replace("-", " "),
+        links=text.split("differential:")[1].split("outputs:")[0].count(" = 0\n"),
+        model=text,
+        problem={"kind": "nonholonomic", "duration": GALLERY_DURATION},
+        end=lambda run: _columns(run, columns),
+        reference=end,
+        source="closed form",
+    )
+
+
 def axis() -> Case:
     """The car axis."""
     return Case(
@@ -129,5 +178,7 @@ def cases(parts: frozenset[str], largest: int, share: float = 1.0) -> Iterator[C
         yield cloth()
     if "disk" in parts:
         yield disk()
+    if "nonholonomic" in parts:
+        yield from map(nonholonomic, NONHOLONOMIC)
     if "axis" in parts:
         yield axis()

@@ -16,7 +16,8 @@ import numpy as np
 
 import lagcli
 from lagcli import pipeline
-from lagcli.integrate import call, initial
+from lagcli.integrate import call, initial, tolerance
+from lagcli.model import Simulation
 
 from . import models, networks, yardstick
 
@@ -80,8 +81,8 @@ def _bound_step(model: Any, h: float) -> call.Call:
     p = np.ascontiguousarray(start.p, dtype=float)
     rate = call.Call(ready.numeric.rhs, [t, y, p])
     rate.trigger()
-    tolerance = np.full(2, TOLERANCE)
-    return call.Call(ready.functions.scheme.step, [t, np.array([h]), y, rate.results[0], tolerance, p])
+    allowed = tolerance.of_steps(Simulation(rtol=ASKED, atol=ASKED))
+    return call.Call(ready.functions.scheme.step, [t, np.array([h]), y, rate.results[0], allowed, p])
 
 
 class _Pair:

@@ -28,3 +28,6 @@ def test_quick_run_prints_a_line_for_each_way_to_write_a_rod_and_a_reached_error
     (answer,) = [line for line in contest.splitlines() if line.startswith("| chain, 3 links")]
     assert "| lagcli |" in answer
     assert float(answer.split("|")[5]) <= 1e-9
+    for name in ("knife edge", "two wheel axle", "crossed integrators"):
+        (answer,) = [line for line in contest.splitlines() if line.startswith(f"| {name}")]
+        assert float(answer.split("|")[5]) <= 1e-9

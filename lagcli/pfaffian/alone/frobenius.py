@@ -144,7 +144,9 @@ def _not_exact(form: forms.Form, closed: zero.Finding, deadline: float) -> Verdi
     if verdict.kind == "nonholonomic":
         return verdict
     found = _search(form, deadline)
-    exactly = "" if closed.truth is zero.Truth.NO else " Whether it is exact as it stands was not decided."
+    exactly = (
+        "" if closed.truth is zero.Truth.NO else " Whether it is exact as it is written was not decided."
+    )
     if found is not None:
         method = f"An integrating factor was found {found.how} and verified by differentiation.{exactly}"
         phi, mu = found.integral, found.factor

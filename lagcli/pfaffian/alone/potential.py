@@ -1,6 +1,6 @@
 """The potential of an exact form by integrating along the coordinate axes, one coordinate after the other."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import reduce
 from math import lcm
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 import sympy
 
 from lagcli.pfaffian import form as forms
+from lagcli.pfaffian.alone import rational
 from lagcli.pfaffian.exact import limit
 
 WRITABLE = (
@@ -73,15 +74,36 @@ def antiderivative(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None
         return _with_moduli(expression, x)
     positive = {s: sympy.Dummy(s.name, positive=True) for s in sorted(expression.free_symbols, key=str)}
     x = positive.get(x, x)
-    masked = expression.xreplace(positive)
-    # What is constant goes under a name of its own: sin(y) would only burden the algebra.
-    fixed = [e for e in masked.atoms(sympy.Function, sympy.Pow) if not e.has(x) and not _is_rational_power(e)]
+    for masked in _variants(expression.xreplace(positive), x):
+        found = _masked(masked, x)
+        if found is not None:
+            return found.xreplace({dummy: s for s, dummy in positive.items()})
+    return None
+
+
+def _variants(expression: sympy.Expr, x: sympy.Symbol) -> Iterator[sympy.Expr]:
+    """The expression with 1 - cos(al)**2 for squares of constant sines, and as it is.
+
+    1 - sin(al)**2 as a constant of its own has no sign, and no real root.
+    """
+    squares = {
+        p: 1 - sympy.cos(p.base.args[0]) ** 2
+        for p in expression.atoms(sympy.Pow)
+        if p.exp == 2 and isinstance(p.base, sympy.sin) and not p.has(x)
+    }
+    if squares:
+        yield expression.xreplace(squares)
+    yield expression
+
+
+def _masked(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
+    """What is constant goes under a name of its own: sin(y) would only burden the algebra."""
+    fixed = [
+        e for e in expression.atoms(sympy.Function, sympy.Pow) if not e.has(x) and not _is_rational_power(e)
+    ]
     names = {e: sympy.Dummy(f"c{n}", positive=True) for n, e in enumerate(sorted(fixed, key=str))}
-    found = _integrated(masked.xreplace(names), x)
-    if found is None:
-        return None
-    found = found.xreplace({dummy: e for e, dummy in names.items()})
-    return found.xreplace({dummy: s for s, dummy in positive.items()})
+    found = _integrated(expression.xreplace(names), x)
+    return None if found is None else found.xreplace({dummy: e for e, dummy in names.items()})
 
 
 def _is_rational_power(e: sympy.Expr) -> bool:
@@ -131,14 +153,24 @@ def _integrated(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
             total += constant * known
     if rest == 0:
         return total
-    for way in (_substituted, _rationalized, _solved):
+    for way in _ways(rest, x):
         try:
             found = way(sympy.factor_terms(rest), x)
         except limit.FAILURES:
             continue
-        if found is not None and writable(found):
+        if found is not None and found.has(x) and writable(found):  # a Piecewise may begin with a constant
             return total + found
     return None
+
+
+def _ways(
+    e: sympy.Expr, x: sympy.Symbol
+) -> tuple[Callable[[sympy.Expr, sympy.Symbol], sympy.Expr | None], ...]:
+    """Ways to integrate. A power by itself has a shorter integral in SymPy's tables: asin(x) for one over a root."""
+    varying = e.as_independent(x, as_Add=False)[1]
+    if varying.is_Pow and not varying.exp.is_Integer:
+        return _substituted, _rationalized, _solved, _made_rational
+    return _substituted, _made_rational, _rationalized, _solved
 
 
 def _tabled(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
@@ -187,6 +219,15 @@ def _substituted(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
         if not rest.has(x):
             found = _integrated(rest, new)
             return None if found is None else found.xreplace({new: u})
+    return None
+
+
+def _made_rational(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
+    """A function that a substitution makes rational."""
+    for way in rational.ways(e, x):
+        found = _solved(way.integrand, way.new)
+        if found.has(way.new) and writable(found):
+            return rational.plain(found.xreplace({way.new: way.back}), x)
     return None
 
 

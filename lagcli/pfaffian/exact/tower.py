@@ -113,6 +113,8 @@ class Tower:
                 self._note("circle", part.args[0])
             elif isinstance(part, (sympy.exp, *_HYPERBOLIC)):
                 self._note("exp", part.args[0])
+            elif _is_exponential(part):
+                self._note("exp", part.exp * sympy.log(part.base))
 
     def _note(self, kind: str, argument: sympy.Expr) -> None:
         for coefficient, base in self._split(argument):
@@ -123,7 +125,8 @@ class Tower:
     def _split(self, argument: sympy.Expr) -> list[tuple[sympy.Rational, sympy.Expr]]:
         """The argument as a sum of rational multiples of signless terms."""
         if argument not in self._split_memo:
-            terms = sympy.Add.make_args(sympy.expand(sympy.cancel(argument)))
+            plain = sympy.cancel(argument).replace(_is_log_of_number, _log_of_primes)
+            terms = sympy.Add.make_args(sympy.expand(plain))
             self._split_memo[argument] = [term.as_coeff_Mul(rational=True) for term in terms if term != 0]
         return self._split_memo[argument]
 
@@ -164,7 +167,8 @@ class Tower:
         if isinstance(e, sympy.Abs):
             return self._absolute(e)
         if isinstance(e, _OPAQUE):
-            return self._opaque(e)
+            plain = _log_of_primes(e) if _is_log_of_number(e) else e
+            return self._opaque(e) if plain == e else self._write(plain)
         raise NoNormalFormError(f"{getattr(e.func, '__name__', e)} has no algebraic treatment")
 
     def _letter(self, key: Any, meaning: sympy.Expr) -> sympy.Symbol:
@@ -221,6 +225,9 @@ class Tower:
     def _exponential(self, argument: sympy.Expr) -> sympy.Expr:
         product: sympy.Expr = sympy.Integer(1)
         for coefficient, base in self._split(argument):
+            if _is_log_of_number(base):
+                product *= self._write(base.args[0] ** coefficient)
+                continue
             n, unit = self._count("exp", coefficient, base)
             self._demand_monomial(base)
             product *= self._letter(("exp", base), sympy.exp(unit * base)) ** n
@@ -242,6 +249,8 @@ class Tower:
             whole, rest = divmod(int(exponent.p), int(exponent.q))
             root = self._root(base, int(exponent.q), base ** sympy.Rational(1, exponent.q))
             return self._write(base) ** whole * root**rest
+        if _is_exponential(e):
+            return self._exponential(exponent * sympy.log(base))
         # base**(k + 1) = base**k * base: the rational part of the exponent apart, the rest a letter a term.
         self.independent = False
         product: sympy.Expr = sympy.Integer(1)
@@ -306,6 +315,21 @@ class Tower:
         evident = isinstance(same, sympy.log) and same.args[0].is_Symbol
         self.independent = self.independent and evident
         return self._letter(("function", same), same)
+
+
+def _is_exponential(e: sympy.Basic) -> bool:
+    """Whether it is a power like 2**x, which is exp(x*log(2))."""
+    return bool(e.is_Pow and e.base.is_Rational and e.base.is_positive and not e.exp.is_Rational)
+
+
+def _is_log_of_number(e: sympy.Basic) -> bool:
+    return bool(isinstance(e, sympy.log) and e.args[0].is_Rational and e.args[0].is_positive)
+
+
+def _log_of_primes(e: sympy.Expr) -> sympy.Expr:
+    """log(12) as 2 log(2) + log(3): logarithms of primes are independent over the rationals."""
+    powers = sympy.factorrat(e.args[0])
+    return sympy.Add(*(n * sympy.log(p) for p, n in powers.items()))
 
 
 def elements(tower: Tower, expressions: Sequence[sympy.Expr]) -> list[Any]:

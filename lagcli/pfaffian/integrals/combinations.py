@@ -119,31 +119,37 @@ class Field:
         frame = self.frame
         slopes = [self.sample.of(forms.partial(function, frame.variables[p])) for p in frame.pivots]
         rates, sizes = [], []
-        for column, j in enumerate(frame.free):
-            terms = [row[column] * s for row, s in zip(self._solved, slopes, strict=True)]
-            terms.append(self.sample.of(forms.partial(function, frame.variables[j])))
-            rates.append(sum(terms))
-            sizes.append(sum(abs(e) for e in terms))
+        with _unbounded():
+            for column, j in enumerate(frame.free):
+                terms = [row[column] * s for row, s in zip(self._solved, slopes, strict=True)]
+                terms.append(self.sample.of(forms.partial(function, frame.variables[j])))
+                rates.append(sum(terms))
+                sizes.append(sum(abs(e) for e in terms))
         return np.array(rates), np.array(sizes), np.array(slopes)
 
     def monomials(self, letters: Alphabet, chosen: Sequence[tuple[int, ...]], weight: Any = None) -> Numbers:
         """The numbers of the monomials m; `weight` (n - C, points): of X_j(m) - weight_j m instead."""
         values = np.array([self.sample.of(g) for g in letters.letters])
         found = [self.derivatives(g) for g in letters.letters]
-        rates, sizes, slopes = (
-            np.array([f[n] / v for f, v in zip(found, values, strict=True)]) for n in range(3)
-        )
-        sizes = np.abs(sizes)
+        rates, sizes, slopes = (np.array([f[n] for f in found]) for n in range(3))
         along, terms, near = [], [], []
-        for m in chosen:
-            index = list(m)
-            value = np.prod(values[index], axis=0)
-            rate, size = rates[index].sum(axis=0), sizes[index].sum(axis=0)
-            if weight is not None:
-                rate, size = rate - weight, size + np.abs(weight)
-            along.append((rate * value).ravel())
-            terms.append((size * np.abs(value)).ravel())
-            near.append((slopes[index].sum(axis=0) * value)[:, :_NEAR])
+        with _unbounded():
+            for m in chosen:
+                index = list(m)
+                # The product rule as a sum: a letter may be zero, on a surface even everywhere.
+                others = np.ones((len(m), self.sample.count))
+                for k, other in enumerate(others):
+                    other *= np.prod(values[index[:k] + index[k + 1 :]], axis=0)
+                rate, size, slope = (
+                    np.einsum("kjp,kp->jp", of[index], weights)
+                    for of, weights in ((rates, others), (sizes, np.abs(others)), (slopes, others))
+                )
+                if weight is not None:
+                    value = np.prod(values[index], axis=0)
+                    rate, size = rate - weight * value, size + np.abs(weight * value)
+                along.append(rate.ravel())
+                terms.append(size.ravel())
+                near.append(slope[:, :_NEAR])
         return Numbers(np.array(along).T, np.array(terms).T, np.array(near))
 
     def functions(self, chosen: Sequence[sympy.Expr]) -> Numbers:
@@ -151,6 +157,11 @@ class Field:
         found = [self.derivatives(g) for g in chosen]
         along, terms = (np.array([f[n].ravel() for f in found]).T for n in range(2))
         return Numbers(along, terms, np.array([f[2][:, :_NEAR] for f in found]))
+
+
+def _unbounded() -> np.errstate:
+    """Arithmetic that may leave the range of doubles: what is not finite is left out, in `null_vectors` and `Known`."""
+    return np.errstate(over="ignore", invalid="ignore")
 
 
 def join(first: Numbers, second: Numbers) -> Numbers:
@@ -167,7 +178,7 @@ def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
 
     Each column that depends on earlier ones gives one, in those earlier columns that depend on no others.
     """
-    finite = np.all(np.isfinite(numbers.terms), axis=1)
+    finite = np.all(np.isfinite(numbers.terms) & np.isfinite(numbers.along), axis=1)
     along, terms = numbers.along[finite], numbers.terms[finite]
     if not len(along):
         return []
@@ -211,8 +222,10 @@ class Known:
         """Whether the slopes (C, near) are independent of those taken, at one of the points."""
         for n in range(slopes.shape[1]):
             matrix = np.array([t[:, n] for t in (*self._taken, slopes)])
+            if not np.all(np.isfinite(matrix)):
+                continue
             norms = np.linalg.norm(matrix, axis=1)
-            if not np.all(np.isfinite(matrix)) or not np.all(norms > _DEPENDENT):
+            if not (np.all(norms > _DEPENDENT) and np.all(np.isfinite(norms))):
                 continue
             singular = np.linalg.svd(matrix / norms[:, None], compute_uv=False)
             if len(singular) == len(matrix) and singular[-1] > _RANK:
@@ -235,7 +248,8 @@ def proposals(
         return any(functions[i].has(sympy.atan2) for i in vector), len(vector), max(vector)
 
     for vector in sorted(found, key=length):
-        slopes: Any = sum(c * numbers.slopes[i] for i, c in vector.items())
+        with _unbounded():
+            slopes: Any = sum(c * numbers.slopes[i] for i, c in vector.items())
         if known.is_new(slopes):
             phi = exact(vector, functions, frame.rates, constants_of(frame))
             if phi is not None:

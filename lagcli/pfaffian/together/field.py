@@ -21,6 +21,7 @@ Row = list[Any]  # entries in the field of the tower
 Values = Mapping[sympy.Symbol, sympy.Expr]
 
 MAX_TERMS = 3000
+MAX_DIVISOR = 60  # terms of a divisor that is looked at again
 # A sum of terms counts as zero below this part of their sizes, for given values of parameters.
 ROUNDING = 1e-12
 
@@ -50,7 +51,8 @@ class Field:
     """The field of a block. `values` of the parameters: no divisor may vanish for them.
 
     `is_exact`: no entry was proved not zero by its digits at points of a surface alone; `exceptional`: factors of
-    divisors that hold parameters alone. Raises `tower.NoNormalFormError`.
+    divisors that hold parameters alone; `remainders`: what the rows solved last had left in the column `last` where
+    nothing else was left. Raises `tower.NoNormalFormError`.
     """
 
     def __init__(self, block: Block, deadline: float, values: Values) -> None:
@@ -66,6 +68,16 @@ class Field:
         self._constants = self._constant_letters()
         self._proved: dict[Any, bool] = {}
         self._exceptional: dict[sympy.Expr, None] = {}
+        self._divisors: dict[Any, None] = {}
+        self.remainders: tuple[Any, ...] = ()
+
+    @property
+    def divisors(self) -> tuple[sympy.Expr | None, ...]:
+        """What was divided by, but for numbers: where none of it vanishes all ranks are those found. None in place of
+        one that is too long."""
+        return tuple(
+            self.basis.expression(above) if len(above) <= MAX_DIVISOR else None for above in self._divisors
+        )
 
     @property
     def is_exact(self) -> bool:
@@ -137,6 +149,8 @@ class Field:
             if not places:
                 break
             i, k = min(places, key=lambda place: (place[1] == last, *_weight(left, *place)))
+            if k == last:
+                self.remainders = tuple(self.checked(row[k]) for row in left if row[k])
             self.require_regular(self.checked(left[i][k]))
             pivot = left.pop(i)
             scale = self.one / pivot[k]
@@ -178,7 +192,10 @@ class Field:
         return found
 
     def require_regular(self, a: Any) -> None:
-        """Note the factors of parameters alone; raise `ExceptionalError` where it vanishes for the values."""
+        """Note it as a divisor, and its factors of parameters alone; raise `ExceptionalError` where it vanishes for the
+        values."""
+        if not a.numer.is_ground:
+            self._divisors[a.numer] = None
         if not self._constants or a.numer.is_ground:
             return
         coefficients: dict[tuple[int, ...], list[float]] = {}

@@ -23,7 +23,7 @@ from typing import Any
 import sympy
 
 from lagcli.pfaffian.block import Block
-from lagcli.pfaffian.exact import limit, tower
+from lagcli.pfaffian.exact import bounds, limit, tower
 from lagcli.pfaffian.together.field import Field, NotDecidedError, Row, Solved, Values, may_vanish
 
 
@@ -36,7 +36,9 @@ class Flag:
     beyond the df, solved for pivots, shape (dims[-1], n); contradiction: indices of rows of which a combination
     is a multiple of dt, or empty; special: expressions at whose zeros I' is larger than elsewhere; is_exact: no
     value was proved not zero by its digits at points of the surface alone; exceptional: expressions of the
-    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; held: rank of the df.
+    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; held: rank of the df;
+    divisors: as those of `field.Field`; conditions: where a combination of rows is g dt, the factors of each g that may
+    vanish for some time.
     """
 
     dims: tuple[int, ...]
@@ -49,6 +51,8 @@ class Flag:
     exceptional: tuple[sympy.Expr, ...] = ()
     vanishing: tuple[int, ...] = ()
     held: int = 0
+    divisors: tuple[sympy.Expr | None, ...] = ()
+    conditions: tuple[tuple[sympy.Expr, ...], ...] = ()
 
 
 def flag(
@@ -84,7 +88,7 @@ class _Search:
         start = self._field.solved([*self._whole, *self._declared], self._time)
         if self._time in start.pivots:
             # The column of time is taken last: this row is a multiple of dt.
-            return Flag((), (), (), (), self._contradiction())
+            return self._conditions(self._field.remainders)
         held = surface.count
         first, special = self._derived(start, start)
         dims, terms = [start.count, first.count], [start, first]
@@ -108,6 +112,7 @@ class _Search:
             exceptional=self._field.exceptional,
             vanishing=tuple(i for i, row in enumerate(self._declared) if not any(row)),
             held=held,
+            divisors=self._field.divisors,
         )
 
     def _derived(self, here: Solved, first: Solved) -> tuple[Solved, tuple[sympy.Expr, ...]]:
@@ -195,6 +200,17 @@ class _Search:
                 self._field.require_regular(left)
                 return False
         return True
+
+    def _conditions(self, remainders: tuple[Any, ...]) -> Flag:
+        """The g of g dt = 0: their factors that may vanish for some time, which those of time alone do not."""
+        own = {self._field.expression(g.numer) for g in remainders}
+        divisors, found = tuple(e for e in self._field.divisors if e not in own), []
+        variables = set(self._block.variables) - {self._block.variables[self._time]}
+        for g in remainders:
+            parts = [self._field.expression(part) for part, _ in g.numer.factor_list()[1]]
+            found.append([e for e in parts if e.free_symbols & variables and not bounds.never_vanishes(e)])
+        rows = self._contradiction()
+        return Flag((), (), (), (), rows, divisors=divisors, conditions=tuple(map(tuple, found)))
 
     def _contradiction(self) -> tuple[int, ...]:
         """Rows, as few as dropping one after the other leaves, of which a combination is a multiple of dt."""

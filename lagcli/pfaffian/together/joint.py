@@ -19,7 +19,7 @@ from lagcli.pfaffian.alone import frobenius
 from lagcli.pfaffian.block import Block
 from lagcli.pfaffian.exact import enclosure, limit, points
 from lagcli.pfaffian.integrals import first_integrals
-from lagcli.pfaffian.together import elimination
+from lagcli.pfaffian.together import elimination, inner
 from lagcli.pfaffian.together import flag as flags
 from lagcli.pfaffian.together.field import NotDecidedError, Values
 
@@ -105,7 +105,14 @@ class _Renaming:
         surface = self._each(block.surface)
         moved = Block(self._names(block.names), variables, self._table(block.rows), block.parameters, surface)
         values = {self._symbols[x]: value.xreplace(self._symbols) for x, value in found.values.items()}
-        told = replace(flag, integrable=self._table(flag.integrable), special=self._each(flag.special))
+        divisors = tuple(e if e is None else e.xreplace(self._symbols) for e in flag.divisors)
+        told = replace(
+            flag,
+            integrable=self._table(flag.integrable),
+            special=self._each(flag.special),
+            divisors=divisors,
+            conditions=tuple(self._each(factors) for factors in flag.conditions),
+        )
         return Flagged(moved, values, told)
 
     def solution(self, found: Solution) -> Solution:
@@ -129,6 +136,7 @@ def flagged(block: Block, time: sympy.Symbol, values: Values, deadline: float) -
     """
     try:
         left, gone = limit.run(deadline, lambda: elimination.eliminated(block, values))
+        left = limit.run(deadline, lambda: inner.plain(left))
     except limit.NO_ANSWER as error:
         raise NotDecidedError("the holonomic rows could not be solved in time") from error
     plain = replace(left, rows=tuple(tuple(forms.plain(a) for a in row) for row in left.rows))
@@ -142,7 +150,8 @@ def solution(found: Flagged, verdicts: Sequence[frobenius.Verdict | None], deadl
     basis = _Independent(block)
     kept: list[sympy.Expr] = []
     for i, (verdict, inside) in enumerate(zip(verdicts, found.flag.inside, strict=True)):
-        if inside and len(kept) < wanted:
+        # A row that says nothing on the surface may have an integral beside it.
+        if inside and i not in found.flag.vanishing and len(kept) < wanted:
             phi = _of_row(found, i, verdict, deadline)
             if phi is not None and basis.takes(phi.xreplace(found.values)):
                 kept.append(phi)
@@ -219,7 +228,7 @@ class _Independent:
             rows = [values[i] for values in (*self._surface, *self._rows)]
             if point is None or any(row is None for row in rows):
                 continue
-            weights = np.linalg.lstsq(_unit(rows).T, point / _length(point), rcond=1e-12)[0]
+            weights = np.linalg.lstsq(_units(rows).T, _unit(point), rcond=1e-12)[0]
             first = len(self._surface)
             taking |= {k - first for k in range(first, len(rows)) if abs(weights[k]) > DEPENDENT}
         return tuple(name for i, name in enumerate(self._block.names) if i in taking)
@@ -230,11 +239,11 @@ class _Independent:
             rows = [other[i] for other in others]
             if point is None or any(row is None for row in rows):
                 continue
-            unit = point / _length(point)
+            unit = _unit(point)
             if not rows:
                 return not unit.any()
-            weights = np.linalg.lstsq(_unit(rows).T, unit, rcond=1e-12)[0]
-            if np.abs(unit - _unit(rows).T @ weights).max() > DEPENDENT:
+            weights = np.linalg.lstsq(_units(rows).T, unit, rcond=1e-12)[0]
+            if np.abs(unit - _units(rows).T @ weights).max() > DEPENDENT:
                 return False
         return True
 
@@ -263,9 +272,11 @@ def _gradient(block: Block, phi: sympy.Expr) -> list[sympy.Expr]:
     return [forms.partial(phi, x) for x in block.variables]
 
 
-def _length(row: Floats) -> float:
-    return float(np.linalg.norm(row)) or 1.0
+def _unit(row: Floats) -> Floats:
+    """The row with length one. Its largest entry is made one first: squares of huge ones are not finite."""
+    scaled = row / (float(np.abs(row).max(initial=0.0)) or 1.0)
+    return np.asarray(scaled / (float(np.linalg.norm(scaled)) or 1.0))
 
 
-def _unit(rows: Sequence[Floats | None]) -> Floats:
-    return np.array([row / _length(row) for row in rows if row is not None])
+def _units(rows: Sequence[Floats | None]) -> Floats:
+    return np.array([_unit(row) for row in rows if row is not None])

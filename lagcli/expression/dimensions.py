@@ -1,0 +1,75 @@
+"""The dimension of an expression as a power of a length, as far as its particles tell it.
+
+Units are labels, and those of parameters and coordinates are not declared. But terms that are added have one
+dimension: `norm(a) - L` is a length whatever L is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from lagcli.expression import tree
+
+Power = float | None  # of a length; None where it is not known
+ANGLES = frozenset(
+    ("asin", "acos", "atan", "atan2", "sin", "cos", "tan", "exp", "log", "sign", "sinh", "cosh", "tanh")
+)
+POSITION = frozenset(("", "x", "y", "z", "v", "vx", "vy", "vz"))
+
+
+def of_relation(relation: tree.Node, is_particle: Callable[[str], bool]) -> Power:
+    """The dimension of both sides of an equation, where d(...) and velocities count as lengths; None where it is not
+    known, or terms differ."""
+    sides = (relation.left, relation.right) if isinstance(relation, tree.Relation) else (relation,)
+    known = {
+        found for side in sides for term in _terms(side) if (found := _of(term, is_particle)) is not None
+    }
+    return known.pop() if len(known) == 1 else None
+
+
+def _terms(node: tree.Node) -> Iterator[tree.Node]:
+    """What is added in an expression; a number alone, as in `a.z = 1`, tells nothing."""
+    if isinstance(node, tree.Sum):
+        for _, term in node.terms:
+            yield from _terms(term)
+    elif not isinstance(node, tree.Number):
+        yield node
+
+
+def _of(node: tree.Node, is_particle: Callable[[str], bool]) -> Power:
+    if isinstance(node, tree.Number):
+        return 0.0
+    if isinstance(node, tree.Name):
+        return 1.0 if is_particle(node.name) else 0.0 if node.name in ("pi", "deg") else None
+    if isinstance(node, (tree.Member, tree.Index)):
+        return 1.0 if is_particle(node.owner) and node.member in POSITION else None
+    if isinstance(node, tree.Component):
+        return _of(node.vector, is_particle)
+    if isinstance(node, tree.Power):
+        base = _of(node.base, is_particle)
+        whole = node.exponent.text if isinstance(node.exponent, tree.Number) else ""
+        return base * float(whole) if base is not None and whole else None
+    if isinstance(node, tree.Product):
+        powers = [(sign, _of(factor, is_particle)) for sign, factor in node.factors]
+        return None if any(p is None for _, p in powers) else sum(sign * (p or 0.0) for sign, p in powers)
+    if isinstance(node, tree.Call):
+        return _of_call(node, is_particle)
+    parts = [term for _, term in node.terms] if isinstance(node, tree.Sum) else tree.children(node)
+    known = {
+        found for part in parts for term in _terms(part) if (found := _of(term, is_particle)) is not None
+    }
+    return known.pop() if len(known) == 1 else None
+
+
+def _of_call(node: tree.Call, is_particle: Callable[[str], bool]) -> Power:
+    if node.function in ANGLES:
+        return 0.0
+    parts = [_of(argument, is_particle) for argument in node.arguments]
+    if node.function in ("norm", "distance", "abs", "d", "min", "max"):
+        known = {p for p in parts if p is not None}
+        return known.pop() if len(known) == 1 else None
+    if node.function in ("dot", "cross"):
+        return None if None in parts else sum(p or 0.0 for p in parts)
+    if node.function == "sqrt":
+        return None if parts[0] is None else parts[0] / 2
+    return None

@@ -1,0 +1,36 @@
+"""The operations of an expression, one after another: to look at them, or to put others in their place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+
+# (operation, operands, value) -> what stands for the value from there on.
+Visit = Callable[[int, list[Any], Any], Any]
+
+
+def replayed(value: Any, inputs: Sequence[Any], visit: Visit) -> Any:
+    """A column (k, 1) of the `inputs`, computed again operation by operation; `visit` may replace each result."""
+    function = ca.Function("replayed", list(inputs), [value])
+    flat = [ca.vertsplit(part) if part.numel() > 1 else [part] for part in inputs]
+    work: dict[int, Any] = {}
+    found: list[Any] = [ca.SX(0)] * value.numel()
+    for k in range(function.n_instructions()):
+        op, taken, given = (
+            function.instruction_id(k),
+            function.instruction_input(k),
+            function.instruction_output(k),
+        )
+        if op == ca.OP_OUTPUT:
+            found[given[1]] = work[taken[0]]
+        elif op == ca.OP_INPUT:
+            work[given[0]] = flat[taken[0]][taken[1]]
+        elif op == ca.OP_CONST:
+            work[given[0]] = ca.SX(function.instruction_constant(k))
+        else:
+            parts = [work[place] for place in taken]
+            result = ca.SX.binary(op, *parts) if len(parts) == 2 else ca.SX.unary(op, *parts)
+            work[given[0]] = visit(op, parts, result)
+    return ca.vertcat(ca.SX(0, 1), *found)

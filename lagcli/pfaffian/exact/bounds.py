@@ -1,0 +1,75 @@
+"""Bounds of an expression over all real values of its symbols: what lies above or below zero never vanishes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import reduce
+
+import sympy
+
+Range = tuple[float, float]
+
+_EVERYTHING: Range = (-math.inf, math.inf)
+# A sum of doubles is off by less than this part of its terms.
+_MARGIN = 1e-9
+_RANGES: dict[type[sympy.Basic], Callable[[Range], Range]] = {
+    sympy.sin: lambda u: (-1.0, 1.0),
+    sympy.cos: lambda u: (-1.0, 1.0),
+    sympy.tanh: lambda u: (-1.0, 1.0),
+    sympy.atan: lambda u: (-math.pi / 2, math.pi / 2),
+    sympy.asin: lambda u: (-math.pi / 2, math.pi / 2),
+    sympy.acos: lambda u: (0.0, math.pi),
+    sympy.atan2: lambda u: (-math.pi, math.pi),
+    sympy.cosh: lambda u: (1.0, math.inf),
+    sympy.exp: lambda u: (_exp(u[0]), _exp(u[1])),
+    sympy.Abs: lambda u: (max(0.0, u[0], -u[1]), max(-u[0], u[1])),
+}
+
+
+def never_vanishes(expression: sympy.Expr) -> bool:
+    """Whether an expression of real symbols is certainly other than zero wherever it has a value."""
+    if expression.is_positive or expression.is_negative or isinstance(expression, sympy.exp):
+        return True
+    low, high = _range(expression)
+    return low > _MARGIN or high < -_MARGIN
+
+
+def _range(e: sympy.Basic) -> Range:
+    if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
+        return float(e), float(e)
+    parts = [_range(a) for a in e.args]
+    if isinstance(e, sympy.Add):
+        return math.fsum(low for low, _ in parts), math.fsum(high for _, high in parts)
+    if isinstance(e, sympy.Mul):
+        return reduce(_product, parts)
+    if isinstance(e, sympy.Pow):
+        return _power(parts[0], e.exp)
+    return _RANGES[type(e)](parts[0]) if type(e) in _RANGES else _EVERYTHING
+
+
+def _product(one: Range, other: Range) -> Range:
+    ends = [0.0 if 0.0 in (a, b) else a * b for a in one for b in other]
+    return min(ends), max(ends)
+
+
+def _power(base: Range, exponent: sympy.Expr) -> Range:
+    if not (exponent.is_Rational and exponent.is_positive):
+        return _EVERYTHING
+    if exponent.q % 2 == 0:
+        return 0.0, math.inf
+    if exponent.is_Integer and exponent.p % 2 == 0:
+        nearest = max(0.0, base[0], -base[1])
+        return _raised(nearest, exponent.p), _raised(max(-base[0], base[1]), exponent.p)
+    return _EVERYTHING
+
+
+def _raised(base: float, exponent: int) -> float:
+    try:
+        return base**exponent
+    except OverflowError:
+        return math.inf
+
+
+def _exp(u: float) -> float:
+    return math.exp(u) if u < 700.0 else math.inf

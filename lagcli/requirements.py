@@ -1,0 +1,83 @@
+"""Oldest versions of the libraries that lagcli works with, and the refusal of older ones.
+
+The versions are those of pyproject.toml; each is the oldest one that the numeric tests, the gallery and the
+classification pass with.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+import sys
+from collections.abc import Collection, Iterator
+
+OLDEST = {
+    "casadi": "3.6.7",
+    "matplotlib": "3.8",
+    "numpy": "1.26",
+    "orjson": "3.10",
+    "pyarrow": "15",
+    "pyyaml": "6.0.1",
+    "rich": "13.7",
+    "scipy": "1.11",
+    "sympy": "1.12",
+    "typer": "0.20",
+}
+
+
+OPTIONAL = ("pyarrow",)
+
+
+def too_old(names: Collection[str] = OLDEST.keys() - set(OPTIONAL)) -> str:
+    """A line for each installed library among `names` that is too old, with the command that upgrades it; else ""."""
+    suspects = [name for name in sorted(names) if _is_older(_listed().get(name, ""), OLDEST[name])]
+    if not suspects:
+        return ""
+    # The loader of metadata takes 30 ms, and knows which of several copies counts.
+    from importlib import metadata
+
+    return "\n".join(
+        f"lagcli needs {name} {OLDEST[name]} or newer, and {version} is installed; upgrade it with"
+        f' `{os.path.basename(sys.executable) or "python"} -m pip install --upgrade "{name}>={OLDEST[name]}"`'
+        for name in suspects
+        if _is_older(version := metadata.version(name), OLDEST[name])
+    )
+
+
+@functools.cache
+def _listed() -> dict[str, str]:
+    """Versions by the names of the folders that installers leave, of the first place on the path that has one."""
+    found: dict[str, str] = {}
+    for place in sys.path:
+        for name, version in _installed(place):
+            if name in OLDEST:
+                found.setdefault(name, version)
+    return found
+
+
+def _installed(place: str) -> Iterator[tuple[str, str]]:
+    try:
+        names = os.listdir(place or os.curdir)
+    except OSError:  # a place on the path need not exist
+        return
+    for entry in names:
+        stem, ending = os.path.splitext(entry)
+        if ending in (".dist-info", ".egg-info"):
+            name, _, version = stem.partition("-")
+            yield re.sub(r"[-_.]+", "-", name).lower(), version.partition("-")[0]
+
+
+def _is_older(version: str, oldest: str) -> bool:
+    """Whether a version comes before another, by its numbers; False where it has none."""
+    here, there = _numbers(version), _numbers(oldest)
+    return bool(here) and here < there
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """Its leading numbers without zeros at the end: 3.10.0rc1 is (3, 10)."""
+    found = re.match(r"\d+(?:\.\d+)*", version)
+    numbers = [int(part) for part in found.group().split(".")] if found else []
+    while numbers and numbers[-1] == 0:
+        numbers.pop()
+    return tuple(numbers)
