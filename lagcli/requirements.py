@@ -15,6 +15,7 @@ from collections.abc import Collection, Iterator
 OLDEST = {
     "casadi": "3.6.7",
     "matplotlib": "3.8",
+    "mpmath": "1.3",
     "numpy": "1.26",
     "orjson": "3.10",
     "pyarrow": "15",

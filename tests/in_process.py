@@ -1,5 +1,6 @@
 """Command lines run in this process, with streams of their own."""
 
+import io
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -12,15 +13,23 @@ from lagcli.cli import signals
 Command = Callable[..., tuple[str, str, Any]]
 
 
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """command(*arguments) -> stdout, stderr and exit code."""
-    monkeypatch.setattr(signals, "install", lambda: None)
-
-    def call(*arguments: object) -> tuple[str, str, Any]:
-        monkeypatch.setattr(sys, "argv", ["lagcli", *map(str, arguments)])
+def run(*arguments: object) -> tuple[str, str, Any]:
+    """Stdout, stderr and the exit code. Signal handlers stay pytest's."""
+    streams = [io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="\n") for _ in range(2)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(signals, "install", lambda: None)
+        patch.setattr(sys, "argv", ["lagcli", *map(str, arguments)])
+        patch.setattr(sys, "stdout", streams[0])
+        patch.setattr(sys, "stderr", streams[1])
         with pytest.raises(SystemExit) as end:
             entry.main()
-        return (*capsys.readouterr(), end.value.code)
+    for stream in streams:
+        stream.flush()
+    out, err = (stream.buffer.getvalue().decode() for stream in streams)  # type: ignore[attr-defined]
+    return out, err, end.value.code
 
-    return call
+
+@pytest.fixture
+def command() -> Command:
+    """command(*arguments) -> stdout, stderr and exit code."""
+    return run

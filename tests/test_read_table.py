@@ -14,7 +14,7 @@ import pytest
 
 import lagcli
 from lagcli.export import read_table, tables
-from tests.test_audit import command
+from tests.in_process import run
 
 Floats = npt.NDArray[np.float64]
 MODEL = """\
@@ -41,7 +41,8 @@ def audited(folder: Path, name: str, data: bytes | None = None) -> tuple[int, st
     model.write_text(MODEL, encoding="utf-8")
     if data is not None:
         (folder / name).write_bytes(data)
-    return command("audit", str(model), "--run", str(folder / name))
+    out, err, code = run("audit", model, "--run", folder / name)
+    return code, out, err
 
 
 def arrays(path: Path, columns: dict[str, object], method: int = zipfile.ZIP_STORED) -> None:

@@ -84,7 +84,7 @@ def test_what_does_not_vanish_on_the_surface_is_held(row, integral):
 )
 def test_numbers_without_a_value_are_no_warnings(surface, row):
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter("error", RuntimeWarning)
         flat = lagcli.loads(
             "lagcli: 1\ncoordinates: {x: {value: 1}, y: {value: 0}, z: {value: 0}, w: {value: 0.1}}\n"
             'lagrangian: "(rate(x)**2 + rate(y)**2 + rate(z)**2 + rate(w)**2)/2"\n'
@@ -100,7 +100,7 @@ def test_displacements_of_huge_rows_and_of_the_shortest_run_are_finite():
         'holonomic: {flat: "1e300*y*exp(x) = 0"}\ndifferential: {row: "1e300*d(w) - 1e308*y*d(x) = 0"}\n'
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter("error", RuntimeWarning)
         found = lagcli.displacements(lagcli.loads(huge))
         assert np.isfinite(found.components.T).all()
         assert found.bases.rank == 2
