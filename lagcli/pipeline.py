@@ -30,7 +30,7 @@ from lagcli import (
     uniqueness,
     walk,
 )
-from lagcli.classification import classify, hidden, rows, unheld
+from lagcli.classification import classify, hidden, led_off, rows, unheld
 from lagcli.classification.case import Case
 from lagcli.classification.verdict import Condition
 from lagcli.digits import estimate, paired
@@ -322,12 +322,13 @@ class Running:
         self._paired: paired.Paired | None = None
         state = initial.declared(ready.system)
         spoken = timed.functions(model)
+        self._conditions: tuple[Condition, ...] = ()
         # The start of a run that goes on was examined, and perhaps assembled, when it began.
         if resumed is None:
-            state, found = self._begun(ready, state, find)
+            state, found, whole = self._begun(ready, state, find)
             self.warnings += lipschitz.warnings(ready.system, ready.numeric, state)
-            begin = redundancy.begin(ready.system, ready.numeric, state)
-            self._found = found.integrals
+            begin = redundancy.begin(ready.system, ready.numeric, state, whole)
+            self._found, self._conditions = found.integrals, found.conditions
             held, notes = holding.begin(ready.integrals(self._found).keeping(begin.selection), state)
             with_constants = dataclasses.replace(state, p=held.parameters)
             if not begin.is_singular:
@@ -352,8 +353,11 @@ class Running:
             self.outcome = Outcome(self._run.grid.after(row), resumed.mark.origin + row)
         self._compile_seconds = time.perf_counter() - began
 
-    def _begun(self, ready: Compiled, state: initial.State, find: Find) -> tuple[initial.State, Found]:
-        """The start, on hidden conditions too, and what was found. Raises `diagnostics.ModelError`."""
+    def _begun(
+        self, ready: Compiled, state: initial.State, find: Find
+    ) -> tuple[initial.State, Found, tuple[system.System, compile.NumericSystem] | None]:
+        """The start, on hidden conditions too, what was found, and the system with these conditions where there are
+        some. Raises `diagnostics.ModelError`."""
         try:
             start = self._examined(ready.system, ready.numeric, state)
             found = find(ready)
@@ -362,10 +366,11 @@ class Running:
             found = find(ready) if hidden.is_conflict(error) else Found()
             if not found.conditions:
                 raise
-        if found.conditions:
-            whole = hidden.extended(ready.system, found.conditions)
-            start = self._examined(whole, compile.NumericSystem(whole), state)
-        return start, found
+        if not found.conditions:
+            return start, found, None
+        whole = hidden.extended(ready.system, found.conditions)
+        numeric = compile.NumericSystem(whole)
+        return self._examined(whole, numeric, state), found, (whole, numeric)
 
     @phases.phase("looking at the start")
     def _examined(
@@ -400,6 +405,9 @@ class Running:
             stop = stopped.stop
             if fallen := self._fallen_inertia():
                 stop = dataclasses.replace(stop, reason=f"{stop.reason}; {fallen}")
+            if why := self._led_off():
+                where = stop.reason.partition(": ")[0]
+                stop = dataclasses.replace(stop, reason=f"{where}: {why}", code=driver.NO_SOLUTION)
             self.outcome.stop(stop)
             raise driver.Stopped(stop) from None
 
@@ -453,6 +461,14 @@ class Running:
         return degenerate.fallen(
             now, inertia(start.t, start.q, start.v, start.p), self.model.coordinate_names
         )
+
+    def _led_off(self) -> str:
+        """The hidden conditions that the forces do not keep where a run stopped, as a sentence, or nothing."""
+        if not self._conditions:
+            return ""
+        (q, v), a = np.split(self._run.y[:-1], 2), np.split(self._run.rate[:-1], 2)[1]
+        state = initial.State(self.t, q, v, self._start.p)
+        return led_off.reason(self._system, self._conditions, state, a)
 
     def of_table(self, rows: Floats) -> Accuracy | None:
         """What is known of the error of a table of this run; of one with `digits`, in place of `blocks`."""

@@ -36,17 +36,26 @@ class Begin:
 
 
 @phases.phase("choosing independent rows")
-def begin(system: System, numeric: NumericSystem, state: State) -> Begin:
-    """How a run begins from a consistent state. Raises `diagnostics.ModelError`, by name, where none can."""
+def begin(
+    system: System,
+    numeric: NumericSystem,
+    state: State,
+    whole: tuple[System, NumericSystem] | None = None,
+) -> Begin:
+    """How a run begins from a consistent state. Raises `diagnostics.ModelError`, by name, where none can.
+
+    whole: the system with the hidden conditions of its rows, to whose surface the motion keeps.
+    """
     rows = walk.rows(numeric, state)
     found = rank.rank(rows)
     if found.value == rows.count:
         return Begin(numeric.selection)
     if found.value is None:
         raise _refusal(system, found)
-    conflict.require_lasting(system, numeric, state)
+    whole = whole or (system, numeric)
+    conflict.require_lasting(*whole, state)
     # Rows that are dependent at the start alone are looked at where the motion leads.
-    along = {rank.rank(walk.rows(numeric, point)).low: point for point in reversed(_ahead(numeric, state))}
+    along = {rank.rank(walk.rows(numeric, point)).low: point for point in reversed(_ahead(whole[1], state))}
     count = max([found.value, *along])
     there = along[count] if count > found.value else state
     surface = codimension.examine(system, numeric, there)
@@ -54,7 +63,7 @@ def begin(system: System, numeric: NumericSystem, state: State) -> Begin:
         raise codimension.refusal(system, surface)
     if surface.kind == "undecided":
         raise advice.undecided(system, numeric, there, surface)
-    around = [walk.rows(numeric, point) for point in _around(system, numeric, there)]
+    around = [walk.rows(numeric, point) for point in _around(*whole, there)]
     if surface.kind == "singular" or max((rank.rank(each).low for each in around), default=0) > count:
         raise _at_rest(system, found)
     chosen = dependence.dependence(walk.rows(numeric, there), count, system.holonomic_count)

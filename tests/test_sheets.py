@@ -203,3 +203,64 @@ def test_random_sheets_and_places_have_the_count_they_were_made_with(seed):
     else:
         found = count(start, [], [f"d({own}) - {own}*u*d(u) = 0", lift])
     assert found.configuration_dof == 4 - is_kept
+
+
+@pytest.mark.parametrize(
+    ("values", "rows", "truth", "named"),
+    [
+        ({}, ["(x - 0.3)*dt = 0"], 3, "10*x - 3"),
+        ({"y": 0.6, "z": 0.8}, ["(y**2 + z**2 - 1)*dt = 0"], 3, "y**2 + z**2 - 1"),
+        ({"y": 0.6, "z": 0.8}, ["(y**2 + z**2 - 1)*dt = 0", "d(z) - u*d(x) = 0"], 3, "y**2 + z**2 - 1"),
+        ({}, ["(x - 0.3)*dt = 0", "d(x) = y*dt"], 2, "10*x - 3"),
+    ],
+)
+def test_a_row_without_velocities_demands_its_factor(values, rows, truth, named):
+    model = lagcli.loads(text(HOLD | values, [], rows))
+    found = lagcli.dof(model)
+    assert found.configuration_dof == truth
+    assert found.notes[0].startswith(f"hidden condition {named} = 0")
+    assert lagcli.simulate(model).stats.velocity_drift < 1e-12
+    with pytest.raises(lagcli.ModelError, match="initial positions violate"):
+        lagcli.simulate(lagcli.loads(text(HOLD | values | {"x": 0.4, "y": 0.5}, [], rows)))
+
+
+@pytest.mark.parametrize("row", ["(1 + x**2)*dt = 0", "0*dt = 0", "t*dt = 0"])
+def test_a_row_without_velocities_that_never_holds_is_refused(row):
+    with pytest.raises(lagcli.ModelError, match=r"can never hold|gradient vanishes everywhere"):
+        count(HOLD, [], [row])
+
+
+@pytest.mark.parametrize(
+    ("holonomic", "rows", "named"),
+    [
+        (["x = 0.3"], ["d(x) = y*dt"], "`y = 0`, which `d0`"),
+        ([], ["y*dt = 0"], "`y = 0`, which `d0`"),
+        (["x = 0.3"], ["d(x) = (y + z)*dt", "d(x) = z*dt"], "`y + z = 0`, which `d0`"),
+    ],
+)
+@pytest.mark.parametrize("force", ["1", "t", "max(t - 0.5, 0)"])
+def test_forces_that_lead_off_a_hidden_condition_are_told_with_it(holonomic, rows, named, force):
+    extra = f"forces:\n  push: {{to: y, force: '{force}'}}"
+    with pytest.raises(lagcli.SimulationStopped, match="lead off the hidden condition") as stopped:
+        lagcli.simulate(lagcli.loads(text(HOLD, holonomic, rows, extra)))
+    assert named in str(stopped.value)
+    assert stopped.value.trajectory.stats.stopped.code == "no-solution-beyond"
+
+
+CIRCLING = {"x": "0.3", "y": "0.6, rate: -0.8", "z": "0.8, rate: 0.6", "u": "0"}
+
+
+@pytest.mark.parametrize(
+    ("holonomic", "rows"),
+    [(["x = 0.3"], ["d(x) = (y**2 + z**2 - 1)*dt"]), ([], ["(y**2 + z**2 - 1)*dt = 0"])],
+)
+def test_a_motion_that_forces_keep_on_a_hidden_condition_runs(holonomic, rows):
+    extra = "forces:\n  spring: {potential: (y**2 + z**2)/2}"
+    run = lagcli.simulate(lagcli.loads(text(CIRCLING, holonomic, rows, extra)), duration=10, samples=11)
+    np.testing.assert_allclose(run["y"], np.cos(run.t + np.arctan2(4, 3)), atol=1e-9)
+    assert run.stats.velocity_drift < 1e-9
+
+
+def test_a_hidden_condition_that_holds_to_rounding_alone_does_not_stop_a_run():
+    model = lagcli.loads(text({"x": 0.3, "th": "pi"}, ["x = 0.3"], ["d(x) = sin(th)*dt"]))
+    assert lagcli.simulate(model)["th"].tolist() == [np.pi] * 3

@@ -62,7 +62,10 @@ forces:
         meaning="Rows that act along the same direction prescribe different places or motions.",
         why="No configuration or no velocity satisfies them all (two lengths of one rod), or they agree at the start"
         " and part a moment later, so the model has no motion. The message names the smallest set of them that was"
-        " found: without any one of these rows the others can hold.",
+        " found: without any one of these rows the others can hold. Rows of which a combination says g(q, t) dt = 0 do"
+        " not contradict each other as long as g can vanish: they demand g = 0, a hidden condition, which is named,"
+        " counted as a holonomic constraint and asked of the start. Only where g vanishes nowhere, or at single times"
+        " alone, does the combination say dt = 0, which nothing satisfies.",
         example="""\
 lagcli: 1
 particles:
@@ -79,7 +82,8 @@ holonomic:
         stage="start",
         meaning="No coordinate and no velocity enters a constraint with a slope.",
         why="Such a row, `0 = 0`, `t = 1` or `sign(a.x) = 1`, cannot act on the motion: its gradient vanishes, so it"
-        " has no constraint force and no multiplier, and it is either empty or impossible.",
+        " has no constraint force and no multiplier, and it is either empty or impossible. A differential row without"
+        " velocities, `(a.x - 1)*dt = 0`, is taken: it demands the hidden condition a.x = 1.",
         example=_PENDULUM + "  clock: t = 1\n",
         cure="Take it out, or name the coordinate it is about.",
         old="  clock: t = 1\n",

@@ -32,7 +32,9 @@ simulation: {duration: 1, samples: 11}
         severity="stop",
         meaning="The constraints have no common solution after this time, or none without an impact.",
         why="The rows hold up to here, and no configuration near satisfies them all a moment later: their surface ends,"
-        " they begin to contradict each other, or they make velocities jump.",
+        " they begin to contradict each other, or they make velocities jump. A hidden condition, which rows demand"
+        " because a combination of them says g(q, t) dt = 0, has no multiplier: where the forces lead off it there is"
+        " no motion, and the reason names it.",
         example="""\
 lagcli: 1
 particles:

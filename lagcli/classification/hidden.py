@@ -37,7 +37,7 @@ class Classified:
     def notes(self) -> tuple[str, ...]:
         """What is said of the conditions."""
         return tuple(
-            f"hidden condition {equation(one)}: {_quoted(one.rows)} {'demands' if len(one.rows) == 1 else 'demand'} it,"
+            f"hidden condition {equation(one)}: {quoted(one.rows)} {'demands' if len(one.rows) == 1 else 'demand'} it,"
             " for a combination of these rows is a multiple of dt; it counts as a holonomic constraint"
             for one in self.conditions
         )
@@ -110,5 +110,6 @@ def is_conflict(error: diagnostics.ModelError) -> bool:
     return any(one.code == "contradictory-constraints" for one in error.diagnostics)
 
 
-def _quoted(names: Sequence[str]) -> str:
+def quoted(names: Sequence[str]) -> str:
+    """Names of rows in a sentence."""
     return ", ".join(f"`{name}`" for name in names)

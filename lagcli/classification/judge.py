@@ -147,21 +147,23 @@ class Judge:
         except (field.NotDecidedError, limit.TimeUpError):
             return block, None
         if found.flag.contradiction:
-            if all(found.flag.conditions) and not self._locality.is_regular(found):
+            if all(one.factors for one in found.flag.conditions) and not self._locality.is_regular(found):
                 return block, None
             self._demand(group, found)
         return block, found
 
     def _demand(self, group: coupling.Group, found: joint.Flagged) -> None:
         """Raise what rows demand of which a combination is g dt: that g = 0, or the impossible."""
-        rows = [group.differential[i] for i in found.flag.contradiction]
-        if not all(found.flag.conditions):
-            raise initial.contradiction(self._case.system, rows)
-        names = self._names(rows)
+        place = group.differential
+        if not all(one.factors for one in found.flag.conditions):
+            raise initial.contradiction(self._case.system, [place[i] for i in found.flag.contradiction])
         raise HiddenConditionsError(
             tuple(
-                Condition(printing.written(self._locality.own_factor(factors)), names)
-                for factors in found.flag.conditions
+                Condition(
+                    printing.written(self._locality.own_factor(one.factors)),
+                    self._names(place[i] for i in one.rows),
+                )
+                for one in found.flag.conditions
             )
         )
 

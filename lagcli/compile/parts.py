@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from lagcli.compile import selection as choice
 from lagcli.compile import solving
@@ -18,6 +19,8 @@ from lagcli.mechanics.system import System
 
 # Below this a norm is taken as zero where it divides; B has no row without entries.
 TINY = 1e-300
+# The rounding of t counts as this part of the errors that q may have.
+ROUNDED = 1e-6
 # Nodes of a graph in which common subexpressions are looked for.
 SHARED_NODES = 20_000
 
@@ -267,19 +270,27 @@ def nearness(parts: Parts, clearance: Any) -> Any:
 
 
 def _departure(parts: Parts, v: Any, sizes: Sizes) -> Any:
-    """Largest |B_i v + b_i| / |B_i| of the rows left out, as a part of the size of v: do they still follow?"""
+    """Largest B_i v + b_i of the rows left out, as a part of what v, q and t make in it: do they still follow?
+
+    Where b depends on q it has the errors of q even where nothing moves; t has rounding alone.
+    """
     rest = [circuit[0] for circuit in parts.selection.circuits]
     if not rest:
         return ca.SX(0)
     B, b = parts.B[rest, :], parts.b[rest]
-    return ca.mmax(ca.fabs(B @ v + b) / _row_norms(B, sizes.units)) / (sizes.v + TINY)
+    slope, by_time = ca.jacobian(b, parts.y[: v.numel()]), ca.densify(ca.jacobian(b, parts.t))
+    whole = _row_norms(B, sizes.units) * (sizes.v + TINY) + ROUNDED * ca.fabs(by_time * parts.t)
+    if slope.nnz():
+        whole += _row_norms(slope, sizes.units) * sizes.q
+    return ca.mmax(ca.fabs(B @ v + b) / whole)
 
 
 def velocity_residual(parts: Parts) -> Any:
-    """Largest |B_i v + b_i| / |B_i|."""
+    """Largest |B_i v + b_i| / |B_i|; of a row without a gradient, g dt = 0, |b_i|."""
     if parts.B.shape[0] == 0:
         return ca.SX(0)
-    return ca.mmax(ca.fabs(parts.B @ parts.v + parts.b) / _row_norms(parts.B))
+    empty = np.bincount(parts.B.sparsity().row(), minlength=parts.B.shape[0]) == 0
+    return ca.mmax(ca.fabs(parts.B @ parts.v + parts.b) / (_row_norms(parts.B) + ca.DM(empty.astype(float))))
 
 
 def _row_norms(B: Any, units: Any | None = None) -> Any:

@@ -238,6 +238,11 @@ class Run:
         return dataclasses.replace(base, row=self._row, figures=figures)
 
     @property
+    def rate(self) -> Floats:
+        """y' there, (2n + 1,)."""
+        return self._k.copy()
+
+    @property
     def selection(self) -> Selection:
         """The independent rows it is stepped with."""
         return self._held.integrals.selection

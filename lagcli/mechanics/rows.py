@@ -59,7 +59,7 @@ def lay_down(
     f = _stack([block.f for block in blocks])
     B = ca.sparsify(ca.vertcat(ca.SX(0, n), *(block.B for block in blocks)))
     b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("b", "gamma"))
-    _refuse_empty(names, B, ca.vertcat(f, b[f.numel() :]))
+    _refuse_empty(names, B, f, b[f.numel() :], environment.symbols.q)
     return Rows(names, f, B, b, gamma)
 
 
@@ -145,17 +145,19 @@ def _normal(base: Sequence[tuple[Any, Any, Any]]) -> tuple[Any, Any, Any]:
     return b * z - c * y, c * x - a * z, a * y - b * x
 
 
-def _refuse_empty(names: Sequence[Row], B: Any, values: Any) -> None:
-    """A row in which no coordinate enters says nothing about the motion, or can never hold.
+def _refuse_empty(names: Sequence[Row], B: Any, f: Any, b: Any, q: Any) -> None:
+    """A row in which no coordinate enters says nothing about the motion, or can never hold; b: of differential rows.
 
     A component 0 = 0 of a vector equation says nothing either, but belongs to an equation that does: it stays, as
-    a redundant row.
+    a redundant row. g(q, t) dt = 0 moves no coordinate and demands g = 0.
     """
+    values, s = ca.vertcat(f, b), f.numel()
     filled = np.bincount(np.asarray(B.sparsity().row(), dtype=int), minlength=len(names))
     empty = [
         names[i]
         for i in np.flatnonzero(filled == 0).tolist()
         if not (names[i].name != names[i].constraint and values[i].is_zero())
+        and not (i >= s and ca.jacobian(b[i - s], q).nnz())
     ]
     if empty:
         # Of a family the first says it for all: they are one text.

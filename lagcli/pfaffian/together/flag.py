@@ -28,6 +28,14 @@ from lagcli.pfaffian.together.field import Field, NotDecidedError, Row, Solved, 
 
 
 @dataclass(frozen=True, slots=True)
+class Demand:
+    """g dt = 0, which a combination of `rows` says: the factors of g that may vanish for some time."""
+
+    factors: tuple[sympy.Expr, ...]
+    rows: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Flag:
     """The flag beyond the df of the surface.
 
@@ -37,8 +45,7 @@ class Flag:
     is a multiple of dt, or empty; special: expressions at whose zeros I' is larger than elsewhere; is_exact: no
     value was proved not zero by its digits at points of the surface alone; exceptional: expressions of the
     parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; held: rank of the df;
-    divisors: as those of `field.Field`; conditions: where a combination of rows is g dt, the factors of each g that may
-    vanish for some time.
+    divisors: as those of `field.Field`; conditions: what combinations of rows demand that are g dt.
     """
 
     dims: tuple[int, ...]
@@ -52,7 +59,7 @@ class Flag:
     vanishing: tuple[int, ...] = ()
     held: int = 0
     divisors: tuple[sympy.Expr | None, ...] = ()
-    conditions: tuple[tuple[sympy.Expr, ...], ...] = ()
+    conditions: tuple[Demand, ...] = ()
 
 
 def flag(
@@ -209,16 +216,21 @@ class _Search:
         for g in remainders:
             parts = [self._field.expression(part) for part, _ in g.numer.factor_list()[1]]
             found.append([e for e in parts if e.free_symbols & variables and not bounds.never_vanishes(e)])
-        rows = self._contradiction()
-        return Flag((), (), (), (), rows, divisors=divisors, conditions=tuple(map(tuple, found)))
+        conditions = tuple(
+            Demand(tuple(factors), self._demanding(None if len(remainders) == 1 else g))
+            for factors, g in zip(found, remainders, strict=True)
+        )
+        rows = next((one.rows for one in conditions if not one.factors), self._demanding(None))
+        return Flag((), (), (), (), rows, divisors=divisors, conditions=conditions)
 
-    def _contradiction(self) -> tuple[int, ...]:
-        """Rows, as few as dropping one after the other leaves, of which a combination is a multiple of dt."""
+    def _demanding(self, g: Any) -> tuple[int, ...]:
+        """Rows, as few as dropping one after the other leaves, of which a combination is g dt; g None: any multiple."""
         needed = list(range(len(self._declared)))
         for i in list(needed):
             rest = [j for j in needed if j != i]
             rows = [*self._whole, *(self._declared[j] for j in rest)]
-            if self._time in self._field.solved(rows, self._time).pivots:
+            is_demanded = self._time in self._field.solved(rows, self._time).pivots
+            if is_demanded and (g is None or any(not g.numer.rem(r.numer) for r in self._field.remainders)):
                 needed = rest
         return tuple(needed)
 

@@ -111,7 +111,7 @@ class _Renaming:
             integrable=self._table(flag.integrable),
             special=self._each(flag.special),
             divisors=divisors,
-            conditions=tuple(self._each(factors) for factors in flag.conditions),
+            conditions=tuple(replace(one, factors=self._each(one.factors)) for one in flag.conditions),
         )
         return Flagged(moved, values, told)
 
