@@ -103,6 +103,17 @@ PULSES: dict[str, tuple[str, Curve, tuple[float, ...]]] = {
         lambda t: np.arcsin(np.sin(3 * t)),
         tuple((k + 0.5) * math.pi / 3 for k in range(10)),
     ),
+    "power of a number": ("2**(-((t - 7.15)/0.02)**2)", lambda t: 2.0 ** -(((t - 7.15) / 0.02) ** 2), ()),
+    "jump at a pole": (
+        "atan(1/(t - 5.0371))",
+        lambda t: np.arctan(1 / (t - 5.0371)),
+        (5.0371,),
+    ),
+    "saw of a tangent": (
+        "1 + atan(tan(t))",
+        lambda t: 1 + np.arctan(np.tan(t)),
+        tuple((k + 0.5) * math.pi for k in range(3)),
+    ),
     "root": (
         "sqrt(max(0, 0.04 - (t - 5)**2))**3",
         lambda t: np.maximum(0, 0.04 - (t - 5) ** 2) ** 1.5,
@@ -581,3 +592,19 @@ forces: {"push[i]": {for: "i = 1 .. 10000", to: "p[i]", force: "[0, exp(-((t - i
     found = spoken_of(text)
     assert found.is_mixed
     assert found.size <= timed.MOST_VALUES
+
+
+def test_a_function_that_is_too_busy_hides_no_other_one() -> None:
+    run = lagcli.simulate(
+        lagcli.loads(free("exp(-((t - 5)/0.001)**2)*sin(300*t)", "duration: 10, samples: 3"))
+    )
+    # The integral of exp(-s^2/w^2) cos(300 s), half of it, times sin(1500).
+    impulse = 0.001 * math.sqrt(math.pi) * math.exp(-((300 * 0.001 / 2) ** 2)) * math.sin(1500)
+    assert run["a.vy"][-1] == pytest.approx(impulse / 2, rel=1e-10)
+
+
+@pytest.mark.parametrize("force", ["1/(t - 5.0371)", "1/abs(t - 5)", "1/sqrt(abs(t - 5))", "tan(t/3.2)"])
+def test_a_run_does_not_go_on_beyond_a_pole_of_a_force(force: str) -> None:
+    with pytest.raises(lagcli.SimulationStopped, match="a function of t has a pole") as stopped:
+        lagcli.simulate(lagcli.loads(free(force)))
+    assert stopped.value.trajectory.t[-1] < 5.0371

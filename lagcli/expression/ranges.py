@@ -140,7 +140,7 @@ def _atan2(y: Range, x: Range) -> Range:
 
 def _power(base: Range, exponent: Range) -> Range:
     low, high = exponent
-    number = float(low) if low.size == 1 and low.size == high.size and float(low) == float(high) else None
+    number = low.item() if low.size == 1 and np.array_equal(low, high) else None
     if number is None:
         return _exp(_multiply(exponent, _log(base)))
     if number == round(number) and abs(number) <= MOST_POWER:

@@ -460,6 +460,10 @@ class Run:
         self._land_cells[0], self._land_aside.arguments[1][:] = after, y
         self._land_aside.trigger()
         landed, rate, *_ = self._land_aside.results
+        if self._is_pole(self.t, -dt) or self._is_pole(after, dt):
+            self._stop(
+                "the accelerations grow beyond all bounds there: a function of t has a pole", NOT_FINITE
+            )
         if not standing.is_same((y, k), (landed, rate), dt):
             rows = standing.violated(self._held.functions.numeric, self._state(after, y))
             self._stop(
@@ -475,6 +479,15 @@ class Run:
         self._in_step = self._is_still = True
         self._reached, self._taken, self._proposed = after, dt, self._step_size
         return True
+
+    def _is_pole(self, t: float, away: float) -> bool:
+        """Whether y' at the state grows without bound towards a switch, half of `away` behind a time."""
+        rates = [
+            np.array(self._held.functions.numeric.rhs(t + part * away, self._y, self._held.p)).ravel()
+            for part in (0.0, 1.0, 4.0)
+        ]
+        self.account.evaluations += len(rates)
+        return standing.is_pole(rates)
 
     def _pass(self) -> bool:
         """Take one step across the singular configuration that is foreseen, or away from it; False where there is none

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -13,6 +16,10 @@ Floats = npt.NDArray[np.float64]
 
 # Positions and velocities may differ by this part of their size, and by what they change in so many times the time.
 SAME, LONGER = 1e-9, 16.0
+# At three times the distance from a pole of this order rates are this part of what they are. Weaker ones change
+# velocities by nothing that counts in a few roundings of the time.
+ORDER = 0.25
+POLE = 3.0**-ORDER
 
 
 def is_same(before: tuple[Floats, Floats], after: tuple[Floats, Floats], dt: float) -> bool:
@@ -25,6 +32,14 @@ def is_same(before: tuple[Floats, Floats], after: tuple[Floats, Floats], dt: flo
         if not np.abs(new[part] - y[part]).max(initial=0.0) <= SAME * size + LONGER * dt * rate:
             return False
     return True
+
+
+def is_pole(rates: Sequence[Floats]) -> bool:
+    """Whether y' (2n + 1,) grows without bound towards a time, from its values nearby, three times, and nine times as
+    far away."""
+    n = rates[0].size // 2
+    sizes = [float(np.abs(k[n : 2 * n]).max(initial=0.0)) for k in rates]
+    return all(0.0 < far <= POLE * near for near, far in itertools.pairwise(sizes))
 
 
 def violated(numeric: NumericSystem, state: State) -> tuple[int, ...]:

@@ -135,13 +135,15 @@ class Timetable:
         begin = max(low, self._start - STILL * math.ulp(self._start))
         if begin < high and high >= t:
             switches = _switches(self._functions, (begin, high), GRAIN * self._piece)
-            stations = _stations(self._functions, (begin, high))
+            stations = _stations(self._functions, self._functions.waves, (begin, high))
             if halvings and (switches is None or stations is None):
                 middle = (low + high) / 2
                 self._open += [(middle, high, halvings - 1), (low, middle, halvings - 1)]
                 return
             # What is too much in the shortest piece is left to the error estimate and to the rows.
-            self._add(switches or [], stations or [])
+            self._add(
+                switches or [], _of_each(self._functions, (begin, high)) if stations is None else stations
+            )
         self._known = high
 
     def _add(self, switches: list[Switch], stations: list[float]) -> None:
@@ -214,16 +216,24 @@ def _joined(cells: list[tuple[float, float]] | list[Switch], grain: float) -> li
     return found
 
 
-def _stations(functions: TimeFunctions, span: tuple[float, float]) -> list[float] | None:
-    """The stations between two times; None where there is too much to look at."""
-    if not functions.waves:
+def _of_each(functions: TimeFunctions, span: tuple[float, float]) -> list[float]:
+    """The stations between two times of those functions alone that are not too much to look at."""
+    found = {x for wave in functions.waves for x in _stations(functions, (wave,), span) or []}
+    return sorted(found)
+
+
+def _stations(
+    functions: TimeFunctions, waves: tuple[int, ...], span: tuple[float, float]
+) -> list[float] | None:
+    """The stations of waves between two times; None where there is too much to look at."""
+    if not waves:
         return []
     everything = np.array([-np.inf]), np.array([np.inf])
-    whole = functions.values(everything, functions.waves)
+    whole = functions.values(everything, waves)
     left, right = (np.array([x]) for x in span)
     shortest = SHORTEST * (span[1] - span[0])
     while True:
-        values = functions.values((left, right), functions.waves)
+        values = functions.values((left, right), waves)
         change = np.zeros(left.size)
         for bound, value in zip(whole, values, strict=True):
             change = np.maximum(change, _change(bound, value))

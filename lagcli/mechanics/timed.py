@@ -326,7 +326,8 @@ class _Algebra:
         return self._record.combine("multiply", left, right)
 
     def divide(self, node: tree.Node, left: _Value, right: _Value) -> _Value:
-        """left / right."""
+        """left / right; one whose divisor vanishes has a pole, and may jump from one infinity to the other."""
+        self._record.switch(right)
         return self._record.combine("divide", left, right)
 
     def power(self, node: tree.Node, base: _Value, exponent: _Value) -> _Value:
@@ -346,6 +347,8 @@ class _Algebra:
             return result
         if name in _SWITCHES or name == "atan2":
             record.switch(arguments[0])
+        if name == "tan":
+            record.switch(record.combine("cos", arguments[0]))
         if name in _INVERSES:
             one = _Value(number=ranges.constant(1.0))
             record.switch(record.combine("subtract", arguments[0], one))
