@@ -53,7 +53,9 @@ def test_the_sheet_of_the_start_counts(values, surface, coefficient, truth):
 def test_the_mode_of_a_four_bar_counts_and_its_integral_is_told():
     values = {"a": 1, "b": 1, "c": 0, "u": 0.3, "s": 0.2}
     bars = ["cos(a) + 3*cos(c) = 3 + cos(b)", "sin(a) + 3*sin(c) = sin(b)"]
-    assert count(values, bars, ["d(s) - sin(c)*d(u) = 0"]).configuration_dof == 2
+    found = count(values, bars, ["d(s) - sin(c)*d(u) = 0"])
+    assert found.configuration_dof == 2
+    assert "which keep to c = 0;" in found.notes[0]
     # Where the modes touch the answer is open.
     assert count(values | {"a": 0, "b": 0}, bars, ["d(s) - sin(c)*d(u) = 0"]).configuration_dof is None
 

@@ -105,16 +105,33 @@ class Locality:
     ) -> tuple[Sequence[Any], Sequence[joint.Integral]]:
         """Equations of the set on which the flag is that of numbers, as few as there are, and the integrals there."""
         for equations in candidates:
-            found = self._on(block, equations, numbers)
+            found = self._fewest(block, equations, numbers)
             if found is None:
                 continue
-            for e in sorted(equations, key=lambda e: (-e.count_ops(), str(e))):
-                fewer = [other for other in equations if other is not e]
-                there = self._on(block, fewer, numbers)
-                if there is not None:
-                    equations, found = fewer, there
-            return equations, self._integrals(found, single)
+            # Where several equations are needed one coordinate that stands still may say it.
+            plain = (
+                self._fewest(block, candidates[-1][len(candidates[0]) :], numbers)
+                if len(found[0]) > 1
+                else None
+            )
+            if plain is not None and len(plain[0]) < len(found[0]):
+                found = plain
+            return found[0], self._integrals(found[1], single)
         return (), ()
+
+    def _fewest(
+        self, block: Block, equations: Sequence[Any], numbers: NumericFlag
+    ) -> tuple[Sequence[Any], joint.Flagged] | None:
+        """The equations without those that the flag does not need, and it; None where it is another than of numbers."""
+        found = self._on(block, equations, numbers)
+        if found is None:
+            return None
+        for e in sorted(equations, key=lambda e: (-e.count_ops(), str(e))):
+            fewer = [other for other in equations if other is not e]
+            there = self._on(block, fewer, numbers)
+            if there is not None:
+                equations, found = fewer, there
+        return equations, found
 
     def _point(self, state: State) -> places.Point:
         names = self._case.system.model.coordinate_names
