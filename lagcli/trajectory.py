@@ -63,6 +63,9 @@ class Stopped:
     code: str
 
 
+INTERRUPTED = "interrupted"  # the code of a run that a signal ended
+
+
 @dataclasses.dataclass(slots=True)
 class Outcome:
     """What has become of a run so far: the number of its rows, the time of the last one, and why it stopped."""

@@ -603,6 +603,22 @@ def test_options_that_do_not_fit_exit_2_before_the_run(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["m.yaml", "old.json"]
 
 
+def test_later_rows_never_replace_the_complete_table_of_the_run_before(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(PENDULUM)
+    options = ["simulate", "m.yaml", "--output-step", "0.5", "--checkpoint", "c.json", "-q", "-o", "run.csv"]
+    assert command(*options, "--duration", "1", folder=tmp_path).returncode == 0
+    whole = (tmp_path / "run.csv").read_bytes()
+    longer = command(*options, "--duration", "2", "--resume", "c.json", folder=tmp_path)
+    assert (longer.returncode, longer.stdout) == (2, "")
+    assert longer.stderr.startswith(
+        "lagcli: --output run.csv: that is the table of the run before, and a resumed run"
+    )
+    assert (tmp_path / "run.csv").read_bytes() == whole
+    (tmp_path / "run.csv").rename(tmp_path / "first.csv")
+    assert command(*options, "--duration", "2", "--resume", "c.json", folder=tmp_path).returncode == 0
+    assert (tmp_path / "run.csv").read_text().splitlines()[1].startswith("1.5,")
+
+
 def test_a_checkpoint_that_cannot_be_made_exits_74(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(SLEIGH)
     done = command("simulate", "m.yaml", "--checkpoint", "none/c.json", folder=tmp_path)

@@ -990,14 +990,14 @@ def test_an_interrupted_run_keeps_its_rows_in_partial_and_leaves_the_file(
 ) -> None:
     path = tmp_path / f"run.{ending}"
     path.write_text("old")
-    process = started("simulate", "long.yaml", "-o", path.name)
+    process = started("simulate", "long.yaml", "-o", path.name, "--stats", "stats.json", "--json")
     if ending == "csv":
         await_(lambda: written_aside(tmp_path) > 10_000)
     else:  # a format by columns keeps its rows to itself for a while
         await_(lambda: written_aside(tmp_path) >= 0)
         time.sleep(0.7)
     process.send_signal(number)
-    err = process.communicate()[1].decode()
+    out, err = (stream.decode() for stream in process.communicate())
     assert process.returncode == code
     assert err == f"lagcli: interrupted; the complete rows are in run.{ending}.partial\n"
     assert path.read_text() == "old"
@@ -1007,6 +1007,12 @@ def test_an_interrupted_run_keeps_its_rows_in_partial_and_leaves_the_file(
     assert names[:2] == ["t", "a.x"]
     assert len(rows) > 10
     assert np.diff(rows[:, 0]) == pytest.approx(0.02)
+    account = json.loads((tmp_path / "stats.json").read_text())
+    assert json.loads(out) == account
+    assert (account["rows"], account["t_end"]) == (len(rows), rows[-1, 0])
+    assert account["stopped"]["code"] == "interrupted"
+    assert account["stopped"]["reason"] == f"interrupted by {signal.Signals(number).name}"
+    assert account["stopped"]["t"] >= account["t_end"]
 
 
 def written_aside(folder: Path) -> int:

@@ -88,4 +88,15 @@ simulation: {duration: 2, samples: 11}
         old="duration: 2",
         new="duration: 1",
     ),
+    Page(
+        code="interrupted",
+        stage="input",
+        severity="stop",
+        meaning="A signal ended the run: Ctrl-C, or SIGTERM or SIGHUP of the system.",
+        why="The exit code is 128 and the number of the signal: 130 after Ctrl-C, 143 after SIGTERM. The complete rows"
+        " are in FILE.partial, and FILE is as it was.",
+        example="lagcli simulate model.yaml -o run.csv --stats run.json    # and then Ctrl-C",
+        cure="Run again; with a checkpoint the run can go on where it ended.",
+        new="lagcli simulate model.yaml -o run.csv --checkpoint ck.json --resume ck.json    # --checkpoint before, too",
+    ),
 )

@@ -7,6 +7,7 @@ import dataclasses
 import json
 import os
 import pathlib
+import signal
 import sys
 from collections.abc import Iterator
 from typing import Any
@@ -14,14 +15,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import pipeline, settings
+from lagcli import pipeline, settings, trajectory
 from lagcli.cli import console, exits, files, machine, signals, table
 from lagcli.digits import estimate
 from lagcli.export import aside, columns, endings, row_file, thinned
 from lagcli.integrate import checkpoint, driver, moves, tolerance
 from lagcli.mechanics import rows as row_lengths
 from lagcli.model import Model, Simulation
-from lagcli.trajectory import Stats
+from lagcli.trajectory import Outcome, Stats, Stopped
 
 Floats = npt.NDArray[np.float64]
 
@@ -119,20 +120,27 @@ def run(ready: pipeline.Running, wishes: Wishes) -> None:
     first = table.before(ready, wishes.resume, wishes.file, names)
     if first is None:
         _require_rows_left(ready, wishes)
+        table.require_kept(ready, wishes.resume, wishes.file)
     for warning in () if wishes.quiet else ready.warnings:
         exits.say(warning.render())
     _tell_start(ready, wishes, first)
     kept = thinned.Thinned()
     signals.leave()
+    outcome = dataclasses.replace(ready.outcome)  # of the rows that have been written
     with signals.unwinding():
-        with table.opened(ready, wishes.file, wishes.to_stdout, names) as written:
-            if wishes.checkpoint is not None:
-                written.keep_checkpoints(wishes.checkpoint, names, ready.grid.step, first)
-            if first is not None:
-                is_whole = wishes.plot is not None and names == list(ready.columns)
-                written.begin(first, names, kept.add if is_whole else lambda block: None)
-            stopped = _write_rows(ready, wishes, picked, written, kept)
-        _finish(ready, wishes, kept)
+        try:
+            with table.opened(ready, wishes.file, wishes.to_stdout, names) as written:
+                if wishes.checkpoint is not None:
+                    written.keep_checkpoints(wishes.checkpoint, names, ready.grid.step, first)
+                if first is not None:
+                    is_whole = wishes.plot is not None and names == list(ready.columns)
+                    written.begin(first, names, kept.add if is_whole else lambda block: None)
+                stopped = _write_rows(ready, wishes, picked, written, kept, outcome)
+        except signals.Interrupted as interrupt:
+            _account_of_interrupted(ready, wishes, outcome, interrupt)
+            raise
+        _write_account(wishes, ready.stats)
+        _draw(ready, wishes, kept)
         signals.check()
     if not wishes.quiet:
         for note in ready.notes:
@@ -183,7 +191,12 @@ def _tell_start(ready: pipeline.Running, wishes: Wishes, first: table.Before | N
 
 
 def _write_rows(
-    ready: pipeline.Running, wishes: Wishes, picked: list[int], written: table.Table, kept: thinned.Thinned
+    ready: pipeline.Running,
+    wishes: Wishes,
+    picked: list[int],
+    written: table.Table,
+    kept: thinned.Thinned,
+    outcome: Outcome,
 ) -> driver.Stopped | None:
     """Pass the blocks on as they come; the reason if the run stopped before its end.
 
@@ -195,6 +208,7 @@ def _write_rows(
             for block in _blocks(ready, bar):
                 point = ready.checkpoint() if wishes.checkpoint is not None else None
                 written.take(block, ready.taken(block, picked), point)
+                outcome.rows, outcome.t_end = ready.outcome.rows, ready.outcome.t_end
                 if wishes.plot is not None:
                     kept.add(block)
     except driver.Stopped as stop:
@@ -231,9 +245,37 @@ def _progress(ready: pipeline.Running, wishes: Wishes) -> contextlib.AbstractCon
     return console.progress(ready.grid.start, ready.grid.end, silent)
 
 
-def _finish(ready: pipeline.Running, wishes: Wishes, kept: thinned.Thinned) -> None:
-    """The figure and the account."""
-    account = ready.stats.as_json()
+def _account_of_interrupted(
+    ready: pipeline.Running, wishes: Wishes, outcome: Outcome, interrupt: signals.Interrupted
+) -> None:
+    """The account of the rows that are kept of an interrupted run; what fails here does not hide the interrupt."""
+    outcome.stopped = ready.outcome.stopped
+    if outcome.stopped is None and outcome.t_end != ready.grid.end:
+        outcome.stopped = Stopped(
+            ready.t, f"interrupted by {signal.Signals(interrupt.number).name}", trajectory.INTERRUPTED
+        )
+    account = dataclasses.replace(
+        ready.stats, stopped=outcome.stopped, rows=outcome.rows, t_end=outcome.t_end
+    )
+    try:
+        _write_account(wishes, account)
+    except exits.WriteError as error:
+        exits.say(f"lagcli: {error}")
+
+
+def _write_account(wishes: Wishes, stats: Stats) -> None:
+    """What `--stats` and `--json` ask for. A signal waits for it, but not long for a reader who takes nothing."""
+    account = stats.as_json()
+    with signals.shielded(signals.PATIENCE):
+        if wishes.stats is not None:
+            with exits.writing(wishes.stats):
+                _write_json(wishes.stats, account)
+        if wishes.as_json and not wishes.to_stdout:
+            print(machine.text(account), flush=True)
+
+
+def _draw(ready: pipeline.Running, wishes: Wishes, kept: thinned.Thinned) -> None:
+    """The figure, where one is asked for."""
     rows = kept.rows()
     if wishes.plot is not None and len(rows):
         # matplotlib takes a third of a second to load: only where a figure is asked for.
@@ -257,11 +299,6 @@ def _finish(ready: pipeline.Running, wishes: Wishes, kept: thinned.Thinned) -> N
                     len(names) < len(ready.columns),
                 ),
             )
-    if wishes.stats is not None:
-        with exits.writing(wishes.stats):
-            _write_json(wishes.stats, account)
-    if wishes.as_json and not wishes.to_stdout:
-        print(machine.text(account))
 
 
 def _drawn(

@@ -71,6 +71,20 @@ def before(
     return Before(path, rows, point.mark.origin + point.mark.row)
 
 
+def require_kept(ready: pipeline.Running, resume: str | None, file: str | None) -> None:
+    """Refuse to replace the table of the run before by the rows after it alone. Raises `exits.UsageError`."""
+    point = ready.resumed
+    if point is None or point.table is None or file is None or resume is None:
+        return
+    path = pathlib.Path(os.path.realpath(file))
+    if path.is_file() and checkpoint_file.table_of(pathlib.Path(resume), point.table.file) == path:
+        t = point.mark.origin + point.mark.row
+        raise exits.UsageError(
+            f"--output {file}: that is the table of the run before, and a resumed run has only the rows after"
+            f" t = {t:.9g}: give another file, or move that one away"
+        )
+
+
 def elsewhere(ready: pipeline.Running, resume: str | None) -> str:
     """Where the rows before a resumed run are if their table was never completed, as a sentence, or nothing."""
     point = ready.resumed
