@@ -31,6 +31,8 @@ ROUNDING = 1e-12
 DENSE, MOST_DENSE = 150, 3000
 # A Gram matrix with this part of its entries is factored faster as a dense one, up to so many rows (128 MB).
 FILLED, MOST_FILLED = 0.1, 4000
+# The inverse of a Gram matrix of so few rows costs less than one sparse factorization.
+FEW = 40
 # A row hangs on a coordinate that no other row holds where the entry is this part of its length.
 HANGING = 1e-2
 
@@ -220,8 +222,11 @@ class MetricRows:
 
     def _repeated_solver(self, shift: float) -> Callable[[Floats], Floats]:
         """The same for one y after another."""
-        if self.is_large and self._is_filled:
-            inverse = np.linalg.inv(np.array(self._shifted(shift)))
+        if self.count <= FEW or (self.is_large and self._is_filled):
+            try:
+                inverse = np.linalg.inv(np.array(self._shifted(shift)))
+            except np.linalg.LinAlgError:  # singular to the last digit, in spite of the shift
+                return lambda y: np.full(self.count, np.inf)
             return lambda y: np.asarray(inverse @ y)
         return lambda y: self._solved(y, shift)
 

@@ -35,8 +35,11 @@ class Metric:
         n = M.shape[0]
         self._M = M
         self._free = np.ones(n, dtype=bool) if held is None else ~held
-        diagonal = np.array(ca.diag(M), dtype=float).ravel()
-        if not M.sparsity().is_diag():
+        pattern = M.sparsity()
+        is_plain = pattern.is_diag()
+        whole = is_plain and pattern.nnz() == n
+        diagonal = np.array(M.nonzeros() if whole else ca.diag(M), dtype=float).ravel()
+        if not is_plain:
             _require_finite(M)
         worst = int(np.argmin(diagonal)) if n else 0
         if n and not diagonal[worst] > 0:
@@ -44,7 +47,7 @@ class Metric:
         # Where each free coordinate stands among them, and the lengths of those that are coupled to no other.
         self._place = np.cumsum(self._free) - 1
         self._lengths = np.sqrt(diagonal)
-        self._blocks = _blocks(M, self._free, self._place)
+        self._blocks = [] if is_plain else _blocks(M, self._free, self._place)
 
     @classmethod
     def unit(cls, n: int, held: Flags | None = None) -> Metric:
@@ -140,8 +143,6 @@ def _blocks(M: Any, free: Flags, place: Places) -> list[_Block]:
 
     Raises `NotDefiniteError` for the set that shows it most.
     """
-    if M.sparsity().is_diag():
-        return []
     count, order, ends = M.sparsity().scc()
     found: list[_Block] = []
     worst: NotDefiniteError | None = None

@@ -8,7 +8,7 @@ import os
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -97,6 +97,7 @@ class Compiled:
         self.functions = functions or holding.Functions(compile.NumericSystem(built))
         self._integrals: dict[Integrals, holding.Integrals] = {}
         self._searched: dict[Values, Found] = {}
+        self._timed: timed.TimeFunctions | Literal[False] | None = False  # where nobody has asked
 
     @property
     def numeric(self) -> compile.NumericSystem:
@@ -122,7 +123,15 @@ class Compiled:
             return None
         same = Compiled(moved, self.functions)
         same._integrals, same._searched = self._integrals, self._searched
+        if self._timed is None or model.parameters == self.system.model.parameters:
+            same._timed = self._timed
         return same
+
+    def timed(self) -> timed.TimeFunctions | None:
+        """The functions of t; another run of the same model asks for no others."""
+        if self._timed is False:
+            self._timed = timed.functions(self.system.model)
+        return self._timed
 
     def searched(self, limit: float) -> Found:
         """The first integrals as far as they are found in `limit` seconds; another run with the same values asks
@@ -321,7 +330,7 @@ class Running:
         self.columns = ("t", *columns, *(estimate.COLUMNS if digits else ()))
         self._paired: paired.Paired | None = None
         state = initial.declared(ready.system)
-        spoken = timed.functions(model)
+        spoken = ready.timed()
         self._conditions: tuple[Condition, ...] = ()
         # The start of a run that goes on was examined, and perhaps assembled, when it began.
         if resumed is None:

@@ -46,6 +46,8 @@ def begin(
 
     whole: the system with the hidden conditions of its rows, to whose surface the motion keeps.
     """
+    if not system.rows.rows:
+        return Begin(numeric.selection)
     rows = walk.rows(numeric, state)
     found = rank.rank(rows)
     if found.value == rows.count:

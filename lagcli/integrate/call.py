@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 from typing import Any, cast
 
@@ -11,12 +12,25 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 
+# Of functions that were bound before: entries of each argument; shape and entries of each result.
+_Layout = tuple[tuple[int, ...], tuple[tuple[tuple[int, int], int], ...]]
+_layouts: weakref.WeakKeyDictionary[Any, _Layout] = weakref.WeakKeyDictionary()
+
+
+def _layout(function: Any) -> _Layout:
+    known = _layouts.get(function)
+    if known is None:
+        made = tuple((function.size_out(i), function.nnz_out(i)) for i in range(function.n_out()))
+        known = _layouts[function] = (tuple(function.nnz_in(i) for i in range(function.n_in())), made)
+    return known
+
+
 class Call:
     """A CasADi function bound to arrays: set the `arguments`, `trigger`, read `results`.
 
     The first results may be `given`, for calls that share them; of a function with more results only `wanted`
     are written. A matrix result has the layout of CasADi (columns after one another) and the shape of numpy; as
-    an argument of another call its transpose is bound.
+    an argument of another call its transpose is bound. is_sparse: of every result the entries of its pattern, in a row.
     """
 
     def __init__(
@@ -25,19 +39,22 @@ class Call:
         arguments: Sequence[Floats],
         given: Sequence[Floats] = (),
         wanted: int | None = None,
+        is_sparse: bool = False,
     ) -> None:
         self._buffer, self.trigger = function.buffer()
         self._function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
         self.used = 0  # for those who count their calls
         self.results: list[Floats] = []
+        taken, made = _layout(function)
         for i, array in enumerate(arguments):
             assert array.dtype == np.float64, (function.name(), i)
-            assert array.size == function.nnz_in(i), (function.name(), i)
+            assert array.size == taken[i], (function.name(), i)
             self._buffer.set_arg(i, memoryview(array.data))
-        for i in range(function.n_out() if wanted is None else wanted):
+        for i, (shape, entries) in enumerate(made[:wanted]):
             # A buffer holds the entries of the pattern only: of a sparse result the places would be lost.
-            assert function.sparsity_out(i).is_dense(), (function.name(), i)
-            shape = (function.size1_out(i), function.size2_out(i))
+            assert is_sparse or entries == shape[0] * shape[1], (function.name(), i)
+            if is_sparse:
+                shape = (entries, 1)
             array = given[i] if i < len(given) else np.zeros(shape if shape[1] > 1 else shape[0], order="F")
             self._buffer.set_res(i, memoryview((array.T if array.ndim > 1 else array).data))
             self.results.append(array)

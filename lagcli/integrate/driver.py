@@ -75,6 +75,7 @@ DEPENDENT, SOON = 1e-2, 1e-4
 WEIGHED = 1e-4
 # Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
 PACE, HOPELESS = 5000, 1e10
+NONE_TRIED: holding.Tried = frozenset()
 BELOW_ROUNDING = "the step needed for the tolerance is below the rounding of the time"
 
 
@@ -136,6 +137,8 @@ class Run:
         longest = settings.max_step or math.inf
         self._timetable = Timetable(spoken, grid.start, grid.step, longest, 0 if is_again else 1)
         self._witnesses = Witnesses(grid, spoken, is_again)
+        # What steps need not be asked about at all.
+        self._is_timed, self._is_witnessed = self._timetable.is_any, self._witnesses.is_any
         self._columns = columns
         self.account = Account(notes=notes)
         self._resumed = begin if isinstance(begin, Mark) else None
@@ -186,7 +189,7 @@ class Run:
         stages = self._staged_step.results[3:]
         self._dense = Call(scheme.dense, [t, h, y, new, k_new, p, k, *stages])
         coefficients = self._dense.results[0]
-        if self._witnesses.is_any:
+        if self._is_witnessed:
             inputs = [at, x, h, y, coefficients.T, self._tolerance, p]
             self._defect = Call(held.functions.defect, inputs)
         self._line_inside = Call(scheme.line_inside, [at, x, y, coefficients.T, p])
@@ -249,7 +252,9 @@ class Run:
 
     def _here(self, figures: Figures) -> Mark:
         state = self._t_cell[0], self._y.copy(), self._k.copy(), self._step_size, self._pace_from
-        base = Mark(*state, *self._counted, self._row, figures, self._selection, self._levels, self._notes)
+        held = self._settled
+        chosen = held.integrals.selection, held.levels
+        base = Mark(*state, *self._counted, self._row, figures, *chosen, self._notes)
         watched = dataclasses.replace(base, watch=self._watched, crossings=self._crossings)
         return dataclasses.replace(watched, origin=self.origin, turns=self._turns.of(self._held.p))
 
@@ -257,10 +262,9 @@ class Run:
         """Keep what belongs to the state from which the next step is tried."""
         account = self.account
         self._counted = account.steps, account.rejected, account.evaluations
-        self._levels, self._notes = self._held.levels, account.notes
-        self._selection = self.selection
+        self._settled, self._notes = self._held, account.notes
         self._watched, self._crossings = self._watch.state, account.crossings
-        self._tried: holding.Tried = frozenset()
+        self._tried: holding.Tried = NONE_TRIED
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty.
@@ -310,7 +314,9 @@ class Run:
                     return False
             elif self._next_row == count:
                 return True
-            if not self._stand() and not (self._foreseen.is_any and self._pass()):
+            if self._is_timed and self._stand():
+                continue
+            if self._foreseen is NEVER or not (self._foreseen.is_any and self._pass()):
                 self._advance()
 
     def _begin(self) -> None:
@@ -359,8 +365,7 @@ class Run:
         longer run would have tried it, so that the steps up to the last do not depend on the end.
         """
         t, end = self.t, self.grid.end
-        wished = self._foreseen.shortened(t, self._step_size)
-        h = self._timetable.shortened(t, wished)
+        h, wished = self._lengths(t)
         grow, shorter = GROW, 0.0
         while True:
             # The step ends at a time that is a double, so that t and the state go on together.
@@ -400,13 +405,20 @@ class Run:
         # Where the timetable has cut a step, and not its error, the next one has the length that was wished.
         self._proposed = max(grown, wished if h < wished and grow > 1.0 else 0.0)
 
+    def _lengths(self, t: float) -> tuple[float, float]:
+        """The length of a step to be tried from t, and what it would be without the timetable."""
+        wished = self._step_size
+        if self._foreseen is not NEVER:
+            wished = self._foreseen.shortened(t, wished)
+        return self._timetable.shortened(t, wished) if self._is_timed else wished, wished
+
     def _try(self, reached: float, taken: float) -> tuple[float, float]:
         """The error of a step, and the length of a smaller one that should be tried; 0 where it may be taken.
 
         The error is `UNSEEN` where only a witness speaks against it.
         """
         self._h_cell[0], self._has_dense = taken, False
-        is_watched = self._row_time < reached or self._witnesses.is_any
+        is_watched = self._row_time < reached or self._is_witnessed
         (self._staged_step if is_watched else self._step).trigger()
         self.account.evaluations += tableau.STAGES
         scheme_error, moved, hidden, residual, _, _, everything, _ = self._outcome
@@ -414,7 +426,9 @@ class Run:
         if hidden < 0.0 and taken > HIDING * self._step_size:
             error = max(error, HIDDEN)
         if error < 1.0 and landed and math.isfinite(everything):
-            unseen = self._unseen(reached, taken) if self._witnesses.is_any else math.inf
+            if not self._is_witnessed:
+                return error, 0.0
+            unseen = self._unseen(reached, taken)
             return (error, 0.0) if unseen == math.inf else (UNSEEN, unseen - self.t)
         # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
         known = math.isfinite(error) and error >= 1.0 and landed

@@ -10,14 +10,17 @@ import numpy.typing as npt
 from lagcli import diagnostics
 from lagcli import model as nouns
 from lagcli.compile import NumericSystem
+from lagcli.integrate.call import Call
 from lagcli.integrate.initial import State
 from lagcli.mechanics import branch_cuts
 from lagcli.mechanics.system import System
 
 Floats = npt.NDArray[np.float64]
 
-# What else an expression may hold is smooth wherever it has a value.
-_WORDS = re.compile(r"\*\*|\b(sqrt|abs|norm|distance|sign|min|max|asin|acos|atan2|atan|log)\s*\(")
+# What else an expression may hold is smooth wherever it has a value, whole powers too.
+_WORDS = re.compile(
+    r"\*\*(?!\s*[-+]?\d+(?![\w.]))|\b(sqrt|abs|norm|distance|sign|min|max|asin|acos|atan2|atan|log)\s*\("
+)
 
 # Distances from the start, as parts of its size, over which slopes are compared: where they grow by GROWS each time the
 # distance shrinks by a hundred, they have no bound. Those of |x|^a grow by 100^(1 - a): up to a = 0.94 it shows.
@@ -32,14 +35,17 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     """A warning for the first force, inertia or row whose slope has no bound at a state, or nothing."""
     if not state.q.size or not any(_WORDS.search(text) for text in branch_cuts.texts(system.model)):
         return ()
-    here = _values(numeric, state, state.q[:, None], state.v[:, None])[0]
-    scale, growing = np.abs(here), np.zeros(here.size, dtype=bool)
-    random = np.random.default_rng(0)
     n = state.q.size
     size = float(np.abs(state.q).max(initial=0.0)) or 1.0
     speed = float(np.abs(state.v).max(initial=0.0)) or size / (system.model.simulation.duration or 1.0)
-    for _ in range(DIRECTIONS if here.size < MANY else 1):
-        way = random.standard_normal(2 * n)
+    entries = n + numeric.inertia.nnz_out(0) + numeric.rows.nnz_out(0) + numeric.rows.size1_out(1)
+    random = np.random.default_rng(0)
+    ways = [random.standard_normal(2 * n) for _ in range(DIRECTIONS if entries < MANY else 1)]
+    if not _may_grow(numeric, state, [np.repeat((size, speed), n) * way for way in ways]):
+        return ()
+    here = _values(numeric, state, state.q[:, None], state.v[:, None])[0]
+    scale, growing = np.abs(here), np.zeros(here.size, dtype=bool)
+    for way in ways:
         for side in (1.0, -1.0):
             # All distances at once: most of the time of a call goes by before and after it.
             steps = side * np.multiply.outer(way, (WIDE, *DISTANCES))
@@ -56,6 +62,36 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
                 )
     found = np.flatnonzero(growing)
     return (_warning(system, numeric, int(found[0])),) if found.size else ()
+
+
+def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
+    """Whether a slope grows from the longest distance to the next on any of the ways (2n,): where none does, as nearly
+    always, the others need not be looked at."""
+    n = state.q.size
+    t, y, p = np.array([state.t]), np.concatenate([state.q, state.v]), np.array(state.p, dtype=float)
+    q, v = y[:n], y[n:]
+    calls = [
+        Call(function, [t, q, v, p], wanted=wanted, is_sparse=True)
+        for function, wanted in ((numeric.force, 1), (numeric.inertia, 1), (numeric.rows, 2))
+    ]
+
+    def values(distance: float, way: Floats) -> Floats:
+        y[:n], y[n:] = state.q, state.v
+        y[:] += distance * way
+        for call in calls:
+            call.trigger()
+        return np.concatenate([part for call in calls for part in call.results])
+
+    long, short = DISTANCES[:2]
+    here = values(0.0, ways[0])
+    floor = ROUNDED * np.abs(here)
+    with np.errstate(invalid="ignore", over="ignore"):
+        for way in ways:
+            for side in (1.0, -1.0):
+                far, near = (np.abs(values(side * distance, way) - here) for distance in (long, short))
+                if ((near * (long / short) > GROWS * far) & ~(near <= floor)).any():
+                    return True
+    return False
 
 
 def _values(numeric: NumericSystem, state: State, q: Floats, v: Floats) -> Floats:

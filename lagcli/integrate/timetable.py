@@ -25,6 +25,8 @@ Floats = npt.NDArray[np.float64]
 # A piece of time that is looked through at once holds about so many rows; where there is too much to find in it,
 # it is halved, but not more often than this, and the less often the more there is to evaluate.
 ROWS, MOST_HALVINGS = 1024, 14
+# Pieces that are kept for the next run of the same model.
+MOST_KEPT = 16
 # Cells of a piece at a time, and values in all of them.
 MOST_CELLS, MOST_VALUES = 2**12, 2**21
 # A cell that holds a switch is halved down to neighbouring doubles. Rounding alone may fill more of them than RUN:
@@ -78,6 +80,11 @@ class Timetable:
         self._halvings = max(0, MOST_HALVINGS - size.bit_length())
         is_empty = functions is None or not (functions.switches or functions.waves)
         self._is_empty = is_empty or not math.isfinite(self._piece)
+
+    @property
+    def is_any(self) -> bool:
+        """Whether there is anything that steps may have to end at."""
+        return not self._is_empty or self._longest < math.inf
 
     def shortened(self, t: float, h: float) -> float:
         """The longest step from t that is no longer than h and passes nothing it must not."""
@@ -134,8 +141,7 @@ class Timetable:
         assert self._functions is not None
         begin = max(low, self._start - STILL * math.ulp(self._start))
         if begin < high and high >= t:
-            switches = _switches(self._functions, (begin, high), GRAIN * self._piece)
-            stations = _stations(self._functions, self._functions.waves, (begin, high))
+            switches, stations = self._found(begin, high)
             if halvings and (switches is None or stations is None):
                 middle = (low + high) / 2
                 self._open += [(middle, high, halvings - 1), (low, middle, halvings - 1)]
@@ -145,6 +151,18 @@ class Timetable:
                 switches or [], _of_each(self._functions, (begin, high)) if stations is None else stations
             )
         self._known = high
+
+    def _found(self, begin: float, high: float) -> tuple[list[Switch] | None, list[float] | None]:
+        """The switches and stations between two times, kept for the next run; None where there is too much."""
+        assert self._functions is not None
+        kept, span = self._functions.kept, (begin, high)
+        found: tuple[list[Switch] | None, list[float] | None] | None = kept.get((*span, self._piece))
+        if found is None:
+            switches = _switches(self._functions, span, GRAIN * self._piece)
+            found = switches, _stations(self._functions, self._functions.waves, span)
+            if len(kept) < MOST_KEPT:
+                kept[*span, self._piece] = found
+        return found
 
     def _add(self, switches: list[Switch], stations: list[float]) -> None:
         for switch in switches:

@@ -56,7 +56,8 @@ class TimeFunctions:
 
     size: values of all operations, of a family one for each member; switches: places of values that are zero where a
     function jumps or has a kink; waves: places of bounded values that are no sums or products of others; is_mixed:
-    whether t also stands in a function together with coordinates, or some of its functions are too many to look at.
+    whether t also stands in a function together with coordinates, or some of its functions are too many to look at;
+    kept: what was found out about them, for another run with the same.
     """
 
     operations: tuple[Operation, ...]
@@ -64,6 +65,7 @@ class TimeFunctions:
     switches: tuple[int, ...]
     waves: tuple[int, ...]
     is_mixed: bool
+    kept: dict[Any, Any] = dataclasses.field(default_factory=dict, compare=False, repr=False)
 
     @property
     def is_bounded(self) -> bool:

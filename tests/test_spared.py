@@ -1,0 +1,95 @@
+"""What a run is spared: looks that a model does not need, and what an earlier run of it has found."""
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli import constraint_rows, pipeline, walk
+from lagcli.integrate import initial, lipschitz, timetable
+from lagcli.mechanics import timed
+
+PENDULUM = """\
+lagcli: 1
+particles: {a: {mass: 1, position: [0, 0, -1], velocity: [1, 0, 0]}}
+forces: {w: {to: a, force: [0, 0, -9.81*m]}}
+holonomic: {rod: norm(a) = 1}
+"""
+DRIVEN = """\
+lagcli: 1
+parameters: {A: 1}
+coordinates: {x: {value: 1}}
+lagrangian: (rate(x)**2 - x**2)/2
+forces: {push: {to: x, force: "A*cos(5*t) + sign(t - 0.3)"}}
+"""
+
+
+def refuse(*_):
+    raise AssertionError("asked for")
+
+
+def test_slopes_are_compared_only_where_one_grows(monkeypatch):
+    monkeypatch.setattr(lipschitz, "_values", refuse)
+    model = lagcli.loads(PENDULUM)
+    assert pipeline.running(model, model.simulation).warnings == ()
+
+
+@pytest.mark.parametrize("law", ["x**2", "x**2*rate(x)", "x ** -2", "sin(x)**3"])
+def test_whole_powers_are_smooth(law, monkeypatch):
+    monkeypatch.setattr(lipschitz, "_may_grow", refuse)
+    text = DRIVEN.replace("sign(t - 0.3)", law)
+    model = lagcli.loads(text)
+    assert pipeline.running(model, model.simulation).warnings == ()
+
+
+@pytest.mark.parametrize("law", ["x**2.5", "x**2**0.5", "x**-1.5", "x**A"])
+def test_powers_that_are_not_whole_are_looked_at(law, monkeypatch):
+    asked = []
+    monkeypatch.setattr(lipschitz, "_may_grow", lambda *_: asked.append(1))
+    model = lagcli.loads(DRIVEN.replace("sign(t - 0.3)", law))
+    pipeline.running(model, model.simulation)
+    assert asked
+
+
+def test_steps_do_not_ask_for_times_that_a_model_does_not_have(monkeypatch):
+    monkeypatch.setattr(timetable.Timetable, "shortened", refuse)
+    monkeypatch.setattr(timetable.Timetable, "switch", refuse)
+    lagcli.simulate(lagcli.loads(PENDULUM), duration=1, samples=3)
+
+
+def test_functions_of_time_are_found_once_for_the_same_values(monkeypatch):
+    asked, searched = [], []
+    functions, stations = timed.functions, timetable._stations
+    monkeypatch.setattr(timed, "functions", lambda model: asked.append(1) or functions(model))
+    monkeypatch.setattr(timetable, "_stations", lambda *of: searched.append(1) or stations(*of))
+    first = lagcli.simulate(lagcli.loads(DRIVEN), duration=1, samples=11)
+    once = len(searched)
+    again = lagcli.simulate(lagcli.loads(DRIVEN), duration=1, samples=11)
+    assert (first.rows == again.rows).all()
+    assert (len(asked), len(searched)) == (1, once)
+    other = lagcli.simulate(lagcli.loads(DRIVEN, {"A": 2}), duration=1, samples=11)
+    assert len(asked) == 2
+    pipeline._kept.clear()
+    anew = lagcli.simulate(lagcli.loads(DRIVEN, {"A": 2}), duration=1, samples=11)
+    assert (other.rows == anew.rows).all()
+
+
+def test_a_system_without_rows_has_none_to_choose(monkeypatch):
+    monkeypatch.setattr(walk, "rows", refuse)
+    lagcli.simulate(lagcli.loads(DRIVEN), duration=1, samples=3)
+
+
+def test_a_few_rows_are_factored_once(monkeypatch):
+    monkeypatch.setattr(constraint_rows.MetricRows, "_solved", refuse)
+    ready = pipeline.compiled(lagcli.loads(PENDULUM))
+    rows = walk.rows(ready.numeric, initial.declared(ready.system))
+    assert rows.are_independent
+    value, vector = rows._weakest
+    np.testing.assert_allclose([value, *np.abs(vector)], 1, rtol=1e-12)
+
+
+def test_two_rows_that_are_the_same_are_dependent():
+    text = PENDULUM.replace("norm(a) = 1", "norm(a) = 1, again: 2*norm(a) = 2")
+    ready = pipeline.compiled(lagcli.loads(text))
+    rows = walk.rows(ready.numeric, initial.declared(ready.system))
+    assert not rows.are_independent
+    np.testing.assert_allclose(np.abs(rows.weakest), np.sqrt(0.5), rtol=1e-6)
