@@ -80,6 +80,10 @@ KNOWN = {
         system((x, y, th, p1, p2), [(0, 0, 2, -1, 1)]),
         [2 * th - p1 + p2],
     ),
+    "two rates of a body are zero": (
+        system((x, y, w), [(cos(y), 0, 1), (sin(y) * sin(w), cos(w), 0)]),
+        [sin(y) * cos(w), cos(x) * sin(w) + sin(x) * cos(y) * cos(w)],
+    ),
     "hidden by z = x**2": (system((x, z, w), [(-z, 0, 1)], (), (z - x**2,)), [w - x**3 / 3]),
     "linear equations": (system((x, y, t), [(1, 0, -y), (0, 1, -x)]), [(x + y) * exp(-t), (x - y) * exp(t)]),
     "linear equations and a third": (

@@ -218,6 +218,7 @@ TEXTBOOK = {
     "half angle below": ((x, th), (sin(th), -x * (1 - cos(th))), "x*(cos(th) + 1)"),
     "exponential of a half angle": ((x, th), (1 + cos(th), -x), "x*exp(-tan(th/2))"),
     "rational in the angle": ((x, th), (2 + cos(th), x), None),
+    "Kepler's anomaly": ((x, th), (1 + a * cos(th), -(x**2)), None),
     "secant": ((x, th), (cos(th) ** 2, 1), "x + tan(th)"),
     "hyperbolic": ((x, y, z), (exp(2 * y) - 1, x * (exp(2 * y) + 1), 4 * z * exp(y)), "x*sinh(y) + z**2"),
     "angle": ((x, y, th), (-y, x, -(x**2 + y**2)), "th - atan2(y, x)"),
@@ -435,6 +436,10 @@ def test_symbols_without_assumptions_are_given_back():
         sympy.sqrt(2) * sympy.sqrt(3) - sympy.sqrt(6),
         x ** (k + 1) - x * x**k,
         sympy.Abs(x) ** 2 - x**2,
+        sympy.log(x * y) - sympy.log(x) - sympy.log(y),
+        sympy.log(-x * y**2 / 3) - sympy.log(-x) - 2 * sympy.log(y) + sympy.log(3),
+        sympy.log(x * y) + sympy.log(x / y) - 2 * sympy.log(x),
+        sympy.log(1 + x) + sympy.log(1 - x) - sympy.log(1 - x**2),
     ],
 )
 def test_identities_are_proved(expression):
@@ -449,6 +454,7 @@ def test_identities_are_proved(expression):
         sympy.sin(x) - x + x**3 / 6 - x**5 / 120,
         sympy.Abs(x) - x,
         sympy.acos(x) - sympy.atan(x),
+        sympy.log(x * y) - sympy.log(x) - 2 * sympy.log(y),
         sympy.exp(x) - 1 - sympy.Rational(1, 10**40),
     ],
 )

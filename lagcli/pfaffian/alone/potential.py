@@ -260,7 +260,26 @@ def _rationalized(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
     return _solved(written, new).subs(new, back) if written.is_rational_function(new) else None
 
 
+def _arctangent(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
+    """The integral of k/(a x**2 + b x + c) where the sign of D = 4 a c - b**2 depends on parameters: as for D > 0.
+
+    Where D < 0 the root is not real, and the values of the parameters are to be put in first.
+    """
+    above, below = sympy.fraction(sympy.cancel(expression))
+    if above.has(x) or not below.is_polynomial(x) or sympy.degree(below, x) != 2:
+        return None
+    a, b, c = sympy.Poly(below, x).all_coeffs()
+    square = sympy.factor(4 * a * c - b**2)
+    if square.is_positive is not None or square.is_negative is not None or square == 0:
+        return None
+    root = sympy.sqrt(square)
+    return 2 * above * sympy.atan((2 * a * x + b) / root) / root
+
+
 def _solved(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
+    known = _arctangent(expression, x)
+    if known is not None:
+        return known
     found = sympy.integrate(expression, x)
     if found.has(sympy.Piecewise):
         # The first branch is the one for generic parameters, as in x**(k + 1)/(k + 1) with k != -1.

@@ -22,6 +22,8 @@ import sympy
 from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, ring
 
+from lagcli.pfaffian.exact import logarithms
+
 MAX_MULTIPLE = 24
 MAX_ROOT = 12
 _CIRCULAR = (sympy.sin, sympy.cos, sympy.tan, sympy.cot, sympy.sec, sympy.csc)
@@ -48,11 +50,13 @@ class Tower:
         self._known: dict[Any, sympy.Symbol] = {}
         self._multiples: dict[tuple[str, sympy.Expr], list[sympy.Rational]] = {}
         self._units: dict[tuple[str, sympy.Expr], sympy.Rational] = {}
+        self._logs: dict[sympy.Expr, None] = {}
         self._written: dict[sympy.Expr, sympy.Expr] = {}
         self._split_memo: dict[sympy.Expr, list[tuple[sympy.Rational, sympy.Expr]]] = {}
         listed = [sympy.sympify(e) for e in (*expressions, *surface)]
         for e in listed:
             self._collect(e)
+        self._sums = logarithms.dependent(self._logs)
         written = [self._write(e) for e in listed]
         self._check_roots()
         self.independent = self.independent and not surface
@@ -113,6 +117,8 @@ class Tower:
                 self._note("circle", part.args[0])
             elif isinstance(part, (sympy.exp, *_HYPERBOLIC)):
                 self._note("exp", part.args[0])
+            elif isinstance(part, sympy.log) and part.free_symbols:
+                self._logs[sympy.cancel(part.args[0])] = None
             elif _is_exponential(part):
                 self._note("exp", part.exp * sympy.log(part.base))
 
@@ -308,10 +314,12 @@ class Tower:
                 return
             seen |= set(own)
 
-    def _opaque(self, e: sympy.Expr) -> sympy.Symbol:
+    def _opaque(self, e: sympy.Expr) -> sympy.Expr:
         same = e.func(*(sympy.cancel(a) for a in e.args))
         if not isinstance(same, _OPAQUE):
             raise NoNormalFormError(f"{e} changes its kind when its argument is simplified")
+        if isinstance(same, sympy.log) and same.args[0] in self._sums:
+            return self._write(self._sums[same.args[0]])
         evident = isinstance(same, sympy.log) and same.args[0].is_Symbol
         self.independent = self.independent and evident
         return self._letter(("function", same), same)

@@ -25,6 +25,7 @@ _WAYS: quest.Ways = (
     (partial(guesses.polynomials, (1, 2, 3)), 2.0),
     (guesses.products, 2.0),
     (guesses.rational, 1.0),
+    (guesses.turned, 1.5),
     (guesses.linear_flow, 2.0),
     (guesses.invariant_surfaces, 1.5),
     (descent.eliminations, 3.0),

@@ -12,6 +12,7 @@ from lagcli.pfaffian.exact import zero
 from lagcli.pfaffian.integrals import combinations, darboux, flow
 from lagcli.pfaffian.integrals import frame as frames
 from lagcli.pfaffian.integrals.quest import Found, Proposals, Quest
+from lagcli.pfaffian.together import elimination
 
 MAX_RECIPROCALS = 8
 
@@ -53,6 +54,23 @@ def monomials(quest: Quest, letters: combinations.Alphabet, degrees: Sequence[in
             yield Found(phi, how)
             if len(quest.found) > before:
                 known.take(slopes)
+
+
+def turned(quest: Quest, slot: float) -> Proposals:
+    """The same with the sines and cosines of coordinates that the frame does not depend on, where others have some."""
+    occurring = set().union(*(e.free_symbols for e in quest.entries))
+    cyclic = [x for x in quest.frame.variables if x not in occurring and x.name != elimination.TIME]
+    angles = set().union(*(e.atoms(sympy.sin, sympy.cos) for e in quest.entries))
+    if quest.block.surface or not angles or not cyclic:
+        return
+    letters = quest.alphabet(*(f(x) for x in cyclic for f in (sympy.sin, sympy.cos)))
+    # Angles by themselves would only burden the sums.
+    pairs = [
+        (e, 1 if isinstance(e, sympy.cos) else highest)
+        for e, highest in zip(letters.letters, letters.highest, strict=True)
+        if e not in cyclic and not any(e in f.free_symbols for f in angles)
+    ]
+    yield from monomials(quest, combinations.Alphabet(*zip(*pairs, strict=True)), (2, 3))
 
 
 def rational(quest: Quest, slot: float) -> Proposals:
