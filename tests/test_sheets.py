@@ -249,6 +249,18 @@ def test_forces_that_lead_off_a_hidden_condition_are_told_with_it(holonomic, row
     assert stopped.value.trajectory.stats.stopped.code == "no-solution-beyond"
 
 
+def test_of_a_chain_of_hidden_conditions_the_one_without_a_force_is_told():
+    chain = text(
+        {"x": 0, "y": 1, "z": "0, rate: -1", "u": -1},
+        ["x = sin(t)"],
+        [f"d({a}) = {b}*dt" for a, b in ("xy", "yz", "zu")],
+    )
+    with pytest.raises(
+        lagcli.SimulationStopped, match=r"condition `u \+ cos\(t\) = 0`, which `d2` demands and no"
+    ):
+        lagcli.simulate(lagcli.loads(chain), assemble=True)
+
+
 CIRCLING = {"x": "0.3", "y": "0.6, rate: -0.8", "z": "0.8, rate: 0.6", "u": "0"}
 
 

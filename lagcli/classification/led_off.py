@@ -18,6 +18,8 @@ Floats = npt.NDArray[np.float64]
 
 # A condition that is off in accelerations by this part of them, or of what the velocities demand, is left.
 LEFT = 1e-8
+# Conditions that are off by less than this part of the largest are not named.
+MAIN = 0.1
 
 
 def reason(system: System, conditions: Sequence[Condition], state: State, a: Floats) -> str:
@@ -30,12 +32,16 @@ def reason(system: System, conditions: Sequence[Condition], state: State, a: Flo
     rows = Rows(numeric.rows(state.t, state.q, state.v, state.p)[0][own, :])
     gamma = np.array(numeric.force(state.t, state.q, state.v, state.p)[1]).ravel()[own]
     off, size = np.abs(rows.times(a) - gamma), rows.divisors * np.abs(a).max(initial=0.0) + np.abs(gamma)
-    left = [one for one, is_off in zip(conditions, off > LEFT * size, strict=True) if is_off]
+    part = off / np.where(size > 0, size, 1.0)
+    # What other conditions are off then follows from these.
+    least = max(LEFT, MAIN * part.max(initial=0.0))
+    left = [one for one, is_left in zip(conditions, part > least, strict=True) if is_left]
     if not left:
         return ""
-    named = " and ".join(
-        f"`{hidden.equation(one)}`, which {hidden.quoted(one.rows)}"
-        f" {'demands' if len(one.rows) == 1 else 'demand'}"
-        for one in left
-    )
-    return f"the forces lead off the hidden condition{'s' if len(left) > 1 else ''} {named} and no multiplier holds"
+    if len(left) == 1:
+        (one,) = left
+        verb = "demands" if len(one.rows) == 1 else "demand"
+        told = f"`{hidden.equation(one)}`, which {hidden.quoted(one.rows)} {verb} and no multiplier holds"
+        return f"the forces lead off the hidden condition {told}"
+    named = ", ".join(f"`{hidden.equation(one)}` (of {hidden.quoted(one.rows)})" for one in left)
+    return f"the forces lead off the hidden conditions {named}, which no multiplier holds"
