@@ -260,11 +260,27 @@ def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
     if begun is not None and begun.line + 1 != location.line:
         message += f" that begins on line {begun.line + 1}"
     before = location.source_line[: location.column - 1].rstrip()
+    if "mapping values" in problem or "expected ':'" in problem or "expected key" in problem:
+        hint = _colonless(text, location.line - 1)
+        if hint:
+            return diagnostics.Diagnostic("yaml-syntax", message, location, hint)
     if before.endswith("]") and re.search(r":\s+\[", before):
         hint = "an equation that begins with `[` needs quotes"
     else:
         hint = _yaml_hint(problem, context, text.content[offset : offset + 1])
     return diagnostics.Diagnostic("yaml-syntax", message, location, hint)
+
+
+def _colonless(text: Text, line: int) -> str:
+    """What is wrong with the last line up to a 1-based one that holds anything, where it is a colon, or nothing."""
+    while line and not text.lines[line - 1].partition("#")[0].strip():
+        line -= 1
+    written = text.lines[line - 1].partition("#")[0].strip() if line else ""
+    if found := re.fullmatch(r"([A-Za-z_]\w*):([^\s:][^:]*)", written):
+        return f"line {line}: a colon needs a space after it: `{found[1]}: {found[2]}`"
+    if found := re.fullmatch(r"([A-Za-z_]\w*)(\s+[^:]+)?", written):
+        return f"line {line} has no colon: `{found[1]}:{' ' + found[2].strip() if found[2] else ''}`"
+    return ""
 
 
 def _yaml_hint(problem: str, context: str, sign: str) -> str:

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -307,6 +308,12 @@ def test_times_must_increase(double: tuple[lagcli.Model, Trajectory]) -> None:
     model, run = double
     with pytest.raises(record.TableError, match="do not increase: row 2"):
         lagcli.audit(model, with_rows(run, run.rows[::-1]))
+    endless = run.rows.copy()
+    endless[-2:, 0] = np.inf
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # of libraries too: they would name their files
+        with pytest.raises(record.TableError, match=r"do not increase: row .* at t = inf"):
+            lagcli.audit(model, with_rows(run, endless))
 
 
 def test_the_command(double: tuple[lagcli.Model, Trajectory], tmp_path: Path, command: Command) -> None:

@@ -170,6 +170,14 @@ def test_a_start_on_the_cut_may_lie_on_either_side(side):
             "bead.z*(9 + atan2(bead.y, bead.x)) = h*9*atan2(bead.y, bead.x)",
             "row `helix` jumps there (`atan2` crosses its cut)",
         ),
+        (
+            "bead.z = 2*h*atan2(bead.y, r + bead.x)",
+            "the row `helix` jumps there (both arguments of `atan2` go through zero)",
+        ),
+        (
+            "bead.z = h*asin(sin(atan2(bead.y, bead.x)))",
+            "the gradient of the row `helix` jumps there (`asin` comes to an end of its range)",
+        ),
         ("bead.z = h*asin(bead.y/r)", "`helix` is not defined beyond (`asin` comes to an end of its range)"),
         (
             "bead.z = h*(cos(atan2(bead.y, bead.x)/2) - 1) - h*bead.y/5",

@@ -29,6 +29,12 @@ def found(text: str) -> tuple[diagnostics.Diagnostic, ...]:
     return caught.value.diagnostics
 
 
+def test_a_force_on_nobody_is_told_who_there_is() -> None:
+    text = "lagcli: 1\nparticles: {left: {mass: 1, position: [0, 0, 0]}}\nforces: {g: {to: bob, force: [0, 0, -1]}}\n"
+    (error,) = found(text)
+    assert (error.code, error.hint) == ("unknown-name", "declared are `left`, `all`")
+
+
 IN_EXPRESSIONS = {
     "cos(30 deg)": "`30*deg`",
     "sin(30°)": "`30*deg`",
@@ -91,6 +97,8 @@ IN_EXPRESSIONS = {
     "if(t > 1, 1, 0)": "no conditions",
     "t % 1": "no remainder",
     "1,5": "`1.5`",
+    "1,0,0": "`[x, y, z]`",
+    "a.x₁": "no subscripts",
     "1 000": "without spaces",
     "10_000": "`10000`",
     "1.2.3": "one decimal point",

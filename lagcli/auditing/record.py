@@ -94,8 +94,10 @@ def read(laws: Laws, columns: Sequence[str], rows: Array) -> Record:
     t = rows[:, known["t"]]
     if not len(t):
         raise TableError("the table has no rows")
-    if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        k = int(np.argmax(np.concatenate([[not np.isfinite(t[0])], ~(np.diff(t) > 0)])))
+    with np.errstate(invalid="ignore"):  # inf - inf
+        grows = np.diff(t) > 0
+    if not np.isfinite(t).all() or not grows.all():
+        k = int(np.argmax(np.concatenate([[not np.isfinite(t[0])], ~(grows & np.isfinite(t[1:]))])))
         raise TableError(f"the times of the table do not increase: row {k + 1} is at t = {t[k]:.9g}")
     parts = {
         field.name: [known[name] for name in getattr(names(laws), field.name)]

@@ -32,7 +32,9 @@ def sentences(e: Evidence) -> tuple[str, ...]:
         row for row, unique in zip(laws.rows, d.is_unique[regular].all(axis=0), strict=True) if not unique
     ]
     if not regular.any():
-        found.append("which multipliers are determined cannot be told here")
+        found.append(
+            "which multipliers are determined is not known: no row of the table that was looked at is regular"
+        )
     elif open_:
         shown = ", ".join(f"`{row}`" for row in open_[:SHOWN]) + (" ..." if len(open_) > SHOWN else "")
         found.append(

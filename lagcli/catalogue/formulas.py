@@ -124,7 +124,7 @@ parameters: {L: 1, R: 2, side: sqrt(L**2 - R**2)}
 particles:
   a: {mass: 1, position: [side, 0, 0]}
 """,
-        cure="Mend the values or the formula.",
+        cure="Correct the values or the formula.",
         old="L: 1",
         new="L: 3",
     ),

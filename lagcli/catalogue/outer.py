@@ -69,7 +69,7 @@ PAGES = (
         why="So many errors have few causes, most often one misspelt name that is used everywhere, or a file that"
         " is no model.",
         example="lagcli check thousand-links.yaml    # where the parameter `L` is missing",
-        cure="Mend the first errors and run again.",
+        cure="Correct the first errors and run again.",
     ),
     Page(
         code="empty-model",

@@ -125,7 +125,7 @@ coordinates:
   y: {value: 0}
 lagrangian: (rate(x)**2 - rate(y)**2)/2
 """,
-        cure="Mend the sign, leave out one of two coordinates that describe the same motion, start away from the"
+        cure="Correct the sign, leave out one of two coordinates that describe the same motion, start away from the"
         " singular place, or choose other coordinates.",
         old=" - rate(y)**2",
         new=" + rate(y)**2",
@@ -175,7 +175,7 @@ holonomic:
         why="The motion starts where you put it; a start off the constraint would be off it for ever, or would have"
         " to be moved without your knowledge.",
         example=_PENDULUM.replace("[1, 0, 0]}", "[1, 0, 0.5]}"),
-        cure="Mend the values, or let `--assemble` move them to the nearest consistent state.",
+        cure="Correct the values, or let `--assemble` move them to the nearest consistent state.",
         old="[1, 0, 0.5]",
         new="[0.8, 0, 0.6]",
     ),
@@ -189,7 +189,7 @@ holonomic:
         " says so.",
         example=_PENDULUM.replace("[1, 0, 0]", "[0.6, 0, 0.8]")
         + "  far: a.x = 2\nsimulation: {assemble: true}\n",
-        cure="Mend the constraints, or give initial values closer to a possible configuration.",
+        cure="Correct the constraints, or give initial values closer to a possible configuration.",
         old="a.x = 2",
         new="a.x = 0.6",
     ),

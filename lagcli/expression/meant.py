@@ -41,6 +41,7 @@ _CHARACTERS = {
     **dict.fromkeys("÷∕⁄", "write `/`"),
     "²": "write `**2`",
     "³": "write `**3`",
+    **dict.fromkeys("₀₁₂₃₄₅₆₇₈₉", "names have no subscripts: `x1`; a member of a family is `x[1]`"),
     "√": "write `sqrt(...)`",
     "½": "write `1/2`",
     "¼": "write `1/4`",

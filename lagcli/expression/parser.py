@@ -162,7 +162,9 @@ class _Parser:
             message = f"this `{token.text}` closes nothing"
         elif token.kind == ",":
             message = "a comma has no place here"
-            following = self._texts[self._at + 1] if self._kinds[self._at + 1] == "number" else ""
+            # One comma may be a decimal one, and two are those of a vector.
+            is_decimal = self._kinds[self._at + 1] == "number" and self._kinds[self._at + 2] != ","
+            following = self._texts[self._at + 1] if is_decimal else ""
             hint = meant.comma(self._before(1), following)
         elif token.kind == "..":
             message, hint = "`..` has no place here", "a range `i = 1..N` belongs under `for`"

@@ -223,7 +223,7 @@ class Run:
         mark = self._resumed
         if mark is not None and self._next_row >= self.grid.count:
             raise CheckpointError(
-                f"nothing is left to do: it stands at t = {self.origin + mark.t:.9g} with its last row at"
+                f"nothing is left to do: it is at t = {self.origin + mark.t:.9g} with its last row at"
                 f" {self.origin + mark.row:.9g}, and the run ends at {self.origin + self.grid.end:.9g}; a longer"
                 " duration goes on"
             )

@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 # How far along the motion the two sides of a place are looked at, as parts of the size of the configuration: a run
 # stops within rounding of a jump, and some way before the end of a function, where its steps have become too short.
-NEAR, FAR, REACHES = 1e-8, 1e-5, (1.0, 1e2, 1e4)
+NEAR, FAR, REACHES = 1e-8, 1e-5, (1.0, 1e2, 1e3, 1e4)
 # A configuration is as large as the way of this part of the run, or larger.
 PART_OF_RUN = 1e-3
 # The part of a row by which it must differ: what draws near as the distance shrinks is no jump.
@@ -26,6 +26,9 @@ JUMP, STAYS = 1e-4, 0.3
 ROUNDED = 1e-10
 # A pole grows by more than this where the distance shrinks from FAR to NEAR.
 GROWS = 10.0
+# `atan2` jumps by 2 pi at its cut, and by less where both of its arguments go through zero.
+AT_CUT = 1.5 * np.pi
+THROUGH_ZERO = "both arguments of `atan2` go through zero"
 
 PHRASES = {
     "atan2": "`atan2` crosses its cut",
@@ -71,9 +74,18 @@ def reason(system: System, numeric: NumericSystem, state: State) -> str:
     """Why rows do not lead on from a state along its velocity, as a sentence; empty where none of them jumps there."""
     if not system.rows.rows:
         return ""
-    for reach in REACHES:
-        places = _along(state, reach, _length(system, state))
-        sides = Sides(tuple(_rows(numeric, place) for place in places), _rounding(numeric, places[1]))
+    seen = [(reach, _along(state, reach, _length(system, state))) for reach in REACHES]
+    found_sides = [
+        (reach, places, Sides(tuple(_rows(numeric, x) for x in places), _rounding(numeric, places[1])))
+        for reach, places in seen
+    ]
+    for reach, places, sides in found_sides:
+        # A jump of a value first: close to it cancellation spoils the gradient too.
+        hit = np.flatnonzero(sides.jumps()[: system.holonomic_count])
+        if hit.size and reach < REACHES[-1]:
+            row = int(hit[0])
+            return _sentence(system, row, "jumps", True, _call(system, row, places))
+    for reach, places, sides in found_sides:
         kinds = [("ends", sides.ends())]
         if reach < REACHES[-1]:
             kinds += [("jumps", sides.jumps()), ("grows", sides.grows())]
@@ -87,7 +99,7 @@ def reason(system: System, numeric: NumericSystem, state: State) -> str:
 
 def _sentence(system: System, row: int, kind: str, in_value: bool, call: str) -> str:
     name, whole = system.rows.rows[row].name, row < system.holonomic_count
-    why = f" ({PHRASES.get(call, call if call == calls.QUOTIENT else f'`{call}`')})" if call else ""
+    why = f" ({call})" if call else ""
     if kind == "ends":
         return f"the row `{name}` is not defined beyond{why}: its surface, or its gradient, ends there"
     if kind == "grows":
@@ -133,11 +145,17 @@ def _rounding(numeric: NumericSystem, place: State) -> Floats:
 
 
 def _call(system: System, row: int, places: tuple[State, ...]) -> str:
-    """The innermost function of a row whose value or slope jumps, ends or grows between the places, or nothing."""
+    """What the innermost function of a row does whose value or slope jumps, ends or grows between the places, or
+    nothing."""
     names, function = calls.of_row(system, row)
     if not names:
         return ""
     values = tuple(np.array(function(x.t, x.q, x.v, x.p)).ravel() for x in places)
     sides = Sides(values, np.zeros(values[0].size))
     hit = (sides.jumps() | sides.ends() | sides.grows()).reshape(2, -1).any(axis=0)
-    return names[int(np.argmax(hit))] if hit.any() else ""
+    if not hit.any():
+        return ""
+    call = int(np.argmax(hit))
+    if names[call] == "atan2" and abs(values[2][call] - values[1][call]) < AT_CUT:
+        return THROUGH_ZERO
+    return PHRASES.get(names[call], names[call] if names[call] == calls.QUOTIENT else f"`{names[call]}`")

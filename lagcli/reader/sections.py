@@ -14,6 +14,8 @@ from lagcli.reader.formula import Formulas
 
 FAMILY = ("for", "if")
 
+MOST_NAMED = 8  # names that a hint lists
+
 
 def fields(formulas: Formulas, node: source.AnyNode, key: keys.Key) -> dict[str, source.AnyNode] | None:
     """The fields of a mapping by the keys of `key`; unknown, unsupported and missing ones are reported."""
@@ -281,6 +283,9 @@ def _reference(
         if kind not in kinds:
             known = [*formulas.scope.names.of(*kinds), *(("all",) if everything else ())]
             hint = diagnostics.nearest(base, known)
+            if not hint and known:
+                more = ", ..." if len(known) > MOST_NAMED else ""
+                hint = f"declared are {', '.join(f'`{one}`' for one in known[:MOST_NAMED])}{more}"
             message = f"there is no {' or '.join(kinds)} `{base}`"
             formulas.report(name, "unknown-name", message, hint)
             return None
