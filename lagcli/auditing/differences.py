@@ -123,7 +123,18 @@ class Grid:
         begin = np.zeros((1, y.shape[1]))
         total = np.concatenate([begin, np.cumsum(increments, axis=0)])
         rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * EPS
+        rounding = rounding + np.abs(self.t).max() * self._mistimed(y)
         return Estimate(total, rounding, np.concatenate([begin, np.cumsum(wrong, axis=0)]))
+
+    @staticmethod
+    def _mistimed(y: Array) -> Array:
+        """What the rounding of times does to integrals of columns y (T, k), as a part of the largest time, (T, k).
+
+        Each time is an end of two steps: with an integrand that stays the same no more is left of them all than of the
+        first and the last.
+        """
+        ways = np.concatenate([np.zeros((1, y.shape[1])), np.cumsum(np.abs(np.diff(y, axis=0)), axis=0)])
+        return np.asarray(CLOCK * np.maximum(np.abs(y), np.abs(y[0])) + EPS * ways)
 
     def _unresolved(self, y: Array) -> Array:
         """A bound of the integral over each step (T - 1, k) where y may have a kink or a jump within it."""

@@ -109,7 +109,7 @@ def momenta(e: Evidence) -> Check:
         open_ = total.truncation[:, 0] + (unknown * np.abs(one.xi).max(axis=0)).sum(axis=1)
         off = (p_off * np.abs(one.xi)).sum(axis=1) + (np.abs(p) * SAFETY * e.off_q).sum(axis=1)
         limit = off.max(initial=0.0) * (1 + np.arange(rows) / SAFETY)
-        limit += SAFETY * e.tolerance.rtol * total.value[:, 1] + e.tolerance.atol
+        limit += SAFETY * e.tolerance.rtol * total.value[:, 1] + e.tolerance.atol + total.noise[:, 0]
         limit += np.where(np.isfinite(open_), open_, 0.0)
         size = max(float(np.abs(J).max()), float(total.value[-1, 1]))
         names.append(one.name)

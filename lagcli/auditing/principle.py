@@ -131,14 +131,14 @@ def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
     integrand = sum(((a * b).sum(axis=1) for a, b in terms), np.zeros(len(r.t)))
     size = sum((np.abs(a * b).sum(axis=1) for a, b in terms), np.zeros(len(r.t)))
     open_ = (np.abs(p_q) * dv.truncation).sum(axis=1) + (np.abs(p_x) * du.truncation).sum(axis=1)
-    sums = np.stack([integrand, size, open_], axis=1)
+    blur = (np.abs(p_q) * dv.noise).sum(axis=1) + (np.abs(p_x) * du.noise).sum(axis=1)
+    sums = np.stack([integrand, size, open_, blur], axis=1)
     small = SAFETY * e.tolerance.rtol * float(size.max(initial=0.0)) + e.tolerance.atol
-    total = window.grid.integral(sums, np.array([small, np.inf, np.inf]))
+    total = window.grid.integral(sums, np.array([small, np.inf, np.inf, np.inf]))
     scale = float(total.value[-1, 1])
     truncation = float(total.truncation[-1, 0]) + abs(float(total.value[-1, 2]))
-    noise = (
-        SAFETY * (e.tolerance.rtol + 1e-15) * scale * float(window.space.condition.max()) + e.tolerance.atol
-    )
+    noise = SAFETY * (e.tolerance.rtol + 1e-15) * scale * float(window.space.condition.max())
+    noise += e.tolerance.atol + float(total.noise[-1, 0]) + abs(float(total.value[-1, 3]))
     found = float(total.value[-1, 0])
     judged = truncation <= max(RESOLVED * scale, noise) and e.is_slow
     judged = judged and not (e.is_fast[rows].any() and abs(found) > noise + truncation)
