@@ -14,6 +14,7 @@ from lagcli.auditing import motion as motions
 from lagcli.auditing.evidence import Evidence, Tolerance
 from lagcli.auditing.laws import Laws
 from lagcli.auditing.report import Audit, Law, judge
+from lagcli.export import tables
 from lagcli.trajectory import Trajectory
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -541,3 +542,28 @@ def test_bounds_of_steps_hold_for_jumps_wherever_they_are(even: bool) -> None:
             )
             residual, limit, _ = steps.judged_steps(grid, one, np.zeros(len(t) - 1, bool))
             assert (np.abs(residual) <= limit + 1e-13).all()
+
+
+@pytest.mark.parametrize("rows", [[50], [0], range(50, 60), range(251)])
+def test_a_table_with_places_where_rows_have_no_gradient_fails(rows: list[int]) -> None:
+    model, run = motion("uniform circular motion")
+    table = run.rows.copy()
+    table[np.ix_(list(rows), [run.columns.index(f"a.{axis}") for axis in "xyz"])] = 0.0
+    found = lagcli.audit(model, with_rows(run, table))
+    assert "positions" in failing(found)
+    assert found.conclusion.endswith("the table is not a motion of this model.")
+
+
+def test_a_table_with_tabs_is_audited_as_one_with_commas(tmp_path: Path) -> None:
+    model, run = motion("pendulum")
+    wrong = run.rows.copy()
+    wrong[100, 1] += 1e-3
+    verdicts = []
+    for ending in ("csv", "tsv"):
+        for k, rows in enumerate((run.rows, wrong)):
+            path = tmp_path / f"{k}.{ending}"
+            sink = tables.open_sink(path, run.columns)
+            sink.write(rows)
+            sink.commit()
+            verdicts.append(lagcli.audit(model, path).passed)
+    assert verdicts == [True, False, True, False]

@@ -784,6 +784,8 @@ def read(path: Path) -> tuple[list[str], np.ndarray]:
     match path.suffix:
         case ".csv":
             return table(path.read_text(encoding="utf-8"))
+        case ".tsv":
+            return table(path.read_text(encoding="utf-8").replace("\t", ","))
         case ".json":
             content = json.loads(path.read_text(encoding="utf-8"))
             assert list(content) == ["columns", "rows", "provenance"]

@@ -34,9 +34,9 @@ def table(count: int = 40) -> NDArray[np.float64]:
 
 def read(path: Path, fmt: str) -> tuple[list[str], NDArray[np.float64]]:
     match fmt:
-        case "csv":
+        case "csv" | "tsv":
             with open(path, encoding="utf-8", newline="") as file:
-                header, *lines = csv.reader(file)
+                header, *lines = csv.reader(file, delimiter="," if fmt == "csv" else "\t")
             return header, np.array([[float(word) for word in line] for line in lines]).reshape(
                 -1, len(header)
             )

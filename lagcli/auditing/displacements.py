@@ -13,11 +13,13 @@ NEAR = 1e-6  # a configuration with one between is too near to a singular one
 class Displacements:
     """Of B (M, C, n) at M rows, each row of it divided by its length: singular values and directions.
 
-    `rank` (M,); `usual`, the highest of them; `is_singular` (M,): rank lost or almost lost there; `condition` (M,).
+    `rank` (M,); `usual`, the highest of them; `is_singular` (M,): rank lost or almost lost there, or B is not finite;
+    `condition` (M,).
     """
 
     def __init__(self, B: Array) -> None:
-        self.B = B
+        self._has_none: Array = np.asarray(~np.isfinite(B).all(axis=(1, 2)))
+        self.B = B = np.where(self._has_none[:, None, None], 0.0, B)
         M, C, n = B.shape
         self.lengths = np.linalg.norm(B, axis=2)
         scaled = B / np.where(self.lengths > 0, self.lengths, 1.0)[:, :, None]
@@ -35,6 +37,7 @@ class Displacements:
         found = object.__new__(Displacements)
         found.B, found.lengths, found.sigma = self.B[rows], self.lengths[rows], self.sigma[rows]
         found._left, found._across, found._kept = self._left[rows], self._across[rows], self._kept[rows]
+        found._has_none = self._has_none[rows]
         found._judge()
         return found
 
@@ -45,7 +48,7 @@ class Displacements:
         self.usual = int(self.rank.max(initial=0))
         smallest = self.sigma[:, self.usual - 1] if self.usual else np.ones(M)
         largest = top[:, 0] if self.usual else np.ones(M)
-        self.is_singular = smallest < NEAR * largest
+        self.is_singular = (smallest < NEAR * largest) | self._has_none
         with np.errstate(divide="ignore"):
             self.condition = largest / smallest
         shares = np.where(self._kept[:, None, :], self._left**2, 0.0).sum(axis=2)

@@ -308,7 +308,9 @@ def audit(
     model: ModelArgument,
     run: Annotated[
         str | None,
-        typer.Option("--run", metavar="FILE", help="a table: .csv, .json, .npz, .parquet; else a new run"),
+        typer.Option(
+            "--run", metavar="FILE", help="a table: .csv, .tsv, .json, .npz, .parquet; else a new run"
+        ),
     ] = None,
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of the checks: png, svg, pdf")

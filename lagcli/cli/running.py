@@ -62,7 +62,7 @@ class Wishes:
             raise exits.UsageError(f"--digits with --resume: {estimate.NOT_RESUMED}")
         try:
             if self.file is not None:
-                endings.of(pathlib.Path(self.file), endings.WRITTEN)
+                endings.of(pathlib.Path(self.file), endings.TABLES)
             if self.plot is not None:
                 endings.of(pathlib.Path(self.plot), endings.FIGURES)
         except endings.UnknownFormat as error:

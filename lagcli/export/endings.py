@@ -3,8 +3,7 @@
 import os
 from pathlib import Path
 
-TABLES = ("csv", "json", "npz", "parquet")
-WRITTEN = (*TABLES, "tsv")  # of tables that are written, not read back
+TABLES = ("csv", "json", "npz", "parquet", "tsv")
 FIGURES = ("png", "svg", "pdf")
 
 

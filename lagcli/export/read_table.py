@@ -51,7 +51,13 @@ def opened(path: str | os.PathLike[str]) -> Table:
     """
     target = Path(path)
     fmt = endings.of(target, endings.TABLES)
-    kinds: dict[str, Callable[[Path], Table]] = {"csv": _Csv, "json": _Json, "npz": _Npz, "parquet": _Parquet}
+    kinds: dict[str, Callable[[Path], Table]] = {
+        "csv": _Csv,
+        "tsv": _Tsv,
+        "json": _Json,
+        "npz": _Npz,
+        "parquet": _Parquet,
+    }
     found = kinds[fmt](target)
     if len(set(found.columns)) < len(found.columns):
         raise UnreadableTable(f"{path} has two columns of one name")
@@ -83,7 +89,7 @@ def _check_size(path: Path, rows: int, columns: int) -> None:
 
 
 class _Lines:
-    """The lines of a CSV file, of bounded length; `held` counts the characters since the last row."""
+    """The lines of a CSV or TSV file, of bounded length; `held` counts the characters since the last row."""
 
     def __init__(self, path: Path, file: TextIO) -> None:
         self._path, self._file, self.held = path, file, 0
@@ -99,11 +105,13 @@ class _Lines:
 class _Csv:
     """A file of lines with commas, UTF-8 with or without a mark at its beginning; any line ends."""
 
+    separator, called, others = ",", "commas", r"[;\t]"
+
     def __init__(self, path: Path) -> None:
         self._path = path
         self.columns = next((tuple(row) for row in self._rows()), ())
-        if len(self.columns) == 1 and re.search(r"[;\t]", self.columns[0]):
-            raise _bad(path, "its columns are not separated by commas")
+        if len(self.columns) == 1 and re.search(self.others, self.columns[0]):
+            raise _bad(path, f"its columns are not separated by {self.called}")
 
     def take(self, names: Sequence[str]) -> Floats:
         """See `Table`."""
@@ -134,7 +142,7 @@ class _Csv:
     def _rows(self) -> Iterator[list[str]]:
         with self._path.open(encoding="utf-8-sig", newline="") as file:
             lines = _Lines(self._path, file)
-            rows = csv.reader(lines, strict=True)
+            rows = csv.reader(lines, strict=True, delimiter=self.separator)
             while True:
                 try:
                     row = next(rows, None)
@@ -144,6 +152,12 @@ class _Csv:
                     return
                 lines.held = 0
                 yield row
+
+
+class _Tsv(_Csv):
+    """The same with tabs."""
+
+    separator, called, others = "\t", "tabs", "[;,]"
 
 
 class _Json:

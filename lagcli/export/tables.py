@@ -72,7 +72,7 @@ def open_sink(
 ) -> Sink:
     """A sink for the table with the names ``columns``.
 
-    ``target`` is a path, whose ending (or ``fmt``, one of ``endings.WRITTEN``) picks the format, or an open
+    ``target`` is a path, whose ending (or ``fmt``, one of ``endings.TABLES``) picks the format, or an open
     stream, which gets CSV, flushed after every block. A file is written aside and moved into place.
     ``provenance``: where the table comes from, for the formats that have a place for it (all but CSV): the key
     ``provenance`` of JSON and of the metadata of a Parquet schema, the comment of the zip archive of NPZ.
@@ -88,7 +88,7 @@ def open_sink(
         return _StreamSink(target, columns)
     path = Path(target)
     if fmt is None:
-        fmt = endings.of(path, endings.WRITTEN)
+        fmt = endings.of(path, endings.TABLES)
     return _FileSink(path, columns, _writer(path, fmt, provenance))
 
 
@@ -257,4 +257,4 @@ def _writer(path: Path, fmt: str, provenance: Mapping[str, Any] | None) -> Make:
             with needing_pyarrow(path):
                 from lagcli.export import parquet_table
             return functools.partial(parquet_table.Writer, provenance=provenance)
-    raise endings.UnknownFormat(path.name, endings.WRITTEN)
+    raise endings.UnknownFormat(path.name, endings.TABLES)
