@@ -72,6 +72,7 @@ class Found:
     integrals: Integrals = ()
     notes: tuple[str, ...] = ()
     conditions: tuple[Condition, ...] = ()
+    orbits: tuple[redundancy.Orbit, ...] = ()
 
 
 @phases.phase("reading the model")
@@ -269,13 +270,15 @@ def first_integrals(ready: Compiled, limit: float = settings.LIMIT) -> Found:
 def _searched(ready: Compiled, limit: float) -> Found:
     """The same by a search. Where numbers show that there are none, no algebra is asked."""
     try:
-        if classify.certainly_nonholonomic(ready.case()):
-            return Found()
+        case = ready.case()
+        if classify.certainly_nonholonomic(case):
+            return Found(orbits=case.orbits)
     except diagnostics.ModelError as error:
         if not hidden.is_conflict(error):
             raise
     whole = hidden.classified(ready.system, ready.numeric, limit)
-    return Found(whole.found.integrals, unheld.notes(whole.found), whole.conditions)
+    orbits = whole.case.orbits if not whole.conditions else ()
+    return Found(whole.found.integrals, unheld.notes(whole.found), whole.conditions, orbits)
 
 
 Find = Callable[[Compiled], Found]
@@ -336,7 +339,7 @@ class Running:
         if resumed is None:
             state, found, whole = self._begun(ready, state, find)
             self.warnings += lipschitz.warnings(ready.system, ready.numeric, state)
-            begin = redundancy.begin(ready.system, ready.numeric, state, whole)
+            begin = redundancy.begin(ready.system, ready.numeric, state, whole, found.orbits)
             self._found, self._conditions = found.integrals, found.conditions
             held, notes = holding.begin(ready.integrals(self._found).keeping(begin.selection), state)
             with_constants = dataclasses.replace(state, p=held.parameters)

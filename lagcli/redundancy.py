@@ -35,16 +35,26 @@ class Begin:
     is_singular: bool = False
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class Orbit:
+    """Rows by their numbers, and places to which motions from the start come, as far as these rows see them."""
+
+    rows: tuple[int, ...]
+    places: tuple[State, ...]
+
+
 @phases.phase("choosing independent rows")
 def begin(
     system: System,
     numeric: NumericSystem,
     state: State,
     whole: tuple[System, NumericSystem] | None = None,
+    orbits: Sequence[Orbit] = (),
 ) -> Begin:
     """How a run begins from a consistent state. Raises `diagnostics.ModelError`, by name, where none can.
 
-    whole: the system with the hidden conditions of its rows, to whose surface the motion keeps.
+    whole: the system with the hidden conditions of its rows, to whose surface the motion keeps; orbits: where motions
+    from the start were followed, which may keep to a place where rows are dependent.
     """
     if not system.rows.rows:
         return Begin(numeric.selection)
@@ -56,8 +66,10 @@ def begin(
         raise _refusal(system, found)
     whole = whole or (system, numeric)
     conflict.require_lasting(*whole, state)
+    kept_to = _kept_to(numeric, found, orbits)
     # Rows that are dependent at the start alone are looked at where the motion leads.
-    along = {rank.rank(walk.rows(numeric, point)).low: point for point in reversed(_ahead(whole[1], state))}
+    ahead = [] if kept_to else _ahead(whole[1], state)
+    along = {rank.rank(walk.rows(numeric, point)).low: point for point in reversed(ahead)}
     count = max([found.value, *along])
     there = along[count] if count > found.value else state
     surface = codimension.examine(system, numeric, there)
@@ -65,7 +77,7 @@ def begin(
         raise codimension.refusal(system, surface)
     if surface.kind == "undecided":
         raise advice.undecided(system, numeric, there, surface)
-    around = [walk.rows(numeric, point) for point in _around(*whole, there)]
+    around = [walk.rows(numeric, point) for point in kept_to or _around(*whole, there)]
     if surface.kind == "singular" or max((rank.rank(each).low for each in around), default=0) > count:
         raise _at_rest(system, found)
     chosen = dependence.dependence(walk.rows(numeric, there), count, system.holonomic_count)
@@ -73,6 +85,17 @@ def begin(
         dependence.over(each, chosen.kept).selection for each in around if rank.rank(each).value == count
     )
     return Begin(dependence.joined(chosen.selection, generic), count > found.value)
+
+
+def _kept_to(numeric: NumericSystem, found: rank.Rank, orbits: Sequence[Orbit]) -> list[State]:
+    """Places on the motions from the start where the rank of the rows is that of the start, which is less than beside
+    it; none where motions lead away from such a place, or where not all dependent rows were followed."""
+    own = {i for vector in found.dependences for i in rank.participants(vector)}
+    followed = [orbit for orbit in orbits if own & set(orbit.rows)]
+    if not own <= {i for orbit in followed for i in orbit.rows}:
+        return []
+    places = [state for orbit in followed for state in orbit.places]
+    return places if all(rank.rank(walk.rows(numeric, each)).value == found.value for each in places) else []
 
 
 def _around(system: System, numeric: NumericSystem, state: State) -> list[State]:

@@ -278,3 +278,29 @@ def test_a_motion_that_forces_keep_on_a_hidden_condition_runs(holonomic, rows):
 def test_a_hidden_condition_that_holds_to_rounding_alone_does_not_stop_a_run():
     model = lagcli.loads(text({"x": 0.3, "th": "pi"}, ["x = 0.3"], ["d(x) = sin(th)*dt"]))
     assert lagcli.simulate(model)["th"].tolist() == [np.pi] * 3
+
+
+@pytest.mark.parametrize(
+    ("values", "rows"),
+    [
+        ({}, ["d(y) = 0", "y*d(x) = 0"]),
+        ({}, ["d(y) = y*d(z)", "d(w) - y*d(x) = 0", "d(w) + y*d(x) = 0"]),
+        (
+            {"x": "0.6, rate: -0.8", "y": "0.8, rate: 0.6"},
+            ["2*x*d(x) + 2*y*d(y) = (x**2 + y**2 - 1)*d(z)", "(x**2 + y**2 - 1)*d(w) = 0"],
+        ),
+    ],
+)
+def test_a_motion_runs_on_a_place_that_the_rows_keep_to(values, rows):
+    model = lagcli.loads(text(START | {"z": "0.2, rate: 1"} | values, [], rows))
+    run = lagcli.simulate(model)
+    np.testing.assert_allclose(run["z"], 0.2 + run.t, atol=1e-10)
+    if values:
+        np.testing.assert_allclose(np.hypot(run["x"], run["y"]), 1.0, atol=1e-10)
+        np.testing.assert_allclose(np.hypot(run["R.x"], run["R.y"]), 1.0, atol=1e-9)
+
+
+def test_a_place_that_the_rows_lead_away_from_is_a_singular_start():
+    rows = ["d(w) - y*d(x) = 0", "d(w) + y*d(x) = 0"]
+    with pytest.raises(lagcli.ModelError, match="singular configuration"):
+        lagcli.simulate(lagcli.loads(text(START | {"z": "0.2, rate: 1"}, [], rows)))

@@ -11,6 +11,7 @@ from lagcli.compile import NumericSystem, pattern
 from lagcli.integrate.initial import State
 from lagcli.mechanics.system import System
 from lagcli.numeric_flag import NumericFlag
+from lagcli.redundancy import Orbit
 
 
 class Case:
@@ -29,6 +30,15 @@ class Case:
     def depends_on_time(self) -> bool:
         """Whether time is a coordinate of the forms."""
         return pattern.depends_on_time(self.system)
+
+    @property
+    def orbits(self) -> tuple[Orbit, ...]:
+        """The groups whose motions from the start were followed."""
+        return tuple(
+            Orbit(group.rows, found.places)
+            for group, found in self._flags.items()
+            if found.is_certain and len(found.places) > 1
+        )
 
     def flag(self, group: Group, deadline: float) -> NumericFlag:
         """The flag of a group by numbers; `deadline`: a value of `time.monotonic`."""
