@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lagcli import constraint_rows, diagnostics, metric, pipeline, rank
+from lagcli.compile import factored
 from lagcli.compile.selection import Selection
 from lagcli.constraint_rows import MetricRows
 from lagcli.metric import Metric
@@ -197,3 +198,14 @@ def test_rows_that_depend_on_others_beside_the_start_too_are_named():
     text = PLANE + "holonomic: {p: x = 0, r: x + 100*y**4 = 0, s: 2*x + 100*y**4 = 0}\n"
     found = refusal(text)
     assert "`s` depends on the others beside the start too" in found.hint
+
+
+def test_a_product_of_many_rows_is_not_written_out(monkeypatch):
+    ready = pipeline.compiled(pipeline.loads(BODY.format(n=40)))
+    made, function = [], ca.Function
+    monkeypatch.setattr(ca, "Function", lambda *of: made.append(function(*of)) or made[-1])
+    found = factored.Factored(ready.numeric._parts)
+    assert found.landing.n_out() == 5
+    assert found.position.n_out() == 1
+    count = len(ready.system.rows.rows)
+    assert max(each.n_instructions() for each in made if each.is_a("SXFunction")) < count**2

@@ -1,8 +1,8 @@
 """The functions of a system with S factored numerically at each call: for systems whose expanded factors would be
 too large to build.
 
-Each function is a short chain: an expanded part that gives S and a right-hand side, a solve node, an expanded
-part that uses the solution.
+Each function is a short chain: an expanded part that gives B, M^-1 B^T and a right-hand side, their product S, a
+solve node, an expanded part that uses the solution. Written out, S of a large body would have millions of operations.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ class Factored:
         if parts.held.numel() == 0:
             return ca.Function("position", parts.inputs, [y])
         mu = ca.SX.sym("mu", parts.held.numel())
-        before = ca.Function("before", parts.inputs, [parts.S_held, parts.held])
+        factors = parts.B_held, parts.inertia(parts.B_held.T)
+        before = ca.Function("before", parts.inputs, [*factors, parts.held])
         moved = ca.densify(ca.vertcat(y[:n] - parts.inertia(parts.B_held.T @ mu), y[n:]))
         after = ca.Function("after", [*parts.inputs, mu], [moved])
         inputs = self._inputs()
@@ -61,7 +62,7 @@ class Factored:
         lengths = ca.sqrt(ca.diag(parts.S))
         off = ca.densify(parts.B_kept @ v + parts.b_kept)
         rights = ca.horzcat(off, lengths * (z / np.linalg.norm(z)))
-        before = ca.Function("before", parts.inputs, [parts.S, rights])
+        before = ca.Function("before", parts.inputs, [*self._factors, rights])
         landed = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B_kept.T @ mu), y[2 * n]))
         after = ca.Function("after", [*parts.inputs, mu], [landed])
         sizes = shared.sizes(parts, v, parts.h, parts.M)
@@ -79,7 +80,7 @@ class Factored:
         parts = self._parts
         free = parts.inertia(parts.h)
         right = ca.densify(parts.gamma_kept - parts.B_kept @ free)
-        before = ca.Function("before", parts.inputs, [parts.S, right])
+        before = ca.Function("before", parts.inputs, [*self._factors, right])
         lam = ca.SX.sym("lam", len(parts.selection.kept))
         a = parts.inertia(parts.h + parts.reaction(lam))
         after = ca.Function("after", [*parts.inputs, lam], [shared.state_rate(parts, a, lam)])
@@ -87,11 +88,17 @@ class Factored:
         found = _solved(before, inputs)
         return ca.Function("acceleration", inputs, [after(*inputs, found), found])
 
+    @cached_property
+    def _factors(self) -> tuple[Any, Any]:
+        """B and M^-1 B^T of the independent rows, whose product is S."""
+        B = self._parts.B_kept
+        return B, self._parts.inertia(B.T)
+
     def _inputs(self) -> list[Any]:
         return [ca.MX.sym(name, x.numel()) for name, x in zip("typ", self._parts.inputs, strict=True)]
 
 
 def _solved(before: Any, inputs: list[Any]) -> Any:
-    """The solution x of S x = r for the pair (S, r) that `before` gives."""
-    S, r = before(*inputs)
-    return ca.solve(S, r, SOLVER)
+    """The solution x of S x = r for B, M^-1 B^T and r that `before` gives."""
+    B, other, r = before(*inputs)
+    return ca.solve(ca.mtimes(B, other), r, SOLVER)
