@@ -567,3 +567,27 @@ def test_a_table_with_tabs_is_audited_as_one_with_commas(tmp_path: Path) -> None
             sink.commit()
             verdicts.append(lagcli.audit(model, path).passed)
     assert verdicts == [True, False, True, False]
+
+
+# Pulses between two rows, of what t moves, carries along, or makes heavier.
+UNSHOWN = {
+    "map": """
+coordinates: {s: {value: 0.2, rate: 0.1}}
+particles: {b: {mass: 1, position: ["s + exp(-((t - 1.013)/0.001)**2)/50", s**2, 0]}}
+forces: {weight: {to: b, force: [0, -9.81, 0]}}
+""",
+    "inertia": """
+coordinates: {x: {value: 0.3, rate: 1}}
+lagrangian: (1 + exp(-((t - 1.013)/0.001)**2))*rate(x)**2/2 - x**2
+""",
+}
+
+
+@pytest.mark.parametrize("name", UNSHOWN)
+def test_a_pulse_between_rows_of_what_t_moves_is_no_fault(name: str) -> None:
+    model = lagcli.loads("lagcli: 1" + UNSHOWN[name])
+    run = lagcli.simulate(model, duration=2, samples=201)
+    assert lagcli.audit(model, run).passed
+    for fault in ("two swapped", "ten rows frozen"):
+        wrong = with_rows_of(run, FAULTS[fault](np.arange(201)))
+        assert "steps" in failing(lagcli.audit(model, wrong)), fault
