@@ -261,6 +261,8 @@ def _account_of_interrupted(
         _write_account(wishes, account)
     except exits.WriteError as error:
         exits.say(f"lagcli: {error}")
+    except signals.Interrupted:
+        pass  # a later signal; the caller raises the first
 
 
 def _write_account(wishes: Wishes, stats: Stats) -> None:
