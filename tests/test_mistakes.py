@@ -35,6 +35,12 @@ def test_a_force_on_nobody_is_told_who_there_is() -> None:
     assert (error.code, error.hint) == ("unknown-name", "declared are `left`, `all`")
 
 
+def test_a_family_without_its_range_is_told_how_to_give_one() -> None:
+    (error,) = found("lagcli: 1\nparticles: {'p[i]': {mass: 1, position: [0, 0, 0]}}\n")
+    assert error.code == "unknown-name"
+    assert "`for: i = 1..N`" in error.hint
+
+
 IN_EXPRESSIONS = {
     "cos(30 deg)": "`30*deg`",
     "sin(30°)": "`30*deg`",

@@ -170,6 +170,9 @@ class Reader:
                 return None
             columns = [np.broadcast_to(whole.evaluate(index, lookup), count) for index in key.indices]
         except ExpressionError as error:
+            if not variables and error.code == "unknown-name":
+                index = name.value[error.start : error.end]
+                error.hint = error.hint or f"a family needs the range of its index: `for: {index} = 1..N`"
             self._formulas.within(members.family("", (), variables)).trouble(name, error)
             return None
         self._budget.left -= count
