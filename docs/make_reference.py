@@ -11,10 +11,9 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator
 
-from lagcli import catalogue
-from lagcli.catalogue import equations
+from lagcli.errors import catalogue, equation_list
 from lagcli.expression import evaluate
-from lagcli.reader import keys, names
+from lagcli.input import keys, namespace
 
 HERE = pathlib.Path(__file__).parent / "reference"
 PART = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -41,7 +40,7 @@ def _walk(parent: keys.Key, prefix: str) -> Iterator[tuple[str, keys.Key]]:
 
 def reserved_names() -> str:
     """Names that may not be taken."""
-    everywhere, columns = _listed(names.RESERVED), _listed(names.NOT_FOR_COLUMNS)
+    everywhere, columns = _listed(namespace.RESERVED), _listed(namespace.NOT_FOR_COLUMNS)
     return (
         f"Reserved everywhere: {everywhere}. Particles, coordinates and outputs may not be called {columns}."
     )
@@ -77,8 +76,8 @@ def _error_page(code: str) -> str:
 
 def equation_table() -> str:
     """The equations that pages and outputs refer to."""
-    rows = [f"| (D.{n}) | {line} |" for n, line in sorted(equations.LINES.items())]
-    return "\n".join([equations.TEXT, "", "| number | says |", "| --- | --- |", *rows])
+    rows = [f"| (D.{n}) | {line} |" for n, line in sorted(equation_list.LINES.items())]
+    return "\n".join([equation_list.TEXT, "", "| number | says |", "| --- | --- |", *rows])
 
 
 def _indented(text: str) -> str:

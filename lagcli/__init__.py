@@ -19,16 +19,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lagcli.auditing.report import Audit
-    from lagcli.degrees_of_freedom import DofCount
-    from lagcli.derivation.page import Derivation
-    from lagcli.diagnostics import ModelError
+    from lagcli.analysis.check_report import Report
+    from lagcli.analysis.displacements.displacement_set import Displacements
+    from lagcli.analysis.dof import DofCount
+    from lagcli.auditing.audit_report import Audit
+    from lagcli.derivation.derivation_page import Derivation
+    from lagcli.errors.diagnostics import ModelError
     from lagcli.formulations.comparison import Comparison
-    from lagcli.model import Model
-    from lagcli.reader.overrides import OverrideError
-    from lagcli.report import Report
-    from lagcli.trajectory import SimulationStopped, Trajectory
-    from lagcli.virtual_displacements.answer import Displacements
+    from lagcli.input.overrides import OverrideError
+    from lagcli.model.model import Model
+    from lagcli.output.trajectory import SimulationStopped, Trajectory
 
     Path = str | os.PathLike[str]
 
@@ -58,17 +58,17 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Audit": "auditing.report",
+    "Audit": "auditing.audit_report",
     "Comparison": "formulations.comparison",
-    "Derivation": "derivation.page",
-    "Displacements": "virtual_displacements.answer",
-    "DofCount": "degrees_of_freedom",
-    "Model": "model",
-    "ModelError": "diagnostics",
-    "OverrideError": "reader.overrides",
-    "Report": "report",
-    "SimulationStopped": "trajectory",
-    "Trajectory": "trajectory",
+    "Derivation": "derivation.derivation_page",
+    "Displacements": "analysis.displacements.displacement_set",
+    "DofCount": "analysis.dof",
+    "Model": "model.model",
+    "ModelError": "errors.diagnostics",
+    "OverrideError": "input.overrides",
+    "Report": "analysis.check_report",
+    "SimulationStopped": "output.trajectory",
+    "Trajectory": "output.trajectory",
 }
 
 
@@ -260,7 +260,7 @@ def _pipeline() -> Any:
     refusal = importlib.import_module("lagcli.requirements").too_old()
     if refusal:
         raise ImportError(refusal)
-    return importlib.import_module("lagcli.pipeline")
+    return importlib.import_module("lagcli.api.pipeline")
 
 
 def __getattr__(name: str) -> Any:

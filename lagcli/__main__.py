@@ -25,10 +25,10 @@ def _run() -> int:
     try:
         signals.install()
         # Loaded under the signal handlers: an interrupt at start-up is an interrupt and no traceback.
-        from lagcli.cli import door, prompt_end
+        from lagcli.cli import entry, prompt_end
 
         prompt_end.start()
-        code = door.run()
+        code = entry.run()
         # The interpreter takes a while to end; an interrupt from now on ends it like any other program.
         signals.release()
     except signals.Interrupted as interrupt:

@@ -16,10 +16,10 @@ from scipy.optimize import least_squares
 
 import lagcli
 from lagcli import __main__ as entry
-from lagcli import pipeline
+from lagcli.api import pipeline
 from lagcli.cli import signals
-from lagcli.constraint_rows import Rows
-from lagcli.integrate import assembly, conflict, initial
+from lagcli.linear.metric_rows import Rows
+from lagcli.start import assembly, conflict, initial
 
 ON = 1e-12
 

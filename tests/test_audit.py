@@ -13,13 +13,14 @@ import numpy.typing as npt
 import pytest
 
 import lagcli
-from lagcli.auditing import differences, momenta, record
-from lagcli.auditing.evidence import Evidence, Tolerance
+from lagcli.auditing import differences, momenta, table_input
+from lagcli.auditing.audit_report import Audit, Law, judge
 from lagcli.auditing.laws import Laws, start
-from lagcli.auditing.report import Audit, Law, judge
-from lagcli.auditing.scene import Cast, Scene
-from lagcli.export import audit_figure, read_table, tables
-from lagcli.trajectory import Trajectory
+from lagcli.auditing.model_values import Cast, Scene
+from lagcli.auditing.tolerances import Evidence, Tolerance
+from lagcli.output.figures import audit_figure
+from lagcli.output.tables import read_table, sinks
+from lagcli.output.trajectory import Trajectory
 from tests.in_process import Command, command
 
 __all__ = ["command"]
@@ -257,7 +258,7 @@ def test_tables_are_read_as_they_are_written(
     path = tmp_path / f"run.{ending}"
     rows = run.rows.copy()
     rows[3, run.columns.index("lambda.upper")] = np.nan
-    with tables.open_sink(path, run.columns) as sink:
+    with sinks.open_sink(path, run.columns) as sink:
         sink.write(rows)
     columns, back = read_table.read(path)
     assert columns == run.columns
@@ -287,13 +288,13 @@ def test_missing_columns_are_named(double: tuple[lagcli.Model, Trajectory]) -> N
     model, run = double
     kept = [i for i, name in enumerate(run.columns) if name not in ("lambda.lower", "R.a.y")]
     partial = Trajectory(tuple(run.columns[i] for i in kept), run.rows[:, kept], run.stats)
-    with pytest.raises(record.TableError, match=r"lacks 2 of the .* `lambda.lower`, `R.a.y`"):
+    with pytest.raises(table_input.TableError, match=r"lacks 2 of the .* `lambda.lower`, `R.a.y`"):
         lagcli.audit(model, partial)
 
 
 def test_a_table_of_another_model_is_noticed(double: tuple[lagcli.Model, Trajectory]) -> None:
     model, run = double
-    with pytest.raises(record.TableError, match="another model"):
+    with pytest.raises(table_input.TableError, match="another model"):
         lagcli.audit(lagcli.load(ROOT / "models" / "pendulum.yaml"), run)
     other = lagcli.loads(DOUBLE, {"g": 9.8})
     assert "newton" in failing(lagcli.audit(other, run))
@@ -306,13 +307,13 @@ def test_a_table_of_another_model_is_noticed(double: tuple[lagcli.Model, Traject
 
 def test_times_must_increase(double: tuple[lagcli.Model, Trajectory]) -> None:
     model, run = double
-    with pytest.raises(record.TableError, match="do not increase: row 2"):
+    with pytest.raises(table_input.TableError, match="do not increase: row 2"):
         lagcli.audit(model, with_rows(run, run.rows[::-1]))
     endless = run.rows.copy()
     endless[-2:, 0] = np.inf
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # of libraries too: they would name their files
-        with pytest.raises(record.TableError, match=r"do not increase: row .* at t = inf"):
+        with pytest.raises(table_input.TableError, match=r"do not increase: row .* at t = inf"):
             lagcli.audit(model, with_rows(run, endless))
 
 
@@ -322,7 +323,7 @@ def test_the_command(double: tuple[lagcli.Model, Trajectory], tmp_path: Path, co
     file.write_text(DOUBLE, encoding="utf-8")
     rows, _, _ = faults(run)["sign"]
     for path, values in ((good, run.rows), (bad, rows)):
-        with tables.open_sink(path, run.columns) as sink:
+        with sinks.open_sink(path, run.columns) as sink:
             sink.write(values)
     out, err, code = command("audit", str(file), "--run", str(good), "--plot", str(tmp_path / "audit.svg"))
     assert (code, err) == (0, "")
@@ -488,7 +489,7 @@ def test_symmetries_are_found_where_they_are() -> None:
     model = lagcli.load(ROOT / "models" / "spherical-pendulum.yaml")
     run = table(model, duration=1, samples=101)
     laws = Laws(model)
-    found = Evidence(laws, record.read(laws, run.columns, run.rows), Tolerance(1e-11, 1e-13))
+    found = Evidence(laws, table_input.read(laws, run.columns, run.rows), Tolerance(1e-11, 1e-13))
     names = {one.name for one in momenta.symmetries(found)}
     assert names == {"translation along x", "translation along y", "rotation about z"}
 
@@ -502,7 +503,7 @@ def test_a_residual_that_is_no_number_fails() -> None:
 
 
 def test_nothing_of_the_solver_is_used() -> None:
-    allowed = {"lagcli.mechanics.rigid"}  # the coefficients of a body, plain numbers
+    allowed = {"lagcli.equations.rigid"}  # the coefficients of a body, plain numbers
     for path in (ROOT / "lagcli" / "auditing").glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = []
@@ -511,9 +512,9 @@ def test_nothing_of_the_solver_is_used() -> None:
             elif isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
             for name in names:
-                assert not name.startswith(("casadi", "lagcli.compile", "lagcli.integrate")), (path, name)
-                assert not name.startswith("lagcli.mechanics") or name in allowed, (path, name)
-    text = "import sys, lagcli.auditing.examine; print('casadi' in sys.modules, 'scipy' in sys.modules)"
+                assert not name.startswith(("casadi", "lagcli.compiled", "lagcli.simulation")), (path, name)
+                assert not name.startswith("lagcli.equations") or name in allowed, (path, name)
+    text = "import sys, lagcli.auditing.all_checks; print('casadi' in sys.modules, 'scipy' in sys.modules)"
     answer = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
     assert answer.stdout.split() == ["False", "False"]
 

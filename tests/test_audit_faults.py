@@ -9,13 +9,13 @@ import numpy.typing as npt
 import pytest
 
 import lagcli
-from lagcli.auditing import examine, outputs, record, steps
-from lagcli.auditing import motion as motions
-from lagcli.auditing.evidence import Evidence, Tolerance
+from lagcli.auditing import all_checks, checks_outputs, checks_steps, table_input
+from lagcli.auditing import checks_motion as motions
+from lagcli.auditing.audit_report import Audit, Law, judge
 from lagcli.auditing.laws import Laws
-from lagcli.auditing.report import Audit, Law, judge
-from lagcli.export import tables
-from lagcli.trajectory import Trajectory
+from lagcli.auditing.tolerances import Evidence, Tolerance
+from lagcli.output.tables import sinks
+from lagcli.output.trajectory import Trajectory
 
 ROOT = Path(__file__).resolve().parent.parent
 Floats = npt.NDArray[np.float64]
@@ -338,7 +338,7 @@ simulation: {duration: 4}
     table = np.column_stack(
         [t, 1 + x * felt, t + t * t / 4, nothing, v, 1 + t / 2, nothing, nothing, nothing, nothing]
     )
-    return examine.audit(model, columns, table, Tolerance(1e-11, 1e-13))
+    return all_checks.audit(model, columns, table, Tolerance(1e-11, 1e-13))
 
 
 @pytest.mark.parametrize("rows", [41, 81, 161, 401, 1001, 4001])
@@ -364,7 +364,7 @@ forces: {w: {to: a, force: [0, 0, -9.81*m]}, kick: {to: a, force: ["5*exp(-((t -
     t = np.linspace(0, 10, 501)
     columns = ["t", "a.x", "a.y", "a.z", "a.vx", "a.vy", "a.vz", "lambda.rod", "R.a.x", "R.a.y", "R.a.z"]
     row = [0, 0, -1, 0, 0, 0, -9.81, 0, 0, 9.81]
-    found = examine.audit(
+    found = all_checks.audit(
         model, columns, np.column_stack([t, np.tile(row, (501, 1))]), Tolerance(1e-11, 1e-13)
     )
     assert "a.vx" in failing(found)["steps"]
@@ -481,7 +481,9 @@ def test_energy_and_outputs_are_computed_again(with_outputs: tuple[lagcli.Model,
     assert columns.judged == columns.entries - 2 * 101 == 101 * (len(own) - 2)
     own = [name for name in own if name not in ("swing", "of_swing")]  # not to be had from r, v, lambda and R
     with np.errstate(all="ignore"):
-        e = Evidence(Laws(model), record.read(Laws(model), run.columns, run.rows), Tolerance(1e-11, 1e-13))
+        e = Evidence(
+            Laws(model), table_input.read(Laws(model), run.columns, run.rows), Tolerance(1e-11, 1e-13)
+        )
         energies = motions.energies(e)
     for name in own:
         for change in (lambda y: y * 1.001, lambda y: y + 1e-3):
@@ -490,7 +492,7 @@ def test_energy_and_outputs_are_computed_again(with_outputs: tuple[lagcli.Model,
             rows[:, place] = change(rows[:, place])
             if np.array_equal(rows, run.rows):
                 continue
-            off = outputs.columns(e, run.columns, rows, (energies.E, energies.E_moved))
+            off = checks_outputs.columns(e, run.columns, rows, (energies.E, energies.E_moved))
             assert [place.name for place in off.failing] == [name]
 
 
@@ -526,7 +528,7 @@ def test_bounds_of_steps_hold_for_jumps_wherever_they_are(even: bool) -> None:
     t = np.linspace(0, 2, 41)
     if not even:
         t = np.sort(np.concatenate([t, random.uniform(0, 2, 8)]))
-    grid = steps.Steps(t)
+    grid = checks_steps.Steps(t)
     for _ in range(40):
         c = random.uniform(0, 2)
         after = np.maximum(0, t - c)
@@ -537,10 +539,10 @@ def test_bounds_of_steps_hold_for_jumps_wherever_they_are(even: bool) -> None:
             (-np.cos(9 * t + c), 9 * np.sin(9 * t + c)),
         ):
             nothing = np.zeros((len(t), 1))
-            one = steps.Quantity(
+            one = checks_steps.Quantity(
                 ("y",), y[:, None], rate[:, None], nothing, nothing, np.zeros(1, bool), np.ones(1), np.ones(1)
             )
-            residual, limit, _ = steps.judged_steps(grid, one, np.zeros(len(t) - 1, bool))
+            residual, limit, _ = checks_steps.judged_steps(grid, one, np.zeros(len(t) - 1, bool))
             assert (np.abs(residual) <= limit + 1e-13).all()
 
 
@@ -562,7 +564,7 @@ def test_a_table_with_tabs_is_audited_as_one_with_commas(tmp_path: Path) -> None
     for ending in ("csv", "tsv"):
         for k, rows in enumerate((run.rows, wrong)):
             path = tmp_path / f"{k}.{ending}"
-            sink = tables.open_sink(path, run.columns)
+            sink = sinks.open_sink(path, run.columns)
             sink.write(rows)
             sink.commit()
             verdicts.append(lagcli.audit(model, path).passed)

@@ -2,8 +2,10 @@
 
 import pytest
 
-from lagcli import bounds, diagnostics, pipeline, unconstrained
-from lagcli.mechanics import system
+from lagcli.analysis import free_particles
+from lagcli.api import pipeline
+from lagcli.equations import size_limits, system
+from lagcli.errors import diagnostics
 
 FREE = """
 lagcli: 1
@@ -26,7 +28,7 @@ holonomic:
 def test_free_particles_are_counted_as_by_their_equations(monkeypatch):
     model = pipeline.loads(FREE.format(n=4))
     found, report = pipeline.count(model), pipeline.check(model)
-    monkeypatch.setattr(unconstrained, "holds_for", lambda model: False)
+    monkeypatch.setattr(free_particles, "holds_for", lambda model: False)
     assert found == pipeline.count(model)
     assert report == pipeline.check(model)
     assert found.configuration_dof == 15
@@ -38,7 +40,7 @@ def test_very_many_free_particles_are_counted_without_their_equations(monkeypatc
 
     monkeypatch.setattr(system, "build", refused)
     model = pipeline.loads(FREE.format(n=200_000))
-    assert bounds.MOST_BUILT < 3 * 200_001
+    assert size_limits.MOST_BUILT < 3 * 200_001
     assert pipeline.count(model).configuration_dof == 600_003
     assert pipeline.check(model).dof.configuration_dof == 600_003
 
@@ -54,7 +56,7 @@ def test_very_many_free_particles_are_counted_without_their_equations(monkeypatc
     ],
 )
 def test_what_is_held_or_asked_for_is_built(more):
-    assert not unconstrained.holds_for(pipeline.loads(FREE.format(n=2) + more))
+    assert not free_particles.holds_for(pipeline.loads(FREE.format(n=2) + more))
 
 
 @pytest.mark.parametrize(
@@ -68,16 +70,16 @@ def test_what_is_held_or_asked_for_is_built(more):
 def test_laws_that_are_no_constants_are_built(old, new):
     text = FREE.format(n=2)
     assert old in text
-    assert not unconstrained.holds_for(pipeline.loads(text.replace(old, new)))
+    assert not free_particles.holds_for(pipeline.loads(text.replace(old, new)))
 
 
 def test_a_chain_of_a_hundred_thousand_links_is_built():
-    assert 3 * 100_000 + 99_999 <= bounds.MOST_BUILT <= 4 * 120_000
+    assert 3 * 100_000 + 99_999 <= size_limits.MOST_BUILT <= 4 * 120_000
 
 
 @pytest.mark.parametrize("work", [pipeline.count, pipeline.check, pipeline.simulate, pipeline.derive])
 def test_a_model_that_is_too_large_is_refused_before_it_is_built(work, monkeypatch):
-    monkeypatch.setattr(bounds, "MOST_BUILT", 38)
+    monkeypatch.setattr(size_limits, "MOST_BUILT", 38)
     work_on = pipeline.loads(CHAIN.format(n=11))
     with pytest.raises(diagnostics.ModelError) as raised:
         work(work_on)
@@ -93,22 +95,22 @@ def test_a_run_that_takes_too_much_memory_is_refused_with_its_place(monkeypatch)
     # Of a chain each coordinate between the ends stands in two rows.
     entries = 3 * (2 + 28 * 4)
     needed = (
-        bounds.ALWAYS
-        + bounds.OF_COORDINATE * n
-        + bounds.OF_ROW * rows
-        + bounds.OF_ENTRY * min(entries, rows**2)
+        size_limits.ALWAYS
+        + size_limits.OF_COORDINATE * n
+        + size_limits.OF_ROW * rows
+        + size_limits.OF_ENTRY * min(entries, rows**2)
     )
     model = pipeline.loads(CHAIN.format(n=30))
-    monkeypatch.setattr(bounds, "MOST_BYTES", needed - 1)
+    monkeypatch.setattr(size_limits, "MOST_BYTES", needed - 1)
     with pytest.raises(diagnostics.ModelError) as raised:
         pipeline.simulate(model, duration=0.01, samples=2)
     (found,) = raised.value.diagnostics
     assert found.code == "too-large-to-build"
     assert found.location.line == 4
-    monkeypatch.setattr(bounds, "MOST_BYTES", needed)
+    monkeypatch.setattr(size_limits, "MOST_BYTES", needed)
     assert pipeline.simulate(model, duration=0.01, samples=2).stats.steps > 0
 
 
 def test_what_a_run_takes_is_reckoned_as_measured():
-    assert (bounds.ALWAYS, bounds.OF_COORDINATE, bounds.OF_ROW) == (6e7, 4.8e3, 2.5e4)
-    assert (bounds.OF_ENTRY, bounds.MOST_BYTES) == (4e2, 2e9)
+    assert (size_limits.ALWAYS, size_limits.OF_COORDINATE, size_limits.OF_ROW) == (6e7, 4.8e3, 2.5e4)
+    assert (size_limits.OF_ENTRY, size_limits.MOST_BYTES) == (4e2, 2e9)

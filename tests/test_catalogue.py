@@ -9,11 +9,14 @@ from collections.abc import Callable
 import pytest
 
 import lagcli
-from lagcli import catalogue, diagnostics, pipeline, source, trajectory
-from lagcli.catalogue.page import Page
+from lagcli import yaml_tree
+from lagcli.api import pipeline
+from lagcli.errors import catalogue, diagnostics
+from lagcli.errors.catalogue.page import Page
 from lagcli.expression import facts
-from lagcli.integrate import driver
-from lagcli.reader import document
+from lagcli.input import document
+from lagcli.output import trajectory
+from lagcli.simulation import loop
 
 PACKAGE = pathlib.Path(lagcli.__file__).parent
 PAGES = [page for code in catalogue.codes() if (page := catalogue.page(code)) is not None]
@@ -40,7 +43,7 @@ def _codes_in_source() -> set[str]:
                 index = places.get(name)
                 if index is not None and len(node.args) > index:
                     found |= _words(node.args[index])
-    stops = {driver.SINGULAR, driver.NO_SOLUTION, driver.NOT_FINITE, driver.TOO_SMALL, trajectory.INTERRUPTED}
+    stops = {loop.SINGULAR, loop.NO_SOLUTION, loop.NOT_FINITE, loop.TOO_SMALL, trajectory.INTERRUPTED}
     return found | stops | {code for code, _ in facts.FLAG_ERRORS.values()}
 
 
@@ -93,15 +96,15 @@ def test_an_example_of_a_stop_stops_so_and_the_cure_lets_it_end(page: Page) -> N
 
 
 def _of_a_directory(where: pathlib.Path) -> None:
-    source.read(where)
+    yaml_tree.read(where)
 
 
 def _of_a_large_file(where: pathlib.Path) -> None:
-    source.parse(b" " * (source.MAX_BYTES + 1), "big.yaml")
+    yaml_tree.parse(b" " * (yaml_tree.MAX_BYTES + 1), "big.yaml")
 
 
 def _of_binary(where: pathlib.Path) -> None:
-    source.parse(b"\x7fELF\x00\x01", "program")
+    yaml_tree.parse(b"\x7fELF\x00\x01", "program")
 
 
 def _of_a_long_expression(where: pathlib.Path) -> None:

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import conserved, pipeline
-from lagcli.export import checkpoint_file
-from lagcli.integrate import checkpoint, driver
+from lagcli.api import pipeline
+from lagcli.model import invariant
+from lagcli.output import checkpoint_file
+from lagcli.simulation import checkpoint, loop
 
 PENDULUM = """\
 lagcli: 1
@@ -104,7 +105,7 @@ every_model = pytest.mark.parametrize("text", MODELS.values(), ids=MODELS.keys()
 def ready(
     text: str,
     resumed: checkpoint.Checkpoint | None = None,
-    found: tuple[conserved.FirstIntegral, ...] = (),
+    found: tuple[invariant.FirstIntegral, ...] = (),
     **options: Any,
 ) -> pipeline.Running:
     model = lagcli.loads(text)
@@ -148,8 +149,8 @@ def test_a_run_broken_off_anywhere_goes_on_bit_for_bit(
     options = {"duration": 4, "samples": samples}
     uncut = lagcli.simulate(lagcli.loads(text), **options)
     # Blocks of few rows, and of one step each: most cuts then lie between rows of one step.
-    monkeypatch.setattr(driver, "BLOCK_VALUES", 60)
-    monkeypatch.setattr(driver, "PAUSE", 0.0)
+    monkeypatch.setattr(loop, "BLOCK_VALUES", 60)
+    monkeypatch.setattr(loop, "PAUSE", 0.0)
     sides = set()
     for rows in np.random.default_rng(samples).integers(1, samples, 8):
         first, point = cut(text, int(rows), **options)
@@ -218,7 +219,7 @@ def test_other_columns_and_another_grid_may_be_asked_for(tmp_path: Path) -> None
 
 
 def test_a_finer_grid_cannot_look_behind_the_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(driver, "PAUSE", 0.0)
+    monkeypatch.setattr(loop, "PAUSE", 0.0)
     going = ready(PENDULUM, duration=10, samples=3)
     blocks = going.blocks()
     for _ in range(20):
@@ -256,7 +257,7 @@ def test_an_assembled_start_is_not_assembled_again(tmp_path: Path) -> None:
 def test_checkpoints_are_written_at_once_then_now_and_then_and_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driver, "PAUSE", 0.0)
+    monkeypatch.setattr(loop, "PAUSE", 0.0)
     written = []
     write = checkpoint_file.Keeper.write
 
@@ -285,14 +286,14 @@ coordinates: {x: {value: -1, rate: 1}, y: {value: -0.5, rate: 0.5}}
 lagrangian: (rate(x)**2 + rate(y)**2)/2 - (x**2 + 3*y**2)
 differential: {row: y*d(x) - x*d(y) = 0}
 """
-GOOD = conserved.Chart("y", "x")
-ROOT = conserved.Chart("sqrt(-x)", "sqrt(-y)")  # ends where the motion passes the origin, at t = 0.62
-LOG = conserved.Chart("log(-x) - log(-y)")
+GOOD = invariant.Chart("y", "x")
+ROOT = invariant.Chart("sqrt(-x)", "sqrt(-y)")  # ends where the motion passes the origin, at t = 0.62
+LOG = invariant.Chart("log(-x) - log(-y)")
 HELD = {"stays": (GOOD,), "for another": (ROOT, LOG, GOOD), "let go": (LOG,)}
 
 
-def line(*charts: conserved.Chart) -> tuple[conserved.FirstIntegral, ...]:
-    return (conserved.FirstIntegral("y/x", ("row",), charts),)
+def line(*charts: invariant.Chart) -> tuple[invariant.FirstIntegral, ...]:
+    return (invariant.FirstIntegral("y/x", ("row",), charts),)
 
 
 every_holding = pytest.mark.parametrize("charts", HELD.values(), ids=HELD.keys())
@@ -301,13 +302,13 @@ every_holding = pytest.mark.parametrize("charts", HELD.values(), ids=HELD.keys()
 @every_holding
 @pytest.mark.parametrize("samples", [11, 801])
 def test_a_run_with_an_integral_goes_on_bit_for_bit_before_and_after_a_change_of_charts(
-    charts: tuple[conserved.Chart, ...], samples: int, monkeypatch: pytest.MonkeyPatch
+    charts: tuple[invariant.Chart, ...], samples: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     options: dict[str, Any] = {"found": line(*charts), "duration": 2, "samples": samples}
     whole = ready(LINE, **options)
     uncut = np.concatenate(list(whole.blocks()))
-    monkeypatch.setattr(driver, "BLOCK_VALUES", 30)
-    monkeypatch.setattr(driver, "PAUSE", 0.0)
+    monkeypatch.setattr(loop, "BLOCK_VALUES", 30)
+    monkeypatch.setattr(loop, "PAUSE", 0.0)
     used = set()
     for rows in np.unique(np.linspace(1, 0.9 * samples, 30).astype(int)):
         first, point = cut(LINE, int(rows), **options)
@@ -326,7 +327,7 @@ def test_a_run_with_an_integral_goes_on_bit_for_bit_before_and_after_a_change_of
 
 
 @every_holding
-def test_the_end_of_a_run_with_an_integral_leaves_no_trace(charts: tuple[conserved.Chart, ...]) -> None:
+def test_the_end_of_a_run_with_an_integral_leaves_no_trace(charts: tuple[invariant.Chart, ...]) -> None:
     found = line(*charts)
     whole = ready(LINE, found=found, duration=2, output_step=0.125)
     rows = np.concatenate(list(whole.blocks()))
@@ -350,7 +351,7 @@ def test_a_run_goes_on_with_the_integrals_it_began_with() -> None:
 def test_integrals_that_are_none_of_the_system_are_damage() -> None:
     _, point = cut(LINE, 1, found=line(GOOD), duration=1, samples=3)
     for text in ("x - unknown", "x - (", "x*d(y)"):
-        strange = dataclasses.replace(line(GOOD)[0], charts=(conserved.Chart(text),))
+        strange = dataclasses.replace(line(GOOD)[0], charts=(invariant.Chart(text),))
         with pytest.raises(checkpoint.CheckpointError, match="damaged checkpoint: it holds integrals"):
             ready(LINE, dataclasses.replace(point, integrals=(strange,)), duration=2)
 

@@ -5,7 +5,7 @@ import time
 import pytest
 
 import lagcli
-from lagcli.classification import judge
+from lagcli.analysis.classification import classifier
 
 pytestmark = pytest.mark.numeric
 
@@ -158,12 +158,12 @@ def test_values_of_parameters_for_which_the_verdict_is_another():
 
 def test_exceptional_values_are_met_at_a_second_look_too(monkeypatch):
     # Where exact algebra is late, numbers are asked; what they leave open is looked at exactly once more.
-    monkeypatch.setattr(judge, "PROMPT", 0.0)
+    monkeypatch.setattr(classifier, "PROMPT", 0.0)
     rows = {"one": "d(z) - y*d(x) + k*y*d(w) = 0", "two": "d(w) - y*d(x) = 0"}
     found = report(rows, "w: 0, x: 1, y: 2, z: 3", "k: 0")
     assert (found.joint.derived_flag, found.dof.configuration_dof) == ((2, 1, 1), 3)
     assert len(found.joint.integrals) == 1
-    assert found.dof.notes == (judge.EXCEPTIONAL,)
+    assert found.dof.notes == (classifier.EXCEPTIONAL,)
 
 
 @pytest.mark.parametrize("limit", [float("nan"), -1.0])

@@ -28,9 +28,12 @@ import pytest
 
 import lagcli as package
 from lagcli import __main__ as entry
-from lagcli import catalogue, diagnostics, pipeline
-from lagcli.cli import console, exits, running, signals
-from lagcli.export import endings, figure, tables
+from lagcli.api import pipeline
+from lagcli.cli import console, exits, signals, simulate_command
+from lagcli.errors import catalogue, diagnostics
+from lagcli.output import endings
+from lagcli.output.figures import figure
+from lagcli.output.tables import sinks
 
 PENDULUM = """\
 lagcli: 1
@@ -840,8 +843,8 @@ def test_columns_choose_by_name_where_brackets_are_letters(
     wrong = lagcli("simulate", "model.yaml", "--columns", "lambda.rodd")
     assert "lambda.rod" in wrong.err
     # Names with brackets, as of families: the whole contract of the patterns is tested with the export.
-    wishes = running.Wishes(None, None, None, "p[1].*", False, False, False)
-    assert running._picked(("t", "p[1].x", "p1.x"), wishes) == [1]
+    wishes = simulate_command.Wishes(None, None, None, "p[1].*", False, False, False)
+    assert simulate_command._picked(("t", "p[1].x", "p1.x"), wishes) == [1]
 
 
 STATS_KEYS = [
@@ -900,7 +903,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file(lagcli: Lagcli, monkeypatch: p
     def full(*arguments: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(tables._FileSink, "write", full)
+    monkeypatch.setattr(sinks._FileSink, "write", full)
     result = lagcli("simulate", file(PENDULUM), "-q", "-o", "run.csv")
     assert result.code == 74
     assert "cannot write run.csv" in result.err
@@ -1139,9 +1142,9 @@ def test_a_report_on_a_terminal_folds_and_loses_nothing(
     monkeypatch.setenv("TERM", "xterm")
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", stream)
-        from lagcli.cli import tellings
+        from lagcli.cli import check_text
 
-        tellings.report(package.check(package.load("model.yaml")), heading=False)
+        check_text.report(package.check(package.load("model.yaml")), heading=False)
     lines = stream.getvalue().splitlines()
     assert max(map(len, lines)) <= columns
 

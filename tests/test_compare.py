@@ -8,8 +8,8 @@ import pytest
 from in_process import command  # noqa: F401 - a fixture
 
 import lagcli
+from lagcli.equations import system
 from lagcli.formulations import comparison
-from lagcli.mechanics import system
 
 MODELS = pathlib.Path(__file__).parent.parent / "models"
 PAIRS = (

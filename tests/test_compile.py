@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import compile, pipeline
-from lagcli.compile import numeric
-from lagcli.mechanics import system
+from lagcli import compiled
+from lagcli.api import pipeline
+from lagcli.compiled import numeric
+from lagcli.equations import system
 
 MODELS = pathlib.Path(__file__).parent.parent / "models"
 
@@ -51,11 +52,11 @@ def test_large_systems_are_factored_numerically():
     pairs += [((i, j), (i, j + 1)) for i in range(side) for j in range(side - 1)]
     lines += [f'  "r{a}_{b}_{c}_{d}": "distance(p{a}_{b}, p{c}_{d}) = 1"' for (a, b), (c, d) in pairs]
     built = system.build(lagcli.loads("\n".join(lines)))
-    parts = compile.parts.parts(built)
-    assert 3e4 < compile.solving.operations(parts.S) < 3e6
+    parts = compiled.parts.parts(built)
+    assert 3e4 < compiled.solvers.operations(parts.S) < 3e6
     chain = system.build(lagcli.load(MODELS / "double-pendulum.yaml"))
-    parts = compile.parts.parts(chain)
-    assert compile.solving.operations(parts.S) < 100
+    parts = compiled.parts.parts(chain)
+    assert compiled.solvers.operations(parts.S) < 100
 
 
 def test_particles_that_are_many_and_free_cost_no_memory_by_their_square():

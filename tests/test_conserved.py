@@ -10,12 +10,12 @@ import pytest
 import sympy
 
 import lagcli
-from lagcli import pipeline
-from lagcli.cli import running as telling
-from lagcli.compile import numeric
-from lagcli.conserved import Chart, FirstIntegral
-from lagcli.integrate import driver
-from lagcli.pfaffian import charts
+from lagcli.api import pipeline
+from lagcli.cli import simulate_command as telling
+from lagcli.compiled import numeric
+from lagcli.model.invariant import Chart, FirstIntegral
+from lagcli.pfaffian import level_charts
+from lagcli.simulation import loop
 
 x, y, z, th, u, t = sympy.symbols("x y z th u t", real=True)
 a, b, k, R = CONSTANTS = sympy.symbols("a b k R", real=True)
@@ -64,7 +64,7 @@ CHARTS: list[tuple[Any, list[Chart]]] = [
 
 @pytest.mark.parametrize(("phi", "expected"), CHARTS, ids=lambda value: str(value))
 def test_an_integral_has_charts_without_poles_and_jumps(phi: Any, expected: list[Chart]) -> None:
-    found = charts.charts(phi, CONSTANTS)
+    found = level_charts.charts(phi, CONSTANTS)
     assert list(found[: len(expected)]) == expected
     assert bool(found) == bool(expected)
 
@@ -89,7 +89,7 @@ def test_a_chart_has_the_levels_of_its_integral(phi: Any) -> None:
     moving = [s for s in symbols if s not in CONSTANTS]
     names = {s.name: s for s in symbols} | {"abs": sympy.Abs}
     random = np.random.default_rng(1)
-    for chart in charts.charts(phi, CONSTANTS):
+    for chart in level_charts.charts(phi, CONSTANTS):
         form = sympy.sympify(chart.above, names) / sympy.sympify(chart.below, names)
         for _ in range(3):
             point = dict(zip(symbols, random.uniform(0.4, 1.3, len(symbols)), strict=True))
@@ -235,7 +235,7 @@ def test_a_line_through_the_origin_is_passed_without_a_jump(phi: Any, angle: flo
     c, s = math.cos(angle), math.sin(angle)
     if abs(c) < 1e-15:
         c = 0.0  # the start stands on x = 0
-    found = held(str(phi), *charts.charts(phi))
+    found = held(str(phi), *level_charts.charts(phi))
     going, columns = run(LINE % (c, 0.4 * c, s, 0.4 * s), found, duration=6)
     _, along = run(ALONG % (c, s, 1, 0.4), duration=6)
     zeros = (np.diff(np.sign(along["r"])) != 0).sum()
@@ -391,7 +391,7 @@ lagrangian: (rate(x)**2 + rate(y)**2)/2
 differential: {row: sqrt(x)*d(x) + sqrt(x)*d(y) = 0}
 """
     going = ready(text, held("x + y", Chart("x + y")), duration=3)
-    with pytest.raises(driver.Stopped):
+    with pytest.raises(loop.Stopped):
         list(going.blocks())
     assert not going.notes
     assert chart_of(going) == [0]
@@ -511,7 +511,7 @@ def test_a_model_without_integrals_runs_on_the_functions_it_had() -> None:
 
 
 def _start(model: lagcli.Model) -> Any:
-    from lagcli.integrate import initial
+    from lagcli.start import initial
 
     return initial.declared(pipeline.compiled(model).system)
 

@@ -12,9 +12,19 @@ import pytest
 import scipy.integrate
 
 import lagcli
-from lagcli import pipeline
-from lagcli.compile import numeric
-from lagcli.integrate import checkpoint, collocation, dop853, driver, initial, limits, lost, tableau, watch
+from lagcli.api import pipeline
+from lagcli.compiled import numeric
+from lagcli.simulation import (
+    checkpoint,
+    collocation,
+    dop853,
+    dop853_tableau,
+    interpolate_rows,
+    loop,
+    singular_point,
+    singularity_monitor,
+)
+from lagcli.start import initial
 
 pytestmark = pytest.mark.numeric
 
@@ -261,7 +271,7 @@ def test_a_toggle_position_stops_the_run_with_its_rows_and_their_names():
     model = lagcli.loads(DRIVEN)
     running = pipeline.Running(model, model.simulation)
     blocks = []
-    with pytest.raises(driver.Stopped, match=r"`rod`, `drive` become dependent .* toggle") as stopped:
+    with pytest.raises(loop.Stopped, match=r"`rod`, `drive` become dependent .* toggle") as stopped:
         blocks.extend(running.blocks())
     assert stopped.value.stop.t == pytest.approx(1, abs=1e-9)
     rows = np.concatenate(blocks)
@@ -272,7 +282,7 @@ def test_a_toggle_position_stops_the_run_with_its_rows_and_their_names():
 def test_a_cusp_stops_the_run():
     model = lagcli.loads(PLANE.format(1, -1, 1, -1.5, "x**3 = y**2"))
     running = pipeline.Running(model, model.simulation)
-    with pytest.raises(driver.Stopped, match="the gradient of `row` vanishes there"):
+    with pytest.raises(loop.Stopped, match="the gradient of `row` vanishes there"):
         list(running.blocks())
 
 
@@ -308,8 +318,8 @@ def test_a_run_goes_on_bit_for_bit_across_crossings(text, monkeypatch):
     model = lagcli.loads(text)
     options = pipeline.run_settings(model, {"duration": 3, "samples": 301})
     uncut = lagcli.simulate(model, duration=3, samples=301)
-    monkeypatch.setattr(driver, "BLOCK_VALUES", 60)
-    monkeypatch.setattr(driver, "PAUSE", 0.0)
+    monkeypatch.setattr(loop, "BLOCK_VALUES", 60)
+    monkeypatch.setattr(loop, "PAUSE", 0.0)
     for rows in (1, 40, 118, 123, 124, 127, 140, 299):
         running = pipeline.Running(model, options)
         blocks = []
@@ -331,26 +341,26 @@ def test_a_run_goes_on_bit_for_bit_across_crossings(text, monkeypatch):
 
 @pytest.mark.parametrize("slope", [0.3, 2.0])
 def test_the_instant_is_foreseen_where_the_clearance_goes_to_zero_in_a_line(slope):
-    seen = watch.Watch()
+    seen = singularity_monitor.Watch()
     found = [seen.foreseen(t, min(1.0, slope * (2 - t)) ** 2, 1.0) for t in (1.0, 1.3, 1.6, 1.8)]
-    assert found[0] == watch.NEVER
+    assert found[0] == singularity_monitor.NEVER
     assert abs(found[-1].instant - 2) < 0.05
     assert found[-1].is_near(1.8, 0.15, 1e-8)
     assert not found[-1].is_near(1.8, 0.05, 1e-6)
-    assert watch.Watch(seen.state).again() == found[-1]
+    assert singularity_monitor.Watch(seen.state).again() == found[-1]
     # Going apart, or too far to be seen.
-    assert seen.foreseen(1.9, 0.5, 1.0) == watch.NEVER
+    assert seen.foreseen(1.9, 0.5, 1.0) == singularity_monitor.NEVER
 
 
 def test_interpolation_finds_poles_limits_and_what_is_not_smooth():
     taus = np.array([-0.3, -0.2, -0.12, -0.06, 0.06, 0.12, 0.2, 0.3])
     smooth, pole, jump, kink = np.cos(taus), np.exp(taus) / taus, np.sign(taus), np.abs(taus)
     lines = np.stack([smooth, pole, jump, kink, 1e-17 * np.sin(1e3 * taus)], axis=1)
-    at = limits.interpolated(taus, lines, 0.0)
+    at = interpolate_rows.interpolated(taus, lines, 0.0)
     assert abs(at[0] - 1) < 1e-9
     assert np.isnan(at[1:4]).all()
     assert abs(at[4]) < 1e-15
-    beside = limits.interpolated(taus, lines, 0.01)
+    beside = interpolate_rows.interpolated(taus, lines, 0.01)
     assert abs(beside[0] - np.cos(0.01)) < 1e-9
     assert abs(beside[1] - np.exp(0.01) / 0.01) < 1e-6
 
@@ -476,7 +486,7 @@ def test_rank_is_lost_only_where_branches_meet(gap):
     ready = pipeline.compiled(lagcli.loads(PLANE.format(1, -1, gap, gap, f"x*y = {gap!r}")))
     before = initial.declared(ready.system)
     there = dataclasses.replace(before, t=1.0, q=np.zeros(2))
-    found = lost.loss(ready.numeric, before, there, 1e-13)
+    found = singular_point.loss(ready.numeric, before, there, 1e-13)
     assert (found is None) == (gap > 0)
     assert found is None or (found.t, found.number, found.participants) == (1.0, 1, (0,))
 
@@ -484,7 +494,7 @@ def test_rank_is_lost_only_where_branches_meet(gap):
 @pytest.mark.parametrize("turn", [0.1, 0.3, 1.0, 2.0, 2.4])
 def test_a_zero_within_a_step_is_seen_wherever_it_lies(turn):
     """A root like |sin|, of an angle that turns by so much in a step; beside it a row that stays."""
-    at = np.array([*(tableau.C[s] for s in dop853.WATCHED), 1.0])
+    at = np.array([*(dop853_tableau.C[s] for s in dop853.WATCHED), 1.0])
     hidden = dop853._hidden()
     for place in np.linspace(0.03, 0.97, 95):
         squares = np.sin(turn * (at - place)) ** 2
@@ -536,7 +546,7 @@ def test_a_mass_ratio_does_not_stop_a_run(heavy):
 def test_independent_rows_are_not_called_dependent_for_a_mass_ratio(heavy):
     with pytest.raises(lagcli.SimulationStopped) as stopped:
         lagcli.simulate(lagcli.loads(WEIGHTED, parameters={"heavy": heavy}))
-    assert stopped.value.code == driver.TOO_SMALL
+    assert stopped.value.code == loop.TOO_SMALL
     assert "dependent" not in str(stopped.value)
     assert f"inertias that differ by a factor of {heavy:.0e} amplify rounding" in str(stopped.value)
 
@@ -546,4 +556,4 @@ def test_a_toggle_is_called_singular_whatever_the_masses(heavy):
     with pytest.raises(lagcli.SimulationStopped, match=r"`r1`, `r2`.* become dependent .* toggle") as stopped:
         lagcli.simulate(lagcli.loads(STRAIGHT, parameters={"heavy": heavy}))
     assert "inertias" not in str(stopped.value)
-    assert stopped.value.code == driver.SINGULAR
+    assert stopped.value.code == loop.SINGULAR

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import diagnostics, pipeline
-from lagcli.integrate import checkpoint
-from lagcli.trajectory import Trajectory
+from lagcli.api import pipeline
+from lagcli.errors import diagnostics
+from lagcli.output.trajectory import Trajectory
+from lagcli.simulation import checkpoint
 
 HELIX = """\
 lagcli: 1

@@ -15,12 +15,21 @@ from sympy.physics import mechanics
 from typer.testing import CliRunner
 
 import lagcli
-from lagcli import derivation, diagnostics, pipeline
+from lagcli import derivation
+from lagcli.api import pipeline
 from lagcli.cli.app import app
+from lagcli.derivation import (
+    closed_form,
+    identity,
+    multiplier_equations,
+    render_latex,
+    render_mathml,
+    render_text,
+)
 from lagcli.derivation import formula as f
-from lagcli.derivation import identity, multipliers, render_latex, render_mathml, render_text, solution
 from lagcli.derivation.calculus import TIME
-from lagcli.mechanics import system as compiled_system
+from lagcli.equations import system as compiled_system
+from lagcli.errors import diagnostics
 
 MODELS = pathlib.Path(__file__).resolve().parent.parent / "models"
 # Every model of the gallery that is small enough to be evaluated here in a moment.
@@ -115,10 +124,10 @@ def test_pendulum_with_its_tension() -> None:
     assert solved.values[1] == 0
 
 
-def _solved(page: derivation.Derivation) -> solution.Solved:
-    inverted = multipliers.inverse(page.system)
+def _solved(page: derivation.Derivation) -> closed_form.Solved:
+    inverted = multiplier_equations.inverse(page.system)
     assert inverted.entries is not None
-    return solution.solve(page.system, multipliers.equation(page.system, inverted.entries))
+    return closed_form.solve(page.system, multiplier_equations.equation(page.system, inverted.entries))
 
 
 def test_double_pendulum_in_its_angles() -> None:
@@ -268,9 +277,9 @@ def test_derived_equations_have_the_numbers_of_the_compiled_system(name: str) ->
     require(_values(page, [row.B.get(i, 0) for row in system.rows for i in range(n)], at), B)
     require(_values(page, [row.b for row in system.rows], at), b)
     require(_values(page, [row.gamma for row in system.rows], at), gamma)
-    inverted = multipliers.inverse(system)
+    inverted = multiplier_equations.inverse(system)
     if 0 < len(system.rows) <= FEW_ROWS and inverted.entries is not None:
-        equation = multipliers.equation(system, inverted.entries)
+        equation = multiplier_equations.equation(system, inverted.entries)
         pairs = [(i, j) for i in range(len(B)) for j in range(len(B))]
         require(_values(page, [equation.S.get(pair, 0) for pair in pairs], at), B @ np.linalg.solve(M, B.T))
         require(_values(page, list(equation.right), at), gamma - B @ np.linalg.solve(M, h))

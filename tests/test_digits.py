@@ -15,9 +15,9 @@ import reference_models
 import test_reference as reference
 
 import lagcli
-from lagcli import pipeline
-from lagcli.digits import accuracy, estimate, paired
-from lagcli.integrate import driver, tolerance
+from lagcli.api import pipeline
+from lagcli.simulation import loop, step_tolerance
+from lagcli.simulation.global_error import accuracy, error_estimate, reference_run
 
 ERRORS = ("err.r", "err.v", "err.lambda", "err.R")
 RTOLS = [10.0**-k for k in range(4, 12)]
@@ -79,7 +79,7 @@ def ratios(name, rtol):
         values = np.array([run[column] for column in columns]).T
         error = np.maximum.accumulate(np.abs(values[at] - expected).max(axis=1))
         scale = np.maximum.accumulate(np.abs(values).max(axis=1))[at]
-        found += (run[f"err.{kind}"][at] / np.maximum(error, estimate.FLOOR * scale)).tolist()
+        found += (run[f"err.{kind}"][at] / np.maximum(error, error_estimate.FLOOR * scale)).tolist()
     return found
 
 
@@ -137,7 +137,7 @@ def test_every_row_of_the_first_steps_has_its_error(name):
         columns = [prefix + name for name in names]
         gap = np.maximum.accumulate(np.max([np.abs(run[c] - better[c]) for c in columns], axis=0))
         scale = np.maximum.accumulate(np.max([np.abs(run[c]) for c in columns], axis=0))
-        assert (run[f"err.{kind}"] >= np.maximum(gap, estimate.FLOOR * scale) / 3).all()
+        assert (run[f"err.{kind}"] >= np.maximum(gap, error_estimate.FLOOR * scale) / 3).all()
 
 
 def test_the_rest_of_the_table_is_what_it_is_without():
@@ -206,8 +206,8 @@ def test_rows_that_shorten_no_step_do_not_hide_the_error():
 @pytest.mark.parametrize("rtol", [1e-4, 1e-9, 1e-11, 1e-12, 1e-14, 1e-15])
 def test_the_repeated_run_has_another_tolerance_near_the_rounding_too(rtol):
     settings = pipeline.run_settings(lagcli.loads(PENDULUM), {"rtol": rtol, "atol": rtol / 100})
-    first = tolerance.of_steps(settings)
-    again = tolerance.of_steps(estimate.repeated(settings))
+    first = step_tolerance.of_steps(settings)
+    again = step_tolerance.of_steps(error_estimate.repeated(settings))
     part = again[0] / first[0]
     assert part == pytest.approx(1 / 250) or 1e-15 <= again[0] < 1e-14
     assert part < 0.31 or part == pytest.approx(3)
@@ -224,7 +224,7 @@ def test_before_the_first_row_nothing_is_known():
 
 
 def test_a_multiplier_at_its_pole_does_not_count():
-    errors = estimate.Errors(([1], [2]), 2.0)
+    errors = error_estimate.Errors(([1], [2]), 2.0)
     rows = np.array([[0.0, 1.0, 5.0], [1.0, 2.0, np.nan], [2.0, 3.0, 6.0]])
     others = np.array([[0.0, 1.0, 5.5], [1.0, 2.1, 7.0], [2.0, 3.0, np.inf]])
     found = errors.take(rows, others)
@@ -253,16 +253,16 @@ def hopeless(settings):
     return dataclasses.replace(settings, rtol=1e-30, atol=1e-30)
 
 
-def stubborn(run, advance=driver.Run._advance):
+def stubborn(run, advance=loop.Run._advance):
     """A run with those settings finds no step beyond the beginning of the push."""
     if run.t > 1.05 and run._tolerance[0] < 1e-20:
-        run._stop("no step is short enough", driver.TOO_SMALL)
+        run._stop("no step is short enough", loop.TOO_SMALL)
     advance(run)
 
 
 def test_where_the_repeated_run_stops_the_rows_up_to_there_are_given(monkeypatch, tmp_path):
-    monkeypatch.setattr(estimate, "repeated", hopeless)
-    monkeypatch.setattr(driver.Run, "_advance", stubborn)
+    monkeypatch.setattr(error_estimate, "repeated", hopeless)
+    monkeypatch.setattr(loop.Run, "_advance", stubborn)
     model, kept = lagcli.loads(PUSHED), tmp_path / "kept.json"
     with pytest.raises(lagcli.SimulationStopped, match="repeated at other tolerances stopped") as stopped:
         lagcli.simulate(model, digits=True, checkpoint=kept)
@@ -290,7 +290,7 @@ def test_where_both_runs_stop_after_the_same_row_the_reason_is_that_of_the_first
 
 def test_memory_and_blocks_are_those_of_a_stream(monkeypatch):
     """Blocks come while the run goes on, the repeated run no more than a block ahead; a mark fits the rows before."""
-    monkeypatch.setattr(driver, "BLOCK_VALUES", 400)
+    monkeypatch.setattr(loop, "BLOCK_VALUES", 400)
     model = lagcli.loads(PENDULUM)
     chosen = pipeline.run_settings(model, {"samples": 401})
     ready = pipeline.Running(model, chosen, digits=True)
@@ -326,14 +326,14 @@ def test_kinds_are_told_from_one_another_whatever_their_names():
         + "outputs: {speed: 'a.vx', big: '1e9*a.x'}\ncoordinates: {theta: {value: 0.3}}\nlagrangian: rate(theta)**2/2\n"
     )
     ready = pipeline.Running(model, pipeline.run_settings(model, {}), digits=True)
-    kinds = [[ready.columns[i] for i in at] for at in estimate.places(ready._system)]
+    kinds = [[ready.columns[i] for i in at] for at in error_estimate.places(ready._system)]
     assert kinds == [
         ["a.x", "a.y", "a.z", "theta"],
         ["a.vx", "a.vy", "a.vz", "rate(theta)"],
         ["lambda.rod"],
         ["R.a.x", "R.a.y", "R.a.z", "R.theta"],
     ]
-    assert isinstance(ready._paired, paired.Paired)
+    assert isinstance(ready._paired, reference_run.Paired)
 
 
 def test_the_sentence_counts_whole_digits():

@@ -8,8 +8,8 @@ import pytest
 from in_process import command  # noqa: F401 - a fixture
 
 import lagcli
-from lagcli import pipeline
-from lagcli.integrate import initial
+from lagcli.api import pipeline
+from lagcli.start import initial
 
 MODELS = pathlib.Path(__file__).parent.parent / "models"
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))

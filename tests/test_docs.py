@@ -13,7 +13,7 @@ import pytest
 import typer
 
 import lagcli
-from lagcli import source
+from lagcli import yaml_tree
 from lagcli.cli import app
 
 ROOT = pathlib.Path(__file__).parents[1]
@@ -83,7 +83,7 @@ EXAMPLES = [
 
 @pytest.mark.parametrize("text", EXAMPLES)
 def test_yaml_examples_are_models_that_run(text: str) -> None:
-    assert source.parse(text, "example").key("lagcli") is not None
+    assert yaml_tree.parse(text, "example").key("lagcli") is not None
     run = lagcli.simulate(lagcli.loads(text), duration=0.1, samples=3)
     assert run.t[-1] == 0.1
 

@@ -8,7 +8,7 @@ import pytest
 import reference_models
 
 import lagcli
-from lagcli import constraint_rows
+from lagcli.linear import metric_rows
 
 pytestmark = pytest.mark.numeric
 
@@ -460,7 +460,7 @@ def test_many_rows_are_counted_from_sparse_factors(twins, monkeypatch):
     )
     model = lagcli.loads(text, {"K": twins})
     dense = lagcli.dof(model)
-    monkeypatch.setattr(constraint_rows, "DENSE", 3)
+    monkeypatch.setattr(metric_rows, "DENSE", 3)
     sparse = lagcli.dof(model)
     assert sparse.configuration_dof == dense.configuration_dof == 36 - 11
     assert sparse.redundant == dense.redundant == twins

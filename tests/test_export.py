@@ -18,7 +18,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 
-from lagcli.export import block_file, columns, doubles, endings, tables, thinned
+from lagcli.output import column_choice, endings
+from lagcli.output.figures import decimate
+from lagcli.output.tables import block_file, float_text, sinks
 
 NAMES = ("t", "p[1][2].x", "rate(theta)", "lambda.größe", "file")
 HARD = [5e-324, 1e308, -0.0, 0.1, 1 / 3, -2.2250738585072014e-308, 1.7976931348623157e308, 123456789.0]
@@ -63,7 +65,7 @@ def leftovers(folder: Path) -> list[str]:
 def test_every_double_reads_back_with_all_its_bits(tmp_path: Path, fmt: str, block: int) -> None:
     path = tmp_path / f"run.{fmt}"
     rows = table()
-    with tables.open_sink(path, NAMES) as sink:
+    with sinks.open_sink(path, NAMES) as sink:
         buffer = np.empty((block, len(NAMES)))
         for start in range(0, len(rows), block):
             part = rows[start : start + block]
@@ -80,7 +82,7 @@ def test_every_double_reads_back_with_all_its_bits(tmp_path: Path, fmt: str, blo
 @FORMATS
 def test_a_table_without_rows_is_a_table(tmp_path: Path, fmt: str) -> None:
     path = tmp_path / f"run.{fmt}"
-    tables.open_sink(path, NAMES).commit()
+    sinks.open_sink(path, NAMES).commit()
     names, values = read(path, fmt)
     assert tuple(names) == NAMES
     assert values.shape == (0, len(NAMES))
@@ -89,7 +91,7 @@ def test_a_table_without_rows_is_a_table(tmp_path: Path, fmt: str) -> None:
 @FORMATS
 def test_equal_tables_give_equal_files(tmp_path: Path, fmt: str) -> None:
     for name in ("a", "b"):
-        with tables.open_sink(tmp_path / f"{name}.{fmt}", NAMES) as sink:
+        with sinks.open_sink(tmp_path / f"{name}.{fmt}", NAMES) as sink:
             sink.write(table())
     assert (tmp_path / f"a.{fmt}").read_bytes() == (tmp_path / f"b.{fmt}").read_bytes()
 
@@ -102,7 +104,7 @@ def test_a_large_table_in_small_and_large_blocks_keeps_its_rows(tmp_path: Path, 
         count = 500
     names = tuple(f"c{index}" for index in range(width))
     rows = np.arange(width * count, dtype=float).reshape(count, width)
-    with tables.open_sink(path, names) as sink:
+    with sinks.open_sink(path, names) as sink:
         sink.write(rows[:11])
         sink.write(rows[11:-1])
         sink.write(rows[-1:])
@@ -115,7 +117,7 @@ def test_a_large_table_in_small_and_large_blocks_keeps_its_rows(tmp_path: Path, 
 def test_a_failed_run_leaves_the_old_file_and_nothing_else(tmp_path: Path, fmt: str) -> None:
     path = tmp_path / f"run.{fmt}"
     path.write_text("old")
-    sink = tables.open_sink(path, NAMES)
+    sink = sinks.open_sink(path, NAMES)
 
     def run() -> None:
         with sink:
@@ -134,7 +136,7 @@ def test_an_interrupted_run_keeps_its_rows_in_a_partial_file(tmp_path: Path, fmt
     path = tmp_path / f"run.{fmt}"
     path.write_text("old")
     rows = table()
-    with tables.open_sink(path, NAMES) as sink:
+    with sinks.open_sink(path, NAMES) as sink:
         sink.write(rows)
         partial = sink.keep_partial()
     assert partial == tmp_path / f"run.{fmt}.partial"
@@ -153,7 +155,7 @@ def test_a_move_that_fails_leaves_nothing_behind(
     def refuse(*_: object) -> None:
         raise PermissionError(13, "refused")
 
-    sink = tables.open_sink(path, NAMES)
+    sink = sinks.open_sink(path, NAMES)
     sink.write(table())
     monkeypatch.setattr(os, "replace", refuse)
     with pytest.raises(PermissionError):
@@ -167,7 +169,7 @@ def test_a_move_that_fails_leaves_nothing_behind(
 def test_a_full_disk_is_an_oserror_and_a_device_is_not_replaced(tmp_path: Path, fmt: str) -> None:
     path = tmp_path / f"run.{fmt}"
     path.symlink_to("/dev/full")
-    with pytest.raises(OSError, match="No space left"), tables.open_sink(path, NAMES) as sink:
+    with pytest.raises(OSError, match="No space left"), sinks.open_sink(path, NAMES) as sink:
         sink.write(table(5000))
     assert path.is_symlink()
     assert Path("/dev/full").is_char_device()
@@ -200,7 +202,7 @@ def test_a_link_stays_a_link_and_access_rights_stay(tmp_path: Path) -> None:
     real.chmod(0o640)
     link = tmp_path / "run.csv"
     link.symlink_to(real)
-    with tables.open_sink(link, ("t",)) as sink:
+    with sinks.open_sink(link, ("t",)) as sink:
         sink.write(np.zeros((1, 1)))
     assert link.is_symlink()
     assert real.read_bytes() == b"t\n0.0\n"
@@ -211,30 +213,30 @@ def test_a_link_stays_a_link_and_access_rights_stay(tmp_path: Path) -> None:
 def test_a_folder_that_is_missing_and_a_target_that_is_a_folder_are_named(tmp_path: Path) -> None:
     missing = tmp_path / "no" / "run.csv"
     with pytest.raises(FileNotFoundError) as caught:
-        tables.open_sink(missing, ("t",))
+        sinks.open_sink(missing, ("t",))
     assert caught.value.filename == str(missing)
     folder = tmp_path / "run.csv"
     folder.mkdir()
     with pytest.raises(IsADirectoryError):
-        tables.open_sink(folder, ("t",))
+        sinks.open_sink(folder, ("t",))
     assert leftovers(tmp_path) == ["run.csv"]
 
 
 def test_an_unknown_ending_names_the_known_ones_and_writes_nothing(tmp_path: Path) -> None:
     with pytest.raises(endings.UnknownFormat, match=r"run\.xlsx.*\.csv, \.json, \.npz, \.parquet"):
-        tables.open_sink(tmp_path / "run.xlsx", NAMES)
+        sinks.open_sink(tmp_path / "run.xlsx", NAMES)
     with pytest.raises(endings.UnknownFormat):
-        tables.open_sink(tmp_path / "run", NAMES)
+        sinks.open_sink(tmp_path / "run", NAMES)
     assert leftovers(tmp_path) == []
-    tables.open_sink(tmp_path / "run", NAMES, fmt="csv").discard()
-    tables.open_sink(tmp_path / "RUN.CSV", NAMES).commit()
+    sinks.open_sink(tmp_path / "run", NAMES, fmt="csv").discard()
+    sinks.open_sink(tmp_path / "RUN.CSV", NAMES).commit()
     assert leftovers(tmp_path) == ["RUN.CSV"]
 
 
 def test_parquet_without_pyarrow_says_how_to_install_it(tmp_path: Path) -> None:
     script = (
         "import sys; sys.modules['pyarrow'] = None\n"
-        "from lagcli.export import tables\n"
+        "from lagcli.output import tables\n"
         "try:\n    tables.open_sink(sys.argv[1], ('t',))\n"
         "except tables.MissingExtra as error:\n    print(error)\n"
     )
@@ -250,19 +252,19 @@ def test_parquet_without_pyarrow_says_how_to_install_it(tmp_path: Path) -> None:
 
 
 def test_a_sink_refuses_rows_of_another_width_and_rows_after_its_end(tmp_path: Path) -> None:
-    sink = tables.open_sink(tmp_path / "run.csv", ("t", "x"))
+    sink = sinks.open_sink(tmp_path / "run.csv", ("t", "x"))
     with pytest.raises(ValueError, match="2 columns"):
         sink.write(np.zeros((3, 3)))
     sink.commit()
     with pytest.raises(ValueError, match="ended"):
         sink.write(np.zeros((1, 2)))
     with pytest.raises(ValueError, match="one name"):
-        tables.open_sink(tmp_path / "two.csv", ("x", "x"))
+        sinks.open_sink(tmp_path / "two.csv", ("x", "x"))
 
 
 def test_csv_has_unix_line_ends_and_quotes_names_that_need_it(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
-    with tables.open_sink(path, ("t", 'a,"b"')) as sink:
+    with sinks.open_sink(path, ("t", 'a,"b"')) as sink:
         sink.write(np.array([[0.1, -0.0]]))
     assert path.read_bytes() == b't,"a,""b"""\n0.1,-0.0\n'
     assert read(path, "csv")[0] == ["t", 'a,"b"']
@@ -271,7 +273,7 @@ def test_csv_has_unix_line_ends_and_quotes_names_that_need_it(tmp_path: Path) ->
 @pytest.mark.parametrize("fmt", ["csv", "json"])
 @pytest.mark.parametrize("value", [np.inf, -np.inf])
 def test_text_holds_no_infinite_value_and_the_column_is_named(tmp_path: Path, fmt: str, value: float) -> None:
-    sink = tables.open_sink(tmp_path / f"run.{fmt}", ("t", "x"))
+    sink = sinks.open_sink(tmp_path / f"run.{fmt}", ("t", "x"))
     with pytest.raises(ValueError, match='"x"'), sink:
         sink.write(np.array([[0.0, value]]))
     assert leftovers(tmp_path) == []
@@ -281,7 +283,7 @@ def test_text_holds_no_infinite_value_and_the_column_is_named(tmp_path: Path, fm
 def test_what_has_no_value_reads_back_as_nan(tmp_path: Path, fmt: str) -> None:
     path = tmp_path / f"run.{fmt}"
     rows = np.array([[0.0, 1.5], [np.nan, np.nan], [2.0, np.nan]])
-    with tables.open_sink(path, ("t", "x")) as sink:
+    with sinks.open_sink(path, ("t", "x")) as sink:
         sink.write(rows)
     if fmt == "csv":
         assert path.read_bytes() == b"t,x\n0.0,1.5\nnan,nan\n2.0,nan\n"
@@ -300,13 +302,13 @@ def test_what_has_no_value_reads_back_as_nan(tmp_path: Path, fmt: str) -> None:
 )
 @hypothesis.example(np.array([[-0.0, 0.5, 1.0, 1e-7, 1e16, 1e22, 5e-324, 2.0**53, 123456789.0, 1e-5]]))
 def test_a_text_is_the_shortest_that_reads_back_to_the_same_double(rows: NDArray[np.float64]) -> None:
-    lines = bytes(doubles.csv_lines(rows)).decode()
+    lines = bytes(float_text.csv_lines(rows)).decode()
     assert lines.endswith("\n")
     words = [line.split(",") for line in lines.splitlines()]
     assert np.array([[float(word) for word in line] for line in words]).tobytes() == rows.tobytes()
     for word, value in zip((word for line in words for word in line), rows.ravel().tolist(), strict=True):
         assert digits(word) == digits(repr(value))
-    assert f"[{doubles.json_lines(rows).decode()}]" == "[" + lines_as_json(words) + "]"
+    assert f"[{float_text.json_lines(rows).decode()}]" == "[" + lines_as_json(words) + "]"
 
 
 def digits(word: str) -> str:
@@ -320,21 +322,21 @@ def lines_as_json(words: list[list[str]]) -> str:
 
 def test_numbers_are_written_as_one_would_write_them() -> None:
     rows = np.array([[0.5, 1.0, -0.0, 0.1, 1e-3, -273.15, 123456789.0]])
-    assert bytes(doubles.csv_lines(rows)) == b"0.5,1.0,-0.0,0.1,0.001,-273.15,123456789.0\n"
+    assert bytes(float_text.csv_lines(rows)) == b"0.5,1.0,-0.0,0.1,0.001,-273.15,123456789.0\n"
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_the_order_of_the_array_in_memory_does_not_matter(tmp_path: Path, order: str) -> None:
     rows = np.array(table(), order=order)[::2, ::-1]
     for fmt in endings.TABLES:
-        with tables.open_sink(tmp_path / f"run.{fmt}", NAMES[: rows.shape[1]]) as sink:
+        with sinks.open_sink(tmp_path / f"run.{fmt}", NAMES[: rows.shape[1]]) as sink:
             sink.write(rows)
         assert read(tmp_path / f"run.{fmt}", fmt)[1].tobytes() == rows.tobytes()
 
 
 def test_npz_holds_float64_vectors_under_plain_names(tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
-    with tables.open_sink(path, NAMES) as sink:
+    with sinks.open_sink(path, NAMES) as sink:
         sink.write(table())
     with zipfile.ZipFile(path) as archive:
         assert archive.testzip() is None
@@ -347,7 +349,7 @@ def test_npz_holds_float64_vectors_under_plain_names(tmp_path: Path) -> None:
 def test_text_formats_stream_in_bounded_memory(tmp_path: Path, fmt: str) -> None:
     path = tmp_path / f"run.{fmt}"
     rows = np.full((100, 50), 1 / 3)
-    with tables.open_sink(path, [f"c{index}" for index in range(50)]) as sink:
+    with sinks.open_sink(path, [f"c{index}" for index in range(50)]) as sink:
         sink.write(rows)
         tracemalloc.start()
         for _ in range(40):
@@ -360,7 +362,7 @@ def test_text_formats_stream_in_bounded_memory(tmp_path: Path, fmt: str) -> None
 
 def test_one_large_block_is_turned_into_text_in_parts(tmp_path: Path) -> None:
     rows = np.full((20_000, 20), 1 / 3)
-    with tables.open_sink(tmp_path / "run.csv", [f"c{index}" for index in range(20)]) as sink:
+    with sinks.open_sink(tmp_path / "run.csv", [f"c{index}" for index in range(20)]) as sink:
         tracemalloc.start()
         sink.write(rows)
         peak = tracemalloc.get_traced_memory()[1]
@@ -378,7 +380,7 @@ class CountingStream(io.BytesIO):
 
 def test_a_stream_gets_csv_and_is_flushed_after_every_block() -> None:
     stream = CountingStream()
-    sink = tables.open_sink(stream, ("t", "x"))
+    sink = sinks.open_sink(stream, ("t", "x"))
     assert stream.getvalue() == b""
     sink.write(np.array([[0.0, 1.0]]))
     assert stream.getvalue() == b"t,x\n0.0,1.0\n"
@@ -392,18 +394,18 @@ def test_a_stream_gets_csv_and_is_flushed_after_every_block() -> None:
 def test_a_text_stream_does_not_change_the_line_ends() -> None:
     below = io.BytesIO()
     text = io.TextIOWrapper(below, encoding="ascii", newline="\r\n")
-    with tables.open_sink(text, ("t", "ü")) as sink:
+    with sinks.open_sink(text, ("t", "ü")) as sink:
         sink.write(np.array([[0.0, 1.0]]))
     assert below.getvalue() == "t,ü\n0.0,1.0\n".encode()
     plain = io.StringIO()
-    with tables.open_sink(plain, ("t",)) as sink:
+    with sinks.open_sink(plain, ("t",)) as sink:
         assert sink.keep_partial() is None
     assert plain.getvalue() == "t\n"
 
 
 def test_a_stream_that_fails_before_its_first_row_stays_empty() -> None:
     stream = io.BytesIO()
-    with pytest.raises(RuntimeError), tables.open_sink(stream, ("t",)):
+    with pytest.raises(RuntimeError), sinks.open_sink(stream, ("t",)):
         raise RuntimeError
     assert stream.getvalue() == b""
 
@@ -412,13 +414,13 @@ def test_a_reader_that_went_away_is_a_broken_pipe() -> None:
     far, near = os.pipe()
     os.close(far)
     stream = os.fdopen(near, "wb", buffering=0)
-    with stream, pytest.raises(BrokenPipeError), tables.open_sink(stream, ("t",)) as sink:
+    with stream, pytest.raises(BrokenPipeError), sinks.open_sink(stream, ("t",)) as sink:
         sink.write(np.zeros((1, 1)))
 
 
 def test_a_stream_takes_no_other_format() -> None:
     with pytest.raises(endings.UnknownFormat):
-        tables.open_sink(io.BytesIO(), ("t",), fmt="npz")
+        sinks.open_sink(io.BytesIO(), ("t",), fmt="npz")
 
 
 TABLE = (
@@ -435,7 +437,7 @@ TABLE = (
 
 
 def chosen(patterns: str) -> list[str]:
-    return [TABLE[index] for index in columns.select(TABLE, patterns)]
+    return [TABLE[index] for index in column_choice.select(TABLE, patterns)]
 
 
 def test_columns_come_in_the_order_of_the_patterns_then_of_the_table() -> None:
@@ -449,16 +451,16 @@ def test_square_brackets_in_a_pattern_stand_for_themselves() -> None:
     assert chosen("p[1]*") == ["p[1][2].x", "p[1][2].y"]
     assert chosen("p[?][?].x") == ["p[1][2].x", "p[2][1].x"]
     assert chosen("lambda.link[*]") == ["lambda.link[3]"]
-    with pytest.raises(columns.UnknownColumn):
+    with pytest.raises(column_choice.UnknownColumn):
         chosen("p[12][2].x")
-    with pytest.raises(columns.UnknownColumn):
+    with pytest.raises(column_choice.UnknownColumn):
         chosen("[a-z]")
 
 
 def test_a_pattern_covers_the_whole_name_and_its_case() -> None:
-    with pytest.raises(columns.UnknownColumn):
+    with pytest.raises(column_choice.UnknownColumn):
         chosen("lambda")
-    with pytest.raises(columns.UnknownColumn):
+    with pytest.raises(column_choice.UnknownColumn):
         chosen("r.a.*")
 
 
@@ -467,7 +469,7 @@ def test_a_pattern_covers_the_whole_name_and_its_case() -> None:
     [("lamda.rod", "lambda.rod"), ("lambda.rot*", "lambda.rod"), ("r.A.x", "R.a.x"), ("enery", "energy")],
 )
 def test_an_unknown_column_names_the_pattern_and_the_nearest_name(pattern: str, nearest: str) -> None:
-    with pytest.raises(columns.UnknownColumn) as caught:
+    with pytest.raises(column_choice.UnknownColumn) as caught:
         chosen(f"t,{pattern}")
     assert caught.value.pattern == pattern
     assert caught.value.nearest[0] == nearest
@@ -477,13 +479,13 @@ def test_an_unknown_column_names_the_pattern_and_the_nearest_name(pattern: str, 
 
 def test_an_empty_pattern_is_refused() -> None:
     for patterns in ("", "t,,energy", "t,"):
-        with pytest.raises(columns.UnknownColumn):
+        with pytest.raises(column_choice.UnknownColumn):
             chosen(patterns)
 
 
 def test_a_pattern_of_many_stars_is_answered_at_once() -> None:
-    with pytest.raises(columns.UnknownColumn):
-        columns.select(["a" * 200], "*a" * 40 + "b")
+    with pytest.raises(column_choice.UnknownColumn):
+        column_choice.select(["a" * 200], "*a" * 40 + "b")
 
 
 # Rows for a figure
@@ -493,14 +495,14 @@ def test_a_pattern_of_many_stars_is_answered_at_once() -> None:
     ("count", "block"), [(1, 1), (4096, 4096), (4097, 100), (100_000, 777), (65_537, 65_537)]
 )
 def test_rows_for_a_figure_are_bounded_and_even(count, block, monkeypatch):
-    monkeypatch.setattr(thinned, "NUMBERS", 1)
+    monkeypatch.setattr(decimate, "NUMBERS", 1)
     table = np.column_stack([np.arange(count, dtype=float), np.arange(count) % 7.0])
-    kept = thinned.Thinned()
+    kept = decimate.Thinned()
     for start in range(0, count, block):
         kept.add(table[start : start + block])
     rows = kept.rows()
-    assert len(rows) <= thinned.FEWEST_ROWS + 1
-    assert len(rows) >= min(count, thinned.FEWEST_ROWS // 2)
+    assert len(rows) <= decimate.FEWEST_ROWS + 1
+    assert len(rows) >= min(count, decimate.FEWEST_ROWS // 2)
     assert np.array_equal(rows, table[rows[:, 0].astype(int)])
     steps = np.diff(rows[:, 0])
     assert rows[0, 0] == 0
@@ -509,4 +511,4 @@ def test_rows_for_a_figure_are_bounded_and_even(count, block, monkeypatch):
 
 
 def test_no_rows_make_no_figure():
-    assert len(thinned.Thinned().rows()) == 0
+    assert len(decimate.Thinned().rows()) == 0

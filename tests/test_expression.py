@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.expression import evaluate, facts, parser, tokens, tree, whole
+from lagcli.expression import evaluate, facts, integers, parser, tokens, tree
 from lagcli.expression.tree import ExpressionError
 
 X = facts.Facts(None, frozenset(("position",)))
@@ -480,7 +480,7 @@ def test_the_depth_of_a_filter_is_bounded(opened: str) -> None:
 
 
 def test_a_long_filter_is_no_deeper() -> None:
-    members = whole.holds(parser.parse_filter(" or ".join(["i == 2"] * 5_000)), lambda _: np.arange(4))
+    members = integers.holds(parser.parse_filter(" or ".join(["i == 2"] * 5_000)), lambda _: np.arange(4))
     assert np.array_equal(members, [False, False, True, False])
 
 
@@ -497,7 +497,7 @@ INTEGERS: dict[str, Any] = {
 
 
 def integer(text: str) -> Any:
-    return whole.evaluate(parser.parse(text), lambda name: INTEGERS[name.name])
+    return integers.evaluate(parser.parse(text), lambda name: INTEGERS[name.name])
 
 
 @pytest.mark.parametrize(
@@ -569,7 +569,7 @@ def test_the_lookup_of_a_name_may_refuse() -> None:
         raise ExpressionError("unknown-name", "", node.start, node.end)
 
     with pytest.raises(ExpressionError) as caught:
-        whole.holds(parser.parse_filter("1 < 2 and 3 < M"), unknown)
+        integers.holds(parser.parse_filter("1 < 2 and 3 < M"), unknown)
     assert (caught.value.code, caught.value.start) == ("unknown-name", 14)
 
 
@@ -655,7 +655,7 @@ def attempt(compute: Callable[[], Any]) -> tuple[Any, ExpressionError | None]:
 def test_integer_expressions_agree_with_python(term: Term) -> None:
     text, mean = term
     expected = in_python(mean)
-    found, error = attempt(lambda: whole.evaluate(parser.parse(text), of_member))
+    found, error = attempt(lambda: integers.evaluate(parser.parse(text), of_member))
     if error is None:
         assert np.array_equal(found, expected)
     elif expected and "beyond" not in error.message:
@@ -669,7 +669,7 @@ def test_integer_expressions_agree_with_python(term: Term) -> None:
 def test_filters_agree_with_python(claim: Claim) -> None:
     text, mean = claim
     expected = in_python(mean)
-    found, error = attempt(lambda: whole.holds(parser.parse_filter(text), of_member))
+    found, error = attempt(lambda: integers.holds(parser.parse_filter(text), of_member))
     if error is None:
         assert np.array_equal(found, expected)
     else:
@@ -689,7 +689,7 @@ def test_filters_agree_with_python(claim: Claim) -> None:
     ],
 )
 def test_filters_hold_member_by_member(text: str, expected: Any) -> None:
-    found = whole.holds(parser.parse_filter(text), lambda name: INTEGERS[name.name])
+    found = integers.holds(parser.parse_filter(text), lambda name: INTEGERS[name.name])
     assert isinstance(found, bool) == isinstance(expected, bool)
     assert np.array_equal(found, expected)
 

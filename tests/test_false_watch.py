@@ -5,7 +5,7 @@ import pathlib
 import pytest
 
 import lagcli
-from lagcli.integrate import crossing
+from lagcli.simulation import singularity_step
 
 ROOT = pathlib.Path(__file__).parents[1]
 NONHOLONOMIC = ("rolling-disk", "rolling-disk-particles", "knife-edge", "two-wheel-axle", "car-with-trailer")
@@ -22,13 +22,13 @@ DIP = DIP.replace("y: {}", "y: {rate: 0.1}")
 @pytest.fixture
 def searches(monkeypatch):
     """What each search found."""
-    found, search = [], crossing.across
+    found, search = [], singularity_step.across
 
     def across(*given):
         found.append(search(*given))
         return found[-1]
 
-    monkeypatch.setattr(crossing, "across", across)
+    monkeypatch.setattr(singularity_step, "across", across)
     return found
 
 

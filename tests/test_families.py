@@ -18,10 +18,11 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli import diagnostics, pipeline
-from lagcli.mechanics import system, template
-from lagcli.pfaffian.alone import frobenius
-from lagcli.reader import overrides
+from lagcli.api import pipeline
+from lagcli.equations import family_rows, system
+from lagcli.errors import diagnostics
+from lagcli.input import overrides
+from lagcli.pfaffian.single_form import frobenius
 
 TOLERANCE = 1e-12
 
@@ -302,7 +303,7 @@ def require_same_report(family: lagcli.Model, plain: lagcli.Model) -> None:
 @pytest.mark.parametrize("worth", [0, 4, 1000])
 @pytest.mark.parametrize("name", MODELS)
 def test_a_family_is_what_it_is_written_out(name: str, worth: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(template, "WORTH", worth)
+    monkeypatch.setattr(family_rows, "WORTH", worth)
     pipeline._kept.clear()
     require_same(MODELS[name])
 
@@ -437,7 +438,7 @@ def functions(model: lagcli.Model) -> list[Any]:
 def test_random_families_are_what_they_are_written_out(document: str, worth: int) -> None:
     family, plain = lagcli.loads(document), lagcli.loads(written_out.text(document))
     try:
-        with mock.patch.object(template, "WORTH", worth):
+        with mock.patch.object(family_rows, "WORTH", worth):
             ours = functions(family)
     except lagcli.ModelError as error:  # a law may by chance hold no coordinate
         codes = {found.code for found in error.diagnostics}

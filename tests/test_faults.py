@@ -25,8 +25,9 @@ import pytest
 from numpy.typing import NDArray
 
 import lagcli
-from lagcli import pipeline
-from lagcli.export import columns, tables
+from lagcli.api import pipeline
+from lagcli.output import column_choice
+from lagcli.output.tables import sinks
 
 if os.name != "posix":
     pytest.skip("signals, pipes and limits of POSIX", allow_module_level=True)
@@ -94,11 +95,11 @@ class Expected:
         model = lagcli.loads(PENDULUM)
         changes = {"duration": duration, "samples": samples}
         running = pipeline.Running(model, pipeline.run_settings(model, changes))
-        self._picked = columns.select(running.columns, COLUMNS)
+        self._picked = column_choice.select(running.columns, COLUMNS)
         self.names = [running.columns[index] for index in self._picked]
         self._blocks = running.blocks()
         self._text = io.BytesIO()
-        self._sink = tables.open_sink(self._text, self.names)
+        self._sink = sinks.open_sink(self._text, self.names)
         self._rows: list[NDArray[np.float64]] = [np.zeros((0, len(self.names)))]
         self._count = 0
 

@@ -17,7 +17,8 @@ from matplotlib import text as mpl_text
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.export import endings, figure, labels, panels
+from lagcli.output import endings
+from lagcli.output.figures import figure, labels, panels
 
 
 @dataclasses.dataclass(frozen=True)
@@ -280,9 +281,9 @@ def test_an_unknown_ending_and_a_table_without_time_are_refused(tmp_path: Path) 
 
 def test_only_the_figure_needs_matplotlib() -> None:
     script = (
-        "import sys\nfrom lagcli.export import columns, endings, panels, tables\n"
+        "import sys\nfrom lagcli.output import columns, endings, panels, tables\n"
         "assert 'matplotlib' not in sys.modules and 'pyarrow' not in sys.modules\n"
-        "from lagcli.export import figure\nassert 'matplotlib.pyplot' not in sys.modules\n"
+        "from lagcli.output import figure\nassert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, cwd=Path(__file__).parents[1])
 

@@ -9,11 +9,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from sympy import Abs, Matrix, atan2, cos, exp, log, sin, sqrt
 
-from lagcli.pfaffian import block, form
-from lagcli.pfaffian.alone import frobenius, potential
-from lagcli.pfaffian.exact import limit, points
+from lagcli.pfaffian import form, pfaffian_block
+from lagcli.pfaffian.exact import surface_points, time_limit
+from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import first_integrals
-from lagcli.pfaffian.together import elimination
+from lagcli.pfaffian.single_form import frobenius, potential
 
 # An interrupt of late work may land in a callback of the garbage collector set by hypothesis; it is repeated.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -30,7 +30,7 @@ def system(variables, rows, parameters=(), surface=()):
     rows = rows.tolist() if isinstance(rows, sympy.MatrixBase) else rows
     entries = tuple(tuple(sympy.sympify(c) for c in row) for row in rows)
     names = tuple(f"row{n}" for n in range(len(entries)))
-    return block.Block(names, tuple(variables), entries, tuple(parameters), tuple(surface))
+    return pfaffian_block.Block(names, tuple(variables), entries, tuple(parameters), tuple(surface))
 
 
 def jacobian(functions, variables):
@@ -41,7 +41,7 @@ def rank_is(matrix, rank, surface=()):
     """Whether the matrix has the rank at points of the surface, with 50 digits."""
     symbols = sorted(matrix.free_symbols | set().union(*(f.free_symbols for f in surface)), key=str)
     if surface:
-        there = points.on(surface, symbols)
+        there = surface_points.on(surface, symbols)
     else:
         there = [{s: sympy.Rational(3 * n + 5 + k, 17) for n, s in enumerate(symbols)} for k in (0, 2)]
     for point in there:
@@ -56,7 +56,7 @@ def rank_is(matrix, rank, surface=()):
 
 def searched(system_, seconds=SECONDS):
     started = time.process_time()
-    found = first_integrals.search(system_, limit.after(seconds))
+    found = first_integrals.search(system_, time_limit.after(seconds))
     return [f.integral for f in found], found, time.process_time() - started
 
 
@@ -227,7 +227,7 @@ def test_surfaces_hidden_by_a_matrix_of_functions_are_recovered(data):
 def test_no_closed_form_is_no_integral_in_time():
     rough = system((x, y, z), [(-(x**2) - y**3 - 1 - sin(x * y), 1, 0), (-exp(x * y) - z**2 * x, 0, 1)])
     started = time.monotonic()
-    assert first_integrals.search(rough, limit.after(1.0)) == ()
+    assert first_integrals.search(rough, time_limit.after(1.0)) == ()
     assert time.monotonic() - started < 3.0
 
 
@@ -239,7 +239,7 @@ def test_what_is_found_before_the_end_is_kept():
 
 def test_a_deadline_in_the_past_gives_nothing_at_once():
     started = time.monotonic()
-    assert first_integrals.search(KNOWN["rays"][0], limit.after(-1.0)) == ()
+    assert first_integrals.search(KNOWN["rays"][0], time_limit.after(-1.0)) == ()
     assert time.monotonic() - started < 0.1
 
 
@@ -308,8 +308,8 @@ def test_elimination_drops_what_follows_from_the_rest():
     ],
 )
 def test_roots_and_squares_of_sines_are_made_rational(function, variable):
-    found = limit.run(
-        limit.after(SECONDS), lambda: potential.antiderivative(sympy.sympify(function), variable)
+    found = time_limit.run(
+        time_limit.after(SECONDS), lambda: potential.antiderivative(sympy.sympify(function), variable)
     )
     assert found is not None
     assert potential.writable(found)
@@ -324,7 +324,9 @@ def test_separable_forms_with_roots_and_sines_have_integrals():
         ([[y, sqrt(1 - y**2)]], (), x + sqrt(1 - y**2) + log((1 - sqrt(1 - y**2)) / y)),
         ([[cos(y) ** 2 + cos(L) ** 2 * sin(y) ** 2, -cos(L)]], (L,), x - sympy.atan(cos(L) * sympy.tan(y))),
     ):
-        found = frobenius.classify(form.Form("row", (x, y), tuple(rows[0]), parameters), limit.after(SECONDS))
+        found = frobenius.classify(
+            form.Form("row", (x, y), tuple(rows[0]), parameters), time_limit.after(SECONDS)
+        )
         assert found.kind == "integrable"
         assert found.integral is not None
         matrix = Matrix([[sympy.diff(f, s) for s in (x, y)] for f in (found.integral, expected)])

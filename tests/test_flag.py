@@ -9,9 +9,9 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.pfaffian.block import Block
-from lagcli.pfaffian.exact import limit
-from lagcli.pfaffian.together import field, flag
+from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.flag import derived_flag, function_field
+from lagcli.pfaffian.pfaffian_block import Block
 
 REFERENCE = pathlib.Path(__file__).parent / "reference" / "pfaffian.json"
 SYSTEMS = {s["name"]: s for s in json.loads(REFERENCE.read_text(encoding="utf-8"))["systems"]}
@@ -39,7 +39,7 @@ def reference(name):
 
 
 def found(system):
-    return flag.flag(system, limit.after(SECONDS), sympy.Symbol("t", real=True))
+    return derived_flag.flag(system, time_limit.after(SECONDS), sympy.Symbol("t", real=True))
 
 
 def shown(dims):
@@ -151,10 +151,10 @@ def test_where_the_flag_drops_is_named():
 
 
 def test_what_cannot_be_proved_is_not_decided():
-    with pytest.raises(field.NotDecidedError):
+    with pytest.raises(function_field.NotDecidedError):
         found(block("x y z", [["-y*(log(x*y) - log(x) - log(y))", "0", "1"]]))
-    with pytest.raises(field.NotDecidedError):
-        flag.flag(trailers(3), limit.after(0.0))
+    with pytest.raises(function_field.NotDecidedError):
+        derived_flag.flag(trailers(3), time_limit.after(0.0))
 
 
 # What must not change.

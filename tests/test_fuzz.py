@@ -32,9 +32,10 @@ from hypothesis import HealthCheck, Phase, configuration, event, given, seed, se
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli import catalogue, diagnostics, pipeline
-from lagcli.expression import evaluate, facts, parser, tree, whole
-from lagcli.integrate import checkpoint, driver
+from lagcli.api import pipeline
+from lagcli.errors import catalogue, diagnostics
+from lagcli.expression import evaluate, facts, integers, parser, tree
+from lagcli.simulation import checkpoint, loop
 
 # An interrupt of late algebra may land in a callback of the garbage collector set by hypothesis; it is repeated.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -210,14 +211,14 @@ def reads_of_families(example: tuple[str, str]) -> None:
         match node:
             case tree.Range():
                 for bound in (node.low, node.high):
-                    assert (np.abs(whole.evaluate(bound, _of_index)) <= whole.LIMIT).all()
+                    assert (np.abs(integers.evaluate(bound, _of_index)) <= integers.LIMIT).all()
             case tree.Index():
                 for index in node.indices:
-                    assert (np.abs(whole.evaluate(index, _of_index)) <= whole.LIMIT).all()
+                    assert (np.abs(integers.evaluate(index, _of_index)) <= integers.LIMIT).all()
             case tree.Name() | None:
                 pass
             case _:
-                assert np.asarray(whole.holds(node, _of_index)).dtype == bool
+                assert np.asarray(integers.holds(node, _of_index)).dtype == bool
     except tree.ExpressionError as error:
         assert_at_its_spot(error, text)
 
@@ -229,7 +230,7 @@ def test_integer_expressions_and_filters_have_the_values_of_fractions(part: int)
 
 def computes_as_fractions(example: tuple[str, str]) -> None:
     for text, read, compute in zip(
-        example, (parser.parse, parser.parse_filter), (whole.evaluate, whole.holds), strict=True
+        example, (parser.parse, parser.parse_filter), (integers.evaluate, integers.holds), strict=True
     ):
         try:
             found = np.broadcast_to(compute(read(text), _of_index), 3).tolist()
@@ -321,7 +322,7 @@ def _rows(running: pipeline.Running) -> jets.Floats:
             for block in running.blocks():
                 assert np.isfinite(block).all()
                 blocks.append(block)
-    except driver.Stopped as stopped:
+    except loop.Stopped as stopped:
         event(stopped.stop.reason.partition(": ")[2])
     except Hang:
         # A motion may be as fast as it likes; what may not be is a run that takes no steps.
@@ -430,7 +431,7 @@ def runs_right(spec: jets.Spec) -> bool:
         with prompt(RUN_SECONDS):
             for block in running.blocks():
                 rows.extend(block)
-    except (driver.Stopped, Hang) as stopped:
+    except (loop.Stopped, Hang) as stopped:
         event(type(stopped).__name__)
     event("compared")
     assert np.isfinite(rows).all()

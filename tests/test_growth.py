@@ -6,14 +6,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lagcli import constraint_rows, diagnostics, metric, pipeline, rank
-from lagcli.compile import factored
-from lagcli.compile.selection import Selection
-from lagcli.constraint_rows import MetricRows
-from lagcli.metric import Metric
+from lagcli.api import pipeline
+from lagcli.compiled import factored
+from lagcli.compiled.selection import Selection
+from lagcli.errors import diagnostics
+from lagcli.linear import metric, metric_rows, rank
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import MetricRows
 
 # The room gives a function of the same name.
-examine = importlib.import_module("lagcli.codimension.examine")
+examine = importlib.import_module("lagcli.analysis.codimension.examine")
 
 WHEELS = """
 lagcli: 1
@@ -94,7 +96,7 @@ def test_a_large_rigid_body_is_independent_without_a_solver_of_its_rows(monkeypa
         raise AssertionError("a sparse solver of a dense matrix")
 
     monkeypatch.setattr(ca, "Linsol", refused)
-    assert constraint_rows.DENSE < 3 * 60 - 6
+    assert metric_rows.DENSE < 3 * 60 - 6
     assert dof(BODY, n=60) == 6
 
 
@@ -132,7 +134,7 @@ def test_rows_that_follow_are_proved_up_to_a_number_and_beyond_it_the_count_is_o
 
 
 def test_very_many_rows_over_few_coordinates_have_their_rank_by_a_thin_factorization():
-    count = constraint_rows.MOST_DENSE + 1
+    count = metric_rows.MOST_DENSE + 1
     B = np.outer(np.arange(1.0, count + 1), [1.0, 2.0, 0.0])
     B[7] = [0.0, 0.0, 1.0]
     found = rank.rank(MetricRows(ca.sparsify(ca.DM(B)), Metric.unit(3)))

@@ -12,10 +12,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from lagcli import pipeline
-from lagcli.cli import witness as telling
-from lagcli.holonomy import orbit, parts, witness
-from lagcli.integrate import initial
+from lagcli.analysis.holonomy import local_system, path_orbit, witness
+from lagcli.api import pipeline
+from lagcli.cli import witness_command as telling
+from lagcli.start import initial
 from tests import reference_models
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -228,7 +228,7 @@ def test_a_bead_of_a_chain_is_moved_with_its_neighbours_alone() -> None:
     text = (ROOT / "models" / "chain.yaml").read_text(encoding="utf-8")
     ready = pipeline.compiled(pipeline.loads(text))
     state = initial.declared(ready.system)
-    found = parts.around(ready.system, ready.numeric, state, 1)
+    found = local_system.around(ready.system, ready.numeric, state, 1)
     assert found[0].k <= 6
     assert all(a.k < b.k for a, b in itertools.pairwise(found))
 
@@ -255,8 +255,8 @@ def test_the_orbit_has_the_dimension_that_can_be_reached() -> None:
             continue
         text = of_reference(name).replace("{value: 0}", "{value: 0.7}")
         ready = pipeline.compiled(pipeline.loads(text))
-        part = parts.around(ready.system, ready.numeric, initial.declared(ready.system), 0)[-1]
-        here = orbit.through(part, part.start, 0.3, timed=False)
+        part = local_system.around(ready.system, ready.numeric, initial.declared(ready.system), 0)[-1]
+        here = path_orbit.through(part, part.start, 0.3, timed=False)
         assert here is not None
         if part.k == len(system["coords"]):
             assert here.tangent.shape[1] == system["accessible_dim"], name

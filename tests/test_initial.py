@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 import lagcli
-from lagcli import pipeline
+from lagcli.api import pipeline
 
 TWO = """
 lagcli: 1

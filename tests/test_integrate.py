@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import pipeline
-from lagcli.integrate import dop853, tableau, tolerance
-from lagcli.model import Simulation
+from lagcli.api import pipeline
+from lagcli.model.model import Simulation
+from lagcli.simulation import dop853, dop853_tableau, step_tolerance
 
 
 def driven(force, value=0, rate=0):
@@ -29,10 +29,10 @@ def square(rows, size):
     return A
 
 
-A = square(tableau.A, tableau.STAGES)
-B = np.array(tableau.B)
-C = np.array(tableau.C)
-c = C[: tableau.STAGES]
+A = square(dop853_tableau.A, dop853_tableau.STAGES)
+B = np.array(dop853_tableau.B)
+C = np.array(dop853_tableau.C)
+c = C[: dop853_tableau.STAGES]
 
 
 # Coefficients.
@@ -69,13 +69,13 @@ def test_conditions_of_trees_up_to_order_eight(value, expected):
 
 def test_rows_of_the_table_sum_to_their_nodes():
     assert np.allclose(A.sum(axis=1), c, rtol=0, atol=1e-13)
-    for row, node in zip(tableau.A_DENSE, C[tableau.STAGES + 1 :], strict=True):
+    for row, node in zip(dop853_tableau.A_DENSE, C[dop853_tableau.STAGES + 1 :], strict=True):
         assert sum(row) == pytest.approx(node, rel=0, abs=1e-13)
 
 
 @pytest.mark.parametrize(("weights", "order"), [("E5", 5), ("E3", 3)])
 def test_error_weights_vanish_up_to_their_order(weights, order):
-    E = np.array(getattr(tableau, weights))[: tableau.STAGES]
+    E = np.array(getattr(dop853_tableau, weights))[: dop853_tableau.STAGES]
     for k in range(order):
         assert E @ c**k == pytest.approx(0, rel=0, abs=1e-13)
     assert abs(E @ c**order) > 1e-6
@@ -85,8 +85,8 @@ def test_order_of_the_step_is_eight():
     """The error of one step of y' = y falls as h**9."""
 
     def error(h):
-        k = np.zeros(tableau.STAGES)
-        for s in range(tableau.STAGES):
+        k = np.zeros(dop853_tableau.STAGES)
+        for s in range(dop853_tableau.STAGES):
             k[s] = 1 + h * A[s] @ k
         return abs(1 + h * B @ k - np.exp(h))
 
@@ -147,21 +147,24 @@ def test_tighter_tolerance_gives_a_smaller_error():
 
 
 def test_step_tolerance_is_tighter_than_the_asked_but_not_below_rounding():
-    given = tolerance.of_steps(Simulation(rtol=1e-8, atol=1e-10))
+    given = step_tolerance.of_steps(Simulation(rtol=1e-8, atol=1e-10))
     assert given == pytest.approx([1e-10, 1e-12, 0, 0], rel=1e-12, abs=0)
-    assert tolerance.of_steps(Simulation(rtol=1e-13, atol=1e-15)) == pytest.approx(
+    assert step_tolerance.of_steps(Simulation(rtol=1e-13, atol=1e-15)) == pytest.approx(
         [1e-14, 1e-16, 0, 0], abs=0
     )
 
 
 def test_without_atol_a_part_of_the_sizes_takes_its_place():
-    assert tolerance.of_steps(Simulation()) == pytest.approx([1e-13, 0, 1e-15, 1e-17], rel=1e-12, abs=0)
-    assert tolerance.of_steps(Simulation(rtol=1e-4)) == pytest.approx(
+    assert step_tolerance.of_steps(Simulation()) == pytest.approx([1e-13, 0, 1e-15, 1e-17], rel=1e-12, abs=0)
+    assert step_tolerance.of_steps(Simulation(rtol=1e-4)) == pytest.approx(
         [1e-6, 0, 1e-15, 1e-17], rel=1e-12, abs=0
     )
-    assert tolerance.of_steps(Simulation(rtol=1e-15))[2] == 1e-16
-    assert [tolerance.absolute(Simulation(), size) for size in (1.0, 1e-9)] == [1e-13, pytest.approx(1e-22)]
-    assert tolerance.absolute(Simulation(atol=1e-10), 1e-9) == 1e-10
+    assert step_tolerance.of_steps(Simulation(rtol=1e-15))[2] == 1e-16
+    assert [step_tolerance.absolute(Simulation(), size) for size in (1.0, 1e-9)] == [
+        1e-13,
+        pytest.approx(1e-22),
+    ]
+    assert step_tolerance.absolute(Simulation(atol=1e-10), 1e-9) == 1e-10
 
 
 # Where the rows stand.

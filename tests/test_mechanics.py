@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import pipeline
+from lagcli.api import pipeline
 
 MODELS = pathlib.Path(__file__).parent.parent / "models"
 G = 9.81

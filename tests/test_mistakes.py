@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import lagcli
-from lagcli import diagnostics
+from lagcli.errors import diagnostics
 from tests.in_process import command
 
 __all__ = ["command"]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import diagnostics, pipeline
+from lagcli.api import pipeline
+from lagcli.errors import diagnostics
 from tests import in_process
 
 command = in_process.command

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import numeric_flag
-from lagcli.compile import kernel_fields, program
-from lagcli.integrate import initial
-from lagcli.mechanics import system
-from lagcli.numeric_flag import digits
+from lagcli.analysis import numeric_flag
+from lagcli.analysis.numeric_flag import multiprecision
+from lagcli.compiled import kernel_fields, program
+from lagcli.equations import system
+from lagcli.start import initial
 
 pytestmark = pytest.mark.numeric
 
@@ -307,12 +307,14 @@ def test_nested_derivatives_in_many_digits(text):
     expected, gradient, hessian = (np.array(part) for part in plain([0.4, 0.7]))
     with decimal.localcontext(prec=40):
         point = [Decimal("0.4"), Decimal("0.7")]
-        point = digits.moved(point, [Decimal(1), Decimal(2)], 1)
-        point = digits.moved(point, [Decimal(3), Decimal(-1)], 2)
-        run = digits.run(program.written_out(ca.Function("value", [z], [value])), [point], digits.spelled)
-        kept, changed = digits.parts(run, 2)
-        (number,), (first,) = digits.parts(kept, 1)
-        (other,), (second,) = digits.parts(changed, 1)
+        point = multiprecision.moved(point, [Decimal(1), Decimal(2)], 1)
+        point = multiprecision.moved(point, [Decimal(3), Decimal(-1)], 2)
+        run = multiprecision.run(
+            program.written_out(ca.Function("value", [z], [value])), [point], multiprecision.spelled
+        )
+        kept, changed = multiprecision.parts(run, 2)
+        (number,), (first,) = multiprecision.parts(kept, 1)
+        (other,), (second,) = multiprecision.parts(changed, 1)
     one, two = np.array([1, 2]), np.array([3, -1])
     assert float(number) == pytest.approx(expected.item(), rel=1e-13)
     assert float(first) == pytest.approx((one @ gradient).item(), rel=1e-12, abs=1e-13)
@@ -336,8 +338,8 @@ def function_of(text):
 
 def test_functions_that_are_not_known_in_digits_are_refused():
     x = ca.SX.sym("x")
-    with pytest.raises(digits.Unknown):
-        digits.require_known(program.written_out(ca.Function("f", [x], [ca.erfinv(x)])))
+    with pytest.raises(multiprecision.Unknown):
+        multiprecision.require_known(program.written_out(ca.Function("f", [x], [ca.erfinv(x)])))
 
 
 FOUR = {"x": 0.3, "y": 0.1, "z": 0.2, "u": 0.4}

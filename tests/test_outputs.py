@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from lagcli.cli import exits, files
-from lagcli.export import aside, tables
+from lagcli.cli import exits, file_conflicts
+from lagcli.output import atomic_file
+from lagcli.output.tables import sinks
 from tests.in_process import command
 
 __all__ = ["command"]
@@ -126,9 +127,9 @@ def test_a_model_on_standard_input_is_a_file_too(here, option, monkeypatch, comm
 def test_standard_output_is_a_file_too(here, monkeypatch):
     with open("all.json", "w") as out:
         monkeypatch.setattr(sys, "stdout", out)
-        told = [files.File("--stats", "all.json", is_written=True), *files.stdout()]
+        told = [file_conflicts.File("--stats", "all.json", is_written=True), *file_conflicts.stdout()]
         with pytest.raises(exits.UsageError, match="that is the file of --stats"):
-            files.require_separate(told)
+            file_conflicts.require_separate(told)
 
 
 @pytest.mark.parametrize(("platform", "refused"), [("linux", False), ("darwin", True), ("win32", True)])
@@ -136,12 +137,15 @@ def test_names_that_differ_in_case_are_one_file_where_the_system_takes_them_so(
     here, platform, refused, monkeypatch
 ):
     monkeypatch.setattr(sys, "platform", platform)
-    pair = [files.File("--stats", "new.json", True), files.File("--checkpoint", "NEW.json", True)]
+    pair = [
+        file_conflicts.File("--stats", "new.json", True),
+        file_conflicts.File("--checkpoint", "NEW.json", True),
+    ]
     if refused:
         with pytest.raises(exits.UsageError):
-            files.require_separate(pair)
+            file_conflicts.require_separate(pair)
     else:
-        files.require_separate(pair)
+        file_conflicts.require_separate(pair)
 
 
 def test_two_models_may_be_one_file(command, here):
@@ -174,7 +178,7 @@ def test_a_link_of_somebody_else_in_a_shared_folder_is_not_followed(command, her
     link.symlink_to(victim)
     shared.chmod(0o1777)
     # The same folder with the link owned by somebody who owns neither the folder nor the run.
-    monkeypatch.setattr(aside, "_user", lambda: os.geteuid() + 1)
+    monkeypatch.setattr(atomic_file, "_user", lambda: os.geteuid() + 1)
     real = Path.stat
 
     def foreign(path, **how):
@@ -227,7 +231,7 @@ STICKY, OPEN = 0o41777, 0o40777
     ],
 )
 def test_links_are_followed_as_linux_does_with_protected_symlinks(link, folder, user, expected):
-    assert aside.is_foreign(status(0o120777, user=link), folder, user) is expected
+    assert atomic_file.is_foreign(status(0o120777, user=link), folder, user) is expected
 
 
 # Permissions and owners.
@@ -237,7 +241,7 @@ def test_links_are_followed_as_linux_does_with_protected_symlinks(link, folder, 
 @pytest.mark.parametrize("option", ["-o", "--plot", "--stats", "--checkpoint"])
 @pytest.mark.parametrize("through", ["name", "link"])
 def test_a_write_protected_file_is_refused_before_the_run(command, here, option, through, monkeypatch):
-    from lagcli import pipeline
+    from lagcli.api import pipeline
 
     ending = {"-o": "csv", "--plot": "png"}.get(option, "json")
     old = here / f"old.{ending}"
@@ -283,8 +287,8 @@ def test_a_write_protected_partial_file_is_refused_before_the_run(command, here)
     ],
 )
 def test_protection_is_judged_by_the_mode_since_root_may_write_everything(file, folder, user, expected):
-    assert aside.protection(file, folder, user).startswith(expected)
-    assert bool(aside.protection(file, folder, user)) == bool(expected)
+    assert atomic_file.protection(file, folder, user).startswith(expected)
+    assert bool(atomic_file.protection(file, folder, user)) == bool(expected)
 
 
 @posix
@@ -293,7 +297,7 @@ def test_only_permissions_are_taken_over(tmp_path, bits):
     old = tmp_path / "run.csv"
     old.write_text("old")
     old.chmod(0o775 | bits)
-    with tables.open_sink(old, ("t",)):
+    with sinks.open_sink(old, ("t",)):
         pass
     assert stat.S_IMODE(old.stat().st_mode) == 0o775
 
@@ -318,10 +322,10 @@ def test_a_group_that_cannot_be_kept_gives_its_permissions_to_no_other(tmp_path,
         raise PermissionError(1, "not yours")
 
     monkeypatch.setattr(os, "chown", refuse)
-    kept = aside._take_over
+    kept = atomic_file._take_over
     foreign = os.stat_result((0o100664, 0, 0, 0, os.getuid(), os.getgid() + 1, 0, 0, 0, 0))
-    monkeypatch.setattr(aside, "_take_over", lambda path, _: kept(path, foreign))
-    with tables.open_sink(old, ("t",)):
+    monkeypatch.setattr(atomic_file, "_take_over", lambda path, _: kept(path, foreign))
+    with sinks.open_sink(old, ("t",)):
         pass
     assert stat.S_IMODE(old.stat().st_mode) == 0o644
 
@@ -347,19 +351,19 @@ def test_a_file_aside_whose_writer_was_interrupted_is_swept_away(tmp_path, momen
     with monkeypatch.context() as patch:
         patch.setattr(os, name, interrupted)
         with pytest.raises(KeyboardInterrupt):
-            aside.Aside(target).commit()
-    aside.sweep()
+            atomic_file.Aside(target).commit()
+    atomic_file.sweep()
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
     assert target.read_text() == "old"
 
 
 def test_sweeping_leaves_what_is_finished_and_what_belongs_to_others(tmp_path):
     (tmp_path / ".run.json.00000000.tmp").write_text("of somebody else")
-    one, two = aside.Aside(tmp_path / "one.json"), aside.Aside(tmp_path / "two.json")
+    one, two = atomic_file.Aside(tmp_path / "one.json"), atomic_file.Aside(tmp_path / "two.json")
     one.commit()
     two.keep_partial()
-    aside.sweep()
+    atomic_file.sweep()
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         ".run.json.00000000.tmp", "one.json", "two.json.partial",
     ]  # fmt: skip
-    assert json.dumps(sorted(map(str, aside._begun))) == "[]"
+    assert json.dumps(sorted(map(str, atomic_file._begun))) == "[]"

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli.pfaffian import form
-from lagcli.pfaffian.alone import alike, frobenius, potential
-from lagcli.pfaffian.exact import enclosure, limit, linear, tower, zero
+from lagcli.pfaffian.exact import constant_combinations, enclosure, normal_form, time_limit, zero_test
+from lagcli.pfaffian.single_form import frobenius, memo, potential
 
 # An interrupt of late work may land in a callback of the garbage collector set by hypothesis; it is repeated.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -33,25 +33,25 @@ def pfaffian(variables, coefficients, parameters=()):
 
 
 def judged(variables, coefficients, parameters=()):
-    return frobenius.classify(pfaffian(variables, coefficients, parameters), limit.after(SECONDS))
+    return frobenius.classify(pfaffian(variables, coefficients, parameters), time_limit.after(SECONDS))
 
 
 def is_zero(expression):
-    return zero.is_zero(expression, limit.after(SECONDS)).truth
+    return zero_test.is_zero(expression, time_limit.after(SECONDS)).truth
 
 
 def verified(variables, coefficients, verdict):
     """Whether factor * form = d(integral), by the zero test of each component."""
     pairs = zip(variables, coefficients, strict=True)
     defects = [form.partial(verdict.integral, v) - verdict.integrating_factor * c for v, c in pairs]
-    return all(is_zero(sympy.sympify(d)) is zero.Truth.YES for d in defects)
+    return all(is_zero(sympy.sympify(d)) is zero_test.Truth.YES for d in defects)
 
 
 def dependent(phi, psi, variables):
     """Whether two integrals have the same level surfaces: d phi ^ d psi = 0."""
     gradients = [(sympy.diff(phi, v), sympy.diff(psi, v)) for v in variables]
     minors = (p * s - q * r for n, (p, q) in enumerate(gradients) for r, s in gradients[:n])
-    return all(is_zero(m) is zero.Truth.YES for m in minors)
+    return all(is_zero(m) is zero_test.Truth.YES for m in minors)
 
 
 @pytest.mark.parametrize(("system", "n"), ROWS, ids=[f"{s['name']}-{n}" for s, n in ROWS])
@@ -59,7 +59,7 @@ def test_reference_rows_get_their_verdict_alone(system, n):
     letters = {c: sympy.Symbol(c, real=True) for c in system["coords"]}
     row = pfaffian(letters.values(), [sympy.sympify(c, locals=letters) for c in system["forms"][n]])
     started = time.process_time()
-    verdict = frobenius.classify(row, limit.after(SECONDS))
+    verdict = frobenius.classify(row, time_limit.after(SECONDS))
     assert time.process_time() - started < PROMPT
     assert (verdict.kind == "exact") == system["exact"][n]
     assert (verdict.kind in ("exact", "integrable")) == system["each_integrable"][n]
@@ -68,7 +68,7 @@ def test_reference_rows_get_their_verdict_alone(system, n):
         assert verified(row.variables, row.coefficients, verdict)
     else:
         assert verdict.kind == "nonholonomic"
-        assert is_zero(verdict.witness.component) is zero.Truth.NO
+        assert is_zero(verdict.witness.component) is zero_test.Truth.NO
 
 
 RECOVERED = {
@@ -275,7 +275,7 @@ def test_nonholonomic_forms_come_with_a_witness(name):
     assert verdict.kind == "nonholonomic"
     row = pfaffian(variables, coefficients, parameters)
     index = [variables.index(v) for v in verdict.witness.variables]
-    assert is_zero(row.wedge_component(*index) - verdict.witness.component) is zero.Truth.YES
+    assert is_zero(row.wedge_component(*index) - verdict.witness.component) is zero_test.Truth.YES
     assert enclosure.nonzero(verdict.witness.component) is not None
 
 
@@ -318,9 +318,10 @@ def test_surfaces_where_a_form_ceases_to_be_nonholonomic_are_named(coefficients,
 
 def test_what_is_found_for_one_member_is_told_of_the_others():
     members = [sympy.symbols(f"p[{n}].x p[{n}].x2 p[{n}].z", real=True) for n in (1, 2)]
-    judge = alike.Judge()
+    judge = memo.Judge()
     first, second = (
-        judge.classify(pfaffian(m, (-abs(m[1]) * m[1] ** 2, 0, 1)), limit.after(SECONDS)) for m in members
+        judge.classify(pfaffian(m, (-abs(m[1]) * m[1] ** 2, 0, 1)), time_limit.after(SECONDS))
+        for m in members
     )
     assert second.special == (members[1][1],)
     assert second.method == first.method.replace("p[1]", "p[2]")
@@ -369,13 +370,13 @@ def test_a_hopeless_search_ends_soon(coefficients):
 
 def test_constants_of_linear_equations_are_exact_in_parameters_and_roots():
     columns = [[x, sympy.Integer(0)], [k * x, sympy.Integer(1)], [sqrt(2) * x, y], [(k + sqrt(2)) * x, 1 + y]]
-    vectors = linear.null_vectors(columns, frozenset([k]))
+    vectors = constant_combinations.null_vectors(columns, frozenset([k]))
     assert vectors == [(0, -1, -1, 1)]
-    assert linear.null_vectors([[sin(x)], [cos(x)], [x]], frozenset()) == []
+    assert constant_combinations.null_vectors([[sin(x)], [cos(x)], [x]], frozenset()) == []
 
 
 def test_integrable_without_closed_form_is_said():
-    verdict = frobenius.classify(pfaffian((x, y), (x**2 + y**2, 1)), limit.after(3))
+    verdict = frobenius.classify(pfaffian((x, y), (x**2 + y**2, 1)), time_limit.after(3))
     assert (verdict.kind, verdict.integral, verdict.integrating_factor) == ("integrable", None, None)
     assert "No closed form" in verdict.method
 
@@ -443,8 +444,8 @@ def test_symbols_without_assumptions_are_given_back():
     ],
 )
 def test_identities_are_proved(expression):
-    finding = zero.is_zero(expression, limit.after(SECONDS))
-    assert (finding.truth, finding.proof) == (zero.Truth.YES, "symbolic")
+    finding = zero_test.is_zero(expression, time_limit.after(SECONDS))
+    assert (finding.truth, finding.proof) == (zero_test.Truth.YES, "symbolic")
 
 
 @pytest.mark.parametrize(
@@ -459,19 +460,19 @@ def test_identities_are_proved(expression):
     ],
 )
 def test_differences_are_proved(expression):
-    assert is_zero(expression) is zero.Truth.NO
+    assert is_zero(expression) is zero_test.Truth.NO
 
 
 def test_what_cannot_be_proved_stays_unknown():
-    finding = zero.is_zero(sympy.asin(x) + sympy.acos(x) - sympy.pi / 2, limit.after(SECONDS))
-    assert (finding.truth, finding.proof) == (zero.Truth.UNKNOWN, "none")
+    finding = zero_test.is_zero(sympy.asin(x) + sympy.acos(x) - sympy.pi / 2, time_limit.after(SECONDS))
+    assert (finding.truth, finding.proof) == (zero_test.Truth.UNKNOWN, "none")
     assert finding.reason
 
 
 def test_independence_is_claimed_only_where_it_is_evident():
-    assert tower.Tower([sympy.sin(x) + sympy.exp(y) + sympy.sqrt(x)]).independent
-    assert not tower.Tower([sympy.sqrt(x) * sympy.sqrt(y) - sympy.sqrt(x * y)]).independent
-    assert not tower.Tower([sympy.atan(x)]).independent
+    assert normal_form.Tower([sympy.sin(x) + sympy.exp(y) + sympy.sqrt(x)]).independent
+    assert not normal_form.Tower([sympy.sqrt(x) * sympy.sqrt(y) - sympy.sqrt(x * y)]).independent
+    assert not normal_form.Tower([sympy.atan(x)]).independent
 
 
 def test_enclosures_hold_the_value():
@@ -488,9 +489,9 @@ def test_a_hopeless_zero_test_ends_in_time():
     expression = big - sympy.expand((x + y) * (x + y + z + R + 1)) * (x + y + z + R + 1) ** 58
     expression -= (z + R + 1) * (x + y + z + R + 1) ** 59
     started = time.process_time()
-    finding = zero.is_zero(expression, limit.after(0.3))
+    finding = zero_test.is_zero(expression, time_limit.after(0.3))
     assert time.process_time() - started < PROMPT
-    assert finding.truth is not zero.Truth.NO
+    assert finding.truth is not zero_test.Truth.NO
 
 
 def test_late_work_is_ended_and_leaves_no_thread():
@@ -503,16 +504,16 @@ def test_late_work_is_ended_and_leaves_no_thread():
             except Exception:  # noqa: BLE001 - as careless code does
                 continue
 
-    with pytest.raises(limit.TimeUpError):
-        limit.run(limit.after(0.1), forever)
+    with pytest.raises(time_limit.TimeUpError):
+        time_limit.run(time_limit.after(0.1), forever)
     assert threading.active_count() == before
 
 
 def test_effort_is_counted_in_processor_time():
-    with pytest.raises(limit.TimeUpError):
-        limit.run(limit.after(20), lambda: [sum(range(1000)) for _ in iter(int, 1)], effort=0.1)
+    with pytest.raises(time_limit.TimeUpError):
+        time_limit.run(time_limit.after(20), lambda: [sum(range(1000)) for _ in iter(int, 1)], effort=0.1)
     started = time.monotonic()
-    assert limit.run(limit.after(20), lambda: time.sleep(0.3) or 7, effort=0.2) == 7
+    assert time_limit.run(time_limit.after(20), lambda: time.sleep(0.3) or 7, effort=0.2) == 7
     assert time.monotonic() - started > 0.2
 
 
@@ -521,31 +522,35 @@ def test_no_thread_of_late_work_goes_on():
         return [sum(range(1000)) for _ in iter(int, 1)]
 
     def nested(depth):
-        return limit.run(limit.after(10 + depth), lambda: nested(depth - 1), 30) if depth else forever()
+        return (
+            time_limit.run(time_limit.after(10 + depth), lambda: nested(depth - 1), 30)
+            if depth
+            else forever()
+        )
 
     for _ in range(5):
-        with pytest.raises(limit.TimeUpError):
-            limit.run(limit.after(20), lambda: nested(3), effort=0.02)
+        with pytest.raises(time_limit.TimeUpError):
+            time_limit.run(time_limit.after(20), lambda: nested(3), effort=0.02)
     assert not [t for t in threading.enumerate() if t.name == "lagcli-algebra"]
 
 
 def test_limits_pass_values_and_errors_on():
-    assert limit.run(limit.after(5), lambda: 7) == 7
+    assert time_limit.run(time_limit.after(5), lambda: 7) == 7
     with pytest.raises(ZeroDivisionError):
-        limit.run(limit.after(5), lambda: 1 // 0)
-    with pytest.raises(limit.TimeUpError):
-        limit.run(limit.after(-1), lambda: 7)
+        time_limit.run(time_limit.after(5), lambda: 1 // 0)
+    with pytest.raises(time_limit.TimeUpError):
+        time_limit.run(time_limit.after(-1), lambda: 7)
 
 
 def test_an_expired_deadline_gives_undecided():
-    verdict = frobenius.classify(pfaffian((x, y, z), (sympy.sin(y), x, y)), limit.after(-1))
+    verdict = frobenius.classify(pfaffian((x, y, z), (sympy.sin(y), x, y)), time_limit.after(-1))
     assert verdict.kind == "undecided"
 
 
 @pytest.mark.parametrize("power", [x**3, sympy.cos(2 * x), x * sympy.exp(x), 1 / (1 + x**2), x**k])
 def test_antiderivatives_are_right(power):
     found = potential.antiderivative(power, x)
-    assert is_zero(sympy.diff(found, x) - power) is zero.Truth.YES
+    assert is_zero(sympy.diff(found, x) - power) is zero_test.Truth.YES
 
 
 # What must not change a verdict.

@@ -16,9 +16,9 @@ import pytest
 import scipy.integrate
 
 import lagcli
-from lagcli.integrate import timetable
-from lagcli.integrate.timetable import Timetable
-from lagcli.mechanics import timed
+from lagcli.equations import time_functions
+from lagcli.simulation import timetable
+from lagcli.simulation.timetable import Timetable
 from tests.in_process import command as command
 
 Floats = npt.NDArray[np.float64]
@@ -485,8 +485,8 @@ def test_compare_sees_the_pulse_in_every_formulation() -> None:
 
 
 # The timetable by itself.
-def spoken(force: str) -> timed.TimeFunctions | None:
-    return timed.functions(lagcli.loads(free(force)))
+def spoken(force: str) -> time_functions.TimeFunctions | None:
+    return time_functions.functions(lagcli.loads(free(force)))
 
 
 def test_a_model_without_t_has_no_timetable() -> None:
@@ -556,8 +556,8 @@ def test_a_chain_of_definitions_needs_no_deep_stack() -> None:
     assert found.is_mixed  # more than is looked at
 
 
-def spoken_of(text: str) -> timed.TimeFunctions:
-    found = timed.functions(lagcli.loads(text))
+def spoken_of(text: str) -> time_functions.TimeFunctions:
+    found = time_functions.functions(lagcli.loads(text))
     assert found is not None
     return found
 
@@ -591,7 +591,7 @@ forces: {"push[i]": {for: "i = 1 .. 10000", to: "p[i]", force: "[0, exp(-((t - i
 """
     found = spoken_of(text)
     assert found.is_mixed
-    assert found.size <= timed.MOST_VALUES
+    assert found.size <= time_functions.MOST_VALUES
 
 
 def test_a_function_that_is_too_busy_hides_no_other_one() -> None:

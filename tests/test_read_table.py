@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import lagcli
-from lagcli.export import read_table, tables
+from lagcli.output.tables import read_table, sinks
 from tests.in_process import run
 
 Floats = npt.NDArray[np.float64]
@@ -274,7 +274,7 @@ def test_parquet_columns_that_are_no_numbers(tmp_path: Path, rows: Floats, name:
 
 
 def test_damaged_parquet(tmp_path: Path, rows: Floats) -> None:
-    with tables.open_sink(tmp_path / "good.parquet", COLUMNS) as sink:
+    with sinks.open_sink(tmp_path / "good.parquet", COLUMNS) as sink:
         sink.write(rows)
     good = (tmp_path / "good.parquet").read_bytes()
     for data in (b"", b"PAR1" + b"\0" * 8 + b"PAR1", good[:-4] + b"PARE", good[: len(good) // 2], b"PAR1"):

@@ -8,9 +8,10 @@ import time
 
 import pytest
 
-from lagcli import diagnostics, model
-from lagcli.integrate import tolerance
-from lagcli.reader import document, keys, overrides
+from lagcli.errors import diagnostics
+from lagcli.input import document, keys, overrides
+from lagcli.model import model
+from lagcli.simulation import step_tolerance
 
 GALLERY = sorted((pathlib.Path(__file__).parent.parent / "models").glob("*.yaml"))
 
@@ -124,7 +125,7 @@ def test_settings_have_the_defaults_of_the_format() -> None:
     declared = {key.name: key.default for key in keys.FORMAT.key("simulation").keys if key.default}
     # The default of atol is no number: it follows the motion.
     assert default.atol is None
-    assert declared.pop("atol") == f"{tolerance.DEFAULT:g} of the sizes of the motion"
+    assert declared.pop("atol") == f"{step_tolerance.DEFAULT:g} of the sizes of the motion"
     assert {name: str(getattr(default, name)).removesuffix(".0").lower() for name in declared} == declared
 
 

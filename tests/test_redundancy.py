@@ -10,12 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli import dependence, pipeline
-from lagcli.compile import selection
-from lagcli.compile.selection import Selection
-from lagcli.constraint_rows import MetricRows
-from lagcli.integrate import driver
-from lagcli.metric import Metric
+from lagcli.api import pipeline
+from lagcli.compiled import selection
+from lagcli.compiled.selection import Selection
+from lagcli.linear import independent_rows
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import MetricRows
+from lagcli.simulation import loop
 
 pytestmark = pytest.mark.numeric
 
@@ -72,7 +73,7 @@ def chosen(B, masses=None):
     n = B.shape[1]
     metric = Metric(ca.DM(np.diag(np.ones(n) if masses is None else masses)))
     rows = MetricRows(ca.sparsify(ca.DM(B)), metric)
-    return dependence.dependence(rows, int(np.linalg.matrix_rank(B)))
+    return independent_rows.dependence(rows, int(np.linalg.matrix_rank(B)))
 
 
 @settings(max_examples=150, deadline=None)
@@ -123,11 +124,11 @@ def test_groups_are_circuits_that_share_rows():
 
 def test_other_rows_are_kept_of_the_same_sets():
     found = Selection((0, 1, 2, 5, 6), ((3, 0, 1), (4, 1, 2), (7, 5), (8,)))
-    other = dependence.rebased(found, (2, 3, 4, 6, 7))
+    other = independent_rows.rebased(found, (2, 3, 4, 6, 7))
     assert other == Selection((2, 3, 4, 6, 7), ((0, 2, 3, 4), (1, 2, 3, 4), (5, 7), (8,)))
     assert other.indeterminate == found.indeterminate
-    assert dependence.rebased(found, (2, 3, 5, 6, 7)) is None  # two of three, and two of one
-    assert dependence.rebased(found, (0, 1, 2, 5, 8)) is None
+    assert independent_rows.rebased(found, (2, 3, 5, 6, 7)) is None  # two of three, and two of one
+    assert independent_rows.rebased(found, (0, 1, 2, 5, 8)) is None
 
 
 # A run.
@@ -257,9 +258,7 @@ def test_rows_that_part_on_the_way_stop_the_run_by_name():
     model = lagcli.loads(text)
     running = pipeline.Running(model, model.simulation)
     blocks = []
-    with pytest.raises(
-        driver.Stopped, match="the rows `rod`, `twin` contradict each other beyond"
-    ) as stopped:
+    with pytest.raises(loop.Stopped, match="the rows `rod`, `twin` contradict each other beyond") as stopped:
         blocks.extend(running.blocks())
     assert 1 <= stopped.value.stop.t < 1.01
     assert np.concatenate(blocks)[-1, 0] == 1

@@ -12,10 +12,12 @@ import pytest
 
 import lagcli
 from lagcli import __main__ as entry
-from lagcli import catalogue, pipeline, settings
+from lagcli.api import pipeline
 from lagcli.cli import signals
-from lagcli.mechanics import system as mechanics
-from lagcli.reader import keys
+from lagcli.equations import system as mechanics
+from lagcli.errors import catalogue
+from lagcli.input import keys
+from lagcli.model import settings
 
 BALL = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0]}\n  b: {mass: 2, position: [2, 0, 0]}\n"
 KNIFE = """\

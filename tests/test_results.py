@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import diagnostics
+from lagcli.errors import diagnostics
 
 # A ball on a moving table, tied to a rider that follows an angle: Cartesian and dependent, rows that move.
 MIXED = """\

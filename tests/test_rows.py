@@ -15,10 +15,11 @@ import pyarrow.parquet
 import pytest
 
 import lagcli
-from lagcli import pipeline
-from lagcli.cli import signals, table
-from lagcli.export import aside, checkpoint_file, read_table, row_file, tables
-from lagcli.integrate import checkpoint, driver
+from lagcli.api import pipeline
+from lagcli.cli import signals, table_output
+from lagcli.output import atomic_file, checkpoint_file
+from lagcli.output.tables import read_table, row_file, sinks
+from lagcli.simulation import checkpoint, loop
 from tests.in_process import command
 
 __all__ = ["command"]
@@ -76,13 +77,13 @@ def killed(monkeypatch):
     """killed(after): every run from now on is killed outright after so many blocks; its files stay as they are."""
 
     def arm(after, at=None):
-        monkeypatch.setattr(driver, "PAUSE", 0.0)
-        monkeypatch.setattr(driver, "BLOCK_VALUES", 200)
+        monkeypatch.setattr(loop, "PAUSE", 0.0)
+        monkeypatch.setattr(loop, "BLOCK_VALUES", 200)
         monkeypatch.setattr(checkpoint_file, "EVERY", 0.0)
-        monkeypatch.setattr(aside, "sweep", lambda: None)
-        monkeypatch.setattr(tables._FileSink, "discard", lambda sink: None)
+        monkeypatch.setattr(atomic_file, "sweep", lambda: None)
+        monkeypatch.setattr(sinks._FileSink, "discard", lambda sink: None)
         taken = []
-        take = table.Table.take
+        take = table_output.Table.take
 
         def counted(self, *arguments):
             take(self, *arguments)
@@ -90,7 +91,7 @@ def killed(monkeypatch):
             if len(taken) == after:
                 raise Killed
 
-        monkeypatch.setattr(table.Table, "take", counted)
+        monkeypatch.setattr(table_output.Table, "take", counted)
 
     return arm
 
@@ -148,8 +149,8 @@ def test_a_table_that_only_had_to_be_moved_is_completed(command, here, ending, m
 
     with monkeypatch.context() as patch:
         patch.setattr(checkpoint_file, "EVERY", 0.0)
-        patch.setattr(tables._FileSink, "commit", kill)
-        patch.setattr(tables._FileSink, "discard", lambda sink: None)
+        patch.setattr(sinks._FileSink, "commit", kill)
+        patch.setattr(sinks._FileSink, "discard", lambda sink: None)
         with pytest.raises(Killed):
             command("simulate", "m.yaml", "-q", "-o", file, "--checkpoint", "ck")
     assert not Path(file).exists()
@@ -161,9 +162,11 @@ def test_a_table_that_only_had_to_be_moved_is_completed(command, here, ending, m
 
 def test_the_rows_are_on_the_disk_before_the_checkpoint_is(here, monkeypatch):
     order = []
-    sync, write = os.fsync, aside.Aside.commit
+    sync, write = os.fsync, atomic_file.Aside.commit
     monkeypatch.setattr(os, "fsync", lambda number: (order.append("sync"), sync(number)))
-    monkeypatch.setattr(aside.Aside, "commit", lambda *a, **k: (order.append("move"), write(*a, **k))[1])
+    monkeypatch.setattr(
+        atomic_file.Aside, "commit", lambda *a, **k: (order.append("move"), write(*a, **k))[1]
+    )
     model = lagcli.load("m.yaml")
     running = pipeline.Running(model, model.simulation)
     rows = row_file.RowFile(here / "run.csv.rows", running.columns)
@@ -378,7 +381,7 @@ def test_the_hash_is_that_of_the_bytes_of_the_file(here):
 
 def test_more_parameters_than_an_archive_has_room_for_are_left_out(tmp_path):
     whence = {"version": "1", "parameters": {f"p{i}": 0.1 for i in range(10_000)}}
-    with tables.open_sink(tmp_path / "run.npz", ("t",), provenance=whence):
+    with sinks.open_sink(tmp_path / "run.npz", ("t",), provenance=whence):
         pass
     assert provenance(tmp_path / "run.npz") == {"version": "1", "parameters": None}
     assert read_table.read(tmp_path / "run.npz")[0] == ("t",)
@@ -392,10 +395,10 @@ def test_more_parameters_than_an_archive_has_room_for_are_left_out(tmp_path):
 @pytest.mark.parametrize("more", [[], [signal.SIGTERM], [signal.SIGHUP, signal.SIGINT]])
 def test_signals_while_the_rows_are_being_written_lose_none(command, here, ending, more, monkeypatch):
     """The first one in mid-run, others at every moment until the rows are in FILE.partial."""
-    monkeypatch.setattr(driver, "PAUSE", 0.0)
-    monkeypatch.setattr(driver, "BLOCK_VALUES", 200)
+    monkeypatch.setattr(loop, "PAUSE", 0.0)
+    monkeypatch.setattr(loop, "BLOCK_VALUES", 200)
     taken = []
-    take, keep = table.Table.take, table.Table.keep
+    take, keep = table_output.Table.take, table_output.Table.keep
     rename = os.replace
 
     def raising(*arguments):
@@ -417,8 +420,8 @@ def test_signals_while_the_rows_are_being_written_lose_none(command, here, endin
             signals._handle(number, None)
         rename(*arguments)
 
-    monkeypatch.setattr(table.Table, "take", raising)
-    monkeypatch.setattr(table.Table, "keep", more_of_them)
+    monkeypatch.setattr(table_output.Table, "take", raising)
+    monkeypatch.setattr(table_output.Table, "keep", more_of_them)
     monkeypatch.setattr(os, "replace", moved)
     _, err, code = command("simulate", "m.yaml", "-q", "-o", f"run.{ending}")
     assert code == 130
@@ -505,7 +508,7 @@ def test_a_home_that_cannot_be_written_is_no_reason_for_noise(here):
 
 
 def test_a_comparison_that_would_never_end_stops_as_a_run_does(here, monkeypatch):
-    monkeypatch.setattr(driver, "PACE", 20)
+    monkeypatch.setattr(loop, "PACE", 20)
     found = lagcli.compare(lagcli.load("m.yaml"), duration=1e12, rtol=1e-6)
     reduced = next(one for one in found.formulations if one.name == "reduced")
     assert "the run is too long" in reduced.stopped

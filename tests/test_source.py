@@ -8,14 +8,15 @@ import unicodedata
 
 import pytest
 
-from lagcli import diagnostics, source
+from lagcli import yaml_tree
+from lagcli.errors import diagnostics
 
 SMALL = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0]}\n"
 
 
 def errors_of(data: bytes | str) -> tuple[diagnostics.Diagnostic, ...]:
     with pytest.raises(diagnostics.ModelError) as caught:
-        source.parse(data, "model.yaml")
+        yaml_tree.parse(data, "model.yaml")
     return caught.value.diagnostics
 
 
@@ -28,13 +29,13 @@ def place(found: diagnostics.Diagnostic) -> tuple[str, int, int]:
     return found.code, found.location.line, found.location.column
 
 
-def only_scalar(text: str, key: str = "k") -> source.Scalar:
-    node = source.parse(text, "model.yaml").get(key)
-    assert isinstance(node, source.Scalar)
+def only_scalar(text: str, key: str = "k") -> yaml_tree.Scalar:
+    node = yaml_tree.parse(text, "model.yaml").get(key)
+    assert isinstance(node, yaml_tree.Scalar)
     return node
 
 
-def shown(scalar: source.Scalar, part: str) -> tuple[int, int, str]:
+def shown(scalar: yaml_tree.Scalar, part: str) -> tuple[int, int, str]:
     """Line, column and text under the carets of a part of a scalar's value."""
     start = scalar.value.index(part)
     at = scalar.locate(start, start + len(part))
@@ -42,13 +43,13 @@ def shown(scalar: source.Scalar, part: str) -> tuple[int, int, str]:
 
 
 def test_scalars_keep_their_text() -> None:
-    root = source.parse("a: 1e3\nb: no\nc: 0x10\nd: ~\ne: 2024-01-01\nf: 'yes'\n", "model.yaml")
-    values = {key.value: node.value for key, node in root if isinstance(node, source.Scalar)}
+    root = yaml_tree.parse("a: 1e3\nb: no\nc: 0x10\nd: ~\ne: 2024-01-01\nf: 'yes'\n", "model.yaml")
+    values = {key.value: node.value for key, node in root if isinstance(node, yaml_tree.Scalar)}
     assert values == {"a": "1e3", "b": "no", "c": "0x10", "d": "~", "e": "2024-01-01", "f": "yes"}
 
 
 def test_mappings_keep_their_order() -> None:
-    root = source.parse("z: 1\na: 2\nm: 3\n", "model.yaml")
+    root = yaml_tree.parse("z: 1\na: 2\nm: 3\n", "model.yaml")
     assert [key.value for key, _ in root] == ["z", "a", "m"]
 
 
@@ -56,7 +57,7 @@ def test_mappings_keep_their_order() -> None:
     "data", [b"\xef\xbb\xbf" + SMALL.encode(), "\ufeff" + SMALL, SMALL.replace("\n", "\r\n")]
 )
 def test_a_mark_at_the_start_and_line_ends_of_windows_change_nothing(data: bytes | str) -> None:
-    root = source.parse(data, "model.yaml")
+    root = yaml_tree.parse(data, "model.yaml")
     key = root.key("particles")
     assert key is not None
     assert (key.location.line, key.location.column, key.location.source_line) == (2, 1, "particles:")
@@ -106,16 +107,16 @@ def test_utf_16_is_called_by_its_name() -> None:
 
 def test_a_directory_is_refused(tmp_path: pathlib.Path) -> None:
     with pytest.raises(diagnostics.ModelError, match="not-a-file"):
-        source.read(tmp_path)
+        yaml_tree.read(tmp_path)
 
 
 def test_a_missing_file_stays_an_error_of_the_system(tmp_path: pathlib.Path) -> None:
     with pytest.raises(FileNotFoundError):
-        source.read(tmp_path / "none.yaml")
+        yaml_tree.read(tmp_path / "none.yaml")
 
 
 def test_a_file_beyond_the_bound_is_refused_unread() -> None:
-    assert the_error(b"a" * (source.MAX_BYTES + 1)).code == "too-large"
+    assert the_error(b"a" * (yaml_tree.MAX_BYTES + 1)).code == "too-large"
 
 
 @pytest.mark.parametrize(
@@ -218,8 +219,8 @@ def test_carets_stand_under_the_part_of_a_scalar(
     text: str, part: str | None, expected: tuple[int, int, str] | None
 ) -> None:
     if part is None:
-        node = source.parse(text, "model.yaml").get("k")
-        assert isinstance(node, source.Mapping)
+        node = yaml_tree.parse(text, "model.yaml").get("k")
+        assert isinstance(node, yaml_tree.Mapping)
         key = node.key("k")
         assert key is not None
         assert key.location.column == 13  # characters, not bytes and not UTF-16 units
@@ -270,7 +271,7 @@ def test_the_caret_stands_under_the_spot_on_a_terminal_of_80_columns(before: str
 
 
 def test_nothing_of_a_file_steers_the_terminal() -> None:
-    at = source.as_text("a\u202eb\u0085", "model.yaml").locate(0)
+    at = yaml_tree.as_text("a\u202eb\u0085", "model.yaml").locate(0)
     text = diagnostics.Diagnostic("c", "key `\x1b[31m\n`", at, "\x9b").render()
     assert all(c.isprintable() or c == "\n" for c in text)
     assert len(text.splitlines()) == 4
@@ -279,7 +280,7 @@ def test_nothing_of_a_file_steers_the_terminal() -> None:
 def test_an_equation_that_begins_with_a_bracket_is_told_to_take_quotes():
     text = "lagcli: 1\nholonomic:\n  planes: [a.y, b.y, 0] = 0\n"
     with pytest.raises(diagnostics.ModelError) as caught:
-        source.parse(text, "m.yaml")
+        yaml_tree.parse(text, "m.yaml")
     (found,) = caught.value.diagnostics
     assert (found.location.line, found.location.column) == (3, 25)
     assert found.hint == "an equation that begins with `[` needs quotes"

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import constraint_rows, pipeline, walk
-from lagcli.integrate import initial, lipschitz, timetable
-from lagcli.mechanics import timed
+from lagcli.api import pipeline
+from lagcli.equations import time_functions
+from lagcli.linear import metric_rows
+from lagcli.simulation import timetable
+from lagcli.start import initial, lipschitz, sample_points
 
 PENDULUM = """\
 lagcli: 1
@@ -58,8 +60,8 @@ def test_steps_do_not_ask_for_times_that_a_model_does_not_have(monkeypatch):
 
 def test_functions_of_time_are_found_once_for_the_same_values(monkeypatch):
     asked, searched = [], []
-    functions, stations = timed.functions, timetable._stations
-    monkeypatch.setattr(timed, "functions", lambda model: asked.append(1) or functions(model))
+    functions, stations = time_functions.functions, timetable._stations
+    monkeypatch.setattr(time_functions, "functions", lambda model: asked.append(1) or functions(model))
     monkeypatch.setattr(timetable, "_stations", lambda *of: searched.append(1) or stations(*of))
     first = lagcli.simulate(lagcli.loads(DRIVEN), duration=1, samples=11)
     once = len(searched)
@@ -74,14 +76,14 @@ def test_functions_of_time_are_found_once_for_the_same_values(monkeypatch):
 
 
 def test_a_system_without_rows_has_none_to_choose(monkeypatch):
-    monkeypatch.setattr(walk, "rows", refuse)
+    monkeypatch.setattr(sample_points, "rows", refuse)
     lagcli.simulate(lagcli.loads(DRIVEN), duration=1, samples=3)
 
 
 def test_a_few_rows_are_factored_once(monkeypatch):
-    monkeypatch.setattr(constraint_rows.MetricRows, "_solved", refuse)
+    monkeypatch.setattr(metric_rows.MetricRows, "_solved", refuse)
     ready = pipeline.compiled(lagcli.loads(PENDULUM))
-    rows = walk.rows(ready.numeric, initial.declared(ready.system))
+    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
     assert rows.are_independent
     value, vector = rows._weakest
     np.testing.assert_allclose([value, *np.abs(vector)], 1, rtol=1e-12)
@@ -90,6 +92,6 @@ def test_a_few_rows_are_factored_once(monkeypatch):
 def test_two_rows_that_are_the_same_are_dependent():
     text = PENDULUM.replace("norm(a) = 1", "norm(a) = 1, again: 2*norm(a) = 2")
     ready = pipeline.compiled(lagcli.loads(text))
-    rows = walk.rows(ready.numeric, initial.declared(ready.system))
+    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
     assert not rows.are_independent
     np.testing.assert_allclose(np.abs(rows.weakest), np.sqrt(0.5), rtol=1e-6)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import pipeline
-from lagcli.integrate import checkpoint
+from lagcli.api import pipeline
+from lagcli.simulation import checkpoint
 
 PENDULUM = """\
 lagcli: 1

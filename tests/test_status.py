@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from lagcli import phases, pipeline
-from lagcli.cli import status
+from lagcli import progress
+from lagcli.api import pipeline
+from lagcli.cli import status_line
 
 MODEL = Path(__file__).resolve().parent.parent / "models" / "pendulum.yaml"
 
@@ -29,15 +30,15 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     for name in ("NO_COLOR", "COLUMNS"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(status, "DELAY", 0.0)
-    monkeypatch.setattr(status, "TICK", 0.001)
+    monkeypatch.setattr(status_line, "DELAY", 0.0)
+    monkeypatch.setattr(status_line, "TICK", 0.001)
     monkeypatch.setattr(sys, "stderr", found)
     return found
 
 
 def lasting(stream: Terminal, name: str) -> None:
     """A phase that ends when it has been shown."""
-    with phases.phase(name):
+    with progress.phase(name):
         shown(stream, name)
 
 
@@ -52,40 +53,40 @@ def shown(stream: Terminal, name: str) -> None:
 
 def test_a_phase_that_lasts_is_shown_and_taken_away_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     stream = terminal(monkeypatch)
-    with status.showing(False), phases.phase("reading the model"):
+    with status_line.showing(False), progress.phase("reading the model"):
         lasting(stream, "reading the model")
         lasting(stream, "counting")
     found = stream.getvalue()
-    assert found.startswith(f"{status.ERASE}reading the model ... 0 s")
-    assert found.endswith(status.ERASE)
+    assert found.startswith(f"{status_line.ERASE}reading the model ... 0 s")
+    assert found.endswith(status_line.ERASE)
     assert "\n" not in found
 
 
 def test_a_phase_that_fails_is_taken_away_before_the_error_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     stream = terminal(monkeypatch)
-    with status.showing(False):
-        with contextlib.suppress(ValueError), phases.phase("counting"):
+    with status_line.showing(False):
+        with contextlib.suppress(ValueError), progress.phase("counting"):
             lasting(stream, "counting")
             raise ValueError
-        assert stream.getvalue().endswith(status.ERASE)
+        assert stream.getvalue().endswith(status_line.ERASE)
 
 
 def test_a_line_is_never_wider_than_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     stream = terminal(monkeypatch)
-    monkeypatch.setattr(status.console, "stderr_width", lambda: 20)
-    with status.showing(False), phases.phase("a phase with a name that is long"):
+    monkeypatch.setattr(status_line.console, "stderr_width", lambda: 20)
+    with status_line.showing(False), progress.phase("a phase with a name that is long"):
         shown(stream, "a phase with")
-    assert max(len(line) for line in stream.getvalue().split(status.ERASE)) == 19
+    assert max(len(line) for line in stream.getvalue().split(status_line.ERASE)) == 19
 
 
 def test_an_interrupt_takes_the_line_away(monkeypatch: pytest.MonkeyPatch) -> None:
     stream = terminal(monkeypatch)
     written: list[tuple[int, bytes]] = []
-    with status.showing(False), phases.phase("counting"):
+    with status_line.showing(False), progress.phase("counting"):
         lasting(stream, "counting")
-        monkeypatch.setattr(status.os, "write", lambda fd, text: written.append((fd, text)))
-        status.erase()
-    assert written == [(2, status.ERASE.encode())]
+        monkeypatch.setattr(status_line.os, "write", lambda fd, text: written.append((fd, text)))
+        status_line.erase()
+    assert written == [(2, status_line.ERASE.encode())]
 
 
 @pytest.mark.parametrize("case", ["shown", "quiet", "NO_COLOR", "dumb", "piped"])
@@ -98,9 +99,9 @@ def test_no_phase_is_listened_to_where_no_line_is_wanted(monkeypatch: pytest.Mon
     if case == "piped":
         monkeypatch.setattr(stream, "isatty", lambda: False)
     heard: list[str] = []
-    monkeypatch.setattr(status.Status, "begin", lambda self, name: heard.append(name))
-    monkeypatch.setattr(status.Status, "end", lambda self: None)
-    with status.showing(case == "quiet"), phases.phase("counting"):
+    monkeypatch.setattr(status_line.Status, "begin", lambda self, name: heard.append(name))
+    monkeypatch.setattr(status_line.Status, "end", lambda self: None)
+    with status_line.showing(case == "quiet"), progress.phase("counting"):
         pass
     assert heard == (["counting"] if case == "shown" else [])
     assert stream.getvalue() == ""
@@ -137,7 +138,7 @@ class Heard:
 def test_all_work_is_a_phase(work, wanted) -> None:
     pipeline._kept.clear()  # nothing is left of other tests
     heard = Heard()
-    with phases.heard_by(heard):
+    with progress.heard_by(heard):
         work(pipeline.load(MODEL))
     assert heard.names >= {"reading the model", "building the equations", *wanted}
     assert heard.depth == 0

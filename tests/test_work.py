@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.integrate import work
-from lagcli.integrate.work import Integral
+from lagcli.simulation import work_integral
+from lagcli.simulation.work_integral import Integral
 
 MOTOR = """lagcli: 1
 parameters: {om: 10, m: 1, L: 0.3}
@@ -77,7 +77,7 @@ def test_a_resumed_run_remembers_that_work_is_unknown(tmp_path: Path) -> None:
 
 
 def test_a_motion_at_rest_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lagcli.integrate.driver.within", None)
+    monkeypatch.setattr("lagcli.simulation.loop.within", None)
     text = MOTOR.replace("holonomic: {motor: th = om*t}\n", "").replace("multiplier(motor)", "th")
     stats = lagcli.simulate(lagcli.loads(text), duration=5).stats
     assert stats.energy_imbalance is not None
@@ -115,7 +115,7 @@ def test_what_has_no_value_or_too_many_waves_is_not_integrated() -> None:
 def test_the_number_of_panels_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Integral(waves, 1e-13).over(0.0, 5000.0, 0.0) is not None
     assert Integral(waves, 1e-13).over(0.0, 40000.0, 0.0) is None
-    monkeypatch.setattr(work, "MOST_PANELS", 16)
+    monkeypatch.setattr(work_integral, "MOST_PANELS", 16)
     assert Integral(waves, 1e-13).over(0.0, 1000.0, 0.0) is None
 
 

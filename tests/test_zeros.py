@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import pipeline, recorded
-from lagcli.export import panels
-from lagcli.mechanics import rows
+from lagcli.api import pipeline
+from lagcli.equations import rows
+from lagcli.output import table_columns
+from lagcli.output.figures import panels
 from tests import in_process
 
 command = in_process.command
@@ -91,7 +92,7 @@ simulation: {duration: 2, samples: 21}
 
 
 def test_the_floor_moves_when_its_constant_does(monkeypatch):
-    monkeypatch.setattr(recorded, "ROUNDING", 1e-19)
+    monkeypatch.setattr(table_columns, "ROUNDING", 1e-19)
     assert "lambda.roll_x" not in zero_columns(BALL)
 
 
@@ -162,7 +163,7 @@ def test_multipliers_of_lengths_are_newtons(powers, label):
 
 
 def test_the_figure_shows_the_columns_that_are_chosen(command, tmp_path, monkeypatch):
-    from lagcli.export import figure
+    from lagcli.output.figures import figure
 
     seen = []
     monkeypatch.setattr(

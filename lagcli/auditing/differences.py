@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from lagcli.auditing.tape import Array
+from lagcli.auditing.autodiff import Array
 
 WIDTHS = (5, 7, 9, 11, 13)
 REACH = 4  # rows on either side within which a truncation counts

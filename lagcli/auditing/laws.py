@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from lagcli import model as nouns
-from lagcli.auditing import turns
-from lagcli.auditing.algebra import NumberAlgebra
-from lagcli.auditing.scene import Cast, Scene, Triple
-from lagcli.auditing.tape import Array, Directions, Node, Scalar, scatter
+from lagcli.auditing import row_turns
+from lagcli.auditing.autodiff import Array, Directions, Node, Scalar, scatter
+from lagcli.auditing.autodiff_algebra import NumberAlgebra
+from lagcli.auditing.model_values import Cast, Scene, Triple
+from lagcli.equations import rigid
 from lagcli.expression import evaluate, tree
-from lagcli.mechanics import rigid
-from lagcli.members import Whole
+from lagcli.model import model as nouns
+from lagcli.model.family import Whole
 
 SPOT = tree.Node(0, 0)
 CHUNK = 200_000  # values of one array: what a cache holds
@@ -251,7 +251,7 @@ class Laws:
         for x, places in surfaces:
             f[:, places] = scene.wide(x, places.size)
             w[:, places] = np.broadcast_to(_moved(scene, x), (scene.rows, places.size))
-        turns.reduced(f, self._jumps)
+        row_turns.reduced(f, self._jumps)
         for x, places in laws:
             w[:, places] = scene.wide(x, places.size)
         return f, w

@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 
-from lagcli.auditing.evidence import RESOLVED, SAFETY, Evidence
-from lagcli.auditing.report import Check, Law, judge
-from lagcli.auditing.tape import Array
+from lagcli.auditing.audit_report import Check, Law, judge
+from lagcli.auditing.autodiff import Array
+from lagcli.auditing.tolerances import RESOLVED, SAFETY, Evidence
 
 MOMENTA = Law("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
 TINY = 1e-100

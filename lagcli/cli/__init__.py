@@ -1,5 +1,8 @@
-"""The door: commands, exit codes, signals, terminal output. No mathematics here.
+"""The command line: commands, options, exit codes, signals, terminal output. No mathematics here.
 
-`app` declares the commands, `running` carries out `simulate`, `console` is the one place that uses rich,
+In: arguments
+Out: text or JSON on stdout, messages on stderr, an exit code
+
+`app` declares the commands, `simulate_command` carries out `simulate`, `console` is the one place that uses rich,
 `exits` turns failures into exit codes, `signals` keeps interrupts away from half-written rows.
 """

@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from lagcli import diagnostics, settings
-from lagcli.cli import exits, group, machine
+from lagcli.cli import command_group, exits, json_output
+from lagcli.errors import diagnostics
+from lagcli.model import settings
 
 if TYPE_CHECKING:
-    from lagcli import model as nouns
+    from lagcli.model import model as nouns
 
 app = typer.Typer(
     name="lagcli",
-    cls=group.Group,
+    cls=command_group.Group,
     help="Degrees of freedom, Lagrange multipliers and constraint forces of constrained mechanical systems.",
     epilog="MODEL is a YAML file; - reads it from standard input.",
     add_completion=False,
@@ -89,22 +90,22 @@ def dof(
 
     Exit 4 and nothing on standard output where it is not decided.
     """
-    from lagcli import pipeline
-    from lagcli.cli import tellings
+    from lagcli.api import pipeline
+    from lagcli.cli import check_text
 
     read = _reported(lambda: _load(model, changes), as_json)
     counted = _reported(lambda: pipeline.count(read, limit), as_json)
     if as_json:
-        print(machine.text(counted.as_json()))
+        print(json_output.text(counted.as_json()))
     elif explain:
-        print("\n".join(tellings.count(counted)))
+        print("\n".join(check_text.count(counted)))
     elif counted.configuration_dof is not None:
         print(counted.configuration_dof)
     if not quiet and not explain:
         exits.say_all(f"note: {note}" for note in counted.notes)
     if verbose:
         exits.say_all(warning.render() for warning in read.warnings)
-        exits.say_all(() if explain else tellings.count(counted))
+        exits.say_all(() if explain else check_text.count(counted))
     if counted.configuration_dof is None:
         low, high = counted.bounds
         exits.say(f"lagcli: undecided, between {low} and {high}: {counted.reason}")
@@ -139,9 +140,9 @@ def check(
 
     With --json one object for one MODEL; for several a list in the order of the MODELs, each with path and title.
     """
-    from lagcli import pipeline
-    from lagcli.cli import tellings
-    from lagcli.cli import witness as showing
+    from lagcli.api import pipeline
+    from lagcli.cli import check_text
+    from lagcli.cli import witness_command as showing
 
     _require_files(models)
     wish = showing.wish(witness, plot, models)
@@ -155,7 +156,7 @@ def check(
             shown = wish.shown(read, report, limit, assemble) if wish is not None else None
         except diagnostics.ModelError as error:
             codes.append(exits.of(error))
-            answers.append({**({"path": path} if len(models) > 1 else {}), **machine.errors(error)})
+            answers.append({**({"path": path} if len(models) > 1 else {}), **json_output.errors(error)})
             if not as_json:
                 exits.say(str(error))
             continue
@@ -166,7 +167,7 @@ def check(
         warned = any(found.severity == "warning" for found in report.warnings)
         codes.append(exits.INVALID if strict and warned else exits.DONE)
         if not as_json:
-            tellings.report(report, heading=len(models) > 1)
+            check_text.report(report, heading=len(models) > 1)
             told = report.initial.assembled.lines(read.units) if report.initial.assembled else ()
             exits.say_all(() if quiet else (*told, *(warning.render() for warning in report.warnings)))
         if shown is not None:
@@ -174,7 +175,7 @@ def check(
         if verbose:
             exits.say(f"{report.path}: checked in {time.perf_counter() - began:.3f} s")
     if as_json:
-        print(machine.text(answers[0] if len(answers) == 1 else answers))
+        print(json_output.text(answers[0] if len(answers) == 1 else answers))
     raise exits.Exit(max(codes))
 
 
@@ -231,10 +232,10 @@ def simulate(
     CSV on standard output without -o and --plot. Exit 3 where the integration stops before its end: the rows
     so far are in FILE.partial, and FILE is as it was.
     """
-    from lagcli import pipeline
-    from lagcli.cli import running
+    from lagcli.api import pipeline
+    from lagcli.cli import simulate_command
 
-    wishes = running.Wishes(
+    wishes = simulate_command.Wishes(
         output, plot, stats, columns, as_json, quiet, verbose, checkpoint, resume, limit, digits
     )
     wishes.check(model)
@@ -247,7 +248,7 @@ def simulate(
         chosen = pipeline.run_settings(read, given)
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
-    running.run(_reported(lambda: running.ready(read, chosen, wishes), as_json), wishes)
+    simulate_command.run(_reported(lambda: simulate_command.ready(read, chosen, wishes), as_json), wishes)
 
 
 @app.command(short_help="Run a model in several formulations and compare them.")
@@ -286,7 +287,7 @@ def compare(
     Newton with multipliers, Lagrange with multipliers, reduced by the null space. Exit 1 where they disagree, 3 where
     a run stops before its end.
     """
-    from lagcli.cli import compare as comparing
+    from lagcli.cli import compare_command as comparing
 
     paths = [model] if other is None else [model, other]
     _require_files(paths)
@@ -338,7 +339,7 @@ def audit(
 
     Exit 1 where a check fails, 3 where the new run stops before its end.
     """
-    from lagcli.cli import audit as auditing
+    from lagcli.cli import audit_command as auditing
 
     wishes = auditing.Wishes(run, plot, digits, as_json, quiet, verbose)
     wishes.check(model)
@@ -373,7 +374,7 @@ def displacements(
 
     Exit 3 where the motion stops before T.
     """
-    from lagcli.cli import displacements as displacing
+    from lagcli.cli import displacements_command as displacing
 
     read = _reported(lambda: _load(model, changes), as_json)
     _reported(lambda: displacing.run(read, at, assemble, as_json, quiet), as_json)
@@ -407,7 +408,7 @@ def derive(
     Constraints, rows, reactions, energies, Newton's and Lagrange's equations, the identity between them verified, and
     the linear system for lambda.
     """
-    from lagcli.cli import derive as deriving
+    from lagcli.cli import derive_command as deriving
 
     form = deriving.require_format("json" if as_json else form)
     read = _reported(lambda: _load(model, changes), form == "json")
@@ -429,18 +430,17 @@ def explain(
     debug: DebugOption = False,
 ) -> None:
     """Explain an error or warning and how to fix it, or an equation such as D.24; without CODE list all."""
-    from lagcli import catalogue
-    from lagcli.catalogue import equations
+    from lagcli.errors import catalogue, equation_list
 
     if code is None:
         print("\n".join(catalogue.lines()))
         return
     try:
-        equation = equations.line(code)
+        equation = equation_list.line(code)
     except KeyError:
-        raise exits.UsageError(f"the equations are D.1 to D.{equations.LAST}") from None
+        raise exits.UsageError(f"the equations are D.1 to D.{equation_list.LAST}") from None
     if equation is not None:
-        print(textwrap.fill(equation, 80), textwrap.fill(equations.TEXT, 80), sep="\n\n")
+        print(textwrap.fill(equation, 80), textwrap.fill(equation_list.TEXT, 80), sep="\n\n")
         return
     page = catalogue.page(code)
     if page is None:
@@ -463,7 +463,7 @@ def _require_files(paths: list[str]) -> None:
 
 
 def _load(path: str, changes: list[str] | None) -> nouns.Model:
-    from lagcli import pipeline
+    from lagcli.api import pipeline
 
     given: dict[str, object] = {}
     for change in changes or ():
@@ -488,6 +488,6 @@ def _reported(compute: Callable[[], T], as_json: bool) -> T:
         return compute()
     except diagnostics.ModelError as error:
         if as_json:
-            print(machine.text(machine.errors(error)))
+            print(json_output.text(json_output.errors(error)))
             raise exits.Exit(exits.of(error)) from None
         raise

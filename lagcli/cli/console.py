@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
-from lagcli import diagnostics
+from lagcli.errors import diagnostics
 
 if TYPE_CHECKING:
     from rich import progress as rich_progress

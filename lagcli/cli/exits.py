@@ -12,15 +12,15 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
-from lagcli import diagnostics
-from lagcli.cli import signals, status
-from lagcli.export import aside
-from lagcli.reader.overrides import OverrideError
+from lagcli.cli import signals, status_line
+from lagcli.errors import diagnostics
+from lagcli.input.overrides import OverrideError
+from lagcli.output import atomic_file
 
 DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141
 
 
-signals.before_end(aside.sweep)
+signals.before_end(atomic_file.sweep)
 
 
 class Exit(Exception):
@@ -66,10 +66,10 @@ def command(function: Command) -> Command:
     @functools.wraps(function)
     def ended(*arguments: Any, **options: Any) -> None:
         try:
-            with status.showing(bool(options.get("quiet"))):
+            with status_line.showing(bool(options.get("quiet"))):
                 code = guarded(lambda: function(*arguments, **options), debug=bool(options.get("debug")))
         finally:
-            aside.sweep()
+            atomic_file.sweep()
         raise SystemExit(code)
 
     return ended  # type: ignore[return-value] # the same parameters, by functools.wraps
@@ -147,9 +147,9 @@ def drawing(name: str) -> Iterator[None]:
 def check_writable(name: str) -> None:
     """Refuse a file that cannot be made or replaced, before a long run and not after it. Raises `WriteError`."""
     with writing(name):
-        target = aside.destination(pathlib.Path(name))
+        target = atomic_file.destination(pathlib.Path(name))
         # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
-        is_replaced = aside.is_replaced(target)
+        is_replaced = atomic_file.is_replaced(target)
         place, rights = (target.parent, os.W_OK | os.X_OK) if is_replaced else (target, os.W_OK)
         os.stat(place)
         if not os.access(place, rights):

@@ -13,7 +13,7 @@ from typing import Any
 import sympy
 
 from lagcli.derivation.calculus import ZERO
-from lagcli.derivation.system import Symbolic
+from lagcli.derivation.symbolic_system import Symbolic
 
 # Above this many operations the identity is not expanded but tried with numbers.
 MAX_OPERATIONS = 1500

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lagcli.derivation import formula as f
-from lagcli.derivation.names import LETTERS
+from lagcli.derivation.paper_names import LETTERS
 
 _SCRIPT = {"𝒯": "T", "𝒱": "V", "ℒ": "L"}
 _KNOWN = frozenset("sin cos tan sinh cosh tanh exp log max min arcsin arccos arctan".split())

@@ -8,10 +8,10 @@ from typing import Any
 import sympy
 
 from lagcli.derivation import formula as f
-from lagcli.derivation import layout, names
+from lagcli.derivation import layout, paper_names
 from lagcli.derivation.calculus import TIME
 from lagcli.derivation.layout import Layout
-from lagcli.derivation.system import Symbolic
+from lagcli.derivation.symbolic_system import Symbolic
 from lagcli.derivation.tidy import merged, shorter, tidy
 from lagcli.derivation.vectors import Key, Triple, pieces
 
@@ -26,7 +26,7 @@ class Signs:
 
     def __init__(self, system: Symbolic) -> None:
         self._system = system
-        self._register = names.Register()
+        self._register = paper_names.Register()
         self._shown: dict[Any, f.Node] = {}
         self._kinds: dict[Any, tuple[int, int]] = {}
         self._vectors: dict[str, Any] = {}
@@ -40,7 +40,9 @@ class Signs:
         self._constants()
         self._coordinates()
         for symbol, row in zip(system.lam, system.rows, strict=True):
-            self._show(symbol, f.Sign("λ", (names.subscript(row.name),)), f"lambda.{row.name}", layout.LAMBDA)
+            self._show(
+                symbol, f.Sign("λ", (paper_names.subscript(row.name),)), f"lambda.{row.name}", layout.LAMBDA
+            )
         for axis, symbol in zip("xyz", AXES, strict=True):
             self._show(symbol, f.Sign("e", (axis,), vector=True), f"e_{axis}", layout.VECTOR)
         self.energies = {letter: self._energy(letter) for letter in "TVL"}
@@ -104,7 +106,7 @@ class Signs:
             self._vectors[name] = symbol = sympy.Symbol(f"vector {name}")
             dots = {"r ": 0, "v ": 1, "a ": 2}.get(name[:2])
             if dots is None:
-                shown: f.Sign = names.sign(name, vector=True)
+                shown: f.Sign = paper_names.sign(name, vector=True)
                 shown = self._register.take(shown, name)
             else:
                 shown = self.of_particle("r", name[2:], dots)
@@ -115,12 +117,12 @@ class Signs:
     @staticmethod
     def of_particle(letter: str, particle: str, dots: int = 0) -> f.Sign:
         """r, R or F of a particle."""
-        return f.Sign(letter, (names.subscript(particle),), dots, vector=True)
+        return f.Sign(letter, (paper_names.subscript(particle),), dots, vector=True)
 
     @staticmethod
     def of_row(letter: str, row: str, *more: str) -> f.Sign:
         """f, gamma or B of a row."""
-        return f.Sign(letter, (names.subscript(row), *more))
+        return f.Sign(letter, (paper_names.subscript(row), *more))
 
     def differential(self, number: int) -> f.Sign:
         """dq of a coordinate."""
@@ -161,7 +163,7 @@ class Signs:
     def _parameters(self) -> None:
         world = self._system.world
         for name, value in world.parameters.items():
-            sign = names.sign(name)
+            sign = paper_names.sign(name)
             if not isinstance(value, tuple):
                 if not value.is_number:
                     first = 0 if value in self._masses else _FIRST.get(sign.base, 2)
@@ -176,7 +178,7 @@ class Signs:
         letters = {"length": "ℓ", "weight": "α", "height": "η"}
         for symbol in self._system.constants:
             kind, body, label = symbol.name.split(" ")
-            sub = ",".join(names.subscript(part) for part in label.split(","))
+            sub = ",".join(paper_names.subscript(part) for part in label.split(","))
             name = f"{body}.{kind}.{label}"
             self._show(symbol, f.Sign(letters[kind], (sub,)), name, layout.PARAMETER)
 
@@ -185,7 +187,7 @@ class Signs:
         generalized = len(system.names) - len(system.world.generalized)
         for i, name in enumerate(system.names):
             particle, _, axis = name.rpartition(".")
-            wanted = names.component(particle, axis) if i < generalized else names.sign(name)
+            wanted = paper_names.component(particle, axis) if i < generalized else paper_names.sign(name)
             sign = self._show(system.q[i], wanted, name, layout.COORDINATE)
             for symbol, dots, kind in (
                 (system.v[i], 1, layout.RATE),
@@ -220,4 +222,4 @@ class Signs:
         plain = all(part == 0 for part in key[1]) and len(key[0]) <= 2
         if not plain or any(name.startswith("v ") for name, _ in key[0]):
             return f.Sign("d", (str(number),))
-        return f.Sign("d", tuple(names.subscript(name.removeprefix("r ")) for name, _ in key[0]))
+        return f.Sign("d", tuple(paper_names.subscript(name.removeprefix("r ")) for name, _ in key[0]))

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import sympy
 
-from lagcli import diagnostics
-from lagcli import model as nouns
 from lagcli.derivation.calculus import TIME, ZERO, Abbreviation, Calculus
 from lagcli.derivation.vectors import Collapse, Key, Triple, Vector
-from lagcli.expression import evaluate, tree, whole
+from lagcli.errors import diagnostics
+from lagcli.expression import evaluate, integers, tree
 from lagcli.expression.operators import Operators
-from lagcli.members import Members, Roll
+from lagcli.model import model as nouns
+from lagcli.model.family import Members, Roll
 from lagcli.pfaffian.translate import FUNCTIONS, constants
 
 # Beyond these an expression is no longer one a person could read, and SymPy needs minutes for it.
@@ -305,7 +305,7 @@ class Algebra(Operators):
 
         if isinstance(node, tree.Name):
             return int(roll.find(node.name, ())[0])
-        indices = [whole.evaluate(i, lookup) for i in node.indices] if isinstance(node, tree.Index) else []
+        indices = [integers.evaluate(i, lookup) for i in node.indices] if isinstance(node, tree.Index) else []
         return int(roll.find(node.owner, indices)[0])
 
     def _named(self, name: str) -> Any:

@@ -10,8 +10,8 @@ import itertools
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
-from lagcli import diagnostics
-from lagcli.expression import meant, refusals, tree
+from lagcli.errors import diagnostics
+from lagcli.expression import hints, messages, tree
 from lagcli.expression.tree import ExpressionError
 
 S = TypeVar("S")
@@ -216,7 +216,7 @@ class _Walk:
     def _vector_literal(self, node: tree.Vector) -> tuple[Any, ...]:
         if len(node.components) != 3:
             message = f"a vector has three components, and this one has {len(node.components)}"
-            hint = meant.vector(len(node.components))
+            hint = hints.vector(len(node.components))
             raise ExpressionError("vector-length", message, node.start, node.end, hint)
         return tuple(self.scalar(part) for part in node.components)
 
@@ -247,7 +247,7 @@ class _Walk:
             wanted = f"{least}" if least == most else f"{least} or {most}"
             counted = {0: "none was", 1: "1 was"}.get(given, f"{given} were")
             message = f"`{node.function}` takes {wanted} {plural}, but {counted} given"
-            hint = meant.ARGUMENTS.get(node.function, "")
+            hint = hints.ARGUMENTS.get(node.function, "")
             raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
 
     def _vector_function(self, node: tree.Node, name: str, vectors: list[tuple[Any, Any, Any]]) -> Any:
@@ -275,6 +275,6 @@ class _Walk:
 def unknown_function(node: tree.Call) -> ExpressionError:
     """The error for a function the format does not have."""
     end = node.start + len(node.function)
-    hint = refusals.UNKNOWN_FUNCTIONS.get(node.function) or diagnostics.nearest(node.function, FUNCTION_NAMES)
+    hint = messages.UNKNOWN_FUNCTIONS.get(node.function) or diagnostics.nearest(node.function, FUNCTION_NAMES)
     message = f"there is no function `{node.function}`"
     return ExpressionError("unknown-function", message, node.start, end, hint)

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.expression import evaluate, refusals, tree
+from lagcli.expression import evaluate, messages, tree
 from lagcli.expression.tree import ExpressionError
 
 Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mass", "acceleration", "result"]
@@ -106,7 +106,7 @@ class FactsAlgebra:
         for flag, (code, words) in FLAG_ERRORS.items():
             if flag in fact.reads and flag not in self._allowed:
                 message = f"{self._subject} {words}"
-                hint = refusals.way_out(flag, self._subject, _written(node))
+                hint = messages.way_out(flag, self._subject, _written(node))
                 raise ExpressionError(code, message, node.start, node.end, hint)
         self._checked(node, fact)
 
@@ -115,7 +115,7 @@ class FactsAlgebra:
         if not self._linear or fact.high <= 1:
             return fact
         term = self._text[node.start : node.end]
-        message, hint = refusals.nonlinear(term, fact.high, frozenset(fact.reads), quotient)
+        message, hint = messages.nonlinear(term, fact.high, frozenset(fact.reads), quotient)
         raise ExpressionError("nonlinear-differential", message, node.start, node.end, hint)
 
     def _differential(self, node: tree.Call) -> Any:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lagcli.expression import meant, tokens, tree
+from lagcli.expression import hints, tokens, tree
 from lagcli.expression.tokens import Token
 from lagcli.expression.tree import ExpressionError
 
@@ -157,7 +157,7 @@ class _Parser:
                 message, hint = "there is a second `=`", "each equation has an entry of its own"
         elif token.kind in (">=", "<=", "<", ">", "==", "!="):
             message = f"`{token.text}` has no place here"
-            hint = meant.relation(token.kind, "=" in relations)
+            hint = hints.relation(token.kind, "=" in relations)
         elif token.kind in (")", "]"):
             message = f"this `{token.text}` closes nothing"
         elif token.kind == ",":
@@ -165,12 +165,12 @@ class _Parser:
             # One comma may be a decimal one, and two are those of a vector.
             is_decimal = self._kinds[self._at + 1] == "number" and self._kinds[self._at + 2] != ","
             following = self._texts[self._at + 1] if is_decimal else ""
-            hint = meant.comma(self._before(1), following)
+            hint = hints.comma(self._before(1), following)
         elif token.kind == "..":
             message, hint = "`..` has no place here", "a range `i = 1..N` belongs under `for`"
         elif token.kind in ("number", "name", "(", "["):
             message = f"an operator is missing before `{token.text}`"
-            hint = meant.between(self._before(1), (token.kind, token.text), self._before(2))
+            hint = hints.between(self._before(1), (token.kind, token.text), self._before(2))
         else:
             message = f"`{token.text}` has no place here"
         return ExpressionError("syntax", message, token.start, token.end, hint)
@@ -358,7 +358,7 @@ class _Parser:
                 self._texts[self._at - 3],
                 self._texts[self._at + 1 : self._at + 2],
             )
-            hint = meant.second_dot(owner, part.text, further[0] if further else "")
+            hint = hints.second_dot(owner, part.text, further[0] if further else "")
             raise ExpressionError("syntax", "only one dot may follow a name", extra.start, extra.end, hint)
         return part.text
 

@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 import re
 
-from lagcli.expression import meant
+from lagcli.expression import hints
 from lagcli.expression.tree import ExpressionError
 
 MAX_LENGTH = 2**20
@@ -97,4 +97,4 @@ def _unexpected(text: str, word: str, start: int) -> ExpressionError:
     index = next((i for i, c in enumerate(word) if not is_name("_" + c)), 0)
     character, at = word[index], start + index
     message = f"the character {character!r} has no meaning here"
-    return ExpressionError("unexpected-character", message, at, at + 1, meant.character(text, at))
+    return ExpressionError("unexpected-character", message, at, at + 1, hints.character(text, at))

@@ -1,5 +1,8 @@
 """One model in several formulations, run side by side.
 
-`functions` evaluates a system without its multipliers, `chart` writes it in independent quantities (Maggi), `steps`
-integrates it there, `reduced` makes a table of that, `comparison` tells to how many digits tables agree.
+In: `system.System`
+Out: `comparison.Comparison`: the digits to which tables agree
+
+`dense_functions` evaluates a system without its multipliers, `maggi` writes it in independent quantities,
+`reduced_steps` integrates it there, `reduced_run` makes a table of that, `comparison` compares tables.
 """

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.model import Model
+from lagcli.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 import sympy
 
-from lagcli import members
-from lagcli import model as nouns
-from lagcli.conserved import FirstIntegral
-from lagcli.expression import evaluate, tree, whole
+from lagcli.expression import evaluate, integers, tree
 from lagcli.expression.operators import Operators
-from lagcli.members import Members, Roll
-from lagcli.pfaffian import charts, printing
-from lagcli.pfaffian.block import Block
+from lagcli.model import family
+from lagcli.model import model as nouns
+from lagcli.model.family import Members, Roll
+from lagcli.model.invariant import FirstIntegral
+from lagcli.pfaffian import level_charts, printing
 from lagcli.pfaffian.form import Form
+from lagcli.pfaffian.pfaffian_block import Block
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{
@@ -46,7 +46,7 @@ MAX_EXPONENT = 200
 ROUNDING = 1e-12
 TIME = sympy.Symbol("t", real=True)
 _DT = sympy.Symbol("dt", real=True)
-_ALONE = members.one("")
+_ALONE = family.one("")
 _CONSTANTS: dict[str, Any] = {"pi": sympy.pi, "deg": sympy.pi / 180}
 
 
@@ -279,7 +279,7 @@ class _Names(Operators):
         def lookup(name: tree.Name) -> float:
             return self._indices[name.name] if name.name in self._indices else self._numbers[name.name]
 
-        indices = [whole.evaluate(i, lookup) for i in node.indices] if isinstance(node, tree.Index) else []
+        indices = [integers.evaluate(i, lookup) for i in node.indices] if isinstance(node, tree.Index) else []
         return int(roll.find(node.owner, indices)[0])
 
     def special(self, node: tree.Call) -> Any:
@@ -388,4 +388,4 @@ def roots(expression: Any) -> set[Any]:
 
 def first_integral(phi: Any, rows: tuple[str, ...], parameters: Iterable[Any]) -> FirstIntegral:
     """A first integral in the notation of the model, with its charts."""
-    return FirstIntegral(printing.written(phi), rows, charts.charts(phi, parameters))
+    return FirstIntegral(printing.written(phi), rows, level_charts.charts(phi, parameters))

@@ -12,7 +12,7 @@ import sys
 import time
 from typing import Any
 
-from lagcli import pipeline
+from lagcli.api import pipeline
 
 from . import models
 

@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 import lagcli
-from lagcli import pipeline
-from lagcli.integrate import call, initial, tolerance
-from lagcli.model import Simulation
+from lagcli.api import pipeline
+from lagcli.compiled import bound_function
+from lagcli.model.model import Simulation
+from lagcli.simulation import step_tolerance
+from lagcli.start import initial
 
 from . import models, networks, yardstick
 
@@ -73,16 +75,18 @@ def _best(trigger: Callable[[], object], count: int) -> float:
     return (time.perf_counter() - began) / count
 
 
-def _bound_step(model: Any, h: float) -> call.Call:
+def _bound_step(model: Any, h: float) -> bound_function.Call:
     """The compiled step of lagcli at the start, bound as its driver binds it."""
     ready = pipeline.compiled(model)
     start = initial.declared(ready.system)
     t, y = np.zeros(1), np.concatenate([start.q, start.v, [0.0]])
     p = np.ascontiguousarray(start.p, dtype=float)
-    rate = call.Call(ready.numeric.rhs, [t, y, p])
+    rate = bound_function.Call(ready.numeric.rhs, [t, y, p])
     rate.trigger()
-    allowed = tolerance.of_steps(Simulation(rtol=ASKED, atol=ASKED))
-    return call.Call(ready.functions.scheme.step, [t, np.array([h]), y, rate.results[0], allowed, p])
+    allowed = step_tolerance.of_steps(Simulation(rtol=ASKED, atol=ASKED))
+    return bound_function.Call(
+        ready.functions.scheme.step, [t, np.array([h]), y, rate.results[0], allowed, p]
+    )
 
 
 class _Pair:

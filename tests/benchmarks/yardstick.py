@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.integrate import tableau
+from lagcli.simulation import dop853_tableau
 
 Floats = npt.NDArray[np.float64]
 
@@ -63,12 +63,12 @@ def step(links: int, tolerance: float) -> Any:
     rate, position, velocity = _functions(links)
     y, h = ca.MX.sym("y", 6 * links), ca.MX.sym("h")
     stages = [rate(y)]
-    for s in range(1, tableau.STAGES):
-        stages.append(rate(y + h * _mix(tableau.A[s], stages)))
-    new = y + h * _mix(tableau.B, stages)
+    for s in range(1, dop853_tableau.STAGES):
+        stages.append(rate(y + h * _mix(dop853_tableau.A[s], stages)))
+    new = y + h * _mix(dop853_tableau.B, stages)
     scale = tolerance + tolerance * ca.fmax(ca.fabs(y), ca.fabs(new))
-    e5 = ca.sumsqr(_mix(tableau.E5, stages) / scale)
-    e3 = ca.sumsqr(_mix(tableau.E3, stages) / scale)
+    e5 = ca.sumsqr(_mix(dop853_tableau.E5, stages) / scale)
+    e3 = ca.sumsqr(_mix(dop853_tableau.E3, stages) / scale)
     error = h * e5 / ca.sqrt((e5 + 0.01 * e3) * 6 * links + 1e-300)
     return ca.Function("step", [y, h], [velocity(position(position(new))), error])
 

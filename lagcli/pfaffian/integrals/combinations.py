@@ -17,8 +17,8 @@ import numpy as np
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import linear, tower
-from lagcli.pfaffian.integrals import frame as frames
+from lagcli.pfaffian.exact import constant_combinations, normal_form
+from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.integrals import sampling
 
 MAX_MONOMIALS = 330
@@ -67,7 +67,7 @@ def alphabet(
 
     Raises `tower.NoNormalFormError`.
     """
-    basis = tower.Tower(entries)
+    basis = normal_form.Tower(entries)
     moving = set(variables)
     letters: dict[sympy.Expr, int] = dict.fromkeys(variables, _UNBOUNDED)
     for letter in basis.letters[::-1]:
@@ -281,7 +281,7 @@ def exact(
     if not constants or len(used) > _MANY:  # smooth functions may nearly depend on each other
         return None
     columns = [defects(functions[i]) for i in used]
-    for found in linear.null_vectors(columns, constants):
+    for found in constant_combinations.null_vectors(columns, constants):
         if found[-1] == 0:
             continue
         common = sympy.lcm_list([sympy.fraction(c)[1] for c in found])

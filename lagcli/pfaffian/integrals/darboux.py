@@ -13,9 +13,9 @@ from functools import reduce
 import numpy as np
 import sympy
 
-from lagcli.pfaffian.exact import limit, tower
+from lagcli.pfaffian.exact import normal_form, time_limit
 from lagcli.pfaffian.integrals import combinations
-from lagcli.pfaffian.integrals import frame as frames
+from lagcli.pfaffian.integrals import kernel_frame as frames
 
 MAX_FACTORS = 24
 _DEGREES = (2, 3, 4)
@@ -27,7 +27,7 @@ def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
     Raises `tower.NoNormalFormError`.
     """
     listed = list(entries)
-    basis = tower.Tower([*listed, *variables])
+    basis = normal_form.Tower([*listed, *variables])
     found: list[sympy.Expr] = []
     for letter in reversed(basis.letters):
         meaning = basis.meaning.get(letter, letter)
@@ -46,7 +46,7 @@ def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
 def denominator(entries: Iterable[sympy.Expr]) -> sympy.Expr:
     """The least common denominator in the normal form. Raises `tower.NoNormalFormError`."""
     listed = list(entries)
-    basis = tower.Tower(listed)
+    basis = normal_form.Tower(listed)
     parts = (basis.element(e).denom for e in listed)
     return basis.expression(reduce(lambda a, b: a.lcm(b), parts, basis.ring.one))
 
@@ -128,7 +128,7 @@ def surfaces_of(functions: Iterable[sympy.Expr], variables: Sequence[sympy.Symbo
         try:
             for part in sympy.fraction(sympy.together(e)):
                 found += [f for f, _ in sympy.factor_list(part)[1]]
-        except limit.FAILURES:
+        except time_limit.FAILURES:
             continue
     moving = set(variables)
     return [f for f in dict.fromkeys(found) if f.free_symbols & moving and not isinstance(f, sympy.exp)]

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import sympy
 
-from lagcli.pfaffian import block as blocks
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.alone import potential, tidy
-from lagcli.pfaffian.exact import limit
-from lagcli.pfaffian.integrals import flow
-from lagcli.pfaffian.integrals.quest import Found, Proposals, Quest
-from lagcli.pfaffian.together import elimination
+from lagcli.pfaffian import pfaffian_block as blocks
+from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.flag import elimination
+from lagcli.pfaffian.integrals import matrix_flow
+from lagcli.pfaffian.integrals.integral_search import Found, Proposals, Quest
+from lagcli.pfaffian.single_form import potential, tidy_integral
 
 
 def eliminations(quest: Quest, slot: float) -> Proposals:
@@ -50,13 +50,15 @@ def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Sym
     for x in held:
         slope = forms.partial(f, x)
         if x not in slope.free_symbols:
-            ways.append((slope.count_ops(), str(x), x, tidy.ratio(sympy.expand(slope * x - f), slope)))
+            ways.append(
+                (slope.count_ops(), str(x), x, tidy_integral.ratio(sympy.expand(slope * x - f), slope))
+            )
     if ways:
         return min(ways, key=lambda w: w[:2])[2:]
     for x in held:
         try:
             roots = sympy.solve(f, x, simplify=False, check=False)
-        except limit.FAILURES:
+        except time_limit.FAILURES:
             continue
         good = [r for r in roots if potential.writable(r)]
         if good:
@@ -69,19 +71,19 @@ def reductions(quest: Quest, slot: float) -> Proposals:
     if quest.block.surface or len(quest.frame.free) < 2:
         return
     for column in range(len(quest.frame.free)):
-        straight = flow.linear(quest.frame, column) or _solved_flow(quest, column, slot)
+        straight = matrix_flow.linear(quest.frame, column) or _solved_flow(quest, column, slot)
         if straight is not None:
             yield from _reduced(quest, straight, slot)
 
 
-def _reduced(quest: Quest, straight: flow.Straight, slot: float) -> Proposals:
+def _reduced(quest: Quest, straight: matrix_flow.Straight, slot: float) -> Proposals:
     """In the integrals of one field as coordinates the system has one variable less."""
     names = dict(zip(straight.letters, straight.integrals, strict=True))
     for each in quest.smaller(_in_straight_coordinates(quest, straight), slot):
         yield Found(each.integral.xreplace(names), "by reduction to fewer variables (Mayer)")
 
 
-def _solved_flow(quest: Quest, column: int, slot: float) -> flow.Straight | None:
+def _solved_flow(quest: Quest, column: int, slot: float) -> matrix_flow.Straight | None:
     """The integrals of one field found by this search, the other free variables held fixed, and solved for the
     pivots.
     """
@@ -95,7 +97,7 @@ def _solved_flow(quest: Quest, column: int, slot: float) -> flow.Straight | None
     found = quest.smaller(blocks.Block(names, variables, rows, (*frame.parameters, *held)), slot)
     if len(found) < len(rows):
         return None
-    letters = flow.letters(frame)
+    letters = matrix_flow.letters(frame)
     integrals = tuple(f.integral for f in found)
     pivots = [frame.variables[p] for p in frame.pivots]
     equations = [u - letter for u, letter in zip(integrals, letters, strict=True)]
@@ -103,10 +105,10 @@ def _solved_flow(quest: Quest, column: int, slot: float) -> flow.Straight | None
     good = [r for r in roots if len(r) == len(pivots) and all(potential.writable(v) for v in r.values())]
     if not good:
         return None
-    return flow.Straight(column, integrals, letters, tuple(good[-1][x] for x in pivots))
+    return matrix_flow.Straight(column, integrals, letters, tuple(good[-1][x] for x in pivots))
 
 
-def _in_straight_coordinates(quest: Quest, straight: flow.Straight) -> blocks.Block:
+def _in_straight_coordinates(quest: Quest, straight: matrix_flow.Straight) -> blocks.Block:
     """d(u_a) = sum_l X_l(u_a) d(x_l) over the other free variables, in terms of them and the u."""
     frame = quest.frame
     s = frame.variables[frame.free[straight.column]]
@@ -115,7 +117,7 @@ def _in_straight_coordinates(quest: Quest, straight: flow.Straight) -> blocks.Bl
     rows = []
     for a, u in enumerate(straight.integrals):
         rates = frame.rates(u)
-        speeds = [_without(tidy.shortest(rates[n].xreplace(inverse)), s) for n in others]
+        speeds = [_without(tidy_integral.shortest(rates[n].xreplace(inverse)), s) for n in others]
         row = [sympy.Integer(int(a == b)) for b in range(len(straight.letters))]
         rows.append((*row, *(-k for k in speeds)))
     variables = (*straight.letters, *(frame.variables[frame.free[n]] for n in others))

@@ -12,15 +12,15 @@ from functools import partial
 
 import sympy
 
-from lagcli.pfaffian import block as blocks
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import limit
-from lagcli.pfaffian.integrals import descent, guesses, quest
-from lagcli.pfaffian.together import elimination
+from lagcli.pfaffian import pfaffian_block as blocks
+from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.flag import elimination
+from lagcli.pfaffian.integrals import descent, guesses, integral_search
 
-Found = quest.Found
+Found = integral_search.Found
 
-_WAYS: quest.Ways = (
+_WAYS: integral_search.Ways = (
     (guesses.fixed, 1.0),
     (partial(guesses.polynomials, (1, 2, 3)), 2.0),
     (guesses.products, 2.0),
@@ -50,11 +50,11 @@ def search(
     real = {s: sympy.Symbol(s.name, real=True) for s in (*block.variables, *block.parameters)}
     spoken = {r: s for s, r in real.items()}
     try:
-        flat = limit.run(deadline, lambda: elimination.eliminated(_renamed(block, real))[0])
-        plain, back = limit.run(deadline, lambda: elimination.in_angles(flat))
-    except limit.NO_ANSWER:
+        flat = time_limit.run(deadline, lambda: elimination.eliminated(_renamed(block, real))[0])
+        plain, back = time_limit.run(deadline, lambda: elimination.in_angles(flat))
+    except time_limit.NO_ANSWER:
         return ()
-    found = quest.pursued(plain, _WAYS, deadline, wanted, effort)
+    found = integral_search.pursued(plain, _WAYS, deadline, wanted, effort)
     return tuple(Found(_put_back(f.integral, back).xreplace(spoken), f.how) for f in found)
 
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.alone import factors, frobenius, tidy
-from lagcli.pfaffian.exact import zero
-from lagcli.pfaffian.integrals import combinations, darboux, flow
-from lagcli.pfaffian.integrals import frame as frames
-from lagcli.pfaffian.integrals.quest import Found, Proposals, Quest
-from lagcli.pfaffian.together import elimination
+from lagcli.pfaffian.exact import zero_test
+from lagcli.pfaffian.flag import elimination
+from lagcli.pfaffian.integrals import combinations, darboux, matrix_flow
+from lagcli.pfaffian.integrals import kernel_frame as frames
+from lagcli.pfaffian.integrals.integral_search import Found, Proposals, Quest
+from lagcli.pfaffian.single_form import frobenius, integrating_factors, tidy_integral
 
 MAX_RECIPROCALS = 8
 
@@ -116,7 +116,7 @@ def invariant_surfaces(quest: Quest, slot: float) -> Proposals:
     letters = quest.alphabet()
     found = darboux.multipliers(quest.frame, letters)
     for v in found[1:]:
-        yield Found(tidy.ratio(v, found[0]), "as a ratio of two inverse multipliers")
+        yield Found(tidy_integral.ratio(v, found[0]), "as a ratio of two inverse multipliers")
     quest.factors = darboux.surfaces_of(found, quest.frame.variables)
     yield from products(quest, slot)
     for q in quest.factors:
@@ -138,10 +138,10 @@ def single_rows(quest: Quest, slot: float) -> Proposals:
             if row in tried:
                 continue
             tried.add(row)
-            form = factors.primitive(forms.Form("row", block.variables, row, block.parameters))
-            if zero.vanish(list(form.wedge().values()), slot).truth is not zero.Truth.YES:
+            form = integrating_factors.primitive(forms.Form("row", block.variables, row, block.parameters))
+            if zero_test.vanish(list(form.wedge().values()), slot).truth is not zero_test.Truth.YES:
                 continue
-            found = factors.search(form, slot)
+            found = integrating_factors.search(form, slot)
             if found is not None:
                 yield Found(found.integral, f"for a combination of the forms {found.how}")
 
@@ -151,6 +151,6 @@ def linear_flow(quest: Quest, slot: float) -> Proposals:
     how = "as the solution of linear differential equations"
     if quest.block.surface or len(quest.frame.free) != 1:
         return
-    straight = flow.linear(quest.frame, 0)
+    straight = matrix_flow.linear(quest.frame, 0)
     if straight is not None:
         yield from (Found(u, how) for u in straight.integrals)

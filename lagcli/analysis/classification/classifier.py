@@ -1,0 +1,307 @@
+"""Coupled rows -> their verdicts, alone and together, told in the notation of the model.
+
+Exact algebra decides where it can. Where it cannot, the flag is taken from numbers on the surface.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from lagcli.analysis.classification import coupling, locality
+from lagcli.analysis.classification.case import Case
+from lagcli.analysis.classification.verdict import (
+    Condition,
+    HiddenConditionsError,
+    Joint,
+    Kind,
+    Proof,
+    Verdict,
+)
+from lagcli.analysis.numeric_flag import NumericFlag
+from lagcli.model.invariant import FirstIntegral
+from lagcli.pfaffian import printing, translate
+from lagcli.pfaffian.exact import time_limit, zero_test
+from lagcli.pfaffian.flag import function_field, joint
+from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.single_form import frobenius, memo
+from lagcli.start import initial
+
+# Seconds of processor time for the exact flag of a group before numbers are asked, and after they have shown that it
+# does not vanish.
+PROMPT, PATIENT = 0.6, 2.0
+# More holonomic rows than these are not treated exactly.
+MOST_ROWS = 40
+# Longer expressions are not told as places where the flag is another.
+SHORT = 60
+EXCEPTIONAL = (
+    "the verdict is that for these values of the parameters: for nearly all others it would be another"
+)
+
+
+class Judge:
+    """Judges the groups of one model, each kind of them once."""
+
+    def __init__(self, case: Case, deadline: float) -> None:
+        self._case, self._deadline = case, deadline
+        self._translation = translate.Translation(case.system.model)
+        self._forms = self._translation.forms()
+        self._alike, self._joint = memo.Judge(), joint.Judge()
+        self._locality = locality.Locality(case, self._translation, deadline)
+
+    def judge(self, group: coupling.Group) -> tuple[tuple[Verdict, ...], Joint]:
+        """The verdicts of the rows of a group, and their joint one."""
+        names, declared = self._names(group.differential), self._block(group)
+        block, flagged = self._flagged(group, declared, PROMPT)
+        is_regular = flagged is not None and self._locality.is_regular(flagged)
+        numbers = None if is_regular else self._case.flag(group, self._deadline)
+        single = [self._alone(name) for name in names]
+        solved: tuple[FirstIntegral, ...] = ()
+        if numbers is not None and block is not None and flagged is None:
+            solved = self._without_flag(block, numbers, single) if numbers.is_certain else ()
+            if not numbers.is_certain or len(solved) < numbers.extra[-1]:
+                block, flagged = self._flagged(group, block, PATIENT)
+        if (
+            block is not None
+            and flagged is not None
+            and (numbers is None or locality.agree(flagged, numbers))
+        ):
+            together = self._exact(block, flagged, single)
+        else:
+            assert numbers is not None
+            together = self._numeric(names, numbers, single, solved)
+            if block is not None and self._is_local(block, flagged, numbers):
+                together = self._locality.told(together, block, flagged, numbers, single)
+            elif block is not None and numbers.is_certain:
+                together = self._locality.without_idle(together, block, numbers)
+        if block is not declared:
+            together = dataclasses.replace(together, notes=(EXCEPTIONAL, *together.notes))
+        return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
+
+    def _is_local(self, block: Block, flagged: joint.Flagged | None, numbers: NumericFlag) -> bool:
+        """Whether what numbers found need not hold elsewhere: exact algebra differs, or there are other pieces."""
+        if not numbers.is_certain:
+            return False
+        if flagged is not None or numbers.on_piece:
+            return True
+        return numbers.extra[-1] > 0 and self._locality.has_sheets(block, numbers)
+
+    def _alone(self, name: str) -> frobenius.Verdict | None:
+        """The verdict of a row by itself, for the values of the parameters; None where it is too large."""
+        form = self._forms[name]
+        if isinstance(form, translate.TooLarge):
+            return None
+        found = self._alike.classify(form, self._deadline)
+        is_exceptional = any(self._translation.vanishes(e) for e in found.exceptional)
+        if is_exceptional or self._is_unseen(found) or self._has_unreal_root(found):
+            return self._alike.classify(form.with_values(self._translation.values), self._deadline)
+        return found
+
+    def _has_unreal_root(self, found: frobenius.Verdict) -> bool:
+        """Whether the integral holds a root of a parameter that is negative."""
+        values = self._translation.values
+        below = () if found.integral is None else {p.base for p in translate.roots(found.integral)}
+        constant = (e for e in below if e.free_symbols and e.free_symbols <= values.keys())
+        return any(not e.xreplace(values).evalf() >= 0 for e in constant)
+
+    def _is_unseen(self, found: frobenius.Verdict) -> bool:
+        """Whether the witness that no integrating factor exists may be nothing for the values of the parameters."""
+        if (
+            found.witness is None
+            or not found.witness.component.free_symbols & self._translation.values.keys()
+        ):
+            return False
+        component = found.witness.component.xreplace(self._translation.values)
+        return zero_test.is_zero(component, self._deadline).truth is not zero_test.Truth.NO
+
+    def _names(self, rows: Iterable[int]) -> tuple[str, ...]:
+        return tuple(self._case.system.rows.rows[i].name for i in rows)
+
+    def _block(self, group: coupling.Group) -> Block | None:
+        """The group in symbols; None where a row is too large for exact algebra, or has no text."""
+        if len(group.holonomic) > MOST_ROWS:
+            return None
+        names, whole = self._names(group.differential), self._names(group.holonomic)
+        surface = self._translation.surface(frozenset(whole)) if whole else {}
+        forms = [self._forms[name] for name in names]
+        parts: list[Any] = [*forms, *(surface.get(name) for name in whole)]
+        if any(part is None or isinstance(part, translate.TooLarge) for part in parts):
+            return None
+        return self._translation.block(parts[: len(names)], parts[len(names) :])
+
+    def _flagged(
+        self, group: coupling.Group, block: Block | None, effort: float
+    ) -> tuple[Block | None, joint.Flagged | None]:
+        """The flag of exact algebra, None where `effort` (seconds of processor time) is too little for it.
+
+        Where the parameters have values for which the flag may be another than in general, the block is given back
+        with these values put in. Raises `diagnostics.ModelError` where a combination of rows says dt = 0, and
+        `HiddenConditionsError` where one says g dt = 0.
+        """
+        if block is None:
+            return None, None
+        values = {p: self._translation.values[p] for p in block.parameters}
+
+        def work() -> joint.Flagged:
+            return self._joint.flagged(block, translate.TIME, values, self._deadline)
+
+        try:
+            found = time_limit.run(self._deadline, work, effort)
+        except function_field.ExceptionalError:
+            return self._flagged(group, block.with_values(self._translation.values), effort)
+        except (function_field.NotDecidedError, time_limit.TimeUpError):
+            return block, None
+        if found.flag.contradiction:
+            if all(one.factors for one in found.flag.conditions) and not self._locality.is_regular(found):
+                return block, None
+            self._demand(group, found)
+        return block, found
+
+    def _demand(self, group: coupling.Group, found: joint.Flagged) -> None:
+        """Raise what rows demand of which a combination is g dt: that g = 0, or the impossible."""
+        place = group.differential
+        if not all(one.factors for one in found.flag.conditions):
+            raise initial.contradiction(self._case.system, [place[i] for i in found.flag.contradiction])
+        raise HiddenConditionsError(
+            tuple(
+                Condition(
+                    printing.written(self._locality.own_factor(one.factors)),
+                    self._names(place[i] for i in one.rows),
+                )
+                for one in found.flag.conditions
+            )
+        )
+
+    def _exact(self, block: Block, flagged: joint.Flagged, single: list[frobenius.Verdict | None]) -> Joint:
+        """The joint verdict of exact algebra."""
+        found, names = flagged.flag, block.names
+        integrals: tuple[FirstIntegral, ...] = ()
+        unsolved: tuple[str, ...] = ()
+        if found.dims[-1]:
+            solved = self._joint.solution(block, flagged, single, self._deadline)
+            integrals = tuple(
+                translate.first_integral(one.phi, one.rows, self._translation.values)
+                for one in solved.integrals
+            )
+            unsolved = tuple(printing.written(form) for form in solved.unsolved)
+        told = {printing.written(e): self._is_at_start(e) for e in found.special}
+        special = {text: at for text, at in told.items() if len(text) <= SHORT}
+        remarks = [f"special where {text} = 0: there the derived flag is different" for text in special]
+        if found.exceptional:
+            values = " or ".join(f"{printing.written(e)} = 0" for e in found.exceptional)
+            remarks.append(f"shown for parameters in general; with {values} it may be another")
+        notes = tuple(
+            f"the start is a special configuration: {text} = 0 there; the rows lead away from it, and the count is that"
+            " of the motions from it"
+            for text, at in special.items()
+            if at
+        )
+        proof: Proof = "symbolic" if found.is_exact else "numeric"
+        idle = frozenset(names[i] for i in found.vanishing)
+        inside = _picked(names, found.inside)
+        return Joint(
+            names,
+            found.dims,
+            found.growth,
+            inside,
+            integrals,
+            unsolved,
+            proof,
+            remarks=tuple(remarks),
+            notes=notes,
+            vanishing=idle,
+            held=len(flagged.values) + found.held,
+        )
+
+    def _without_flag(
+        self, block: Block, numbers: NumericFlag, single: list[frobenius.Verdict | None]
+    ) -> tuple[FirstIntegral, ...]:
+        """All integrals of rows whose flag is known by numbers, or none where not all were found."""
+        wanted = numbers.extra[-1]
+        if not wanted:
+            return ()
+        try:
+            found = joint.without_flag(block, wanted, single, self._deadline).integrals
+        except time_limit.NO_ANSWER:
+            return ()
+        values = self._translation.values
+        told = tuple(translate.first_integral(one.phi, one.rows, values) for one in found)
+        return told if len(told) == wanted else ()
+
+    def _is_at_start(self, expression: Any) -> bool:
+        begin = self._case.begin
+        return self._translation.vanishes(expression, list(begin.q), begin.t)
+
+    def _numeric(
+        self,
+        names: tuple[str, ...],
+        numbers: NumericFlag,
+        single: list[frobenius.Verdict | None],
+        solved: tuple[FirstIntegral, ...],
+    ) -> Joint:
+        """The joint verdict of numbers, with the integrals `solved`, or else those of rows alone."""
+        if not numbers.is_certain:
+            return Joint(names, (), (), frozenset(), (), (), "none", reason=numbers.reason)
+        inside = _picked(names, numbers.inside)
+        integrals = solved or tuple(
+            translate.first_integral(one.integral, (name,), self._translation.values)
+            for name, one in zip(names, single, strict=True)
+            if name in inside and one is not None and one.integral is not None
+        )
+        remark = (
+            f"proved by numbers of {numbers.digits} digits on the surface: what counts as zero is below"
+            f" {max(numbers.error, 1e-300):.0e} of its size"
+        )
+        if numbers.least < math.inf:
+            remark += f", all else above {numbers.least:.0e}"
+        return Joint(
+            names, numbers.extra, numbers.growth, inside, integrals, (), "numeric", remarks=(remark,)
+        )
+
+
+def _picked(names: tuple[str, ...], flags: tuple[bool, ...]) -> frozenset[str]:
+    return frozenset(name for name, flag in zip(names, flags, strict=True) if flag)
+
+
+def _verdict(name: str, one: frobenius.Verdict | None, together: Joint) -> Verdict:
+    """The verdict of a row from what it is alone and what all are together."""
+    kind: Kind = "undecided" if one is None else one.kind
+    method = "the form is too large for exact algebra" if one is None else one.method
+    proof: Proof = "none" if one is None else one.proof
+    integral = None if one is None or one.integral is None else printing.written(one.integral)
+    factor = None
+    if one is not None and one.integrating_factor is not None:
+        factor = printing.written(one.integrating_factor)
+    if name in together.vanishing:
+        text = "The form vanishes identically where the holonomic constraints hold: it says nothing."
+        if together.passing or name not in together.inside:
+            text = "The form vanishes along the motions from the start: it says nothing."
+        return Verdict(name, "differential", "exact", None, None, text, together.proof)
+    if kind in ("exact", "integrable"):
+        return Verdict(name, "differential", kind, integral, factor, method, proof)
+    if not together.is_decided:
+        if (kind == "nonholonomic" and len(together.rows) > 1) or together.reason:
+            method = f"{method} Whether it is integrable together with the rows it meets is open: {together.reason}."
+            kind, proof = "undecided", "none"
+        return Verdict(name, "differential", kind, None, None, method, proof)
+    if name in together.inside:
+        found = _integral_of(name, together)
+        where = "It lies in the integrable part of all rows together (derived flag)."
+        text = (
+            f"{where} Alone it does not: {method[0].lower()}{method[1:]}" if kind == "nonholonomic" else where
+        )
+        return Verdict(name, "differential", "jointly-integrable", found, None, text, together.proof)
+    if kind == "undecided":
+        method = (
+            "It does not lie in the integrable part of all rows together, so that alone it is not integrable."
+        )
+        return Verdict(name, "differential", "nonholonomic", None, None, method, together.proof)
+    return Verdict(name, "differential", "nonholonomic", None, None, method, proof)
+
+
+def _integral_of(name: str, together: Joint) -> str | None:
+    """An integral in which the row takes part, one of as few rows as there are."""
+    own = [one for one in (*together.integrals, *together.passing) if name in one.rows]
+    return min(own, key=lambda one: len(one.rows)).text if own else None

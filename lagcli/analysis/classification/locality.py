@@ -1,0 +1,195 @@
+"""What exact algebra says in general position, held against the motions from the start.
+
+Algebra judges all sheets of the holonomic rows, all sides of kinks and all places at once; what it found not to
+vanish may vanish where the start lies. Where nothing that it divided by vanishes at the start its ranks are those
+there. Else numbers decide, along the motions from the start; where they differ, the equations of the set that these
+keep to are sought, and the integrals on it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from lagcli.analysis.classification.case import Case
+from lagcli.analysis.classification.verdict import Joint
+from lagcli.analysis.numeric_flag import NumericFlag
+from lagcli.pfaffian import special_places, translate
+from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.flag import function_field, joint
+from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.single_form import frobenius
+from lagcli.start.initial import State
+
+# Seconds of processor time for the equations of a set and for the integrals on it.
+EFFORT = 2.0
+MOST_TOLD = 3  # equations that are named
+
+
+def agree(flagged: joint.Flagged, numbers: NumericFlag) -> bool:
+    """Whether the flag along the motions from the start is that of general position."""
+    found, extra = flagged.flag, numbers.extra
+    if len(extra) > 1 and extra[-1] == extra[-2]:
+        extra = extra[:-1]
+    return numbers.is_certain and (extra, numbers.inside) == (found.dims, found.inside)
+
+
+class Locality:
+    """The start of a case in the symbols of a translation; `deadline`: a value of `time.monotonic`."""
+
+    def __init__(self, case: Case, translation: translate.Translation, deadline: float) -> None:
+        self._case, self._translation, self._deadline = case, translation, deadline
+
+    def is_regular(self, flagged: joint.Flagged) -> bool:
+        """Whether the ranks of exact algebra are those at the start: nothing that it divided by vanishes there."""
+        here = self._point(self._case.begin)
+        return not any(e is None or special_places.vanishes(e, [here]) for e in flagged.flag.divisors)
+
+    def has_sheets(self, block: Block, numbers: NumericFlag) -> bool:
+        """Whether a holonomic row has other factors than those that vanish along the motions from the start."""
+        points = [self._point(state) for state in numbers.places]
+        try:
+            return bool(time_limit.run(self._deadline, lambda: special_places.sheets(block, points), EFFORT))
+        except time_limit.NO_ANSWER:
+            return False
+
+    def own_factor(self, factors: Sequence[Any]) -> Any:
+        """The factor that vanishes at the start, if one alone does, else the product."""
+        here = self._point(self._case.begin)
+        own = [e for e in factors if special_places.vanishes(e, [here])]
+        return own[0] if len(own) == 1 else special_places.product(factors)
+
+    def without_idle(self, together: Joint, block: Block, numbers: NumericFlag) -> Joint:
+        """The verdict of numbers, in which rows that vanish along the motions from the start have no integrals."""
+        points = [self._point(state) for state in numbers.places]
+        idle = _idle(block, points) if len(points) > 1 else frozenset()  # the start alone may be special
+        lasting = tuple(one for one in together.integrals if idle.isdisjoint(one.rows))
+        return dataclasses.replace(together, integrals=lasting, vanishing=together.vanishing | idle)
+
+    def told(
+        self,
+        together: Joint,
+        block: Block,
+        flagged: joint.Flagged | None,
+        numbers: NumericFlag,
+        single: Sequence[frobenius.Verdict | None],
+    ) -> Joint:
+        """The verdict of numbers with the set that motions from the start keep to, and integrals on it."""
+        points = [self._point(state) for state in numbers.places]
+        idle = _idle(block, points)
+        of_rows = [None if name in idle else one for name, one in zip(block.names, single, strict=True)]
+        candidates = self._candidates(block, flagged, points)
+        where, passing = self._set(block, candidates, numbers, of_rows)
+        lasting = tuple(one for one in together.integrals if idle.isdisjoint(one.rows))
+        known = {one.text for one in lasting}
+        told = [translate.first_integral(one.phi, one.rows, self._translation.values) for one in passing]
+        note = "verdicts and count hold for the motions from the start"
+        names = special_places.told(block, where or candidates[0], points[0])
+        if names:
+            note += f", which keep to {', '.join(names[:MOST_TOLD])}"
+        return dataclasses.replace(
+            together,
+            integrals=lasting,
+            passing=tuple(one for one in told if one.text not in known),
+            notes=(f"{note}; on another sheet, place or side of a kink they are different", *together.notes),
+            vanishing=together.vanishing | idle,
+        )
+
+    def _set(
+        self,
+        block: Block,
+        candidates: Sequence[Sequence[Any]],
+        numbers: NumericFlag,
+        single: Sequence[frobenius.Verdict | None],
+    ) -> tuple[Sequence[Any], Sequence[joint.Integral]]:
+        """Equations of the set on which the flag is that of numbers, as few as there are, and the integrals there."""
+        for equations in candidates:
+            found = self._fewest(block, equations, numbers)
+            if found is None:
+                continue
+            # Where several equations are needed one coordinate that stands still may say it.
+            plain = (
+                self._fewest(block, candidates[-1][len(candidates[0]) :], numbers)
+                if len(found[0]) > 1
+                else None
+            )
+            if plain is not None and len(plain[0]) < len(found[0]):
+                found = plain
+            return found[0], self._integrals(found[1], single)
+        return (), ()
+
+    def _fewest(
+        self, block: Block, equations: Sequence[Any], numbers: NumericFlag
+    ) -> tuple[Sequence[Any], joint.Flagged] | None:
+        """The equations without those that the flag does not need, and it; None where it is another than of numbers."""
+        found = self._on(block, equations, numbers)
+        if found is None:
+            return None
+        for e in sorted(equations, key=lambda e: (-e.count_ops(), str(e))):
+            fewer = [other for other in equations if other is not e]
+            there = self._on(block, fewer, numbers)
+            if there is not None:
+                equations, found = fewer, there
+        return equations, found
+
+    def _point(self, state: State) -> special_places.Point:
+        names = self._case.system.model.coordinate_names
+        return special_places.point(names, state.q, state.t, self._translation.numbers)
+
+    def _candidates(
+        self, block: Block, flagged: joint.Flagged | None, points: Sequence[special_places.Point]
+    ) -> list[list[Any]]:
+        """Equations that hold on all points: those of sheets and places, and with those of what stands still."""
+
+        def work() -> list[Any]:
+            divisors = flagged.flag.divisors if flagged is not None else ()
+            return special_places.distinct(
+                special_places.sheets(block, points), special_places.of(divisors, points)
+            )
+
+        try:
+            own = time_limit.run(self._deadline, work, EFFORT)
+        except time_limit.NO_ANSWER:
+            own = []
+        return [own, [*own, *special_places.still(block, points)]]
+
+    def _on(self, block: Block, equations: Sequence[Any], numbers: NumericFlag) -> joint.Flagged | None:
+        """The block with some more equations, if its flag is that of numbers."""
+        if not equations:
+            return None
+        plain = block.with_values(self._translation.values)
+        surface = (*plain.surface, *(e.xreplace(self._translation.values) for e in equations))
+        there = dataclasses.replace(plain, surface=surface)
+        try:
+            found = time_limit.run(
+                self._deadline, lambda: joint.flagged(there, translate.TIME, {}, self._deadline), EFFORT
+            )
+        except function_field.NotDecidedError:
+            return None
+        except time_limit.NO_ANSWER:
+            return None
+        held = len(found.values) + found.flag.held
+        is_same = found.flag.dims and held + found.flag.dims[-1] == numbers.surface + numbers.extra[-1]
+        return found if is_same else None
+
+    def _integrals(
+        self, found: joint.Flagged, single: Sequence[frobenius.Verdict | None]
+    ) -> Sequence[joint.Integral]:
+        if not found.flag.dims[-1]:
+            return ()
+        try:
+            return time_limit.run(
+                self._deadline, lambda: joint.solution(found, single, self._deadline).integrals, EFFORT
+            )
+        except time_limit.NO_ANSWER:
+            return ()
+
+
+def _idle(block: Block, points: Sequence[special_places.Point]) -> frozenset[str]:
+    """The rows that vanish at all points."""
+    return frozenset(
+        name
+        for name, row in zip(block.names, block.rows, strict=True)
+        if all(special_places.is_nothing(a, points) for a in row if a != 0)
+    )

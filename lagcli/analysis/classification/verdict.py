@@ -1,0 +1,132 @@
+"""What the classification finds: of every row, of every group of rows, and of all of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal
+
+from lagcli.model.invariant import FirstIntegral
+
+Declared = Literal["holonomic", "differential"]
+Kind = Literal["holonomic", "exact", "integrable", "jointly-integrable", "nonholonomic", "undecided"]
+Proof = Literal["symbolic", "numeric", "none"]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is proved of one row. `integral` and `integrating_factor` are texts in the model's notation."""
+
+    row: str
+    declared: Declared
+    kind: Kind
+    integral: str | None
+    integrating_factor: str | None
+    method: str
+    proof: Proof
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Condition:
+    """A hidden holonomic condition g = 0 that rows demand by g dt = 0; `text` is g in the model's notation."""
+
+    text: str
+    rows: tuple[str, ...]
+
+
+class HiddenConditionsError(Exception):
+    """Rows demand conditions that are not among those of the system: it is to be classified with them."""
+
+    def __init__(self, conditions: tuple[Condition, ...]) -> None:
+        super().__init__(", ".join(f"{one.text} = 0" for one in conditions))
+        self.conditions = conditions
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Joint:
+    """The derived flag of coupled differential rows, beyond the df of the holonomic rows they meet.
+
+    flag: dim I, I', I'', ... without the df, to the one that stays; empty where it is not decided, and then
+    `reason` says why. growth: by how much D, D + [D, D], ... exceed D = ker I.
+    inside: the rows that lie in the integrable part I^(oo). integrals: functions whose differentials span it as
+    far as they were found; `unsolved` says in words which of its forms have none. remarks: where the flag drops and
+    for which parameters; notes: what of that concerns this very start and these parameters. vanishing: rows that
+    vanish identically where the holonomic rows hold. held: rank of the holonomic rows they meet, where that is proved
+    exactly. passing: integrals that hold on the set alone that the motions from the start keep to.
+    """
+
+    rows: tuple[str, ...]
+    flag: tuple[int, ...]
+    growth: tuple[int, ...]
+    inside: frozenset[str]
+    integrals: tuple[FirstIntegral, ...]
+    unsolved: tuple[str, ...]
+    proof: Proof
+    reason: str = ""
+    remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    vanishing: frozenset[str] = frozenset()
+    held: int = 0
+    passing: tuple[FirstIntegral, ...] = ()
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether the flag is known."""
+        return bool(self.flag)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Classification:
+    """Verdicts of the differential rows in their order, and of the groups they fall into."""
+
+    verdicts: tuple[Verdict, ...]
+    groups: tuple[Joint, ...]
+    depends_on_time: bool
+
+    @property
+    def undecided(self) -> tuple[Joint, ...]:
+        """The groups whose flag is not known."""
+        return tuple(group for group in self.groups if not group.is_decided)
+
+    @property
+    def flag(self) -> tuple[int, ...]:
+        """The flags of the groups added up, its end not repeated; empty where one is not known."""
+        return _summed([group.flag for group in self.groups]) if not self.undecided else ()
+
+    @property
+    def growth(self) -> tuple[int, ...]:
+        """The growths of the groups added up; empty where one is not known."""
+        return _summed([group.growth for group in self.groups]) if not self.undecided else ()
+
+    @property
+    def integrals(self) -> tuple[FirstIntegral, ...]:
+        """The first integrals that were found, which hold wherever a motion may come to."""
+        return tuple(integral for group in self.groups for integral in group.integrals)
+
+    @property
+    def everything(self) -> tuple[FirstIntegral, ...]:
+        """The same, and those that hold for the motions from the start alone."""
+        return tuple(one for group in self.groups for one in (*group.integrals, *group.passing))
+
+    @property
+    def vanishing(self) -> frozenset[str]:
+        """Rows that vanish identically."""
+        return frozenset(name for group in self.groups for name in group.vanishing)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the groups have to say besides, each once."""
+        return tuple(dict.fromkeys(remark for group in self.groups for remark in group.remarks))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What concerns this start and these parameters, each once."""
+        return tuple(dict.fromkeys(note for group in self.groups for note in group.notes))
+
+
+def _summed(sequences: list[tuple[int, ...]]) -> tuple[int, ...]:
+    """The sums of sequences that stay at their last value."""
+    length = max((len(s) for s in sequences), default=1)
+    sums = [sum(s[min(k, len(s) - 1)] for s in sequences) for k in range(length)]
+    while len(sums) > 1 and sums[-1] == sums[-2]:
+        sums.pop()
+    return tuple(sums)

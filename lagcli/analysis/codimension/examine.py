@@ -1,0 +1,276 @@
+"""Rows at a consistent state -> the codimension of the surface they cut out, and how far their rank proves it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal
+
+from lagcli.analysis.codimension import branches, regular_point, scaled_equations, second_order
+from lagcli.compiled import NumericSystem, pattern
+from lagcli.equations.system import System
+from lagcli.errors import diagnostics
+from lagcli.linear import independent_rows, metric_rows, rank
+from lagcli.linear.metric_rows import MetricRows
+from lagcli.start import initial
+from lagcli.start.initial import State
+
+Rows = list[int]
+Kind = Literal["independent", "redundant", "singular", "deficient", "undecided"]
+
+ORDER: tuple[Kind, ...] = ("independent", "redundant", "singular", "deficient", "undecided")
+TOGETHER = 30  # rows of small groups that are looked at together
+# The proof that rows follow from others looks at all rows of the model, again and again: of more than so many it
+# takes minutes.
+MOST_CIRCUITS = 3000
+LATER = (0.001, 0.01)  # of the duration: soon, so that no other law has come to its end by then
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Codimension:
+    """The rank of the holonomic rows at a state, and the codimension of their surface around it, None if unproved.
+
+    kind, the last of these where several sets of rows are of several kinds: `independent` rows; `redundant` ones,
+    of which the rank is the codimension; `singular`: the rank is lower at the state than on the surface nearby,
+    which has that codimension; `deficient`: the rank is below the codimension on the surface around the state, and
+    the multiplier rule fails; `undecided`, with the `reason`.
+    rows: those of the sets of this kind that depend on one another. coordinates: those of all rows around them.
+    follow: rows proved to follow from the others. notes: sentences on sets whose rank is below their codimension.
+    """
+
+    kind: Kind
+    rank: int
+    codimension: int | None
+    rows: tuple[int, ...] = ()
+    coordinates: tuple[int, ...] = ()
+    follow: tuple[int, ...] = ()
+    reason: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Set:
+    """Rows that share coordinates, their rank and codimension, and those among them that are dependent."""
+
+    kind: Kind
+    rank: int
+    codimension: int
+    rows: Rows
+    coordinates: Rows
+    follow: Rows
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Case:
+    """A system at a state, and the later times at which rows are looked at again."""
+
+    system: System
+    numeric: NumericSystem
+    state: State
+    times: Sequence[float]
+
+    def part(self, rows: Rows) -> scaled_equations.Part:
+        """The part of some rows."""
+        return scaled_equations.part(self.system, self.numeric, self.state, rows)
+
+
+def examine(system: System, numeric: NumericSystem, state: State) -> Codimension:
+    """The codimension of f = 0 around a state on it. Of independent rows at once."""
+    B = numeric.whole(state.t, state.q, state.p)[1]
+    rows = MetricRows(B, initial.metric_at(numeric, state))
+    found = rank.rank(rows)
+    if found.low == rows.count:
+        return Codimension("independent", rows.count, rows.count)
+    if found.value is None:
+        part = {i for vector in found.dependences for i in rank.participants(vector)}
+        reason = "no gap in the singular values of the constraint rows decides their rank"
+        return Codimension("undecided", found.low, None, tuple(sorted(part)), reason=reason)
+    chosen = independent_rows.dependence(rows, found.value).selection
+    case = _Case(system, numeric, state, _times(system, state))
+    kept = set(chosen.kept)
+    if len(chosen.circuits) > MOST_CIRCUITS:
+        left_out = tuple(circuit[0] for circuit in chosen.circuits)
+        such_as = initial.names_of(system, list(left_out[:1]))
+        reason = (
+            f"{len(left_out)} rows depend on others at the start, such as {such_as}:"
+            f" that they follow from them is proved of {MOST_CIRCUITS} rows at most"
+        )
+        return Codimension("undecided", found.value, None, left_out, reason=reason)
+    groups = _connected(chosen.circuits)
+    follow, failing = _followed(case, groups, kept)
+    if failing:  # of a group that does not follow as a whole some circuits may
+        several = {i for group in failing for i in group}
+        circuits = [sorted(circuit) for circuit in chosen.circuits if several.issuperset(circuit)]
+        more, _ = _followed(case, [circuit for circuit in circuits if circuit not in failing], kept)
+        follow = sorted({*follow, *more})
+        # Where all that is left of a group is kept, all of it follows from that.
+        failing = [rest for group in failing if not kept.issuperset(rest := sorted(set(group) - set(more)))]
+    dependent = sorted({i for circuit in chosen.circuits for i in circuit})
+    sets = [_Set("redundant", 0, 0, dependent, [], follow)]
+    for among in _around(B, set(follow)) if failing else ():
+        some = sorted({i for group in failing for i in group}.intersection(among))
+        if some:
+            sets.append(_examined(case, among, some, kept))
+    flat = {circuit[0] for circuit in chosen.circuits if len(circuit) == 1}
+    return _joined(system, found.value, sets, flat)
+
+
+def _around(B: Any, without: set[int]) -> list[Rows]:
+    """Rows that share coordinates, one set for each connected part."""
+    rows = metric_rows.Rows(B)
+    pairs = [(i, rows.count + j) for i, j in zip(rows.row.tolist(), rows.column.tolist(), strict=True)]
+    alone = [(i,) for i in range(rows.count) if i not in without]
+    parts = _connected([*alone, *(pair for pair in pairs if pair[0] not in without)])
+    return [among for part in parts if (among := [i for i in part if i < rows.count])]
+
+
+def _times(system: System, state: State) -> tuple[float, ...]:
+    if not pattern.depends_on_time(system):
+        return ()
+    duration = system.model.simulation.duration or 1.0
+    return tuple(state.t + part * duration for part in LATER)
+
+
+def _connected(sets: Iterable[Sequence[int]]) -> list[Rows]:
+    """Sets joined where they share a member, each in order."""
+    head: dict[int, int] = {}
+
+    def top(i: int) -> int:
+        while head.setdefault(i, i) != i:
+            head[i] = head[head[i]]
+            i = head[i]
+        return i
+
+    for first, *others in sets:
+        top(first)
+        for other in others:
+            head[top(other)] = top(first)
+    found: dict[int, Rows] = {}
+    for i in sorted(head):
+        found.setdefault(top(i), []).append(i)
+    return list(found.values())
+
+
+def _followed(case: _Case, groups: list[Rows], kept: set[int]) -> tuple[Rows, list[Rows]]:
+    """Rows that follow from the kept ones of their group alone, and the groups of which that is not shown.
+
+    Several groups are looked at together as long as they are few: a model of many twin rods is one of many groups.
+    """
+    follow: Rows = []
+    failing: list[Rows] = []
+    for several in _batches(groups):
+        rows = sorted({i for group in several for i in group})
+        is_small = len(rows) <= metric_rows.DENSE
+        if is_small and _is_regular(case.part(rows), len(kept.intersection(rows)), case.times):
+            follow += [i for i in rows if i not in kept]
+        elif len(several) == 1:
+            failing += several
+        else:
+            some, others = _followed(case, several[: len(several) // 2], kept)
+            more, rest = _followed(case, several[len(several) // 2 :], kept)
+            follow, failing = follow + some + more, failing + others + rest
+    return sorted(follow), failing
+
+
+def _is_regular(part: scaled_equations.Part, held: int, times: Sequence[float]) -> bool:
+    return scaled_equations.is_smooth(part) and regular_point.is_regular(part, held, times)
+
+
+def _batches(groups: list[Rows]) -> list[list[Rows]]:
+    """Groups in lots of a few rows."""
+    lots: list[list[Rows]] = []
+    rows: set[int] = set()
+    for group in groups:
+        if not lots or len(rows.union(group)) > TOGETHER:
+            lots.append([])
+            rows = set()
+        lots[-1].append(group)
+        rows.update(group)
+    return lots
+
+
+def _examined(case: _Case, among: Rows, some: Rows, kept: set[int]) -> _Set:
+    """What rows that share coordinates are, of which `some` depend on one another."""
+    held = len(kept.intersection(among))
+    unknown = _Set("undecided", held, held, some, [], [])
+    if len(among) > metric_rows.DENSE:
+        return unknown
+    part = case.part(among)
+    unknown = dataclasses.replace(unknown, coordinates=part.coordinates)
+    if not scaled_equations.is_smooth(part):
+        return unknown
+    if regular_point.is_regular(part, held, case.times):
+        return dataclasses.replace(unknown, kind="redundant", follow=[i for i in some if i not in kept])
+    dimension = second_order.dimension(part, held, case.times)
+    if dimension is not None:
+        return dataclasses.replace(unknown, kind="deficient", codimension=len(part.coordinates) - dimension)
+    found = branches.codimensions(part, case.times)
+    if len(found) == 1 and (codimension := found.pop()) is not None and codimension > held:
+        return dataclasses.replace(unknown, kind="singular", codimension=codimension)
+    return unknown
+
+
+def _joined(system: System, found: int, sets: list[_Set], flat: set[int]) -> Codimension:
+    """The answer for all sets; flat: rows whose gradients vanish."""
+    kind = max((one.kind for one in sets), key=ORDER.index)
+    rows = tuple(sorted({i for one in sets if one.kind == kind for i in one.rows}))
+    coordinates = tuple(sorted({i for one in sets if one.kind == kind for i in one.coordinates}))
+    follow = tuple(sorted({i for one in sets for i in one.follow}))
+    notes = tuple(
+        f"the rows {initial.names_of(system, one.rows)} take more freedoms than their gradients say: with the rows"
+        f" around them {one.codimension} by second derivatives, {one.rank} by rank; the multiplier rule fails for them"
+        for one in sets
+        if one.kind == "deficient"
+    )
+    if kind == "undecided":
+        reason = (
+            f"{_trouble(system, rows, flat)}, and neither the rank nor second derivatives prove the dimension of the"
+            " surface"
+        )
+        return Codimension(kind, found, None, rows, coordinates, follow, reason, notes)
+    codimension = found + sum(one.codimension - one.rank for one in sets)
+    return Codimension(kind, found, codimension, rows, coordinates, follow, "", notes)
+
+
+def _trouble(system: System, rows: Sequence[int], flat: set[int]) -> str:
+    """What is the matter with the gradients of rows where they are looked at."""
+    alone, others = [i for i in rows if i in flat], [i for i in rows if i not in flat]
+    told = []
+    if alone:
+        what = "the gradient of {} vanishes" if len(alone) == 1 else "the gradients of {} vanish"
+        told.append(what.format(initial.names_of(system, alone)) + " at the start")
+    if others:
+        told.append(f"the rows {initial.names_of(system, others)} depend on one another at the start")
+    return ", and ".join(told)
+
+
+def refusal(system: System, found: Codimension) -> diagnostics.ModelError:
+    """The error of a run of rows that are `deficient`: no finite multipliers give the true motion."""
+    rows = list(found.rows)
+    message = (
+        f"the multiplier rule fails for the rows {initial.names_of(system, rows)}: the constraints take"
+        f" {found.codimension} freedoms, and their gradients span only {found.rank} directions wherever they hold, so"
+        " that no finite multipliers give the true motion"
+    )
+    particles = _particles(system, rows)
+    hint = (
+        f"declare {_listed(particles)} under `rigid` in place of these rows: the rows of a body are independent"
+        if len(particles) > 1
+        else "write the constraint so that its gradient does not vanish where it holds"
+    )
+    location = system.rows.rows[rows[-1]].location
+    return diagnostics.ModelError([diagnostics.Diagnostic("multiplier-rule-fails", message, location, hint)])
+
+
+def _particles(system: System, rows: Rows) -> list[str]:
+    """The particles that rows hold, or none where they hold generalized coordinates."""
+    names = system.model.coordinate_names
+    columns = sorted(set(system.rows.B[rows, :].sparsity().get_col()))
+    if any(names[i] in system.model.generalized_names for i in columns):
+        return []
+    return list(dict.fromkeys(names[i].rpartition(".")[0] for i in columns))
+
+
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(f"`{name}`" for name in names[: initial.MOST_TOLD])
+    return shown + (", ..." if len(names) > initial.MOST_TOLD else "")

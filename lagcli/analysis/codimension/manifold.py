@@ -1,0 +1,126 @@
+"""Whether equations of which some follow from the others at a point do so at finite distances around.
+
+F = 0 are E equations in N unknowns, of rank r at z0. With A (r, E) of that rank on the range of dF, A F = 0 cuts
+out a manifold of dimension N - r through z0, and F = 0 lies in it. Random points of the manifold are sought, some
+way off: if all of F vanishes there but for rounding, F = 0 is the manifold.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.analysis.codimension.scaled_equations import Equations
+from lagcli.linear import rank
+
+Floats = npt.NDArray[np.float64]
+
+WALKS, STEPS = 3, 3
+# In units of the scaled coordinates: the first try of a step, and how often it is halved.
+STEP, HALVINGS = 0.5, 5
+NEWTON_STEPS = 12
+# Of scaled equations: what Newton's method leaves, and what is rounding on a manifold that they follow. What does
+# not vanish is of the size of a power of the step. Numbers written to some digits leave more, from the begin on.
+SOLVED, VANISHES, OFF = 1e-12, 1e-11, 1e-9
+ROUNDINGS = 64
+WRITTEN = 100
+# Far steps, in units, where the manifold is as flat: what is small over a unit is not over many.
+FAR = (1e1, 1e2, 1e3, 1e4)
+# Rounding as large as this hides what does not vanish.
+HIDDEN = 1e-7
+SEED = 20061
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Manifold:
+    """A F = 0 near z0: `chosen` is A (r, E)."""
+
+    equations: Equations
+    chosen: Floats
+
+    def reached(self, z: Floats, t: float) -> Floats | None:
+        """The point of the manifold that Newton's method reaches from z, or None."""
+        limit = SOLVED + ROUNDINGS * self.equations.rounding
+        for _ in range(NEWTON_STEPS):
+            F, J = self.equations.at(z, t)
+            if not (np.isfinite(F).all() and np.isfinite(J).all()):
+                return None
+            rest = self.chosen @ F
+            if np.abs(rest).max(initial=0.0) <= limit:
+                return z
+            Q, R = np.linalg.qr((self.chosen @ J).T)
+            if np.abs(np.diag(R)).min(initial=1.0) < rank.SMALL:
+                return None
+            z = z - Q @ np.linalg.solve(R.T, rest)
+        return None
+
+    def step(self, z: Floats, t: float, direction: Floats) -> Floats | None:
+        """A point of the manifold about a step away along the tangent part of a direction, or None."""
+        Q, _ = np.linalg.qr((self.chosen @ self.equations.at(z, t)[1]).T)
+        along = direction - Q @ (Q.T @ direction)
+        largest = float(np.abs(along).max(initial=0.0))
+        if largest <= rank.LARGE:  # nowhere to go: the manifold is a point
+            return z
+        for halving in range(HALVINGS):
+            size = STEP / 2**halving
+            there = self.reached(z + size * along / largest, t)
+            if there is not None and size / 2 < np.abs(there - z).max() < 2 * size:
+                return there
+        return None
+
+    def holds_all(self, z: Floats, t: float, off: float) -> bool:
+        """Whether all equations vanish at a point, but for rounding and for what they are off at the begin."""
+        F, _ = self.equations.at(z, t)
+        limit = min(VANISHES + WRITTEN * off, OFF) + ROUNDINGS * self.equations.rounding
+        return bool(np.abs(F).max(initial=0.0) <= limit) and limit < HIDDEN
+
+    def fails_far(self, z: Floats, t: float, direction: Floats) -> bool:
+        """Whether some equations do not vanish at points of the manifold far along a straight line from z."""
+        Q, _ = np.linalg.qr((self.chosen @ self.equations.at(z, t)[1]).T)
+        along = direction - Q @ (Q.T @ direction)
+        largest = float(np.abs(along).max(initial=0.0))
+        if largest <= rank.LARGE:
+            return False
+        for size in FAR:
+            place = z + size * along / largest
+            there = self.reached(place, t)
+            if there is None or np.abs(there - place).max() > STEP:
+                return False  # it is curved: what Newton's method finds may be another branch
+            F, J = self.equations.at(there, t)
+            distance = np.abs(F) / np.maximum(np.linalg.norm(J, axis=1), 1.0)
+            if distance.max(initial=0.0) > OFF + ROUNDINGS * size * self.equations.rounding:
+                return True
+        return False
+
+
+def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | None:
+    """The manifold of `count` equations chosen at z, or None where no gap shows them to be so many."""
+    _, J = equations.at(z, t)
+    if not np.isfinite(J).all():
+        return None
+    left, sigma, _ = np.linalg.svd(J)
+    large, small = int((sigma > rank.LARGE).sum()), int((sigma > rank.SMALL).sum())
+    return Manifold(equations, left[:, :count].T) if large == small == count else None
+
+
+def is_whole(found: Manifold, z: Floats, t: float, times: Sequence[float]) -> bool:
+    """Whether all equations vanish on the manifold around a point of it, and at other times.
+
+    Where a step cannot be made, or rounding is too large to see it, that is not shown.
+    """
+    random = np.random.default_rng(SEED)
+    off = float(np.abs(found.equations.at(z, t)[0]).max(initial=0.0))
+    if found.fails_far(z, t, random.standard_normal(z.size)):
+        return False
+    for time in (*([t] * WALKS), *times):
+        here = found.reached(z, time)
+        if here is None or not found.holds_all(here, time, off):
+            return False
+        for _ in range(STEPS):
+            here = found.step(here, time, random.standard_normal(z.size))
+            if here is None or not found.holds_all(here, time, off):
+                return False
+    return True

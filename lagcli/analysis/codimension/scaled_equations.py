@@ -1,0 +1,184 @@
+"""A part of f = 0, some rows over the coordinates they hold, in coordinates and rows of size one.
+
+Whether a matrix is definite does not depend on units, but how clearly numbers show it does. A coordinate is
+measured in the part of its range over which directions of rows change, a row by the length of its gradient.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.equations.system import System
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+Indices = list[int]
+
+# Of a row whose gradient is this part of its second derivatives the gradient vanishes: what is left is how far the
+# start is from where it does.
+FLAT = 1e-7
+# The radius of curvature of rows counts as a unit of length if it is not less than this part of the extent.
+CURLED = 1e-4
+EQUILIBRATIONS = 10
+# Within CLOSE of a point, in units, the gradient changes by second derivatives but for this part of them.
+CLOSE, BENT, ROUNDINGS = 1e-6, 1e-3, 64
+SEED = 20061
+
+
+class Equations(Protocol):
+    """Equations F(z, t) = 0 with their derivatives by z."""
+
+    def at(self, z: Floats, t: float) -> tuple[Floats, Floats]:
+        """F (E,) and dF/dz (E, N); values that are not finite where a law has none."""
+        ...
+
+    @property
+    def rounding(self) -> float:
+        """How far rounding moves values of F near zero."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Rows of f by their numbers, over the coordinates they hold; x = (q - begin) / unit, F = f / weight.
+
+    unit (m,) of each coordinate, weight (k,) of each row.
+    """
+
+    numeric: NumericSystem
+    state: State
+    rows: Indices
+    coordinates: Indices
+    unit: Floats
+    weight: Floats
+
+    def at(self, z: Floats, t: float) -> tuple[Floats, Floats]:
+        """F (k,) and its derivatives (k, m) at x = z."""
+        f, B = self.numeric.whole(t, self.place(z), self.state.p)
+        gradient = np.array(B[self.rows, self.coordinates]) * self.unit
+        return np.array(f).ravel()[self.rows] / self.weight, gradient / self.weight[:, None]
+
+    def hessian(self, z: Floats, t: float, stress: Floats) -> Floats:
+        """Second derivatives (m, m) of stress . F at x = z."""
+        whole = np.zeros(int(self.numeric.hessian.size1_in(2)))
+        whole[self.rows] = stress / self.weight
+        H = self.numeric.hessian(t, self.place(z), whole, self.state.p)
+        return np.array(H[self.coordinates, self.coordinates]) * np.outer(self.unit, self.unit)
+
+    def place(self, z: Floats) -> Floats:
+        """The configuration q (n,); coordinates without these rows stay where they are."""
+        q = self.state.q.copy()
+        q[self.coordinates] += self.unit * z
+        return q
+
+    def moved(self, z: Floats, t: float) -> Part:
+        """The same about another point."""
+        return dataclasses.replace(self, state=dataclasses.replace(self.state, q=self.place(z), t=t))
+
+    @property
+    def begin(self) -> Floats:
+        """z of the state."""
+        return np.zeros(len(self.coordinates))
+
+    @property
+    def rounding(self) -> float:
+        """How far the rounding of q moves values of F."""
+        q = self.state.q[self.coordinates]
+        return float(np.finfo(float).eps * np.max(np.abs(q) / self.unit, initial=1.0))
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Second:
+    """The second derivatives of k rows by m coordinates that are not zero, with their places, all (z,)."""
+
+    row: npt.NDArray[np.intp]
+    one: npt.NDArray[np.intp]
+    other: npt.NDArray[np.intp]
+    sizes: Floats
+    shape: tuple[int, int]
+
+    def changes(self, unit: Floats) -> Floats:
+        """How far gradients (k, m) change at most where each coordinate moves by its unit (m,)."""
+        places = self.row * self.shape[1] + self.one
+        found = np.bincount(places, self.sizes * unit[self.other], minlength=self.shape[0] * self.shape[1])
+        return np.asarray(found.reshape(self.shape), dtype=float)
+
+    def norms(self, unit: Floats) -> Floats:
+        """Their sizes (k,) in these units."""
+        scaled = self.sizes * unit[self.one] * unit[self.other]
+        return np.sqrt(np.bincount(self.row, scaled**2, minlength=self.shape[0]))
+
+
+def _second(plain: Part) -> _Second:
+    k, m = len(plain.rows), len(plain.coordinates)
+    places, sizes = [], []
+    for row, chosen in enumerate(np.eye(k)):
+        H = plain.hessian(plain.begin, plain.state.t, chosen)
+        one, other = np.nonzero(H)
+        places.append(np.array([np.full(one.size, row), one, other], dtype=np.intp))
+        sizes.append(np.abs(H[one, other]))
+    row, one, other = np.concatenate(places, axis=1)
+    return _Second(row, one, other, np.concatenate(sizes), (k, m))
+
+
+def part(system: System, numeric: NumericSystem, state: State, rows: Indices) -> Part:
+    """The part of some rows at a state."""
+    sparse = numeric.whole(state.t, state.q, state.p)[1][rows, :]
+    coordinates = sorted(set(sparse.sparsity().get_col()))
+    B = np.array(sparse[:, coordinates])
+    plain = Part(numeric, state, rows, coordinates, np.ones(len(coordinates)), np.ones(len(rows)))
+    second = _second(plain)
+    unit = _units(system, state, coordinates, B, second)
+    steep, bent = np.linalg.norm(B * unit, axis=1), second.norms(unit)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radii = (steep / bent)[steep > FLAT * bent]
+    radius = float(np.median(radii)) if radii.size else 1.0
+    radius = radius if CURLED < radius < 1.0 else 1.0
+    steep, bent = steep * radius, bent * radius**2
+    weight = np.where(steep > FLAT * bent, steep, bent)
+    return dataclasses.replace(plain, unit=unit * radius, weight=np.where(weight > 0, weight, 1.0))
+
+
+def is_smooth(part: Part) -> bool:
+    """Whether the gradient of f changes near the state as second derivatives say: that of |x| jumps."""
+    if not part.coordinates:
+        return True
+    random = np.random.default_rng(SEED)
+    mixed, direction = random.standard_normal(len(part.rows)), random.standard_normal(len(part.coordinates))
+    z, t = part.begin, part.state.t
+    H = part.hessian(z, t, mixed)
+    here = mixed @ part.at(z, t)[1]
+    limit = CLOSE * BENT * max(1.0, float(np.abs(H).max(initial=0.0))) + ROUNDINGS * part.rounding
+    for side in (-CLOSE, CLOSE):
+        change = mixed @ part.at(z + side * direction, t)[1] - here
+        if not np.abs(change - side * H @ direction).max(initial=0.0) <= limit:  # nan neither
+            return False
+    return True
+
+
+def _units(system: System, state: State, coordinates: Indices, B: Floats, second: _Second) -> Floats:
+    """Units (m,) of coordinates: of particles the extent of their places, the same for all of them; of generalized
+    ones such that they move the rows alike, with first and second derivatives, B (k, m) and `second`."""
+    q = state.q[coordinates]
+    first = system.symbols.q.numel() - len(system.model.generalized_names)
+    if all(i < first for i in coordinates):
+        axes = [[i for i in coordinates if i % 3 == axis] for axis in range(3)]
+        extent = max((float(np.ptp(state.q[axis])) for axis in axes if axis), default=0.0)
+        return np.full(len(q), extent or _largest(q))
+    unit = np.full(len(q), _largest(q))
+    for _ in range(EQUILIBRATIONS):
+        size = np.maximum(np.abs(B), second.changes(unit)) * unit
+        longest = size.max(axis=1, initial=0.0)
+        size /= np.where(longest > 0, longest, 1.0)[:, None]
+        across = size.max(axis=0, initial=0.0)
+        unit = unit / np.sqrt(np.where(across > 0, across, 1.0))
+    return np.asarray(unit * _largest(q / unit))
+
+
+def _largest(q: Floats) -> float:
+    return float(np.abs(q).max(initial=0.0)) or 1.0

@@ -1,0 +1,278 @@
+"""Rows and their ranks -> the count of degrees of freedom, with names (3N - s; n - s with generalized coordinates).
+
+s is the codimension of the surface of the holonomic rows (`codimension`): their rank where they are independent or
+redundant, what second derivatives prove where the rank is below it (three collinear particles with all their
+distances), and what it is nearby where the start is a special configuration; or it is undecided. Differential rows
+that can be integrated add to it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import progress
+from lagcli.analysis import codimension
+from lagcli.analysis.classification.verdict import Classification
+from lagcli.analysis.codimension import Codimension
+from lagcli.compiled import NumericSystem, pattern
+from lagcli.equations.system import System
+from lagcli.linear import independent_rows, metric_rows, rank
+from lagcli.linear.metric_rows import MetricRows
+from lagcli.start import conflict, initial, sample_points
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+Proof = Literal["symbolic", "numeric", "none"]
+
+LATER = 0.01  # of the duration: soon, so that no other law has come to its end by then
+# A row whose direction turns by TURN within TIP of the configuration's size stands at a tip of its surface.
+TIP, TURN = 2e-12, 0.1
+SEED = 20061
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class DofCount:
+    """The count. Where it is undecided, `configuration_dof` is None, `reason` says why, and `bounds` holds it.
+
+    particles N, coordinates n (3N for Cartesian particles only), holonomic s, nonholonomic m, redundant r:
+    configuration_dof = n - s, velocity_dof = n - s - m. `redundant_rows` names rows that follow from rows before
+    them; where the rank of rows is below their codimension s may exceed their number, none of them is named, and
+    redundant counts what is left of rows - s - m, if anything. `start_rank` is the rank of all rows at the start
+    itself; `rows` the number of holonomic and rigid rows, `rank` theirs at generic points of their surface.
+    """
+
+    particles: int
+    coordinates: int
+    holonomic: int | None
+    nonholonomic: int | None
+    redundant: int | None
+    configuration_dof: int | None
+    velocity_dof: int | None
+    proof: Proof
+    bounds: tuple[int, int]
+    reason: str
+    redundant_rows: tuple[str, ...]
+    start_rank: int | None
+    notes: tuple[str, ...]
+    rows: int
+    rank: int
+
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        freedoms = f"{low} to {high}, undecided" if self.configuration_dof is None else self.configuration_dof
+        counts = (("s", self.holonomic), ("m", self.nonholonomic), ("redundant", self.redundant))
+        shown = ", ".join(f"{name} = {count}" for name, count in counts)
+        return f"<DofCount: {freedoms}; n = {self.coordinates}, {shown}; proof {self.proof}>"
+
+    def as_json(self) -> dict[str, Any]:
+        """The object of `dof --json`."""
+        return {
+            "particles": self.particles,
+            "coordinates": self.coordinates,
+            "holonomic": self.holonomic,
+            "nonholonomic": self.nonholonomic,
+            "redundant": self.redundant,
+            "configuration_dof": self.configuration_dof,
+            "velocity_dof": self.velocity_dof,
+            "proof": self.proof,
+            "notes": list(self.notes),
+        }
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Ranks:
+    """Ranks of the rows that count as holonomic and of all rows, over points on the surface and beside it."""
+
+    whole: list[rank.Rank]
+    everything: list[rank.Rank]
+
+    @property
+    def highest(self) -> tuple[int, int]:
+        """The ranks at generic points: the highest that are certain."""
+        return max(r.low for r in self.whole), max(r.low for r in self.everything)
+
+    @property
+    def possible(self) -> tuple[int, int]:
+        """The highest ranks that cannot be excluded."""
+        return max(r.high for r in self.whole), max(r.high for r in self.everything)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Examined:
+    """The count, what is known of the surface of the holonomic rows, and points of it, the start first."""
+
+    count: DofCount
+    surface: Codimension
+    points: list[State]
+
+
+@progress.phase("counting degrees of freedom")
+def examine(system: System, numeric: NumericSystem, begin: State, found: Classification) -> Examined:
+    """Counts at a consistent configuration, with the verdicts on the differential rows.
+
+    Raises `diagnostics.ModelError` where rows contradict each other.
+    """
+    names = [row.name for row in system.rows.rows]
+    # Of a row that vanishes identically numbers see its rounding.
+    said = [i for i, name in enumerate(names) if name not in found.vanishing]
+    whole = list(range(system.holonomic_count))
+    points = [begin]
+    on = _ranks(numeric, points, whole, said)
+    surface = codimension.examine(system, numeric, begin)
+    if on.highest[1] < len(said):  # rows that are independent at the start are so nearby
+        has_others = len(whole) < len(names) and surface.kind != "deficient"
+        if (has_others or surface.kind == "singular") and len(names) <= metric_rows.DENSE:
+            # The time of the start may be special too (t d(y) = 0 at t = 0).
+            later = LATER * (system.model.simulation.duration or 1.0) if found.depends_on_time else 0.0
+            points = sample_points.along(numeric, begin, whole, later)
+        on = _ranks(numeric, points, whole, said)
+        conflict.require_lasting(system, numeric, begin)
+    doubt = surface.reason or _undecided_tip(numeric, begin, whole)
+    doubt = doubt or _undecided_rank(on, surface, len(whole) == len(names))
+    rank_beyond = on.highest[1] - on.highest[0]
+    reason = doubt or _undecided_rows(system, found, surface, rank_beyond)
+    n, decided = system.symbols.q.numel(), reason == ""
+    s = (surface.codimension or 0) + (found.flag[-1] if decided else 0)
+    total = (surface.codimension or 0) + rank_beyond
+    generic = max(range(len(points)), key=lambda i: on.everything[i].low)
+    redundant = _redundant(numeric, points[generic], said, surface)
+    counted = DofCount(
+        particles=len(system.model.particle_names),
+        coordinates=n,
+        holonomic=s if decided else None,
+        nonholonomic=total - s if decided else None,
+        redundant=max(len(names) - total, len(redundant)) if decided else None,
+        configuration_dof=n - s if decided else None,
+        velocity_dof=n - total if decided else None,
+        proof=_proof(found, surface) if decided else "none",
+        # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither
+        # does the number of rows.
+        bounds=(0, n - on.whole[0].low) if doubt else _bounds(n, surface, total, found),
+        reason=reason,
+        redundant_rows=tuple(names[i] for i in redundant if decided),
+        start_rank=on.everything[0].value,
+        notes=() if doubt else (*_notes(on, surface, rank_beyond), *found.notes),
+        rows=len(whole),
+        rank=surface.codimension or 0 if surface.kind == "singular" else surface.rank,
+    )
+    return Examined(counted, surface, points)
+
+
+def _redundant(numeric: NumericSystem, point: State, said: list[int], surface: Codimension) -> list[int]:
+    """The rows, in their order, that follow from rows before them, at a generic point."""
+    rows = _normalized_rows(numeric, point)
+    flags = np.ones(rows.count, dtype=bool)
+    flags[said] = _following(rows.take(said))
+    held = int(np.count_nonzero(~flags[: numeric.whole.size1_out(0)]))
+    if held < (surface.codimension or 0):
+        # Rows whose gradients depend on others there hold the surface all the same.
+        flags[list(surface.rows)] = False
+        flags[list(surface.follow)] = True
+    return [int(i) for i in np.flatnonzero(flags)]
+
+
+def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
+    """Which rows depend on rows before them. Of very many they are looked for among rows that share a circuit."""
+    found = rank.rank(rows).value if rows.is_large else None
+    if found is None:
+        return rank.redundant(rows)
+    flags = np.zeros(rows.count, dtype=bool)
+    chosen = independent_rows.dependence(rows, found).selection
+    flags[[circuit[0] for circuit in chosen.circuits if len(circuit) == 1]] = True
+    for rest, support in chosen.groups():
+        among = sorted([*rest, *support])
+        flags[among] = rank.redundant(rows.take(among))
+    return flags
+
+
+def _bounds(n: int, surface: Codimension, total: int, found: Classification) -> tuple[int, int]:
+    """What is known without the groups that are undecided: their rows may be integrable or not."""
+    decided = [group.flag for group in found.groups if group.is_decided]
+    integrable, other = sum(flag[-1] for flag in decided), sum(flag[0] - flag[-1] for flag in decided)
+    ends = n - total + other, n - (surface.codimension or 0) - integrable
+    return min(ends), max(ends)  # ranks by numbers and by algebra may differ, and the range is between them
+
+
+def _proof(found: Classification, surface: Codimension) -> Proof:
+    """Ranks are numbers, but for those of holonomic rows that exact algebra has met on its way."""
+    known = sum(group.held for group in found.groups)
+    is_exact = known == surface.codimension and all(group.proof == "symbolic" for group in found.groups)
+    return "symbolic" if is_exact and found.groups else "numeric"
+
+
+def _undecided_rows(system: System, found: Classification, surface: Codimension, rank_beyond: int) -> str:
+    """Why the differential rows leave the count open, or nothing."""
+    for group in found.undecided:
+        rows = ", ".join(f"`{name}`" for name in group.rows)
+        verb = "is" if len(group.rows) == 1 else "are"
+        return f"whether {rows} {verb} integrable is undecided: {group.reason}"
+    if found.flag[0] != rank_beyond:
+        return f"the differential rows have rank {found.flag[0]} by algebra and {rank_beyond} by numbers"
+    if surface.kind == "deficient" and system.holonomic_count < len(system.rows.rows):
+        numbers, coordinates = pattern.coordinates(system)
+        among = np.isin(coordinates, surface.coordinates) & (numbers >= system.holonomic_count)
+        for i in numbers[among][:1]:
+            name = system.rows.rows[int(i)].name
+            return (
+                f"`{name}` acts on coordinates of the rows {initial.names_of(system, list(surface.rows))}, whose"
+                " gradients leave more directions than there are"
+            )
+    return ""
+
+
+def _notes(on: _Ranks, surface: Codimension, rank_beyond: int) -> tuple[str, ...]:
+    here, total = on.everything[0].value, on.highest[1]
+    if surface.kind == "singular":
+        total = (surface.codimension or 0) + rank_beyond
+    special = f"the start is a special configuration: the rows have rank {here} there and {total} nearby"
+    return ((special,) if here is not None and here < total else ()) + surface.notes
+
+
+def _undecided_tip(numeric: NumericSystem, state: State, whole: list[int]) -> str:
+    """Whether gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`)."""
+    direction = np.random.default_rng(SEED).standard_normal(state.q.size)
+    # Where a gradient vanishes second derivatives have been looked at (`codimension`).
+    gradients = metric_rows.Rows(numeric.whole(state.t, state.q, state.p)[1])
+    whole = [i for i in whole if gradients.norms[i] > 0]
+    here = _normalized_rows(numeric, state).take(whole)
+    for side in (-TIP, TIP):
+        there = dataclasses.replace(state, q=state.q + side * sample_points.size(state.q) * direction)
+        if (
+            sample_points.is_finite(numeric, there)
+            and _normalized_rows(numeric, there).take(whole).turned_from(here) > TURN
+        ):
+            return "the gradient of a constraint jumps at the start, so the rank there does not prove the dimension"
+    return ""
+
+
+def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool) -> str:
+    if on.possible != on.highest:
+        return "no gap in the singular values of the constraint rows decides their rank"
+    if surface.kind == "singular" and is_holonomic:
+        return ""  # proved where a walk has come, and nothing else is asked
+    generic = surface.rank if surface.kind == "deficient" else surface.codimension
+    if on.highest[0] != generic:
+        return f"the holonomic rows have rank {on.highest[0]} where rank {generic} is proved"
+    return ""
+
+
+def _ranks(numeric: NumericSystem, points: list[State], whole: list[int], said: list[int]) -> _Ranks:
+    """Ranks of the holonomic rows and of all that say something, at the points; the first is known to be finite."""
+    found = _Ranks([], [])
+    for point in points:
+        if sample_points.is_finite(numeric, point):
+            rows = _normalized_rows(numeric, point)
+            rows = rows if len(said) == rows.count else rows.take(said)
+            found.everything.append(rank.rank(rows))
+            complete = len(whole) == rows.count
+            found.whole.append(found.everything[-1] if complete else rank.rank(rows.take(whole)))
+    return found
+
+
+def _normalized_rows(numeric: NumericSystem, point: State) -> MetricRows:
+    B = numeric.rows(point.t, point.q, point.v, point.p)[0]
+    return MetricRows(B, initial.metric_at(numeric, point))

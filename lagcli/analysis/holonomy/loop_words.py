@@ -1,0 +1,197 @@
+"""Words of moves: which paths are tried, and how their lengths are solved for.
+
+Without time a word turns two free coordinates in turn, a b a b ..., and comes back in both: a rectangle, or a
+chain of them. In time each segment takes the time dt, the free coordinates go forth and back, and the end is
+compared with that of a path on which they rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.analysis.holonomy import controlled_paths
+
+Floats = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+# Steps in each segment: to choose a word, to come near with its lengths, to end.
+FEW, STEPS, SURE = 1, 2, 12
+COARSE, CLOSED = 1e-5, 1e-13
+ITERATIONS, POLISH, REGULAR = 16, 10, 1e-6
+# A start that misses by more of what it missed before, after some turns, is left.
+CONTRACTS, FREE_TURNS = 0.7, 3
+STARTS = 4
+AT_RANDOM = 12  # trials where all combinations would be too many
+HALVES = (1.0, 2.0, -1.0, -2.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Goal:
+    """The coordinate that shall move, `along`, those that shall come back (e,), and the start (k + 1,).
+
+    `amount`: what it shall move by, if that is asked for.
+    """
+
+    start: Floats
+    along: int
+    closed: Numbers
+    size: float
+    amount: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Words:
+    """Paths of one kind: `basis` (S, m, q) makes controls of the lengths x (q,); `fixed` (S, m) is added.
+
+    `rest`: the controls of the path they are compared with, or None for closed loops.
+    """
+
+    frame: controlled_paths.Frame
+    basis: Floats
+    fixed: Floats
+    rest: Floats | None = None
+
+    def controls(self, X: Floats) -> Floats:
+        """Controls (N, S, m) for lengths X (N, q)."""
+        return np.asarray(np.einsum("smq,nq->nsm", self.basis, X) + self.fixed)
+
+    def offsets(self, goal: Goal, X: Floats, steps: int) -> Floats:
+        """Where paths end, relative to the start or to the path of rest, (N, k + 1)."""
+        ends = controlled_paths.ends(self.frame, goal.start, self.controls(X), steps)
+        return np.asarray(ends - self.resting(goal, steps))
+
+    def resting(self, goal: Goal, steps: int) -> Floats:
+        """The end (k + 1,) of what paths are compared with."""
+        if self.rest is None:
+            return goal.start
+        return np.asarray(controlled_paths.ends(self.frame, goal.start, self.rest[None], steps)[0])
+
+
+def loops(
+    frame: controlled_paths.Frame, m: int, pair: tuple[int, int], units: Floats, extra: int
+) -> tuple[Words, Floats]:
+    """Words a b a b ... in two of m free coordinates, with trial lengths (N, q), for `extra` conditions."""
+    letters = (2 + extra) * 2 + 1
+    first, second = pair
+    count_a, count_b = (letters + 1) // 2, letters // 2
+    basis = np.zeros((letters, m, letters - 2))
+    for place in range(letters):
+        which, number, count = (
+            (first, place // 2, count_a) if place % 2 == 0 else (second, place // 2, count_b)
+        )
+        offset = 0 if place % 2 == 0 else count_a - 1
+        if number < count - 1:
+            basis[place, which, offset + number] = 1.0
+        else:
+            basis[place, which, offset : offset + count - 1] = -1.0
+    scale = np.concatenate([np.full(count_a - 1, units[first]), np.full(count_b - 1, units[second])])
+    if extra > 1:  # all combinations of round lengths would be too many
+        grid = np.random.default_rng(letters).standard_normal((AT_RANDOM, letters - 2))
+    else:
+        values = [(0.0, *HALVES), *[(*HALVES, 4.0, -4.0)] * (count_a - 2)]
+        others = [(1.0,), *[(0.0, *HALVES)] * (count_b - 2)]
+        grid = np.array(list(itertools.product(*values, *others)))
+    return Words(frame, basis, np.zeros((letters, m))), grid * scale
+
+
+def journeys(
+    frame: controlled_paths.Frame, m: int, axis: int, units: Floats, extra: int
+) -> tuple[Words, Floats]:
+    """Words in time: one free coordinate forth and back, the last of the m controls being dt."""
+    letters = 2 + 2 * extra
+    basis = np.zeros((letters, m, letters - 1))
+    basis[:-1, axis] = np.eye(letters - 1)
+    basis[-1, axis] = -1.0
+    fixed = np.zeros((letters, m))
+    fixed[:, -1] = units[-1]
+    if extra > 1:
+        grid = np.random.default_rng(letters).standard_normal((AT_RANDOM, letters - 1))
+    else:
+        values = [HALVES, *[(0.0, *HALVES)] * (letters - 2)]
+        grid = np.array(list(itertools.product(*values)))
+    return Words(frame, basis, fixed, fixed), grid * units[axis]
+
+
+def free_paths(
+    frame: controlled_paths.Projected, size: float, timed: bool, segments: int
+) -> tuple[Words, Floats]:
+    """Paths of any shape: random controls (N, q) in some segments, to be solved for."""
+    m = frame.directions.shape[1]
+    random = np.random.default_rng(segments)
+    count = segments * m
+    basis = np.zeros((segments, m + 1, count))
+    basis[:, :m] = np.eye(count).reshape(segments, m, count)
+    fixed = np.zeros((segments, m + 1))
+    fixed[:, -1] = size if timed else 0.0
+    lengths = size * random.standard_normal((STARTS, count)) / np.sqrt(m)
+    return Words(frame, basis, fixed, fixed if timed else None), lengths
+
+
+def solved(words: Words, goal: Goal, X: Floats, varied: Flags, enough: int | None = None) -> Floats:
+    """Lengths (K, q), K <= M, of paths that close, by Gauss-Newton from X (M, q) on the lengths `varied` (M, q).
+
+    Rough paths with their derivatives come near, then those derivatives serve fine paths. Starts that do not
+    contract are left, and all others once `enough` are there.
+    """
+    near: list[tuple[Floats, Floats]] = []
+    last = np.full(len(X), np.inf)
+    wanted = _wanted(goal)
+    for turn in range(ITERATIONS):
+        ends, J = controlled_paths.turned(words.frame, goal.start, words.controls(X), words.basis, STEPS)
+        miss, J = _asked(goal, ends - words.resting(goal, STEPS)) - wanted, _asked(goal, J)
+        worst = np.abs(miss).max(axis=1, initial=0.0)
+        with np.errstate(invalid="ignore"):
+            on = np.isfinite(worst) & np.isfinite(J).all(axis=(1, 2))
+            on &= (worst < CONTRACTS * last) | (turn < FREE_TURNS)
+            there = on & (worst <= COARSE * goal.size)
+        X, J, miss, varied, last, there = (x[on] for x in (X, J, miss, varied, worst, there))
+        if not on.any():
+            break
+        inverse = np.linalg.pinv(J * varied[:, None, :], rcond=REGULAR)
+        near += [(x, turned) for x, turned in zip(X[there], inverse[there], strict=True)]
+        if there.all() or (enough is not None and len(near) >= enough):
+            break
+        step = -np.einsum("nqe,ne->nq", inverse, miss)
+        largest = np.abs(step).max(axis=1, initial=1e-300)
+        X = (X + step * np.minimum(1.0, goal.size / largest)[:, None])[~there]
+        varied, last = varied[~there], last[~there]
+    return _polished(words, goal, near)
+
+
+def _polished(words: Words, goal: Goal, near: list[tuple[Floats, Floats]]) -> Floats:
+    """Lengths of fine paths that close, from those of rough ones with the inverse of their derivatives (q, e)."""
+    done: list[Floats] = []
+    if not near:
+        return np.zeros((0, words.basis.shape[2]))
+    X, inverse = (np.array(each) for each in zip(*near, strict=True))
+    last = np.full(len(X), np.inf)
+    rest, wanted = words.resting(goal, SURE), _wanted(goal)
+    for _ in range(POLISH):
+        ends = controlled_paths.ends(words.frame, goal.start, words.controls(X), SURE)
+        miss = _asked(goal, ends - rest) - wanted
+        worst = np.abs(miss).max(axis=1, initial=0.0)
+        there = worst <= CLOSED * goal.size
+        done += list(X[there])
+        with np.errstate(invalid="ignore"):
+            on = ~there & (worst < CONTRACTS * last)
+        if not on.any():
+            break
+        X, inverse, last = X[on], inverse[on], worst[on]
+        X = X - np.einsum("nqe,ne->nq", inverse, miss[on])
+    return np.array(done).reshape(-1, words.basis.shape[2])
+
+
+def _asked(goal: Goal, found: Floats) -> Floats:
+    """What the goal asks about of ends (N, k + 1, ...): (N, e, ...)."""
+    return found[:, goal.closed if goal.amount is None else np.append(goal.closed, goal.along)]
+
+
+def _wanted(goal: Goal) -> Floats:
+    """Where those shall be, (e,)."""
+    zeros = np.zeros(goal.closed.size)
+    return zeros if goal.amount is None else np.append(zeros, goal.amount)

@@ -1,0 +1,136 @@
+"""Which directions paths through a point can reach: the tangent space of its orbit.
+
+Fields carried to the point by flows span it (H. J. Sussmann, Trans. AMS 180 (1973) 171): for random paths w the
+vectors d/de w^-1(w(z) + e X). What it lacks are the integrable combinations of the rows (D.3), so that a row that
+vanishes on it is kept by first integrals and has no witness.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+from numpy.linalg import LinAlgError
+
+from lagcli.analysis.holonomy import controlled_paths
+from lagcli.analysis.holonomy.local_system import Part
+
+Floats = npt.NDArray[np.float64]
+
+BESIDE, BESIDE_BY = 3, 0.1  # points looked at, and how far they are
+MOST = 0.8  # of the paths
+SEED, PATHS, SEGMENTS, STEPS = 1973, 40, 3, 2
+NUDGE, SURE, SEEN = 1e-4, 1e-6, 1e-5  # of a difference quotient; its error is NUDGE**2 and smaller than SEEN
+
+
+@dataclasses.dataclass(frozen=True)
+class Orbit:
+    """`tangent` (k + 1, a): an orthonormal basis; `kernel` (k, m): directions of the rows with t held.
+
+    `timed`: paths in time; otherwise t is held. `is_explored`: most random paths came back, so that a smaller
+    distance shows no more.
+    """
+
+    tangent: Floats
+    kernel: Floats
+    timed: bool
+    is_explored: bool
+
+    def lift(self, closed: npt.NDArray[np.int64]) -> Floats | None:
+        """The tangent vectors (k + 1, a) with unit components along coordinates `closed` (a,), if they have one."""
+        picked = self.tangent[closed]
+        sigma = np.linalg.svd(picked, compute_uv=False)
+        if sigma.size == 0 or sigma[-1] < SEEN:
+            return None
+        found = self.tangent @ np.linalg.inv(picked)
+        return np.asarray(np.where(np.abs(found) < SEEN, 0.0, found))
+
+
+def through(part: Part, point: Floats, size: float, timed: bool) -> Orbit | None:
+    """The orbit of a point (k + 1,), explored over the distance `size`; None where the rows are not finite."""
+    kernel = _kernel(part, point)
+    if kernel is None:
+        return None
+    frame = controlled_paths.Projected(part, kernel)
+    m = kernel.shape[1] + timed
+    if m == 0:
+        return None
+    control = np.zeros((m, kernel.shape[1] + 1))
+    control[: kernel.shape[1], : kernel.shape[1]] = np.eye(kernel.shape[1])
+    if timed:
+        control[-1, -1] = 1.0
+    vectors, is_explored = _carried(frame, point, control, size)
+    lengths = np.linalg.norm(vectors, axis=0)
+    vectors = vectors[:, (lengths > 1e-9) & (lengths < 1e6)]
+    left, sigma, _ = np.linalg.svd(vectors / np.linalg.norm(vectors, axis=0), full_matrices=False)
+    rank = int((sigma > SEEN * sigma.max(initial=0.0)).sum())
+    return Orbit(left[:, :rank], kernel, timed, is_explored)
+
+
+def is_singular(part: Part, point: Floats) -> bool:
+    """Whether the rows are dependent at a point (k + 1,) and not beside it on their surface, or not finite.
+
+    Such a point, a chain drawn straight between two ends, has directions of the rows that no path takes.
+    """
+    kernel = _kernel(part, point)
+    if kernel is None:
+        return True
+    random = np.random.default_rng(SEED)
+    out = np.zeros((BESIDE, 1, kernel.shape[1] + 1))
+    out[:, 0, :-1] = BESIDE_BY * random.standard_normal((BESIDE, kernel.shape[1]))
+    places = controlled_paths.ends(controlled_paths.Projected(part, kernel), point, out, STEPS)
+    kernels = (_kernel(part, place) for place in places if np.isfinite(place).all())
+    return any(other is not None and other.shape[1] < kernel.shape[1] for other in kernels)
+
+
+def _kernel(part: Part, point: Floats) -> Floats | None:
+    """An orthonormal basis (k, m) of the displacements with t held; None where the rows are not finite."""
+    B = part.forms(point[None])[0][:, :-1]
+    if not np.isfinite(B).all():
+        return None
+    lengths = np.linalg.norm(B, axis=1, keepdims=True)
+    try:
+        _, sigma, Vt = np.linalg.svd(B / np.where(lengths > 0, lengths, 1.0))
+    except LinAlgError:
+        return None
+    kernel: Floats = Vt[int((sigma > 1e-7).sum()) :].T
+    return kernel
+
+
+def _carried(
+    frame: controlled_paths.Projected, point: Floats, control: Floats, size: float
+) -> tuple[Floats, bool]:
+    """Fields of `control` (m, m + 1) at the ends of random paths, carried back to the point: columns (k + 1, .).
+
+    And whether most of them came back.
+    """
+    random = np.random.default_rng(SEED)
+    m = len(control)
+    count = min(PATHS, 2 * point.size + 4)
+    out = size * random.uniform(-1, 1, (count, SEGMENTS, m)) @ control
+    out[0] = 0.0
+    rough, fine = (_returned(frame, point, out, control, size, steps) for steps in (STEPS, 2 * STEPS))
+    with np.errstate(invalid="ignore"):
+        # Beside a pole the difference of paths is that of their errors.
+        sure = np.abs(fine - rough).max(axis=1) <= SURE * np.abs(fine).max(axis=1)
+    return np.asarray(fine[sure].T), bool(sure.mean() > MOST)
+
+
+def _returned(
+    frame: controlled_paths.Projected, point: Floats, out: Floats, control: Floats, size: float, steps: int
+) -> Floats:
+    """The same for each path `out` (N, S, m + 1) and each field, (N m, k + 1), some not finite."""
+    far = controlled_paths.ends(frame, point, out, steps)
+    back, nudge = -out[:, ::-1], NUDGE * size
+    ends = []
+    for sign in (1.0, -1.0):
+        with np.errstate(all="ignore"):
+            shifted = [
+                far + sign * nudge * controlled_paths.velocity(frame, far, np.tile(u, (len(far), 1)))
+                for u in control
+            ]
+        ends.append(
+            controlled_paths.ends(frame, np.concatenate(shifted), np.tile(back, (len(control), 1, 1)), steps)
+        )
+    return np.asarray((ends[0] - ends[1]) / (2 * nudge))

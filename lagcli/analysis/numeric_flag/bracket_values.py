@@ -1,0 +1,120 @@
+"""Random values of brackets at one place, in many digits where the rows are few enough, else in doubles.
+
+Random brackets of a shape span what all brackets of that shape span.
+"""
+
+from __future__ import annotations
+
+import time
+from decimal import Decimal
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.analysis.numeric_flag import multiprecision, precise_brackets, undecided
+from lagcli.analysis.numeric_flag.evaluation_point import OFF, Place
+from lagcli.analysis.numeric_flag.precise_brackets import Exact
+from lagcli.analysis.numeric_flag.span import Limits, Sample, Span
+from lagcli.compiled import kernel_fields, lie_brackets
+from lagcli.compiled.lie_brackets import LEAF, Shape
+
+Floats = npt.NDArray[np.float64]
+
+# In doubles, where x moved by NUDGE shows the size of what cancelled.
+ROUGH_ZERO, ROUGH_SURE, NUDGE = Decimal("1e-13"), Decimal("1e-8"), 1e-13
+# What longer brackets are made of is no smaller than this part of the terms of short ones.
+DEEPER = 1e-4
+# Random components are whole numbers up to this, so that one random bracket stands for all.
+LETTERS = 10**6
+# Seconds of one bracket beyond which no longer one is tried.
+SLOW = 5.0
+SEED = 20062
+
+
+class Values:
+    """Random values of brackets on the independent differential rows of a place.
+
+    is_spelled: as in `Exact`. limits: other ones than those of the digits. Raises `doubt.Undecided`.
+    """
+
+    def __init__(self, place: Place, deadline: float, is_spelled: bool, limits: Limits | None = None) -> None:
+        if place.all.low != len(place.independent):
+            raise undecided.Undecided("which of so many rows depend on others is not known")
+        self.place, self._deadline, self._is_spelled = place, deadline, is_spelled
+        self.count = len(place.kept)
+        self._random = np.random.default_rng(SEED)
+        self._seconds_of_work = 0.0
+        self.exact = in_digits(place, is_spelled)
+        self.digits = 16 if self.exact is None else precise_brackets.DIGITS
+        usual = (
+            Limits(ROUGH_ZERO, ROUGH_SURE)
+            if self.exact is None
+            else Limits(precise_brackets.ZERO, precise_brackets.SURE)
+        )
+        self._limits = _beyond(limits or usual, OFF * place.error)
+
+    def at(self, place: Place, limits: Limits) -> Values:
+        """The same at another place."""
+        return Values(place, self._deadline, self._is_spelled, limits)
+
+    def span(self) -> Span:
+        """An empty span for them."""
+        return Span(self.count, self._limits)
+
+    def extend(self, span: Span, shape: Shape, end: int) -> list[Sample]:
+        """Random brackets of a shape into a span, until one brings nothing new or the rank is `end`."""
+        added: list[Sample] = []
+        while span.rank < end:
+            undecided.require_time(self._deadline)
+            work = _work(shape)
+            if self._seconds_of_work * work > SLOW:
+                raise undecided.Undecided(f"brackets of {lie_brackets.leaves(shape)} fields are too large")
+            began = time.perf_counter()
+            sample = self._sample(shape)
+            self._seconds_of_work = (time.perf_counter() - began) / work
+            if not span.add(sample):
+                break
+            added.append(sample)
+        return added
+
+    def _sample(self, shape: Shape) -> Sample:
+        U = self._random.integers(-LETTERS, LETTERS, (self.place.block.size, lie_brackets.leaves(shape)))
+        if self.exact is None:
+            return self._rough(shape, U / LETTERS * self.place.sizes[:, None])
+        return self.exact.bracket(shape, U.T.tolist())
+
+    @cached_property
+    def _brackets(self) -> lie_brackets.Brackets:
+        return lie_brackets.Brackets(self.place.block, self.place.independent)
+
+    def _rough(self, shape: Shape, U: Floats) -> Sample:
+        """The same in doubles: at x moved by rounding the size is seen, but where all is rounding."""
+        place, function = self.place, self._brackets.values(shape)
+        aside = place.x + NUDGE * place.sizes * self._random.standard_normal(place.x.size)
+        here, there = (np.array(function(x, place.p, U)).ravel() for x in (place.x, aside))
+        terms = np.array(place.block.sizes(place.x, place.p, U[:, 0], U[:, 1])).ravel()[place.kept]
+        terms *= 1.0 if lie_brackets.leaves(shape) == 2 else DEEPER
+        sizes = np.maximum(np.maximum(np.abs(here), np.abs(there - here) / NUDGE), terms)
+        if not np.isfinite(sizes).all():
+            raise undecided.Undecided("a bracket is not finite")
+        return Sample([Decimal(a) for a in here.tolist()], [Decimal(a) for a in sizes.tolist()])
+
+
+def _beyond(limits: Limits, off: float) -> Limits:
+    """Limits at a place that may be off the orbit, where a value that should vanish may be so large."""
+    return Limits(limits.zero, max(limits.sure, Decimal(off)))
+
+
+def in_digits(place: Place, is_spelled: bool) -> Exact | None:
+    """The rows in many digits, or None where they are too large for it or a function is not known in them."""
+    try:
+        return Exact(place, is_spelled)
+    except (kernel_fields.TooMuchFill, multiprecision.Unknown):
+        return None
+
+
+def _work(shape: Shape, depth: int = 0) -> float:
+    """Multiplications for one of the functions of the place, with derivatives so deep."""
+    inner = sum(_work(part, depth + 1) for part in shape if part != LEAF)
+    return 3.0**depth + inner + (_work(shape[0], depth) if shape[0] != LEAF else 0.0)

@@ -1,0 +1,102 @@
+"""The rows of a block at one point: their size, their ranks, and which are independent."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import variable_sizes
+from lagcli.compiled.row_block import Block
+from lagcli.linear import rank
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import MetricRows
+
+Floats = npt.NDArray[np.float64]
+
+
+# A row counts as zero below this part of what it changes by over the size of the coordinates: that much the rounding
+# of a point leaves of a row that vanishes on the surface.
+ROUNDING, NUDGE = 64 * float(np.finfo(float).eps), 1e-7
+SEED = 20064
+
+
+class Ranks:
+    """The rows at one point x (N,): scaled, their ranks, and which of them are independent of those before."""
+
+    def __init__(self, block: Block, x: Floats, p: Floats) -> None:
+        self.block, self.x, self.p = block, x, p
+        A, _ = block.rows(x, p)
+        self.is_finite = bool(np.isfinite(A.nonzeros()).all())
+        if self.is_finite:
+            A = _without_rounding(block, A, x, p)
+            self.sizes = variable_sizes.of(A, block.kinds)
+            self.plain, self.A = A, variable_sizes.applied(A, self.sizes)
+            self.rows = MetricRows(self.A, Metric.unit(block.size))
+
+    @cached_property
+    def all(self) -> rank.Rank:
+        """The rank of all rows."""
+        return rank.rank(self.rows)
+
+    @cached_property
+    def surface(self) -> rank.Rank:
+        """The rank of the holonomic rows."""
+        return rank.rank(self.rows.take(list(range(len(self.block.holonomic)))))
+
+    @cached_property
+    def still(self) -> rank.Rank:
+        """The rank of all rows without time."""
+        n = len(self.block.columns)
+        return rank.rank(MetricRows(self.A[:, :n], Metric.unit(n))) if self.block.has_time else self.all
+
+    @cached_property
+    def independent(self) -> list[int]:
+        """Rows that do not depend on rows before them."""
+        return np.flatnonzero(~rank.redundant(self.rows)).tolist()
+
+    @property
+    def are_independent(self) -> bool:
+        """Whether no row depends on others."""
+        return self.all.low == self.rows.count
+
+    @property
+    def dimension(self) -> int:
+        """Of the kernel D."""
+        return self.block.size - self.all.low
+
+    @property
+    def kept(self) -> list[int]:
+        """The differential ones of them, numbered from the first differential row."""
+        s = len(self.block.holonomic)
+        return [i - s for i in self.independent if i >= s]
+
+    @property
+    def ranks(self) -> tuple[int, int]:
+        """Of the holonomic rows and of all."""
+        return self.surface.low, self.all.low
+
+    def in_kernel(self, u: Floats) -> Floats:
+        """The field of D at this point nearest to u (N,), both in scaled coordinates."""
+        for _ in range(2):
+            u = u + self.rows.correction(np.array(self.A @ u).ravel())
+        return u
+
+
+def _without_rounding(block: Block, A: Any, x: Floats, p: Floats) -> Any:
+    """The rows A (s + m, N), with zeros in place of differential ones that are rounding alone."""
+    s, row = len(block.holonomic), np.asarray(A.sparsity().row(), dtype=np.intp)
+    size = float(np.abs(x).max(initial=0.0)) or 1.0
+    aside, _ = block.rows(x + NUDGE * size * np.random.default_rng(SEED).standard_normal(x.size), p)
+    values, others = (np.array(one.nonzeros(), dtype=float) for one in (A, aside))
+    largest, change = np.zeros(A.size1()), np.zeros(A.size1())
+    np.maximum.at(largest, row, np.abs(values))
+    np.maximum.at(change, row, np.abs(np.where(np.isfinite(others), others, values) - values) / NUDGE)
+    nothing = np.flatnonzero((largest > 0) & (largest <= ROUNDING * change))
+    if not (nothing >= s).any():
+        return A
+    kept = A[:, :]  # a copy
+    kept[nothing[nothing >= s].tolist(), :] = 0.0
+    return kept

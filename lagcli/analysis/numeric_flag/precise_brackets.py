@@ -1,0 +1,174 @@
+"""Brackets in many digits, at a point of the surface that is met to as many (D.3)."""
+
+from __future__ import annotations
+
+import copy
+import decimal
+from collections.abc import Callable
+from decimal import Decimal
+from functools import cached_property
+
+import numpy as np
+
+from lagcli.analysis.numeric_flag import multiprecision, undecided
+from lagcli.analysis.numeric_flag.evaluation_point import Place
+from lagcli.analysis.numeric_flag.multiprecision import Number
+from lagcli.analysis.numeric_flag.span import Sample
+from lagcli.compiled import kernel_fields, lie_brackets, program
+from lagcli.compiled.lie_brackets import LEAF, Shape
+from lagcli.compiled.program import Program
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import MetricRows
+
+# Values in the first precision; a coarser one shows the size of what cancelled, and so what is rounding.
+DIGITS, FEWER = 60, 30
+CONTEXTS = ((FEWER, decimal.ROUND_UP),)
+MORE_CONTEXTS = ((FEWER - 1, decimal.ROUND_DOWN), (FEWER + 1, decimal.ROUND_HALF_EVEN))
+ZERO, SURE = Decimal("1e-40"), Decimal("1e-12")
+# Operations of the elimination that are written out.
+FILL = 20_000
+# Steps onto the surface.
+REFINEMENTS = 30
+
+Field = list[Number]
+
+
+class Exact:
+    """The rows at one place as written-out programs.
+
+    is_spelled: a parameter 0.1 is a tenth, as it was written, and not the double next to it.
+    Raises `kernel_fields.TooMuchFill`, `digits.Unknown`, and `doubt.Undecided`.
+    """
+
+    def __init__(self, place: Place, is_spelled: bool) -> None:
+        if place.rows.is_large:
+            raise kernel_fields.TooMuchFill
+        block, self._place = place.block, place
+        order = kernel_fields.pivots(place.A[place.independent, :], FILL)
+        self._field = program.written_out(kernel_fields.expanded(block, place.independent, order))
+        self._curl, self._along = program.written_out(block.curl), program.written_out(block.along)
+        surface = program.written_out(block.surface)
+        for one in (self._field, self._curl, self._along, surface):
+            multiprecision.require_known(one)
+        self._read = multiprecision.spelled if is_spelled else Decimal
+        self._p = [self._read(a) for a in place.p.tolist()]
+        self._sizes = [Decimal(size) for size in place.sizes.tolist()]
+        self._nothing = [Decimal(0)] * len(place.kept)
+        self._still = [Decimal(0)] * block.size
+        self._x = self._refined([self._read(a) for a in place.x.tolist()], surface)
+
+    def bracket(self, shape: Shape, U: list[list[int]]) -> Sample:
+        """Values on the independent differential rows, of a bracket of fields of scaled components U (leaves, N)."""
+        columns = [self._plain(column) for column in U]
+        return self._sampled(lambda one: one._value(shape, one._x, columns, 1))
+
+    def rows_along(self, u: list[int], w: list[Decimal]) -> Sample:
+        """All rows (s + m,) along the field of scaled components u (N,) and of values w."""
+        return self._sampled(lambda one: one._rows(self._plain(u), w))
+
+    def _rows(self, u: list[Decimal], w: list[Decimal]) -> list[Decimal]:
+        field = self._run(self._field, [self._x, self._p, u, w])
+        return self._run(self._along, [self._x, self._p, field])
+
+    @cached_property
+    def _shaken(self) -> Exact:
+        """The same with numbers that are off as those may be that were computed in doubles, the start among them: it
+        may stand for a place that no double hits (sin(x) = 0 at pi)."""
+        other = copy.copy(self)
+        other._p, other._read = [multiprecision.shaken(a) for a in self._p], multiprecision.shaken_constant
+        other._x = [multiprecision.shaken(a) for a in self._x]
+        return other
+
+    def _sampled(self, values: Callable[[Exact], list[Decimal]]) -> Sample:
+        """Values in many digits, with the sizes that fewer digits and shaken numbers show."""
+        exact = values(self)
+        others = [
+            (values(self._shaken), 1 / multiprecision.SHAKE),
+            *_in_contexts(lambda: values(self), CONTEXTS),
+        ]
+        sample = Sample(exact, _sizes(exact, others))
+        # Where the coarser one happens to be exact, rounding in other directions is not.
+        if any(ZERO < a < SURE for a in sample.relative):
+            others += _in_contexts(lambda: values(self), MORE_CONTEXTS)
+            return Sample(exact, _sizes(exact, others))
+        return sample
+
+    def _plain(self, column: list[int]) -> list[Decimal]:
+        return [a * size for a, size in zip(column, self._sizes, strict=True)]
+
+    def _value(self, shape: Shape, x: list[Number], columns: list[list[Decimal]], tag: int) -> list[Number]:
+        """Values of a bracket at x; derivatives within belong to `tag` and those above."""
+        one, other = shape
+        split = lie_brackets.leaves(one)
+        first, second = columns[:split], columns[split:]
+        Y = self._of(one, x, first, tag)
+        change = [[Decimal(0)] * len(self._nothing)] * 2
+        if other == LEAF:
+            Z = self._of(other, x, second, tag)
+        else:
+            w, change[0] = multiprecision.parts(
+                self._value(other, multiprecision.moved(x, Y, tag), second, tag + 1), tag
+            )
+            Z = self._run(self._field, [x, self._p, self._still, w])
+        if one != LEAF:
+            _, change[1] = multiprecision.parts(
+                self._value(one, multiprecision.moved(x, Z, tag), first, tag + 1), tag
+            )
+        curl = self._run(self._curl, [x, self._p, Y, Z])
+        return [
+            multiprecision.subtract(multiprecision.subtract(a, b), curl[i])
+            for a, b, i in zip(*change, self._place.kept, strict=True)
+        ]
+
+    def _of(self, shape: Shape, x: list[Number], columns: list[list[Decimal]], tag: int) -> Field:
+        """The field of a shape at x."""
+        if shape == LEAF:
+            return self._run(self._field, [x, self._p, columns[0], self._nothing])
+        return self._run(self._field, [x, self._p, self._still, self._value(shape, x, columns, tag)])
+
+    def _refined(self, x: list[Decimal], surface: Program) -> list[Decimal]:
+        """The same point with f = 0 of the independent holonomic rows to all digits, moved in the coordinates."""
+        block, place = self._place.block, self._place
+        n, s = len(block.columns), len(block.holonomic)
+        held = [i for i in place.independent if i < s]
+        if not held:
+            return x
+        rows = MetricRows(place.plain[held, :n], Metric.unit(n))
+        goal = Decimal(10) ** (5 - DIGITS) * max((abs(a) for a in x[:n]), default=Decimal(0))
+        for _ in range(REFINEMENTS):
+            f = self._run(surface, [x, self._p])
+            f = [f[i] for i in held]
+            # Each step with the factors of doubles brings some fourteen digits, fewer where the point is off.
+            size = max(abs(a) for a in f)
+            if not size:
+                return x
+            step = rows.correction(np.array([float(a / size) for a in f])).tolist()
+            x = [a + Decimal(b) * size for a, b in zip(x, step, strict=False)] + x[n:]
+            if size * Decimal(max(map(abs, step))) <= goal:
+                return x
+        raise undecided.Undecided("no point of the surface was found in many digits")
+
+    def _run(self, code: Program, inputs: list[list[Number]]) -> list[Number]:
+        try:
+            return multiprecision.run(code, inputs, self._read)
+        except multiprecision.NotFinite:
+            raise undecided.Undecided("a bracket is not finite") from None
+
+
+def _in_contexts(
+    values: Callable[[], list[Decimal]], contexts: tuple[tuple[int, str], ...]
+) -> list[tuple[list[Decimal], Decimal]]:
+    """Values in each precision and rounding, and one over that precision."""
+    found = []
+    for precision, rounding in contexts:
+        with decimal.localcontext(prec=precision, rounding=rounding):
+            found.append((values(), Decimal(10) ** precision))
+    return found
+
+
+def _sizes(exact: list[Decimal], others: list[tuple[list[Decimal], Decimal]]) -> list[Decimal]:
+    """How large each value is, or what it is made of."""
+    return [
+        max([abs(a), *(factor * abs(values[i] - a) for values, factor in others)])
+        for i, a in enumerate(exact)
+    ]

@@ -1,0 +1,119 @@
+"""The span of vectors of values in many digits, of which it is known how large the terms were that made them.
+
+Every entry has a size: rounding changes it by no more than a few units in the last digit of a number so large.
+So rows of different units stand side by side, and a zero is told from a value that is merely small.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from decimal import Decimal
+
+from lagcli.analysis.numeric_flag import undecided
+
+NOTHING = Decimal(0)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Limits:
+    """Relative to its size a value below `zero` is zero, above `sure` not, between them nothing is decided."""
+
+    zero: Decimal
+    sure: Decimal
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Sample:
+    """Values (m,) of one bracket, and the sizes (m,) of what they are made of."""
+
+    values: list[Decimal]
+    sizes: list[Decimal]
+
+    @property
+    def relative(self) -> list[Decimal]:
+        """|values| in parts of their sizes."""
+        return [abs(a) / size if size else NOTHING for a, size in zip(self.values, self.sizes, strict=True)]
+
+    def without(self, other: Sample, place: int) -> Sample:
+        """The part that is zero at a place, where the other is one."""
+        part, size = self.values[place], self.sizes[place]
+        mine = zip(self.values, self.sizes, other.values, other.sizes, strict=True)
+        return Sample(
+            [a - part * b for a, b in zip(self.values, other.values, strict=True)],
+            [s + abs(part) * t + size * abs(b) for _, s, b, t in mine],
+        )
+
+    def over(self, place: int) -> Sample:
+        """The multiple that is one at a place."""
+        pivot, loss = self.values[place], self.relative[place]
+        return Sample(
+            [a / pivot for a in self.values],
+            [(size + abs(a) / loss) / abs(pivot) for a, size in zip(self.values, self.sizes, strict=True)],
+        )
+
+
+class Span:
+    """A span of vectors of values (m,), kept as vectors that are one at a place where the others are zero.
+
+    error: the largest relative value that counted as zero; least: the smallest that did not.
+    """
+
+    def __init__(self, count: int, limits: Limits) -> None:
+        self.count, self.limits = count, limits
+        self.error, self.least = NOTHING, Decimal("inf")
+        self._vectors: dict[int, Sample] = {}
+
+    @property
+    def rank(self) -> int:
+        """The dimension."""
+        return len(self._vectors)
+
+    def add(self, sample: Sample) -> bool:
+        """Whether a sample brings something new. Raises `doubt.NoGap`."""
+        rest = sample
+        for place, vector in self._vectors.items():
+            rest = rest.without(vector, place)
+        relative = [a if i not in self._vectors else NOTHING for i, a in enumerate(rest.relative)]
+        place = max(range(self.count), key=relative.__getitem__)
+        if self._is_zero(relative[place]):
+            return False
+        self.least = min(self.least, relative[place])
+        new = rest.over(place)
+        self._vectors = {i: vector.without(new, place) for i, vector in self._vectors.items()} | {place: new}
+        return True
+
+    def touches(self, weights: Sequence[Decimal]) -> bool:
+        """Whether a combination with weights (m,) is other than zero on the span. Raises `doubt.NoGap`."""
+        return any(not self._is_zero(_relative(weights, vector)) for vector in self._vectors.values())
+
+    def annihilators(self) -> list[list[Decimal]]:
+        """A basis of the combinations (m,) that vanish on the span. Raises `doubt.NoGap`."""
+        found = []
+        for i in range(self.count):
+            if i not in self._vectors:
+                one = unit(self.count, i)
+                for place, vector in self._vectors.items():
+                    one[place] = NOTHING if self._is_zero(vector.relative[i]) else -vector.values[i]
+                found.append(one)
+        return found
+
+    def _is_zero(self, relative: Decimal) -> bool:
+        if relative <= self.limits.zero:
+            self.error = max(self.error, relative)
+            return True
+        if relative < self.limits.sure:
+            raise undecided.NoGap(float(relative))
+        return False
+
+
+def unit(count: int, i: int) -> list[Decimal]:
+    """The vector (m,) that is one at a place."""
+    return [Decimal(int(i == j)) for j in range(count)]
+
+
+def _relative(weights: Sequence[Decimal], vector: Sample) -> Decimal:
+    """A combination of the values of a vector, in parts of the largest size."""
+    size = max((abs(w) * s for w, s in zip(weights, vector.sizes, strict=True)), default=NOTHING)
+    value = sum((w * a for w, a in zip(weights, vector.values, strict=True)), NOTHING)
+    return abs(value) / size if size else NOTHING

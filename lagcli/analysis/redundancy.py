@@ -1,0 +1,191 @@
+"""The independent rows a run is stepped with, and what is told about the multipliers of dependent ones.
+
+Where the rank of the rows is the codimension of the constraint surface, motion and R are unique whichever
+independent rows are taken, and the multipliers of all rows are split by a rule (`compile.selection`). Where it is
+below, no finite multipliers give the true motion, and there is no run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from lagcli import progress
+from lagcli.analysis import codimension, rank_advice
+from lagcli.compiled import NumericSystem, pattern
+from lagcli.compiled.selection import Selection
+from lagcli.equations.system import System
+from lagcli.errors import diagnostics
+from lagcli.linear import independent_rows, rank
+from lagcli.simulation.singular_point import Loss
+from lagcli.start import conflict, initial, sample_points
+from lagcli.start.initial import State
+
+MOST_TOLD = 6  # instants told one by one
+# Points ahead of the start, at these parts of the size of the configuration: rows that depend on one another at the
+# start may do so there alone.
+AHEAD = (0.05, 0.02, 0.005)
+LATER = 0.01  # of the duration: how far other points move on in time
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Begin:
+    """The rows a run is stepped with, and whether they are dependent at its very start, a singular configuration."""
+
+    selection: Selection
+    is_singular: bool = False
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Orbit:
+    """Rows by their numbers, and places to which motions from the start come, as far as these rows see them."""
+
+    rows: tuple[int, ...]
+    places: tuple[State, ...]
+
+
+@progress.phase("choosing independent rows")
+def begin(
+    system: System,
+    numeric: NumericSystem,
+    state: State,
+    whole: tuple[System, NumericSystem] | None = None,
+    orbits: Sequence[Orbit] = (),
+) -> Begin:
+    """How a run begins from a consistent state. Raises `diagnostics.ModelError`, by name, where none can.
+
+    whole: the system with the hidden conditions of its rows, to whose surface the motion keeps; orbits: where motions
+    from the start were followed, which may keep to a place where rows are dependent.
+    """
+    if not system.rows.rows:
+        return Begin(numeric.selection)
+    rows = sample_points.rows(numeric, state)
+    found = rank.rank(rows)
+    if found.value == rows.count:
+        return Begin(numeric.selection)
+    if found.value is None:
+        raise _refusal(system, found)
+    whole = whole or (system, numeric)
+    conflict.require_lasting(*whole, state)
+    kept_to = _kept_to(numeric, found, orbits)
+    # Rows that are dependent at the start alone are looked at where the motion leads.
+    ahead = [] if kept_to else _ahead(whole[1], state)
+    along = {rank.rank(sample_points.rows(numeric, point)).low: point for point in reversed(ahead)}
+    count = max([found.value, *along])
+    there = along[count] if count > found.value else state
+    surface = codimension.examine(system, numeric, there)
+    if surface.kind == "deficient":
+        raise codimension.refusal(system, surface)
+    if surface.kind == "undecided":
+        raise rank_advice.undecided(system, numeric, there, surface)
+    around = [sample_points.rows(numeric, point) for point in kept_to or _around(*whole, there)]
+    if surface.kind == "singular" or max((rank.rank(each).low for each in around), default=0) > count:
+        raise _at_rest(system, found)
+    chosen = independent_rows.dependence(sample_points.rows(numeric, there), count, system.holonomic_count)
+    generic = (
+        independent_rows.over(each, chosen.kept).selection
+        for each in around
+        if rank.rank(each).value == count
+    )
+    return Begin(independent_rows.joined(chosen.selection, generic), count > found.value)
+
+
+def _kept_to(numeric: NumericSystem, found: rank.Rank, orbits: Sequence[Orbit]) -> list[State]:
+    """Places on the motions from the start where the rank of the rows is that of the start, which is less than beside
+    it; none where motions lead away from such a place, or where not all dependent rows were followed."""
+    own = {i for vector in found.dependences for i in rank.participants(vector)}
+    followed = [orbit for orbit in orbits if own & set(orbit.rows)]
+    if not own <= {i for orbit in followed for i in orbit.rows}:
+        return []
+    places = [state for orbit in followed for state in orbit.places]
+    return (
+        places
+        if all(rank.rank(sample_points.rows(numeric, each)).value == found.value for each in places)
+        else []
+    )
+
+
+def _around(system: System, numeric: NumericSystem, state: State) -> list[State]:
+    """Generic points of the surface around, later ones where time enters: at the start a weight may vanish."""
+    later = LATER * (system.model.simulation.duration or 1.0) if pattern.depends_on_time(system) else 0.0
+    return sample_points.along(numeric, state, list(range(system.holonomic_count)), later)[1:]
+
+
+def _ahead(numeric: NumericSystem, state: State) -> list[State]:
+    """Points of the surface a little ahead along the velocity, in time too; none where nothing moves."""
+    speed = float(np.abs(state.v).max(initial=0.0))
+    if speed == 0.0:
+        return []
+    found = []
+    for part in AHEAD:
+        tau = part * sample_points.size(state.q) / speed
+        later = dataclasses.replace(state, t=state.t + tau)
+        q = sample_points.surface(numeric, later).nearby(state.q + tau * state.v)
+        if q is not None and sample_points.is_finite(numeric, dataclasses.replace(later, q=q)):
+            found.append(dataclasses.replace(later, q=q))
+    return found
+
+
+def _at_rest(system: System, found: rank.Rank) -> diagnostics.ModelError:
+    """The error for a start at a singular configuration without a velocity that leads on."""
+    rows = sorted({i for vector in found.dependences for i in rank.participants(vector)})
+    names = initial.names_of(system, rows)
+    what = f"{names} are dependent" if len(rows) > 1 else f"the gradient of {names} vanishes"
+    message = (
+        f"the start is a singular configuration: {what} there and not nearby, and the initial velocities lead along"
+        " none of the branches that meet"
+    )
+    hint = "give velocities along one branch, or start a little aside"
+    at = system.rows.rows[rows[-1]].location
+    return diagnostics.ModelError([diagnostics.Diagnostic("singular-start", message, at, hint)])
+
+
+def _refusal(system: System, found: rank.Rank) -> diagnostics.ModelError:
+    return diagnostics.ModelError(
+        diagnostics.Diagnostic(
+            "dependent-constraints",
+            f"whether the rows {initial.names_of(system, rank.participants(null_vector))} are independent at the"
+            " start cannot be decided: no gap in their singular values decides",
+            system.rows.rows[rank.participants(null_vector)[-1]].location,
+            "move the start a little, or leave out a row that nearly follows from the others",
+        )
+        for null_vector in found.dependences
+    )
+
+
+def notes(system: System, chosen: Selection) -> tuple[str, ...]:
+    """Sentences on the multipliers that are not unique, circuit by circuit."""
+    told = [circuit for circuit in chosen.circuits if len(circuit) > 1]
+    if not told:
+        return ()
+    count = len(chosen.indeterminate)
+    shares = independent_rows.shares(
+        [[system.rows.rows[i].name for i in sorted(circuit)] for circuit in told]
+    )
+    return (
+        f"{count} multipliers are not unique ({'; '.join(shares)}): R and the motion are; of all lambda with the"
+        " same R those with the least sum of lambda_i^2 B_i M^-1 B_i^T are given",
+    )
+
+
+def passed(system: System, crossings: Sequence[Loss]) -> tuple[str, ...]:
+    """A sentence on the singular configurations that were passed."""
+    if not crossings:
+        return ()
+    first = crossings[0]
+    times = ", ".join(f"{crossing.t:.7g}" for crossing in crossings[:MOST_TOLD])
+    if len(crossings) > MOST_TOLD:
+        times += f" and {len(crossings) - MOST_TOLD} more"
+    names = initial.names_of(system, list(first.participants))
+    loss = (
+        f"the rows {names} lose {first.number} of their rank"
+        if len(first.participants) > 1
+        else f"the row {names} has no direction"
+    )
+    return (
+        f"passed singular configurations at t = {times}: there {loss}, a bifurcation of the motions that the"
+        " constraints allow. This motion and R go on smoothly; a multiplier may have a pole there, and at it no value"
+        " (nan)",
+    )

@@ -1,0 +1,146 @@
+"""All checks of a record, in the order in which they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lagcli.auditing import (
+    checks_motion,
+    checks_outputs,
+    checks_pointwise,
+    checks_steps,
+    hamilton,
+    momenta,
+    table_input,
+    uniqueness_text,
+)
+from lagcli.auditing.audit_report import Audit, Check, Law, judge
+from lagcli.auditing.autodiff import Array
+from lagcli.auditing.differences import Estimate
+from lagcli.auditing.laws import Laws, start
+from lagcli.auditing.table_input import Record
+from lagcli.auditing.tolerances import RESOLVED, Evidence, Tolerance
+from lagcli.model import model as nouns
+
+NUMBERS = Law("numbers", "", "every entry is a finite number")
+
+
+def audit(
+    model: nouns.Model,
+    columns: Sequence[str],
+    rows: Array,
+    tolerance: Tolerance,
+    notes: Sequence[str] = (),
+    unread: Sequence[str] = (),
+) -> Audit:
+    """The second opinion on a table, rows (T, len(columns)), of a model run to a tolerance.
+
+    unread: further columns of the table, which are not at hand.
+    Raises `record.TableError` where columns are missing or times do not increase.
+    """
+    laws = Laws(model, tolerance.jumps)
+    known = set(table_input.wanted(laws, columns))
+    unread = (*(name for name in columns if name not in known), *unread)
+    found = table_input.read(laws, columns, rows)
+    numbers = _numbers(laws, found)
+    checks = [numbers]
+    sentences: tuple[str, ...] = ()
+    figures: tuple[tuple[str, float], ...] = ()
+    if numbers.verdict != "fail":
+        with np.errstate(all="ignore"):
+            more, sentences, figures = _examined(Evidence(laws, found, tolerance), columns, rows)
+        checks += more
+    return Audit(
+        title=model.title,
+        path=model.path,
+        rows=len(found.t),
+        start=float(found.t[0]),
+        end=float(found.t[-1]),
+        rtol=tolerance.rtol,
+        atol=tolerance.atol,
+        checks=tuple(checks),
+        sentences=sentences,
+        notes=(*notes, *_elsewhere(model, found, tolerance)),
+        figures=figures,
+        unread=unread,
+    )
+
+
+def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns that an audit reads of those of a table. Raises `record.TableError` with what is missing."""
+    return table_input.wanted(Laws(model), columns)
+
+
+def _examined(
+    e: Evidence, columns: Sequence[str], rows: Array
+) -> tuple[list[Check], tuple[str, ...], tuple[tuple[str, float], ...]]:
+    stepped = checks_steps.steps(e)  # the first: what it finds hidden, no sum of rows holds
+    moved, found = checks_motion.Motion(e), checks_motion.energies(e)
+    stretches = hamilton.windows(e)
+    checks = [
+        *checks_pointwise.constraints(e),
+        stepped,
+        checks_motion.rates(e),
+        checks_motion.path(e),
+        moved.newton(),
+        checks_motion.impulse(e),
+        *checks_pointwise.reactions(e),
+        *checks_pointwise.demand(e),
+        *checks_pointwise.ideal(e),
+        *checks_pointwise.carried(e),
+        moved.dalembert(),
+        checks_motion.energy(e, found),
+        hamilton.hamilton(e, stretches),
+        momenta.momenta(e),
+    ]
+    acted = hamilton.action(e, stretches)
+    if acted is not None:
+        checks.insert(-1, acted)
+    checks.append(checks_outputs.columns(e, columns, rows, (found.E, found.E_moved)))
+    d = e.displacements
+    virtual = np.abs(d.virtual(e.record.R_q[e.looked_at]))[~d.is_singular]
+    figures = (
+        ("virtual_work", float(virtual.max(initial=0.0))),
+        ("work_of_constraints", _known(found.work, 1)),
+        ("work_of_all_that_changes_the_energy", _known(found.work, 0)),
+        ("energy_gained", float(found.E[-1] - found.E[0])),
+    )
+    return checks, uniqueness_text.sentences(e), figures
+
+
+def _known(work: Estimate, column: int) -> float:
+    """An integral over the whole run; no number where the rows are too far apart to know three digits of it."""
+    value, size = float(work.value[-1, column]), float(work.value[-1, 2])
+    return value if float(work.truncation[-1, column]) <= RESOLVED * size else np.nan
+
+
+def _numbers(laws: Laws, found: Record) -> Check:
+    """Entries that are no numbers; a multiplier may have none at a pole, which is judged with the others."""
+    names = table_input.names(laws)
+    parts = [(names.q, found.q), (names.v, found.v), (names.x, found.x), (names.u, found.u)]
+    parts += [(names.R_q, found.R_q), (names.R_x, found.R_x)]
+    columns = [name for part, _ in parts for name in part]
+    entries = np.concatenate([values for _, values in parts], axis=1)
+    infinite = np.isinf(found.lam)
+    entries = np.concatenate([entries, np.where(infinite, np.nan, 0.0)], axis=1)
+    residual = np.where(np.isfinite(entries), 0.0, np.nan)
+    return judge(NUMBERS, [*columns, *names.lam], found.t, residual, np.ones((1, 1)))
+
+
+def _elsewhere(model: nouns.Model, found: Record, tolerance: Tolerance) -> list[str]:
+    """A table that begins at another place than the model says is that of another run, or of another model."""
+    t, q, v = start(model)
+    if found.t[0] != t or model.simulation.assemble:
+        return []
+    apart = np.abs(np.concatenate([found.q[0] - q, found.v[0] - v]))
+    size = np.abs(np.concatenate([q, v])).max(initial=0.0)
+    if not (apart > 1e3 * tolerance.rtol * size + 1e3 * tolerance.atol).any():
+        return []
+    names = (*model.coordinate_names, *(f"the rate of {name}" for name in model.coordinate_names))
+    worst = int(np.argmax(apart))
+    return [
+        f"the table begins at another place than the model says ({names[worst]} is off by {apart[worst]:.3g}): it is of"
+        " another start, or of another model"
+    ]

@@ -1,0 +1,278 @@
+"""What the names of a model stand for at the rows of a table: arrays (T, K) on a tape."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from lagcli.auditing.autodiff import Array, Directions, Link, Node, Scalar, Tape
+from lagcli.auditing.autodiff_algebra import NumberAlgebra
+from lagcli.expression import evaluate, integers, tree
+from lagcli.model import model as nouns
+from lagcli.model.family import Roll, Whole
+
+Triple = tuple[Scalar, Scalar, Scalar]
+Reference = tree.Name | tree.Member | tree.Index
+ACCELERATIONS = ("a", "ax", "ay", "az")
+Results = Callable[[tree.Node, Mapping[str, Whole]], Any]  # what stands in outputs alone, with index vectors
+
+
+class Cast:
+    """Who is who in a model: particles and coordinates by number, their places among the coordinates, masses."""
+
+    def __init__(self, model: nouns.Model) -> None:
+        self.model = model
+        self.particles = Roll(p.members for p in model.particles)
+        self.coordinates = Roll(c.members for c in model.coordinates)
+        counts = [p.members.count for p in model.particles]
+        self.is_dependent = np.repeat(np.array([p.is_dependent for p in model.particles], dtype=bool), counts)
+        self.cartesian, self.dependent = np.flatnonzero(~self.is_dependent), np.flatnonzero(self.is_dependent)
+        # The place of a particle among those of its kind.
+        self.rank = (
+            np.where(self.is_dependent, np.cumsum(self.is_dependent), np.cumsum(~self.is_dependent)) - 1
+        )
+        self.first_generalized = 3 * self.cartesian.size
+        self.n = self.first_generalized + len(self.coordinates)
+        self.masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
+        self.definitions = {d.name: d.expression.tree for d in model.definitions}
+        self.parameters = {p.name: p.value for p in model.parameters}
+        self.constants = {"dt": 1.0, **model.constants}
+
+    def indices(self, node: tree.Index, variables: Mapping[str, Whole]) -> list[Any]:
+        """The values of the indices of a reference: numbers, or vectors (K,) of a family."""
+
+        def lookup(name: tree.Name) -> Any:
+            return variables[name.name] if name.name in variables else self.parameters[name.name]
+
+        return [integers.evaluate(index, lookup) for index in node.indices]
+
+
+class Scene:
+    """The model over rows of a table: t (T, 1), q and v (T, n).
+
+    free: positions and velocities (T, 3 Nd) of the dependent particles, which are then leaves of their own; else
+    they are evaluated from their expressions.
+    """
+
+    def __init__(
+        self, cast: Cast, t: Array, q: Array, v: Array, free: tuple[Array, Array] | None = None
+    ) -> None:
+        self.cast, self.rows = cast, q.shape[0]
+        data: dict[str, Array] = {"t": t, "q": q, "v": v}
+        motion: dict[str, Array] = {"t": np.ones_like(t), "q": v}
+        if free is not None:
+            data |= {"x": free[0], "u": free[1]}
+            motion["x"] = free[1]
+        self.tape = Tape(data, motion)
+        self._free = free is not None
+        self._positions: dict[int, tuple[Triple, Whole]] = {}
+        self._batch: Whole = np.full(len(cast.particles), -1, dtype=np.int64)
+        self._row: Whole = np.zeros(len(cast.particles), dtype=np.int64)
+        self._values: dict[str, Any] = {}
+        self._fill()
+
+    @property
+    def data(self) -> Directions:
+        """The arrays of each kind."""
+        return self.tape.data
+
+    def position(self, numbers: Whole) -> Triple:
+        """r of particles."""
+        return self._vector(numbers, rates=False)
+
+    def velocity(self, numbers: Whole) -> Triple:
+        """v of particles, of dependent ones the total time derivative of x(q, t) (D.27)."""
+        return self._vector(numbers, rates=True)
+
+    def generalized(self, numbers: Whole, rates: bool) -> Scalar:
+        """Generalized coordinates, or their rates."""
+        return self.tape.leaf("v" if rates else "q", self.cast.first_generalized + numbers)
+
+    def algebra(
+        self,
+        variables: Mapping[str, Whole] | None = None,
+        own: Mapping[str, Any] | None = None,
+        results: Results | None = None,
+    ) -> NumberAlgebra:
+        """An algebra with index vectors (K,) of a family, `m`, `r`, `v` of a particle, and results of the run."""
+        names = _Names(self, variables or {}, own or {}, results)
+        return NumberAlgebra(self.tape, names.atom, names.special)
+
+    def vector(self, vector: nouns.VectorExpression, algebra: NumberAlgebra) -> Triple:
+        """The components of a vector expression."""
+        if len(vector.parts) == 1:
+            return evaluate.vector(vector.parts[0].tree, algebra)
+        x, y, z = (evaluate.scalar(part.tree, algebra) for part in vector.parts)
+        return x, y, z
+
+    def definition(self, name: str) -> Any:
+        """The value of a definition."""
+        if name not in self._values:
+            self._values[name] = evaluate.evaluate(self.cast.definitions[name], self.algebra())
+        return self._values[name]
+
+    def wide(self, x: Scalar, count: int) -> Array:
+        """The numbers of a scalar, (T, count)."""
+        numbers = x.value if isinstance(x, Node) else np.asarray(x)
+        return np.broadcast_to(numbers, (self.rows, count))
+
+    def _fill(self) -> None:
+        """Definitions and positions in an order in which each finds what it uses, without recursion."""
+        for number, step in enumerate(self.cast.model.order):
+            if isinstance(step, str):
+                self.definition(step)
+                continue
+            particle = self.cast.model.particles[step.entry]
+            if self._free or not particle.is_dependent:
+                continue
+            numbers = step.places + self.cast.particles.first(step.entry)
+            algebra = self.algebra(particle.members.taken(step.places))
+            self._positions[number] = (self.vector(particle.position, algebra), numbers)
+            self._batch[numbers], self._row[numbers] = number, np.arange(numbers.size)
+
+    def _vector(self, numbers: Whole, rates: bool) -> Triple:
+        cast = self.cast
+        dependent = cast.is_dependent[numbers]
+        if not dependent.any() or (self._free and dependent.all()):
+            kind = ("v" if rates else "q") if not dependent.any() else ("u" if rates else "x")
+            first = 3 * cast.rank[numbers]
+            x, y, z = (self.tape.leaf(kind, first + axis) for axis in range(3))
+            return x, y, z
+        groups = np.where(dependent, -2 if self._free else self._batch[numbers], -1)
+        if np.unique(groups).size == 1:
+            return self._evaluated(int(groups[0]), numbers, rates)
+        parts: list[list[tuple[Scalar, slice | Whole]]] = [[], [], []]
+        for group in np.unique(groups):
+            places = np.flatnonzero(groups == group)
+            if group < 0:
+                found = self._vector(numbers[places], rates)
+            else:
+                found = self._evaluated(int(group), numbers[places], rates)
+            for axis in range(3):
+                parts[axis].append((found[axis], places))
+        x, y, z = (self._joined(part, numbers.size) for part in parts)
+        return x, y, z
+
+    def _evaluated(self, batch: int, numbers: Whole, rates: bool) -> Triple:
+        triple, members = self._positions[batch]
+        rows = self._row[numbers]
+        found = []
+        for part in triple:
+            scalar = self.tape.rate(part) if rates else part
+            same = rows.size == members.size and bool((rows == np.arange(rows.size)).all())
+            found.append(scalar if same else self._taken(scalar, rows))
+        return found[0], found[1], found[2]
+
+    def _taken(self, x: Scalar, rows: Whole) -> Scalar:
+        numbers = x.value if isinstance(x, Node) else np.asarray(x)
+        if numbers.ndim < 2 or numbers.shape[1] == 1:
+            return x
+        return (
+            self.tape.node(numbers[:, rows], (Link(x, 1.0, rows),))
+            if isinstance(x, Node)
+            else numbers[:, rows]
+        )
+
+    def _joined(self, parts: list[tuple[Scalar, Any]], count: int) -> Scalar:
+        """Scalars of several groups of members put together in the order asked for."""
+        pieces = [(x, self.wide(x, places.size)) for x, places in parts]
+        order = np.argsort(np.concatenate([places for _, places in parts]), kind="stable")
+        together = np.concatenate([piece for _, piece in pieces], axis=1)
+        links, start = [], 0
+        for x, piece in pieces:
+            if isinstance(x, Node):
+                column = np.zeros(piece.shape[1], dtype=np.int64)
+                taken = column if x.value.shape[1] == 1 else np.arange(piece.shape[1])
+                links.append(Link(x, 1.0, taken, slice(start, start + piece.shape[1])))
+            start += piece.shape[1]
+        joined = self.tape.node(together, links)
+        return self.tape.node(together[:, order], (Link(joined, 1.0, order),))
+
+
+class _Names:
+    """What the leaves of one expression stand for."""
+
+    def __init__(
+        self, scene: Scene, variables: Mapping[str, Whole], own: Mapping[str, Any], results: Results | None
+    ) -> None:
+        self._scene, self._cast, self._variables, self._own = scene, scene.cast, variables, own
+        self._results = results
+
+    def atom(self, node: Reference) -> Any:
+        cast = self._cast
+        if isinstance(node, tree.Name):
+            return self._named(node, node.name)
+        if node.owner in cast.particles and node.owner not in self._own:
+            return self._result(node) if node.member in ACCELERATIONS else self._particle(node)
+        if isinstance(node, tree.Index):
+            if node.owner in cast.coordinates:
+                return self._scene.generalized(self._numbers(node, cast.coordinates), rates=False)
+            found = self._result(node)
+            return evaluate.component(node, found, node.member, node.owner) if node.member else found
+        owner = self._named(tree.Name(node.start, node.end, node.owner), node.owner)
+        return evaluate.component(node, owner, node.member, node.owner)
+
+    def special(self, node: tree.Call, algebra: NumberAlgebra) -> Any:
+        argument, scene = node.arguments[0], self._scene
+        if node.function == "d":
+            found = evaluate.evaluate(argument, algebra)
+            return (
+                tuple(map(self._differential, found))
+                if isinstance(found, tuple)
+                else self._differential(found)
+            )
+        if node.function != "rate" or len(node.arguments) > 1:  # `rate(x, 2)` is a result of the run
+            return self._result(node)
+        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
+        owner = argument.name if isinstance(argument, tree.Name) else argument.owner
+        if owner in self._cast.coordinates:
+            return scene.generalized(self._numbers(argument, self._cast.coordinates), rates=True)
+        velocity = scene.velocity(self._numbers(argument, self._cast.particles))
+        member = "" if isinstance(argument, tree.Name) else argument.member
+        return velocity["xyz".index(member)] if member else velocity
+
+    def _result(self, node: tree.Node) -> Any:
+        assert self._results is not None, node
+        return self._results(node, self._variables)
+
+    def _differential(self, x: Scalar) -> Scalar:
+        return self._scene.tape.rate(x)
+
+    def _numbers(self, node: Reference, roll: Roll) -> Whole:
+        if not isinstance(node, tree.Index):
+            return roll.find(node.name if isinstance(node, tree.Name) else node.owner, ())
+
+        return roll.find(node.owner, self._cast.indices(node, self._variables))
+
+    def _particle(self, node: tree.Member | tree.Index) -> Any:
+        numbers = self._numbers(node, self._cast.particles)
+        if node.member.startswith("v"):
+            velocity = self._scene.velocity(numbers)
+            return velocity if node.member == "v" else velocity["xyz".index(node.member[1])]
+        position = self._scene.position(numbers)
+        return position["xyz".index(node.member)] if node.member else position
+
+    def _named(self, node: tree.Name, name: str) -> Any:
+        cast = self._cast
+        if name in self._variables:
+            return self._variables[name].astype(float)[None, :]
+        if name in self._own:
+            return self._own[name]
+        if name == "t":
+            return self._scene.tape.leaf("t", np.zeros(1, dtype=np.int64))
+        if name in cast.constants:
+            return np.full((1, 1), cast.constants[name])
+        if name in cast.parameters:
+            known = cast.parameters[name]
+            if isinstance(known, tuple):
+                return tuple(np.full((1, 1), part) for part in known)
+            return np.full((1, 1), float(known))
+        if name in cast.particles:
+            return self._scene.position(cast.particles.find(name, ()))
+        if name in cast.coordinates:
+            return self._scene.generalized(cast.coordinates.find(name, ()), rates=False)
+        if name in cast.definitions:
+            return self._scene.definition(name)
+        return self._result(node)

@@ -1,0 +1,199 @@
+"""`lagcli audit`: a second opinion on a run, told, drawn, or as JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import pathlib
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+from lagcli.api import pipeline
+from lagcli.auditing.table_input import TableError
+from lagcli.cli import console, exits, file_conflicts, json_output
+from lagcli.errors import diagnostics
+from lagcli.output import endings
+from lagcli.output.tables import read_table
+from lagcli.output.tables.sinks import MissingExtra
+
+if TYPE_CHECKING:
+    from lagcli.auditing.audit_report import Audit, Check, Place
+    from lagcli.model.model import Model
+
+SHOWN = 6  # names of a check that fails
+UNREAD = 12  # names of columns that no check looks at
+LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the command line asks for besides the settings of the run."""
+
+    table: str | None
+    plot: str | None
+    digits: bool
+    as_json: bool
+    quiet: bool
+    verbose: bool
+
+    def check(self, model: str) -> None:
+        """Refuse what cannot be done before anything is computed. Raises `exits.UsageError`, `exits.WriteError`."""
+        try:
+            if self.plot is not None:
+                endings.of(pathlib.Path(self.plot), endings.FIGURES)
+            if self.table is not None:
+                endings.of(pathlib.Path(self.table), endings.TABLES)
+        except endings.UnknownFormat as error:
+            raise exits.UsageError(str(error)) from None
+        if self.table is not None and not os.path.exists(self.table):
+            raise exits.UsageError(f"--run: there is no file {self.table}")
+        if self.plot is not None:
+            read = [file_conflicts.File("--run", self.table)] if self.table is not None else []
+            figure = file_conflicts.File("--plot", self.plot, is_written=True)
+            file_conflicts.require_separate(
+                (*file_conflicts.model(model), *read, figure, *file_conflicts.stdout())
+            )
+            exits.check_writable(self.plot)
+
+
+def run(model: Model, given: dict[str, Any], wishes: Wishes) -> None:
+    """Audit and tell. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before its end."""
+    found = _audited(model, given, wishes)
+    if wishes.plot is not None:
+        with exits.drawing(wishes.plot):
+            from lagcli.output.figures import audit_figure
+
+            audit_figure.draw(pathlib.Path(wishes.plot), found, model.units.time)
+    if wishes.as_json:
+        print(json_output.text(found.as_json()))
+    else:
+        _tell(found, wishes)
+    if not wishes.quiet:
+        exits.say_all(f"note: {note}" for note in found.notes)
+    if not found.passed:
+        raise exits.Exit(exits.INVALID)
+    if not found.complete:
+        raise exits.Exit(exits.STOPPED)
+
+
+def _audited(model: Model, given: dict[str, Any], wishes: Wishes) -> Audit:
+    """The audit. Raises `exits.UsageError` for a table that is none, or not of this model."""
+    try:
+        return pipeline.audit(model, wishes.table, wishes.digits, **given)
+    except OSError as error:
+        raise exits.UsageError(f"--run: cannot read {wishes.table}: {error.strerror}") from None
+    except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
+        raise exits.UsageError(f"--run: {error}") from None
+    except TableError as error:
+        raise exits.UsageError(f"--run {wishes.table}: {error}") from None
+    except ValueError as error:
+        raise exits.UsageError(str(error)) from None
+
+
+def _tell(found: Audit, wishes: Wishes) -> None:
+    """The report: a table of checks, what fails by name, and what the rows say about uniqueness."""
+    name = found.title or found.path
+    console.paragraph(
+        f"Audit of {name}: {found.rows} rows from t = {found.start:g} to {found.end:g},"
+        f" run to rtol {found.rtol:g}, atol {found.atol:g}",
+        "",
+    )
+    print(
+        "\n"
+        + "\n".join(diagnostics.printable(line) for line in _table_of(found.checks, wishes.verbose))
+        + "\n"
+    )
+    for check in found.checks:
+        if check.verdict == "fail":
+            head = (
+                f"{check.name} fails ({check.law}: {check.equation}):"
+                if check.law
+                else f"{check.name} fails:"
+            )
+            console.paragraph(head, "  ")
+            for place in check.failing[:SHOWN]:
+                console.paragraph(f"  {_fault(place)}", "    ")
+            if check.failures > SHOWN:
+                print(f"  and {check.failures - SHOWN} others")
+    for sentence in found.sentences:
+        console.paragraph(sentence[0].upper() + sentence[1:] + ".", "")
+    if found.figures:
+        console.paragraph(_work(dict(found.figures)), "")
+    if found.unread:
+        console.paragraph(_unread(found.unread), "")
+    console.paragraph(found.conclusion, "")
+
+
+def _work(figures: dict[str, float]) -> str:
+    real = figures["work_of_constraints"]
+    told = f"{real:.10g}" if math.isfinite(real) else "not known (the rows are too far apart)"
+    return (
+        f"Virtual work of R at most {figures['virtual_work']:.1e}; real work of R {told}, energy gained"
+        f" {figures['energy_gained']:.10g}."
+    )
+
+
+def _unread(names: tuple[str, ...]) -> str:
+    shown = ", ".join(names[:UNREAD]) + (f" and {len(names) - UNREAD} others" if len(names) > UNREAD else "")
+    return f"Columns that no check looks at: {shown}."
+
+
+def _fault(place: Place) -> str:
+    return f"{place.name} at t = {place.t:.9g}: {place.value:.3g}, the limit is {place.limit:.3g}"
+
+
+def _where(place: Place) -> str:
+    """The place of an entry; one over a window names its times itself."""
+    return place.name if " over t = " in place.name else f"{place.name}, t = {place.t:.6g}"
+
+
+def _table_of(checks: tuple[Check, ...], verbose: bool) -> list[str]:
+    """The lines of the table; on a narrow terminal laws are named by their numbers alone."""
+    lines = _wide_rows(checks)
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    if sum(widths) + 2 * (len(widths) - 1) > console.width():
+        lines = [
+            (line[0], law, *line[2:])
+            for line, law in zip(lines, ["law", *(c.law for c in checks)], strict=True)
+        ]
+        widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+        room = console.width() - sum(widths[:-1]) - 2 * (len(widths) - 1)
+        widths[-1] = max(LEAST_WHERE, min(widths[-1], room))
+    told = []
+    for number, line in enumerate(lines):
+        last = textwrap.wrap(line[-1], widths[-1], break_on_hyphens=False) or [""]
+        cells = [cell.ljust(width) for cell, width in zip(line[:-1], widths[:-1], strict=True)]
+        told.append("  ".join([*cells, last[0]]).rstrip())
+        told += [" " * (sum(widths[:-1]) + 2 * len(widths[:-1])) + part for part in last[1:]]
+        if number and checks[number - 1].note and (verbose or checks[number - 1].name == "momenta"):
+            for part in checks[number - 1].note.split("; "):
+                told += textwrap.wrap(
+                    part, console.width(), initial_indent="    ", subsequent_indent="      "
+                )
+    return told
+
+
+def _wide_rows(checks: tuple[Check, ...]) -> list[tuple[str, ...]]:
+    lines: list[tuple[str, ...]] = [("check", "equation", "worst", "limit", "verdict", "where")]
+    for check in checks:
+        law = f"{check.equation} ({check.law})" if check.law else check.equation
+        worst = check.worst
+        lines.append(
+            (
+                check.name,
+                law,
+                f"{worst.value:.1e}" if worst else "-",
+                f"{worst.limit:.1e}" if worst else "-",
+                _verdict(check),
+                _where(worst) if worst and worst.value else "-",
+            )
+        )
+    return lines
+
+
+def _verdict(check: Check) -> str:
+    """The verdict; of a check that is judged in part how much of it."""
+    if check.verdict != "partly judged" or check.fraction is None:
+        return check.verdict
+    return f"{max(1, math.floor(100 * check.fraction))} % judged"

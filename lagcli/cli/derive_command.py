@@ -1,0 +1,52 @@
+"""`lagcli derive`: the equations of motion of a model on standard output."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+
+from lagcli.api import pipeline
+from lagcli.cli import exits, json_output
+from lagcli.derivation import Derivation
+from lagcli.model.model import Model
+
+FORMATS = ("text", "latex", "markdown", "html", "json")
+# Text is at least and at most so wide on a terminal, and WIDTH where there is none.
+NARROW, WIDE, WIDTH = 60, 140, 100
+
+
+def require_format(chosen: str) -> str:
+    """The format. Raises `exits.UsageError` for one there is not."""
+    if chosen not in FORMATS:
+        raise exits.UsageError(f"--format {chosen}: the formats are {', '.join(FORMATS)}")
+    return chosen
+
+
+def derived(model: Model, solve: bool, everything: bool, values: str, limit: float) -> Derivation:
+    """The derivation. Raises `exits.UsageError` for values of parameters there are not, `ModelError`."""
+    names = [name.strip() for name in values.split(",") if name.strip()]
+    try:
+        return pipeline.derive(model, solve=solve, everything=everything, values=names, limit=limit)
+    except ValueError as error:
+        raise exits.UsageError(f"--values: {error}") from None
+
+
+def write(page: Derivation, chosen: str) -> None:
+    """Print it."""
+    match chosen:
+        case "latex":
+            print(page.latex())
+        case "markdown":
+            print(page.markdown())
+        case "html":
+            print(page.html())
+        case "json":
+            print(json_output.text(page.as_json()))
+        case _:
+            print(page.text(_width()))
+
+
+def _width() -> int:
+    if not sys.stdout.isatty():
+        return WIDTH
+    return min(WIDE, max(NARROW, shutil.get_terminal_size().columns - 1))

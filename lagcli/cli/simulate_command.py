@@ -1,0 +1,366 @@
+"""`lagcli simulate`: a run, its table, its figure and its account."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import os
+import pathlib
+import signal
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.api import pipeline
+from lagcli.cli import console, exits, file_conflicts, json_output, signals, table_output
+from lagcli.equations import rows as row_lengths
+from lagcli.model import settings
+from lagcli.model.model import Model, Simulation
+from lagcli.output import atomic_file, column_choice, endings, trajectory
+from lagcli.output.figures import decimate
+from lagcli.output.tables import row_file
+from lagcli.output.trajectory import Outcome, Stats, Stopped
+from lagcli.simulation import checkpoint, loop, step_tolerance
+from lagcli.simulation.global_error import error_estimate
+from lagcli.start import assembly_moves
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the command line asks for besides the settings of the run."""
+
+    output: str | None
+    plot: str | None
+    stats: str | None
+    columns: str | None
+    as_json: bool
+    quiet: bool
+    verbose: bool
+    checkpoint: str | None = None
+    resume: str | None = None
+    limit: float = settings.LIMIT
+    digits: bool = False
+
+    @property
+    def to_stdout(self) -> bool:
+        """Whether the table goes to standard output."""
+        return self.output == "-" or (self.output is None and self.plot is None)
+
+    @property
+    def file(self) -> str | None:
+        """The file of the table, if it goes to one."""
+        return None if self.output == "-" else self.output
+
+    def check(self, model: str) -> None:
+        """Refuse what cannot be written before anything is computed.
+
+        Raises `exits.UsageError`, and `exits.WriteError` for a folder that is missing or closed.
+        """
+        if self.digits and self.resume is not None:
+            raise exits.UsageError(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
+        try:
+            if self.file is not None:
+                endings.of(pathlib.Path(self.file), endings.TABLES)
+            if self.plot is not None:
+                endings.of(pathlib.Path(self.plot), endings.FIGURES)
+        except endings.UnknownFormat as error:
+            raise exits.UsageError(str(error)) from None
+        for option, name, instead in (
+            ("--stats", self.stats, "; --json prints the account"),
+            ("--checkpoint", self.checkpoint, ""),
+            ("--resume", self.resume, ""),
+        ):
+            if name == "-":
+                raise exits.UsageError(f"{option}: a file name is needed{instead}")
+        file_conflicts.require_separate(self._files(model), frozenset(("--checkpoint", "--resume")))
+        for file in self._files(model):
+            if file.is_written and file.number is None:
+                exits.check_writable(file.name)
+
+    def _files(self, model: str) -> Iterator[file_conflicts.File]:
+        """All files of the command, those that belong to others after them."""
+        yield from file_conflicts.model(model)
+        for option, name in (
+            ("--output", self.file),
+            ("--plot", self.plot),
+            ("--stats", self.stats),
+            ("--checkpoint", self.checkpoint),
+            ("--resume", self.resume),
+        ):
+            if name is not None:
+                yield file_conflicts.File(option, name, is_written=option != "--resume")
+        if self.file is not None and atomic_file.is_replaced(pathlib.Path(self.file)):
+            partial = os.fspath(atomic_file.partial_of(pathlib.Path(os.path.realpath(self.file))))
+            yield file_conflicts.File("--output", partial, is_written=True, is_derived=True)
+            if self.checkpoint is not None:
+                rows = os.fspath(row_file.path_of(pathlib.Path(os.path.realpath(self.file))))
+                yield file_conflicts.File("--output", rows, is_written=True, is_derived=True)
+        yield from file_conflicts.stdout()
+
+
+def ready(model: Model, chosen: Simulation, wishes: Wishes) -> pipeline.Running:
+    """The run, from its start or from a checkpoint. Raises `exits.UsageError`, `diagnostics.ModelError`."""
+    try:
+        return pipeline.running(model, chosen, wishes.resume, wishes.limit, wishes.digits, may_be_over=True)
+    except checkpoint.CheckpointError as error:
+        raise exits.UsageError(f"--resume {error}") from None
+    except FileNotFoundError:
+        raise exits.UsageError(f"--resume: there is no file {wishes.resume}") from None
+    except OSError as error:
+        raise exits.UsageError(f"--resume: cannot read {wishes.resume}: {error.strerror}") from None
+
+
+def run(ready: pipeline.Running, wishes: Wishes) -> None:
+    """Integrate and write. Raises `exits.Exit` with 3 where the run stopped before its end."""
+    picked = _picked(ready.columns, wishes, ready.by_name)
+    everything = (*ready.columns, *ready.by_name)
+    names = [everything[i] for i in picked]
+    first = table_output.before(ready, wishes.resume, wishes.file, names)
+    if first is None:
+        _require_rows_left(ready, wishes)
+        table_output.require_kept(ready, wishes.resume, wishes.file)
+    for warning in () if wishes.quiet else ready.warnings:
+        exits.say(warning.render())
+    _tell_start(ready, wishes, first)
+    kept = decimate.Thinned()
+    signals.leave()
+    outcome = dataclasses.replace(ready.outcome)  # of the rows that have been written
+    with signals.unwinding():
+        try:
+            with table_output.opened(ready, wishes.file, wishes.to_stdout, names) as written:
+                if wishes.checkpoint is not None:
+                    written.keep_checkpoints(wishes.checkpoint, names, ready.grid.step, first)
+                if first is not None:
+                    is_whole = wishes.plot is not None and names == list(ready.columns)
+                    written.begin(first, names, kept.add if is_whole else lambda block: None)
+                stopped = _write_rows(ready, wishes, picked, written, kept, outcome)
+        except signals.Interrupted as interrupt:
+            _account_of_interrupted(ready, wishes, outcome, interrupt)
+            raise
+        _write_account(wishes, ready.stats)
+        _draw(ready, wishes, kept)
+        signals.check()
+    if not wishes.quiet:
+        for note in ready.notes:
+            exits.say(f"note: {note}")
+        _tell_account(ready.stats, step_tolerance.sentence(ready.model.simulation), stopped is None)
+    if stopped is not None:
+        exits.say(f"lagcli: {stopped.stop.reason}")
+        raise exits.Exit(exits.STOPPED)
+
+
+def _require_rows_left(ready: pipeline.Running, wishes: Wishes) -> None:
+    try:
+        ready.require_rows_left()
+    except checkpoint.CheckpointError as error:
+        raise exits.UsageError(f"--resume {wishes.resume}: {error}") from None
+
+
+def _picked(names: tuple[str, ...], wishes: Wishes, by_name: tuple[str, ...] = ()) -> list[int]:
+    try:
+        if wishes.columns is None:
+            return list(range(len(names)))
+        return column_choice.select(names, wishes.columns, by_name)
+    except column_choice.UnknownColumn as error:
+        raise exits.UsageError(f"--columns: {error}") from None
+
+
+def _tell_start(ready: pipeline.Running, wishes: Wishes, first: table_output.Before | None) -> None:
+    if wishes.quiet:
+        return
+    if first is not None:
+        exits.say(f"note: {wishes.file} begins {first.sentence}")
+    elif lost := table_output.elsewhere(ready, wishes.resume):
+        exits.say(f"note: {lost}")
+    if ready.assembly is not None:
+        exits.say_all(assembly_moves.moves(ready.model, ready.assembly).lines(ready.model.units))
+    if ready.passed_over:
+        exits.say(
+            f"note: {ready.passed_over} rows are skipped: they are from before the state in {wishes.resume}"
+            " and were not asked for in the run before"
+        )
+    if wishes.verbose:
+        chosen = ready.model.simulation
+        exits.say(
+            f"compiled in {ready.stats.compile_seconds:.3f} s; {ready.grid.count} rows of"
+            f" {len(ready.columns)} columns from t = {ready.grid.start:g} to {ready.grid.end:g};"
+            f" {step_tolerance.sentence(chosen)}"
+        )
+
+
+def _write_rows(
+    ready: pipeline.Running,
+    wishes: Wishes,
+    picked: list[int],
+    written: table_output.Table,
+    kept: decimate.Thinned,
+    outcome: Outcome,
+) -> loop.Stopped | None:
+    """Pass the blocks on as they come; the reason if the run stopped before its end.
+
+    A checkpoint is taken when the rows before it have been written, so that they agree.
+    """
+    stopped: loop.Stopped | None = None
+    try:
+        with _progress(ready, wishes) as bar:
+            for block in _blocks(ready, bar):
+                point = ready.checkpoint() if wishes.checkpoint is not None else None
+                written.take(block, ready.taken(block, picked), point)
+                outcome.rows, outcome.t_end = ready.outcome.rows, ready.outcome.t_end
+                if wishes.plot is not None:
+                    kept.add(block)
+    except loop.Stopped as stop:
+        stopped = stop
+    except signals.Interrupted:
+        if written.t_end == ready.grid.end:
+            written.complete()
+        elif (partial := written.keep()) is not None:
+            exits.say(f"lagcli: interrupted; the complete rows are in {partial}")
+        raise
+    if stopped is None:
+        written.complete()
+    elif (partial := written.keep()) is not None:
+        signals.leave(f"lagcli: interrupted; the complete rows are in {partial}")
+        exits.say(f"lagcli: the complete rows are in {partial}")
+    return stopped
+
+
+def _blocks(ready: pipeline.Running, bar: console.Progress) -> Iterator[Floats]:
+    """The blocks of a run; an interrupt breaks off only what computes them."""
+    blocks = ready.blocks()
+    while True:
+        with signals.window():
+            bar.at(ready.t)
+            block = next(blocks, None)
+        if block is None:
+            return
+        yield block
+
+
+def _progress(ready: pipeline.Running, wishes: Wishes) -> contextlib.AbstractContextManager[console.Progress]:
+    # Rows and a bar on one terminal would overwrite each other.
+    silent = wishes.quiet or (wishes.to_stdout and sys.stdout.isatty())
+    return console.progress(ready.grid.start, ready.grid.end, silent)
+
+
+def _account_of_interrupted(
+    ready: pipeline.Running, wishes: Wishes, outcome: Outcome, interrupt: signals.Interrupted
+) -> None:
+    """The account of the rows that are kept of an interrupted run; what fails here does not hide the interrupt."""
+    outcome.stopped = ready.outcome.stopped
+    if outcome.stopped is None and outcome.t_end != ready.grid.end:
+        outcome.stopped = Stopped(
+            ready.t, f"interrupted by {signal.Signals(interrupt.number).name}", trajectory.INTERRUPTED
+        )
+    account = dataclasses.replace(
+        ready.stats, stopped=outcome.stopped, rows=outcome.rows, t_end=outcome.t_end
+    )
+    try:
+        _write_account(wishes, account)
+    except exits.WriteError as error:
+        exits.say(f"lagcli: {error}")
+    except signals.Interrupted:
+        pass  # a later signal; the caller raises the first
+
+
+def _write_account(wishes: Wishes, stats: Stats) -> None:
+    """What `--stats` and `--json` ask for. A signal waits for it, but not long for a reader who takes nothing."""
+    account = stats.as_json()
+    with signals.shielded(signals.PATIENCE):
+        if wishes.stats is not None:
+            with exits.writing(wishes.stats):
+                _write_json(wishes.stats, account)
+        if wishes.as_json and not wishes.to_stdout:
+            print(json_output.text(account), flush=True)
+
+
+def _draw(ready: pipeline.Running, wishes: Wishes, kept: decimate.Thinned) -> None:
+    """The figure, where one is asked for."""
+    rows = kept.rows()
+    if wishes.plot is not None and len(rows):
+        # matplotlib takes a third of a second to load: only where a figure is asked for.
+        from lagcli.output.figures import panels
+
+        names, drawn = _drawn(ready.columns, rows, wishes, ready.by_name)
+        title = ready.model.title or pathlib.Path(ready.model.path).stem
+        with exits.drawing(wishes.plot):
+            from lagcli.output.figures import figure
+
+            figure.draw(
+                pathlib.Path(wishes.plot),
+                names,
+                drawn,
+                title=title,
+                units=ready.model.units,
+                facts=panels.Facts(
+                    ready.stats.indeterminate,
+                    _zeros(ready, rows),
+                    row_lengths.lengths(ready.model),
+                    len(names) < len(ready.columns),
+                ),
+            )
+
+
+def _drawn(
+    names: tuple[str, ...], rows: Floats, wishes: Wishes, by_name: tuple[str, ...]
+) -> tuple[tuple[str, ...], Floats]:
+    """The columns of the figure: those of multipliers and reactions that `--columns` names, all where it names none."""
+    if wishes.columns is None:
+        return names, rows
+    everything = (*names, *by_name)
+    chosen = [everything[i] for i in _picked(names, wishes, by_name)]
+    # A reaction of a particle is drawn with all its components.
+    groups = {
+        name.removesuffix(f".{name[-1]}") for name in chosen if name.startswith("R.") and name[-2] == "."
+    }
+    kept = [
+        i
+        for i, name in enumerate(names)
+        if name in chosen or (name.startswith("R.") and name.rpartition(".")[0] in groups)
+    ]
+    kept = [i for i in kept if names[i].startswith(("lambda.", "R."))]
+    if not kept:
+        if not wishes.quiet:
+            exits.say("note: --columns names no multiplier and no reaction; the figure shows all of them")
+        return names, rows
+    kept = [names.index("t"), *kept]
+    return tuple(names[i] for i in kept), rows[:, kept]
+
+
+def _zeros(ready: pipeline.Running, rows: Floats) -> list[str]:
+    """The columns that are zero to rounding."""
+    floors = ready.floors()
+    floors.take(rows)
+    return [name for name, is_zero in zip(ready.columns, floors.zeros(), strict=True) if is_zero]
+
+
+def _write_json(path: str, value: dict[str, Any]) -> None:
+    file = atomic_file.Aside(pathlib.Path(path))
+    try:
+        text = json.dumps(value, indent=2, allow_nan=False)
+        file.path.write_text(text + "\n", encoding="utf-8")
+    except BaseException:
+        file.discard()
+        raise
+    file.commit()
+
+
+def _tell_account(stats: Stats, held_to: str, complete: bool) -> None:
+    head = "done" if complete else "stopped"
+    balance = "not known: the power of rows or forces oscillates too often within a step"
+    if stats.energy_imbalance is not None:
+        balance = f"to {stats.energy_imbalance:.1e} of the energy exchanged"
+    exits.say(
+        f"{head}: {stats.steps} steps ({stats.rejected} rejected) of {stats.method} in {stats.solve_seconds:.3g} s,"
+        f" {held_to};"
+        f" drift {stats.position_drift:.1e} in position, {stats.velocity_drift:.1e} in velocity;"
+        f" energy balance {balance}"
+    )
+    if stats.accuracy is not None and stats.accuracy.sentence:
+        exits.say(f"digits: {stats.accuracy.sentence}")

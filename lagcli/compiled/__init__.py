@@ -1,0 +1,12 @@
+"""The system to numeric functions: the only way from symbols to numbers.
+
+In: `system.System`
+Out: `numeric.NumericSystem`: CasADi functions of t, q, v and parameters
+
+`numeric` offers them, made of the expressions in `parts`: `expanded` where the factorization is small enough to be
+written out, `factored` where it is not, `output_row` for the rows of a table, `selection` for independent rows.
+"""
+
+from lagcli.compiled.numeric import NumericSystem
+
+__all__ = ["NumericSystem"]

@@ -1,0 +1,88 @@
+"""The functions of a system with their factorizations expanded into the graph: the fastest way while S is small."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from lagcli.compiled import parts as shared
+from lagcli.compiled import solvers
+from lagcli.compiled.parts import Parts
+
+
+class Expanded:
+    """rhs, position and landing of one system, as functions of (t, y, p)."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    @cached_property
+    def rhs(self) -> Any:
+        """rhs(t, y, p) -> y'."""
+        a, lam = _acceleration(self._parts, self._parts.inertia, self._schur)
+        return ca.Function("rhs", self._parts.inputs, [shared.state_rate(self._parts, a, lam)])
+
+    @cached_property
+    def stage(self) -> Any:
+        """stage(t, y, p) -> y', and `parts.nearness`."""
+        parts = self._parts
+        a, lam = _acceleration(parts, parts.inertia, self._schur)
+        outputs = [shared.state_rate(parts, a, lam), shared.nearness(parts, self._watched[1])]
+        return ca.Function("stage", parts.inputs, outputs)
+
+    @cached_property
+    def position(self) -> Any:
+        """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T.
+
+        That is towards the nearest point in the mass-weighted norm.
+        """
+        parts = self._parts
+        y, n = parts.y, parts.v.numel()
+        if parts.held.numel() == 0:
+            return ca.Function("position", parts.inputs, [y])
+        schur = self._schur if parts.S_held is parts.S else solvers.solver(parts.S_held)
+        q = y[:n] - parts.inertia(parts.B_held.T @ schur(parts.held))
+        return ca.Function("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
+
+    @cached_property
+    def landing(self) -> Any:
+        """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, `outcome`, `sizes`.
+
+        One factorization serves all, unless M depends on the velocity that is projected.
+        """
+        parts, inertia, schur = self._parts, self._parts.inertia, self._schur
+        y, v, n = parts.y, parts.v, parts.v.numel()
+        if parts.selection.kept:
+            v = v - inertia(parts.B_kept.T @ schur(parts.B_kept @ v + parts.b_kept))
+        v = ca.densify(v)
+        there = parts.moving(v)
+        if ca.depends_on(parts.M, parts.v):
+            there = dataclasses.replace(there, M=ca.substitute(parts.M, parts.v, v))
+            inertia, schur = there.inertia, solvers.solver(there.S)
+        a, lam = _acceleration(there, inertia, schur)
+        landed = ca.densify(ca.vertcat(y[:n], v, y[2 * n]))
+        sizes = shared.sizes(parts, v, there.h, there.M)
+        outcome = shared.outcome(parts, self._watched[1], v, sizes)
+        outputs = [landed, shared.state_rate(there, a, lam), lam, outcome, sizes.packed]
+        return ca.Function("landing", parts.inputs, outputs)
+
+    @cached_property
+    def _watched(self) -> tuple[solvers.Solve, Any]:
+        """r -> S^-1 r, and the clearance of S."""
+        return solvers.watched(self._parts.S)
+
+    @property
+    def _schur(self) -> solvers.Solve:
+        return self._watched[0]
+
+
+def _acceleration(parts: Parts, inertia: solvers.Solve, schur: solvers.Solve) -> tuple[Any, Any]:
+    """a and lambda of (D.24), with M^-1 and S^-1 as solvers."""
+    free = inertia(parts.h)
+    if not parts.selection.kept:
+        return free, ca.SX(0, 1)
+    lam = ca.densify(schur(parts.gamma_kept - parts.B_kept @ free))
+    return inertia(parts.h + parts.reaction(lam)), lam

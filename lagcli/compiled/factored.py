@@ -1,0 +1,104 @@
+"""The functions of a system with S factored numerically at each call: for systems whose expanded factors would be
+too large to build.
+
+Each function is a short chain: an expanded part that gives B, M^-1 B^T and a right-hand side, their product S, a
+solve node, an expanded part that uses the solution. Written out, S of a large body would have millions of operations.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lagcli.compiled import parts as shared
+from lagcli.compiled.parts import Parts
+
+SOLVER = "ldl"
+SEED = 20063
+
+
+class Factored:
+    """rhs, position and landing of one system, as functions of (t, y, p)."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    @cached_property
+    def rhs(self) -> Any:
+        """rhs(t, y, p) -> y'."""
+        inputs = self._inputs()
+        rate, _ = self._acceleration(*inputs)
+        return ca.Function("rhs", inputs, [rate])
+
+    @cached_property
+    def position(self) -> Any:
+        """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T."""
+        parts = self._parts
+        y, n = parts.y, parts.v.numel()
+        if parts.held.numel() == 0:
+            return ca.Function("position", parts.inputs, [y])
+        mu = ca.SX.sym("mu", parts.held.numel())
+        factors = parts.B_held, parts.inertia(parts.B_held.T)
+        before = ca.Function("before", parts.inputs, [*factors, parts.held])
+        moved = ca.densify(ca.vertcat(y[:n] - parts.inertia(parts.B_held.T @ mu), y[n:]))
+        after = ca.Function("after", [*parts.inputs, mu], [moved])
+        inputs = self._inputs()
+        return ca.Function("position", inputs, [after(*inputs, _solved(before, inputs))])
+
+    @cached_property
+    def landing(self) -> Any:
+        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, `outcome` and `sizes`.
+
+        The clearance is that of S with a unit diagonal, the least eigenvalue but for a factor that changes little:
+        1 / |S^-1 z| of a fixed z of length one.
+        """
+        parts = self._parts
+        y, v, n = parts.y, parts.v, parts.v.numel()
+        mu, x = (ca.SX.sym(name, len(parts.selection.kept)) for name in ("mu", "x"))
+        z = np.random.default_rng(SEED).standard_normal(mu.numel())
+        lengths = ca.sqrt(ca.diag(parts.S))
+        off = ca.densify(parts.B_kept @ v + parts.b_kept)
+        rights = ca.horzcat(off, lengths * (z / np.linalg.norm(z)))
+        before = ca.Function("before", parts.inputs, [*self._factors, rights])
+        landed = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B_kept.T @ mu), y[2 * n]))
+        after = ca.Function("after", [*parts.inputs, mu], [landed])
+        sizes = shared.sizes(parts, v, parts.h, parts.M)
+        outcome = shared.outcome(parts, 1 / ca.norm_2(lengths * x), v, sizes)
+        told = ca.Function("outcome", [*parts.inputs, x], [outcome, sizes.packed])
+        t, _, p = inputs = self._inputs()
+        found = _solved(before, inputs)
+        there = after(*inputs, found[:, 0])
+        rate, lam = self._acceleration(t, there, p)
+        return ca.Function("landing", inputs, [there, rate, lam, *told(t, there, p, found[:, 1])])
+
+    @cached_property
+    def _acceleration(self) -> Any:
+        """(t, y, p) -> y' and lambda of (D.24)."""
+        parts = self._parts
+        free = parts.inertia(parts.h)
+        right = ca.densify(parts.gamma_kept - parts.B_kept @ free)
+        before = ca.Function("before", parts.inputs, [*self._factors, right])
+        lam = ca.SX.sym("lam", len(parts.selection.kept))
+        a = parts.inertia(parts.h + parts.reaction(lam))
+        after = ca.Function("after", [*parts.inputs, lam], [shared.state_rate(parts, a, lam)])
+        inputs = self._inputs()
+        found = _solved(before, inputs)
+        return ca.Function("acceleration", inputs, [after(*inputs, found), found])
+
+    @cached_property
+    def _factors(self) -> tuple[Any, Any]:
+        """B and M^-1 B^T of the independent rows, whose product is S."""
+        B = self._parts.B_kept
+        return B, self._parts.inertia(B.T)
+
+    def _inputs(self) -> list[Any]:
+        return [ca.MX.sym(name, x.numel()) for name, x in zip("typ", self._parts.inputs, strict=True)]
+
+
+def _solved(before: Any, inputs: list[Any]) -> Any:
+    """The solution x of S x = r for B, M^-1 B^T and r that `before` gives."""
+    B, other, r = before(*inputs)
+    return ca.solve(ca.mtimes(B, other), r, SOLVER)

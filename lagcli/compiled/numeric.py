@@ -1,0 +1,174 @@
+"""System -> numeric functions: the only staircase from symbols to numbers.
+
+Everything the integrator and the counter need is a CasADi function of (t, state, parameters), so that another
+value of a parameter costs no build. The state is y = (q, v, W), shape (2n + 1,), with W the work of all that
+may change the Jacobi energy; it certifies the run and does not steer it.
+
+lambda at an instant, from (D.24) with the rows differentiated once:
+
+    S lambda = gamma - B M^-1 h,    S = B M^-1 B^T,    a = M^-1 (h + B^T lambda)
+
+S and M are factored as L D L^T with their sparsity: S by expanded graphs while those are small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from lagcli.compiled import output_row, solvers
+from lagcli.compiled import parts as shared
+from lagcli.compiled.expanded import Expanded
+from lagcli.compiled.factored import Factored
+from lagcli.compiled.selection import Selection
+from lagcli.equations.level_functions import Chart
+from lagcli.equations.system import System
+
+# Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
+# so that two quadratic steps reach rounding.
+NEWTON_STEPS = 2
+
+# Up to this many multiplications the factorization of S is written out in the graph. Beyond, the graph takes
+# longer to build than a run takes, and a numeric factorization is no slower.
+EXPANDED_OPERATIONS = 3e5
+
+# How far integrals may move a landing state, weighed against its residual: of a state that lands where 1e-9 of its
+# size is left, by a hundredth of its size.
+THROWN = 1e-7
+
+
+class NumericSystem:
+    """Compiled functions of one system, each built when it is first asked for: a count needs no step."""
+
+    def __init__(self, system: System, parts: shared.Parts | None = None) -> None:
+        self._system = system
+        self._parts = parts or shared.parts(system)
+        self.n: int = system.symbols.q.numel()
+
+    def holding(self, charts: Sequence[Chart]) -> NumericSystem:
+        """The same with first integrals held in these charts; its p goes on with the two constants of each."""
+        return NumericSystem(self._system, self._parts.holding(charts))
+
+    @property
+    def has_time(self) -> bool:
+        """Whether t occurs in what moves the system. Where it does not, the motion from a start is the same at any
+        time."""
+        return self._parts.has_time
+
+    @property
+    def selection(self) -> Selection:
+        """The independent rows that the system is stepped with."""
+        return self._parts.selection
+
+    def keeping(self, selection: Selection) -> NumericSystem:
+        """The same stepped with these independent rows."""
+        return NumericSystem(self._system, self._parts.keeping(selection))
+
+    @cached_property
+    def _way(self) -> Expanded | Factored:
+        parts = self._parts
+        largest = max(map(solvers.operations, (parts.S, parts.S_held) if parts.g.numel() else (parts.S,)))
+        return Expanded(parts) if largest <= EXPANDED_OPERATIONS else Factored(parts)
+
+    @property
+    def rhs(self) -> Any:
+        """rhs(t, y, p) -> y' (2n + 1,)."""
+        return self._way.rhs
+
+    @property
+    def stage(self) -> Any | None:
+        """stage(t, y, p) -> y' (2n + 1,), and `parts.nearness` (2,): the clearance of the rows, and the least.
+
+        None where S is factored numerically: another solution at each stage would cost too much.
+        """
+        return self._way.stage if isinstance(self._way, Expanded) else None
+
+    @cached_property
+    def land(self) -> Any:
+        """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, an outcome of four, and `parts.Sizes.packed`.
+
+        The outcome is `parts.outcome` (residual, clearance, least) and the sum of y', finite only where all of y' is.
+        A state that g = 0 threw far off counts as not landed: it is on another branch.
+        """
+        t, y, p = inputs = _inputs(self._way.landing)
+        landed, rate, _, outcome, sizes = self._way.landing(t, self._projected(t, y, p), p)
+        residual = outcome[0]
+        if self._parts.g.numel():
+            thrown = ca.mmax(ca.fabs((landed - y)[: self.n] / sizes[: self.n]))
+            residual += THROWN * thrown / (sizes[self.n] + shared.TINY)
+        outcome = ca.vertcat(residual, outcome[1:], ca.sum1(rate))
+        return ca.Function("land", inputs, [landed, rate, ca.densify(outcome), sizes])
+
+    @cached_property
+    def record(self) -> Any:
+        """record(t, y, p) -> y projected, one row of the table without t, and the figures of the account.
+
+        These are position drift, velocity drift, Jacobi energy and its part without velocities.
+        """
+        t, y, p = inputs = _inputs(self._way.landing)
+        landed, rate, lam, _, _ = self._way.landing(t, self._projected(t, y, p), p)
+        lam = self._parts.multipliers(t, landed, p, lam)
+        row, account = output_row.table(self._system, self._parts)(t, landed, rate, lam, p)
+        return ca.Function("record", inputs, [landed, row, account])
+
+    @cached_property
+    def whole(self) -> Any:
+        """whole(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
+        symbols = self._system.symbols
+        outputs = [self._parts.f, self._parts.B_whole]
+        return ca.Function("whole", [symbols.t, symbols.q, self._system.p], outputs)
+
+    @cached_property
+    def hessian(self) -> Any:
+        """hessian(t, q, omega, p) -> (n, n), the second derivatives of omega . f by q; omega (s,)."""
+        symbols = self._system.symbols
+        omega = ca.SX.sym("omega", self._parts.f.numel())
+        second = ca.hessian(ca.dot(omega, self._parts.f), symbols.q)[0]
+        return ca.Function("hessian", [symbols.t, symbols.q, omega, self._system.p], [second])
+
+    @cached_property
+    def rows(self) -> Any:
+        """rows(t, q, v, p) -> B (C, n), b (C,)."""
+        return ca.Function("rows", self._inputs, [self._parts.B, self._parts.b])
+
+    @cached_property
+    def inertia(self) -> Any:
+        """inertia(t, q, v, p) -> M (n, n)."""
+        return ca.Function("inertia", self._inputs, [self._parts.M])
+
+    @cached_property
+    def sizes(self) -> Any:
+        """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
+        parts = self._parts
+        packed = shared.sizes(parts, parts.v, parts.h, parts.M).packed
+        q = parts.y[: self.n]
+        return ca.Function("sizes", [parts.t, q, parts.v, parts.p], [packed])
+
+    @property
+    def force(self) -> Any:
+        """force(t, q, v, p) -> h (n,), gamma (C,), power."""
+        return self._parts.force
+
+    @cached_property
+    def applied(self) -> Any:
+        """applied(t, q, v, p) -> Q_j (n,), the generalized forces of all that is declared under `forces` (D.30)."""
+        dynamics = self._system.dynamics
+        Q = dynamics.driving - ca.gradient(dynamics.potential, self._system.symbols.q)
+        return ca.Function("applied", self._inputs, [ca.densify(Q)])
+
+    @property
+    def _inputs(self) -> list[Any]:
+        symbols = self._system.symbols
+        return [symbols.t, symbols.q, symbols.v, self._system.p]
+
+    def _projected(self, t: Any, y: Any, p: Any) -> Any:
+        for _ in range(NEWTON_STEPS):
+            y = self._way.position(t, y, p)
+        return y
+
+
+def _inputs(function: Any) -> list[Any]:
+    return [ca.MX.sym(name, function.size1_in(i)) for i, name in enumerate("typ")]

@@ -1,0 +1,299 @@
+"""The expressions that all compiled functions are made of, with their common subexpressions shared."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lagcli.compiled import selection as choice
+from lagcli.compiled import solvers
+from lagcli.compiled.selection import Selection
+from lagcli.equations import system as mechanics
+from lagcli.equations.level_functions import Chart
+from lagcli.equations.system import System
+
+# Below this a norm is taken as zero where it divides; B has no row without entries.
+TINY = 1e-300
+# The rounding of t counts as this part of the errors that q may have.
+ROUNDED = 1e-6
+# Nodes of a graph in which common subexpressions are looked for.
+SHARED_NODES = 20_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Parts:
+    """The expressions of (D.24) with their common subexpressions shared, where the graph `is_small`.
+
+    cartesian: how many of q are components of Cartesian particles; they come first.
+    g (k,), dg (k, n): what is held at zero besides f, first integrals of differential rows less their values at
+    the start, and the gradient by q. They enter the projection of positions and nothing else.
+    selection: the independent rows among all C; lambda is that of these rows, unless said otherwise.
+    """
+
+    t: Any
+    y: Any
+    p: Any
+    v: Any
+    f: Any
+    B: Any
+    b: Any
+    gamma: Any
+    M: Any
+    h: Any
+    power: Any
+    is_small: bool
+    g: Any
+    dg: Any
+    selection: Selection
+    cartesian: int
+
+    @cached_property
+    def force(self) -> Any:
+        """force(t, q, v, p) -> h (n,), gamma (C,) and power, to be had at another velocity."""
+        q = self.y[: self.v.numel()]
+        return ca.Function("force", [self.t, q, self.v, self.p], [self.h, self.gamma, self.power])
+
+    def moving(self, v: Any) -> Parts:
+        """The same with another velocity, as far as it enters h, gamma and power; M stays."""
+        h, gamma, power = self.force(self.t, self.y[: v.numel()], v, self.p)
+        return dataclasses.replace(self, v=v, h=h, gamma=gamma, power=power)
+
+    def reaction(self, lam: Any) -> Any:
+        """B^T lambda, (n,)."""
+        return mechanics.reaction(self.B_kept, lam)
+
+    @cached_property
+    def has_time(self) -> bool:
+        """Whether t occurs in what moves the system: rows, integrals that are held, inertia, forces, power."""
+        entries = [self.B.nz[:], self.M.nz[:], self.dg.nz[:]]
+        rest = [self.f, self.b, self.gamma, self.h, self.power, self.g]
+        whole = ca.vertcat(*(ca.vec(each) for each in entries), *(ca.densify(each) for each in rest))
+        return bool(ca.depends_on(whole, self.t))
+
+    @property
+    def inputs(self) -> list[Any]:
+        """The arguments (t, y, p) of every function."""
+        return [self.t, self.y, self.p]
+
+    @cached_property
+    def inertia(self) -> solvers.Solve:
+        """h -> M^-1 h."""
+        return solvers.solver(self.M)
+
+    @cached_property
+    def S(self) -> Any:
+        """S = B M^-1 B^T of the independent rows."""
+        return self.B_kept @ self.inertia(self.B_kept.T)
+
+    @cached_property
+    def S_held(self) -> Any:
+        """The same for the rows of `B_held`, (s + k, s + k)."""
+        if self.g.numel():
+            return self.B_held @ self.inertia(self.B_held.T)
+        s = len(self._whole)
+        return self.S if s == len(self.selection.kept) else self.S[:s, :s]
+
+    @property
+    def B_whole(self) -> Any:
+        """The rows of B that belong to f."""
+        return self.B[: self.f.numel(), :]
+
+    @property
+    def _whole(self) -> list[int]:
+        """The independent rows that belong to f."""
+        return [i for i in self.selection.kept if i < self.f.numel()]
+
+    @cached_property
+    def B_kept(self) -> Any:
+        """The independent rows of B."""
+        return self._kept(self.B)
+
+    @cached_property
+    def b_kept(self) -> Any:
+        """b of the independent rows."""
+        return self._kept(self.b)
+
+    @cached_property
+    def gamma_kept(self) -> Any:
+        """gamma of the independent rows."""
+        return self._kept(self.gamma)
+
+    def _kept(self, rows: Any) -> Any:
+        return rows if self.selection.is_everything else rows[list(self.selection.kept), :]
+
+    @cached_property
+    def held(self) -> Any:
+        """Independent rows of f, and g: what the projection of positions brings to zero."""
+        f = self.f if self.selection.is_everything else self.f[self._whole]
+        return ca.vertcat(f, self.g) if self.g.numel() else f
+
+    @cached_property
+    def B_held(self) -> Any:
+        """Their gradients by q."""
+        B = self.B_whole if self.selection.is_everything else self.B[self._whole, :]
+        return ca.vertcat(B, self.dg) if self.g.numel() else B
+
+    def keeping(self, selection: Selection) -> Parts:
+        """The same stepped with other independent rows."""
+        return dataclasses.replace(self, selection=selection)
+
+    @cached_property
+    def multipliers(self) -> Any:
+        """multipliers(t, y, p, lambda) -> lambda of all rows, (C,)."""
+        lam = ca.SX.sym("lam", len(self.selection.kept))
+        if self.selection.is_everything:
+            return ca.Function("multipliers", [*self.inputs, lam], [lam])
+        B = self.B[list(self.selection.shared), :]
+        gram = ca.Function("gram", self.inputs, [B @ self.inertia(B.T)])
+        sizes = zip(("t", "y", "p", "lam"), (*self.inputs, lam), strict=True)
+        t, y, p, given = inputs = [ca.MX.sym(name, x.numel()) for name, x in sizes]
+        return ca.Function("multipliers", inputs, [choice.split(self.selection, gram(t, y, p), given)])
+
+    def holding(self, charts: Sequence[Chart]) -> Parts:
+        """The same with integrals held in these charts; p goes on with two constants for each, above and below.
+
+        With a, b the constants, above and below at the start over their hypotenuse, g = above b - below a; with
+        a period g = above - a less its whole periods.
+        """
+        c = ca.SX.sym("c", 2 * len(charts))
+        each = ca.vertsplit(c)
+        g = [_level(chart, a, b) for chart, a, b in zip(charts, each[::2], each[1::2], strict=True)]
+        levels = ca.densify(ca.vertcat(*g)) if g else ca.SX(0, 1)
+        dg = ca.jacobian(levels, self.y[: self.v.numel()])
+        return dataclasses.replace(self, p=ca.vertcat(self.p, c), g=levels, dg=dg)
+
+
+def parts(system: System) -> Parts:
+    """The shared expressions of a system."""
+    rows, dynamics = system.rows, system.dynamics
+    t, v = system.symbols.t, system.symbols.v
+    y = ca.vertcat(system.symbols.q, v, ca.SX.sym("W"))
+    B, M = rows.B, dynamics.M
+    expressions = [system.f, B.nz[:], rows.b, rows.gamma, M.nz[:], dynamics.h, dynamics.power]
+    # Shared here, before the factorizations, which are large and have nothing left to share. The search takes
+    # time that grows faster than the model, and large models repeat small parts that share nothing. Of matrices it
+    # sees the entries alone: the zeros would take memory and time by their number.
+    graph = ca.vertcat(ca.vec(B.nz[:]), rows.gamma, dynamics.h)
+    is_small = B.nnz() <= SHARED_NODES and int(ca.n_nodes(graph)) <= SHARED_NODES
+    if is_small:
+        expressions = ca.cse(expressions)
+    f, B_entries, b, gamma, M_entries, h, power = expressions
+    B, M = ca.SX(B.sparsity(), B_entries), ca.SX(M.sparsity(), M_entries)
+    nothing, no_rows = ca.SX(0, 1), ca.SX(0, v.numel())
+    everything = Selection(tuple(range(B.shape[0])))
+    cartesian = v.numel() - len(system.model.generalized_names)
+    equations = (f, B, b, gamma, M, h, power)
+    return Parts(t, y, system.p, v, *equations, is_small, nothing, no_rows, everything, cartesian)
+
+
+def _level(chart: Chart, a: Any, b: Any) -> Any:
+    if chart.period is None:
+        return chart.above * b - chart.below * a
+    turned = chart.above - a
+    return turned - chart.period * ca.floor(turned / chart.period + 0.5)
+
+
+def state_rate(parts: Parts, a: Any, lam: Any) -> Any:
+    """y' = (v, a, power - lambda . b)."""
+    return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b_kept)))
+
+
+def position_residual(parts: Parts) -> Any:
+    """Largest |f_i| / |B_i| of all rows, and |g_j| / |dg_j|, a length where q are lengths."""
+    f, B = _position_rows(parts)
+    return ca.mmax(ca.fabs(f) / _row_norms(B)) if f.numel() else ca.SX(0)
+
+
+def _position_rows(parts: Parts) -> tuple[Any, Any]:
+    """f and g, and their gradients."""
+    return (
+        (parts.f, parts.B_whole)
+        if not parts.g.numel()
+        else (
+            ca.vertcat(parts.f, parts.g),
+            ca.vertcat(parts.B_whole, parts.dg),
+        )
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Sizes:
+    """Sizes in which positions, velocities and accelerations are small or large, whatever the units.
+
+    units (n,): what one unit of the others means for each coordinate. Those of generalized coordinates are M_ii^(-1/2):
+    an angle of a long arm counts as much as the way of its end. All components of Cartesian particles have one, that
+    of the heaviest. q, v, a: the largest of |q_i|, |v_i| and |h_i| / M_ii in these units; a is there where forces
+    balance each other too.
+    """
+
+    units: Any
+    q: Any
+    v: Any
+    a: Any
+
+    @property
+    def packed(self) -> Any:
+        """One column (n + 3,): units, then q, v and a."""
+        return ca.densify(ca.vertcat(self.units, self.q, self.v, self.a))
+
+
+def sizes(parts: Parts, v: Any, h: Any, M: Any) -> Sizes:
+    """The sizes at a velocity, with h and M there."""
+    inertia = ca.fabs(ca.densify(ca.diag(M))) + TINY
+    heaviest = ca.mmax(inertia[: parts.cartesian]) if parts.cartesian else ca.SX(0, 1)
+    of_all = ca.vertcat(ca.repmat(heaviest, parts.cartesian, 1), inertia[parts.cartesian :])
+    units = 1 / ca.sqrt(of_all)
+    largest = [
+        ca.mmax(ca.fabs(x / units)) if x.numel() else ca.SX(0) for x in (parts.y[: v.numel()], v, h / inertia)
+    ]
+    return Sizes(units, *largest)
+
+
+def outcome(parts: Parts, clearance: Any, v: Any, sizes: Sizes) -> Any:
+    """(3,) at a velocity v: the larger of what is left of the rows, as a part of the size of q, and `departure`;
+    how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes with a row."""
+    f, B = _position_rows(parts)
+    left = ca.mmax(ca.fabs(f) / _row_norms(B, sizes.units)) / (sizes.q + TINY) if f.numel() else ca.SX(0)
+    residual = ca.fmax(left, _departure(parts, v, sizes))
+    return ca.densify(ca.vertcat(residual, nearness(parts, clearance)))
+
+
+def nearness(parts: Parts, clearance: Any) -> Any:
+    """(2,): the clearance, and the least diagonal entry of S."""
+    least = ca.mmin(ca.diag(parts.S)) if parts.selection.kept else 1.0
+    return ca.densify(ca.vertcat(clearance, least))
+
+
+def _departure(parts: Parts, v: Any, sizes: Sizes) -> Any:
+    """Largest B_i v + b_i of the rows left out, as a part of what v, q and t make in it: do they still follow?
+
+    Where b depends on q it has the errors of q even where nothing moves; t has rounding alone.
+    """
+    rest = [circuit[0] for circuit in parts.selection.circuits]
+    if not rest:
+        return ca.SX(0)
+    B, b = parts.B[rest, :], parts.b[rest]
+    slope, by_time = ca.jacobian(b, parts.y[: v.numel()]), ca.densify(ca.jacobian(b, parts.t))
+    whole = _row_norms(B, sizes.units) * (sizes.v + TINY) + ROUNDED * ca.fabs(by_time * parts.t)
+    if slope.nnz():
+        whole += _row_norms(slope, sizes.units) * sizes.q
+    return ca.mmax(ca.fabs(B @ v + b) / whole)
+
+
+def velocity_residual(parts: Parts) -> Any:
+    """Largest |B_i v + b_i| / |B_i|; of a row without a gradient, g dt = 0, |b_i|."""
+    if parts.B.shape[0] == 0:
+        return ca.SX(0)
+    empty = np.bincount(parts.B.sparsity().row(), minlength=parts.B.shape[0]) == 0
+    return ca.mmax(ca.fabs(parts.B @ parts.v + parts.b) / (_row_norms(parts.B) + ca.DM(empty.astype(float))))
+
+
+def _row_norms(B: Any, units: Any | None = None) -> Any:
+    if units is not None:
+        B = B @ ca.diag(units)
+    return ca.sqrt(ca.sum2(B * B)) + TINY

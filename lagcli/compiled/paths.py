@@ -1,0 +1,192 @@
+"""Steps along fields that satisfy rows, A dz = B dq + b dt = 0, and their derivatives, for many points at once.
+
+A point is z = (q of some coordinates, t); what is held besides is built in as numbers. The field alone is written
+out; a step of a Runge-Kutta scheme is a graph that calls it, so that its derivatives are short too.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations.system import System
+
+Floats = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Scheme = tuple[
+    Sequence[Sequence[float]], Sequence[float]
+]  # the stages' rows of coefficients, and the weights
+
+SHIFT = 1e-12  # of rows of length one
+MOST = 256  # points in one call
+OUTPUTS = {"rate": 1, "ahead": 1, "turned": 3}
+ROUGH: Scheme = (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))  # the classical one
+SHARED_NODES = 3000  # of a field in which common subexpressions are looked for
+WRITTEN_OUT = 3e4  # operations of a step that is written out too
+
+
+@dataclasses.dataclass(frozen=True)
+class Held:
+    """The configuration q (n,) and velocity (n,) that are held, the values of the parameters, and units (k + 1,)."""
+
+    q: Floats
+    v: Floats
+    p: Floats
+    scale: Floats
+
+
+def rows(system: System, chosen: Numbers, coordinates: Numbers, held: Held) -> tuple[Any, Any]:
+    """z (k + 1,) and A (c, k + 1) of the rows `chosen` (c,) as expressions in it; other coordinates are held.
+
+    z counts each coordinate and time in the units of `held.scale`.
+    """
+    symbols, p = system.symbols, system.p
+    z = ca.SX.sym("z", len(coordinates) + 1)
+    scale = ca.DM(held.scale)
+    at = z * scale
+    q = ca.SX(ca.DM(held.q))
+    q[coordinates.tolist()] = at[:-1]
+    B = system.rows.B[chosen.tolist(), coordinates.tolist()]
+    b = ca.SX(system.rows.b)[chosen.tolist()]
+    whole = ca.Function("rows", [symbols.t, symbols.q, symbols.v, p], [ca.sparsify(ca.horzcat(B, b))])
+    A = whole(at[-1], q, ca.DM(held.v), ca.DM(held.p))
+    return z, ca.mtimes(A, ca.diag(scale))
+
+
+def axes(z: Any, A: Any, led: Numbers, free: Numbers) -> Any:
+    """field(z, u) with u (m,) along the free coordinates and the led ones (r,) following, A (r, k + 1)."""
+    u = ca.SX.sym("u", len(free))
+    moved = ca.sparsify(ca.mtimes(A[:, free.tolist()], u))
+    follow = -ca.solve(ca.densify(A[:, led.tolist()]), ca.densify(moved))
+    # Where the free coordinates that move do not enter the rows nothing follows, be it at a pole.
+    asks = ca.logic_not(ca.sum1(ca.fabs(moved)) == 0)  # true of nan as well
+    rate = ca.SX.zeros(z.numel())
+    rate[free.tolist()] = u
+    rate[led.tolist()] = ca.if_else(asks, follow, 0)
+    return ca.Function("field", [z, u], [_short(rate)])
+
+
+def projected(z: Any, A: Any) -> Any:
+    """field(z, w): w (k + 1,) with its dq moved to the nearest that satisfies A dz = 0 for its dt."""
+    w = ca.SX.sym("w", z.numel())
+    dq, dt = w[:-1], w[-1]
+    B, b = A[:, :-1], A[:, -1]
+    lengths = ca.sqrt(ca.sum2(B * B))
+    unit = ca.if_else(lengths > 0, 1 / lengths, 1)
+    B, b = ca.mtimes(ca.diag(unit), B), unit * b
+    D, L, order = ca.ldl(ca.mtimes(B, B.T) + SHIFT * ca.SX.eye(B.shape[0]))
+    # Rows may depend on others; what the shift spoils the second pass mends.
+    for _ in range(2 if B.shape[0] else 0):
+        dq = dq - ca.mtimes(B.T, ca.ldl_solve(ca.mtimes(B, dq) + b * dt, D, L, order))
+    return ca.Function("field", [z, w], [_short(ca.densify(ca.vertcat(dq, dt)))])
+
+
+class Steps:
+    """Steps of a scheme along a field, for many points and controls."""
+
+    def __init__(self, field: Any, scheme: Scheme) -> None:
+        self._field, self._scheme = field, scheme
+        self._functions: dict[str, Any] = {}
+        self._mapped: dict[tuple[str, int], Any] = {}
+
+    def rate(self, Z: Floats, U: Floats) -> Floats:
+        """The field (N, k + 1) at points Z (N, k + 1) for controls U (N, m); not finite at a pole."""
+        return self._called("rate", Z, U)[0].reshape(Z.shape)
+
+    def ahead(self, Z: Floats, U: Floats, h: float) -> Floats:
+        """The points (N, k + 1) after a step h."""
+        return self._called("ahead", Z, U * h)[0].reshape(Z.shape)
+
+    def turned(self, Z: Floats, U: Floats, h: float) -> tuple[Floats, Floats, Floats]:
+        """After a rough step h (order 4) the points, and derivatives by Z (N, k + 1, k + 1) and U (N, k + 1, m)."""
+        count, size = Z.shape
+        ahead, by_z, by_u = self._called("turned", Z, U * h)
+        shapes = [(count, n, size) for n in (size, U.shape[1])]
+        J_z, J_u = (
+            np.swapaxes(x.reshape(shape), 1, 2) for x, shape in zip((by_z, by_u), shapes, strict=True)
+        )
+        return ahead.reshape(Z.shape), J_z, J_u * h
+
+    def _function(self, name: str) -> Any:
+        """The field, a step of length one, or a rough one with its derivatives.
+
+        The field is linear in its controls, so that the length of a step is that of its controls.
+        """
+        if name == "rate":
+            return self._field
+        z, u = inputs = [ca.MX.sym(x, self._field.size1_in(i)) for i, x in enumerate("zu")]
+        if name == "turned":
+            return self._turned(z, u)
+        stages: list[Any] = []
+        weights, last = self._scheme
+        for row in weights:
+            stages.append(self._field(z + _mix(row, stages) if stages else z, u))
+        ahead = ca.Function("ahead", inputs, [z + _mix(last, stages)])
+        is_short = self._field.n_instructions() * len(stages) < WRITTEN_OUT
+        return ahead.expand() if is_short else ahead
+
+    def _turned(self, z: Any, u: Any) -> Any:
+        """turned(z, u) -> the point after a rough step, and its derivatives by z and by u."""
+        symbols = [ca.SX.sym(x.name(), x.numel()) for x in (z, u)]
+        rate = self._field(*symbols)
+        outputs = [rate, *(ca.densify(ca.jacobian(rate, x)) for x in symbols)]
+        field = ca.Function("field", symbols, outputs)
+        weights, last = ROUGH
+        stages: list[tuple[Any, Any, Any]] = []
+        unit = ca.MX(ca.DM.eye(z.numel()))
+        for row in weights:
+            rates, turns, pushes = (
+                (list(each) for each in zip(*stages, strict=True)) if stages else ([], [], [])
+            )
+            k, J_z, J_u = field(z + _mix(row, rates), u)
+            turn = ca.mtimes(J_z, unit + _mix(row, turns)) if stages else J_z
+            push = ca.mtimes(J_z, _mix(row, pushes)) + J_u if stages else J_u
+            stages.append((k, turn, push))
+        rates, turns, pushes = (list(each) for each in zip(*stages, strict=True))
+        after = [z + _mix(last, rates), unit + _mix(last, turns), _mix(last, pushes)]
+        return ca.Function("turned", [z, u], [ca.densify(x) for x in after])
+
+    def _called(self, name: str, Z: Floats, U: Floats) -> list[Floats]:
+        if not len(Z):
+            return [np.zeros(0)] * OUTPUTS[name]
+        parts = [self._call(name, Z[i : i + MOST], U[i : i + MOST]) for i in range(0, len(Z), MOST)]
+        return [np.concatenate(each) for each in zip(*parts, strict=True)] if len(parts) > 1 else parts[0]
+
+    def _call(self, name: str, Z: Floats, U: Floats) -> list[Floats]:
+        """Outputs for up to `MOST` points, one after the other in one array each."""
+        count = len(Z)
+        many = 1 << (count - 1).bit_length()  # few sizes, each built once
+        known = self._mapped.get((name, many))
+        if known is None:
+            if name not in self._functions:
+                self._functions[name] = self._function(name)
+            function = self._functions[name]
+            mapped = function.map(many) if many > 1 else function
+            known = mapped, mapped.buffer()
+            self._mapped[name, many] = known
+        mapped, (buffer, run) = known
+        # The buffer holds addresses alone: the arrays must live until it has run.
+        arguments = [np.empty((many, X.shape[1])) for X in (Z, U)]
+        for argument, X in zip(arguments, (Z, U), strict=True):
+            argument[:count], argument[count:] = X, X[:1]
+        results = [np.empty(mapped.nnz_out(i)) for i in range(mapped.n_out())]
+        for i, argument in enumerate(arguments):
+            buffer.set_arg(i, argument.data)
+        for i, result in enumerate(results):
+            buffer.set_res(i, result.data)
+        run()
+        return [result[: result.size // many * count] for result in results]
+
+
+def _short(expression: Any) -> Any:
+    """The same with common subexpressions shared, where the search for them is quick."""
+    return ca.cse(expression) if ca.n_nodes(expression) <= SHARED_NODES else expression
+
+
+def _mix(weights: Sequence[float], stages: Sequence[Any]) -> Any:
+    return sum(a * stage for a, stage in zip(weights, stages, strict=True) if a)

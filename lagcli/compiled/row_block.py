@@ -1,0 +1,107 @@
+"""Constraint rows that belong together, and how they turn, as functions of numbers (D.3, D.6).
+
+The rows over (q, t) are A = [B | b], the first s of them df of holonomic rows, the others forms omega_i.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lagcli.compiled import program
+from lagcli.equations.system import System
+
+KINKS = {"fabs", "sign", "fmin", "fmax", "lt", "le", "eq", "ne", "if_else_zero"}
+
+
+class Block:
+    """The rows of a block over the variables x (N,) they touch or depend on, time last where it enters.
+
+    `holonomic` (s) and `differential` (m): indices of the rows of the system; columns: the coordinates in x; kinds
+    (N,): a number for each kind of variable, the Cartesian ones together.
+    Time is a variable where a row has a part without velocities or depends on t.
+    """
+
+    def __init__(self, system: System, rows: Sequence[int]) -> None:
+        s = system.holonomic_count
+        self.holonomic = tuple(i for i in rows if i < s)
+        self.differential = tuple(i for i in rows if i >= s)
+        order = [*self.holonomic, *self.differential]
+        symbols, whole = system.symbols, system.rows
+        B, b = whole.B[order, :], ca.SX(whole.b[order])
+        f = whole.f[list(self.holonomic)] if self.holonomic else ca.SX(0, 1)
+        entered = {s.element_hash() for s in ca.symvar(ca.vertcat(ca.vec(B.nz[:]), b, f))}
+        touched = np.zeros(symbols.q.numel(), dtype=bool)
+        touched[np.asarray(B.sparsity().get_col(), dtype=int)] = True
+        for k, symbol in enumerate(ca.vertsplit(symbols.q)):
+            touched[k] |= symbol.element_hash() in entered
+        self.columns = np.flatnonzero(touched)
+        moves = not all(b[i].is_zero() for i in range(b.numel()))
+        self.has_time = moves or symbols.t.element_hash() in entered
+        self.x = ca.vertcat(symbols.q[self.columns.tolist()], *([symbols.t] if self.has_time else []))
+        self.p, self._f = system.p, f
+        B = B[:, self.columns.tolist()]
+        self.A = ca.sparsify(ca.horzcat(B, b)) if self.has_time else B
+        self.size = int(self.x.numel())
+        lengths = symbols.q.numel() - len(system.model.generalized_names)
+        numbers = np.append(self.columns, [symbols.q.numel()] if self.has_time else []).astype(np.intp)
+        self.kinds = np.where(numbers < lengths, 0, numbers + 1)
+
+    @cached_property
+    def rows(self) -> Any:
+        """rows(x, p) -> A (s + m, N), f (s,)."""
+        return ca.Function("rows", [self.x, self.p], [self.A, ca.densify(self._f)])
+
+    @cached_property
+    def surface(self) -> Any:
+        """surface(x, p) -> f (s,)."""
+        return ca.Function("surface", [self.x, self.p], [ca.densify(self._f)])
+
+    @cached_property
+    def along(self) -> Any:
+        """along(x, p, Y) -> A Y, the rows along a field (s + m,)."""
+        x, p, Y, _ = self._arguments
+        return ca.Function("along", [x, p, Y], [ca.densify(ca.mtimes(self.A, Y))])
+
+    @cached_property
+    def curl(self) -> Any:
+        """curl(x, p, Y, Z) -> d omega_i(Y, Z) of the differential rows (m,)."""
+        one, other = self._turning
+        return ca.Function("curl", self._arguments, [ca.densify(ca.sum2(one) - ca.sum2(other))])
+
+    @cached_property
+    def sizes(self) -> Any:
+        """sizes(x, p, Y, Z) -> the sums of |terms| that d omega_i(Y, Z) is made of (m,)."""
+        one, other = self._turning
+        return ca.Function(
+            "sizes", self._arguments, [ca.densify(ca.sum2(ca.fabs(one)) + ca.sum2(ca.fabs(other)))]
+        )
+
+    @cached_property
+    def has_kinks(self) -> bool:
+        """Whether abs, sign, min or max change how the rows are to be computed from place to place."""
+        steps = (*program.written_out(self.along).steps, *program.written_out(self.curl).steps)
+        return any(name in KINKS for name, *_ in steps)
+
+    @cached_property
+    def _arguments(self) -> list[Any]:
+        return [self.x, self.p, ca.SX.sym("Y", self.size), ca.SX.sym("Z", self.size)]
+
+    @cached_property
+    def _turning(self) -> list[Any]:
+        """The terms of (J Y) . Z and (J Z) . Y, (m, N) each, with J the derivatives of the differential rows."""
+        *_, Y, Z = self._arguments
+        omega = self.A[len(self.holonomic) :, :]
+        entries, columns = (
+            ca.vec(omega.nz[:]),
+            np.asarray(omega.sparsity().get_col(), dtype=np.int64).tolist(),
+        )
+        found = []
+        for along, into in ((Y, Z), (Z, Y)):
+            change = ca.densify(ca.jtimes(entries, self.x, along)) * into[columns]
+            found.append(ca.SX(omega.sparsity(), change))
+        return found

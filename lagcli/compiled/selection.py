@@ -1,0 +1,136 @@
+"""Independent rows for a run, and the multipliers of all rows from those of the independent ones.
+
+Where rows are dependent, B^T lambda is unique and lambda is not (D.13 to D.22). Of all multipliers with the same
+B^T lambda those are given that make the sum of lambda_i^2 B_i M^-1 B_i^T smallest: lambda_i sqrt(B_i M^-1 B_i^T) does
+not change when a row is scaled, so that the split does not depend on how a row is written.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lagcli.compiled import solvers
+
+# A row that vanishes has no length to divide by; its multiplier is 0.
+TINY = 1e-300
+# Larger circuits are solved numerically: written out, their factors would take longer to build than a run takes.
+WRITTEN_OUT = 40
+SOLVER = "ldl"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Selection:
+    """The rows a run is stepped with, `kept`; circuits: each other row, followed by the kept rows it depends on."""
+
+    kept: tuple[int, ...]
+    circuits: tuple[tuple[int, ...], ...] = ()
+
+    @property
+    def count(self) -> int:
+        """All rows, C."""
+        return len(self.kept) + len(self.circuits)
+
+    @property
+    def is_everything(self) -> bool:
+        """Whether no row is left out."""
+        return not self.circuits
+
+    @property
+    def indeterminate(self) -> frozenset[int]:
+        """Rows whose multipliers are not unique: those that take part in a circuit, a row that vanishes in its own."""
+        return frozenset(self.shared)
+
+    @property
+    def shared(self) -> tuple[int, ...]:
+        """All rows of circuits, those that vanish too, in their order."""
+        return tuple(sorted({row for circuit in self.circuits for row in circuit}))
+
+    def groups(self) -> Iterator[tuple[list[int], list[int]]]:
+        """Rows left out and kept rows of circuits that share rows; a row that vanishes belongs to none."""
+        head: dict[int, int] = {}  # of each kept row, one that stands for all of its group
+
+        def top(row: int) -> int:
+            while head.setdefault(row, row) != row:
+                head[row] = head[head[row]]
+                row = head[row]
+            return row
+
+        for _, *support in self.circuits:
+            for row in support:
+                head[top(row)] = top(support[0])
+        found: dict[int, tuple[list[int], set[int]]] = {}
+        for first, *support in self.circuits:
+            if support:
+                rest, kept = found.setdefault(top(support[0]), ([], set()))
+                rest.append(first)
+                kept.update(support)
+        for rest, kept in found.values():
+            yield sorted(rest), sorted(kept)
+
+
+def split(selection: Selection, S: Any, lam: Any) -> Any:
+    """lambda of all rows (C,), from those of the kept rows.
+
+    S = B M^-1 B^T of the `shared` rows in their order; S and lambda are expressions.
+    """
+    among = {row: i for i, row in enumerate(selection.shared)}
+    place = {row: i for i, row in enumerate(selection.kept)}
+    supports = {circuit[0]: frozenset(circuit[1:]) for circuit in selection.circuits}
+    values: dict[int, Any] = {row: lam[i] for row, i in place.items()}
+    values |= dict.fromkeys(supports, 0.0)
+    for rest, kept in selection.groups():
+        here = [*rest, *kept]
+        pattern = np.array([[k in supports[i] for k in kept] for i in rest])
+        numbers = [among[row] for row in here]
+        way = _solved if max(pattern.shape) <= WRITTEN_OUT else _projected
+        shared = way(pattern, S[numbers, numbers], lam[[place[k] for k in kept]])
+        for number, row in enumerate(here):
+            values[row] = shared[number]
+    return ca.vertcat(*(values[row] for row in range(len(values))))
+
+
+def _solved(pattern: Any, S: Any, lam: Any) -> Any:
+    """S and lambda of the kept rows of one group -> lambda of all its rows, those left out first.
+
+    With B_rest = T B_kept and D the diagonal of S: lambda_kept + T^T lambda_rest is given, and the smallest sum has
+
+        (D_rest + T D_kept T^T) lambda_rest = T D_kept lambda_kept
+    """
+    k, r = pattern.shape
+    among, given = ca.SX.sym("S", k + r, k + r), ca.SX.sym("lam", r)
+    T = ca.vertcat(*(_weights(among, i, k, pattern[i]) for i in range(k)))
+    D = ca.diag(among)
+    TD = T * ca.repmat(D[k:].T, k, 1)
+    rest = solvers.solver(ca.diag(D[:k] + TINY) + TD @ T.T)(TD @ given)
+    shared = ca.Function("shared", [among, given], [ca.densify(ca.vertcat(rest, given - T.T @ rest))])
+    return shared(S, lam)
+
+
+def _projected(pattern: Any, S: Any, lam: Any) -> Any:
+    """The same of a larger group, without T.
+
+    In unit rows, mu_i = lambda_i D_i^(1/2) and G = D^(-1/2) S D^(-1/2), the shortest mu with the same B^T lambda is
+    the projection of any onto the range of G, which the columns of the kept rows span: G_K (G_K^T G_K)^-1 G_K^T mu.
+    """
+    k = pattern.shape[0]
+    lengths = ca.sqrt(ca.diag(S) + TINY)
+    unit = ca.diag(1 / lengths)
+    G = unit @ S @ unit
+    columns = G[:, k:]
+    weights = ca.solve(columns.T @ columns, G[k:, k:] @ (lengths[k:] * lam), SOLVER)
+    return ca.densify((columns @ weights) / lengths)
+
+
+def _weights(S: Any, i: int, k: int, support: Any) -> Any:
+    """Row i of T, (1, r): S_iK S_KK^-1 over the kept rows K that row i depends on."""
+    among = (np.flatnonzero(support) + k).tolist()
+    right = S[among, i]
+    found = solvers.solver(S[among, among])(right)
+    row = ca.SX(1, support.size)
+    row[0, (np.array(among) - k).tolist()] = found.T
+    return ca.densify(row)

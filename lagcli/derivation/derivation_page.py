@@ -1,0 +1,319 @@
+"""A derivation as a page: sections of numbered lines, in every format."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+from typing import Any
+
+from lagcli.derivation import formula as f
+from lagcli.derivation import render_latex, render_mathml, render_text
+from lagcli.derivation.symbolic_system import Symbolic
+
+WIDTH = 100
+# Sides wider than this do not push the others of their section to the right.
+WIDEST_LEFT = 22
+# No line is broken before so many characters.
+EARLY = 24
+# Characters of a formula after which LaTeX and MathML begin a new line.
+LONG = 90
+
+_STYLE = """
+body { font-family: Georgia, "Times New Roman", serif; color: #222; max-width: 62em;
+  margin: 2em auto; padding: 0 1em; }
+h1 { font-size: 1.5em; margin-bottom: .2em; } h2 { font-size: 1.1em; margin: 1.6em 0 .4em; }
+table { border-collapse: collapse; width: 100%; }
+td { padding: .35em .3em; vertical-align: middle; }
+td.left { text-align: right; white-space: nowrap; width: 12em; }
+td.number { text-align: right; color: #777; white-space: nowrap; }
+td.note { color: #555; font-style: italic; }
+math { font-size: 1.08em; } mover > mo { font-size: 1.5em; } .vector { font-weight: bold; }
+p.about { color: #555; margin: 0; }
+""".strip()
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Line:
+    """`sides` joined by equals signs, with the `number` of the equation of the text; or a `note` in words.
+
+    `number` is empty for what the text does not number. A line with sides may have a note too. `kind` and `family`
+    group lines of which only some are shown.
+    """
+
+    number: str = ""
+    sides: tuple[f.Node, ...] = ()
+    note: str = ""
+    kind: str = ""
+    family: str = ""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Section:
+    """Lines under a title."""
+
+    title: str
+    lines: tuple[Line, ...]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Derivation:
+    """The equations of motion of a model, to be read (`text`, `latex`, `markdown`, `html`), or to be worked with.
+
+    `system` holds them in SymPy symbols; `equations()` gives them as SymPy equations without abbreviations.
+    """
+
+    title: str
+    about: str
+    sections: tuple[Section, ...]
+    system: Symbolic
+
+    def __repr__(self) -> str:
+        lines = sum(len(section.lines) for section in self.sections)
+        return f"<Derivation {self.title[:60]!r}: {lines} lines in {len(self.sections)} sections; print it>"
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def equations(self) -> tuple[Any, ...]:
+        """M a = h + B^T lambda for each coordinate (D.23, D.53), in SymPy."""
+        import sympy
+
+        system = self.system
+        found = []
+        for i in range(len(system.q)):
+            left = sum((system.matrix(i, j) * a for j, a in enumerate(system.a)), sympy.Integer(0))
+            right = system.h[i] + sum(
+                (row.B[i] * lam for row, lam in zip(system.rows, system.lam, strict=True) if i in row.B),
+                sympy.Integer(0),
+            )
+            found.append(sympy.Eq(self._plain(left), self._plain(right), evaluate=False))
+        return tuple(found)
+
+    def constraints(self) -> tuple[Any, ...]:
+        """f = 0 of holonomic rows (D.2), B v + b = 0 of differential ones (D.4), in SymPy."""
+        import sympy
+
+        system = self.system
+        found = []
+        for row in system.rows:
+            value = row.f
+            if value is None:
+                value = row.b + sum((slope * system.v[i] for i, slope in row.B.items()), sympy.Integer(0))
+            found.append(sympy.Eq(self._plain(value), 0, evaluate=False))
+        return tuple(found)
+
+    def _plain(self, value: Any) -> Any:
+        return self.system.world.calculus.expanded(value)
+
+    def text(self, width: int = WIDTH) -> str:
+        """Unicode text in at most `width` columns where terms allow."""
+        parts = [self.title, self.about]
+        for section in self.sections:
+            parts += ["", section.title, *_text_section(section, width)]
+        return "\n".join(part.rstrip() for part in parts)
+
+    def latex(self) -> str:
+        """A LaTeX document that needs amsmath only."""
+        parts = [
+            r"\documentclass{article}",
+            r"\usepackage[utf8]{inputenc}",
+            r"\usepackage{amsmath}",
+            r"\usepackage[margin=2cm]{geometry}",
+            r"\begin{document}",
+            rf"\section*{{{render_latex.words(self.title)}}}",
+            render_latex.words(self.about),
+        ]
+        for section in self.sections:
+            parts.append(rf"\subsection*{{{render_latex.words(section.title)}}}")
+            for line in section.lines:
+                if line.sides:
+                    parts += [r"\begin{equation*}", _latex(line), r"\end{equation*}"]
+                if line.note:
+                    parts.append(render_latex.words(line.note) + r"\par")
+        return "\n".join([*parts, r"\end{document}"])
+
+    def markdown(self) -> str:
+        """Markdown with LaTeX between dollar signs."""
+        parts = [f"# {_escaped(self.title)}", "", _escaped(self.about)]
+        for section in self.sections:
+            parts += ["", f"## {_escaped(section.title)}"]
+            for line in section.lines:
+                if line.sides:
+                    parts += ["", "$$", _latex(line), "$$"]
+                if line.note:
+                    parts += ["", _escaped(line.note)]
+        return "\n".join(parts)
+
+    def html(self) -> str:
+        """One HTML page with MathML: it needs no network."""
+        parts = [
+            "<!DOCTYPE html>",
+            '<html lang="en"><head><meta charset="utf-8">',
+            f"<title>{html.escape(self.title)}</title>",
+            f"<style>{_STYLE}</style></head><body>",
+            f"<h1>{html.escape(self.title)}</h1>",
+            f'<p class="about">{html.escape(self.about)}</p>',
+        ]
+        for section in self.sections:
+            parts += [f"<h2>{html.escape(section.title)}</h2>", "<table>"]
+            for line in section.lines:
+                parts += _html(line)
+            parts.append("</table>")
+        return "\n".join([*parts, "</body></html>"])
+
+    def as_json(self) -> list[dict[str, str]]:
+        """A list of {section, equation, left, right, latex, note}; a line in words has empty sides."""
+        return [
+            {
+                "section": section.title,
+                "equation": line.number,
+                "left": render_text.text(line.sides[0]) if line.sides else "",
+                "right": " = ".join(map(render_text.text, line.sides[1:])),
+                "latex": " = ".join(map(render_latex.latex, line.sides)),
+                "note": line.note,
+            }
+            for section in self.sections
+            for line in section.lines
+        ]
+
+
+def _text_section(section: Section, width: int) -> list[str]:
+    lefts = [render_text.text(line.sides[0]) if line.sides else "" for line in section.lines]
+    widths = [render_text.width(left) for left in lefts]
+    column = max((w for w in widths if w <= WIDEST_LEFT), default=0)
+    found = []
+    for line, left, own in zip(section.lines, lefts, widths, strict=True):
+        if not line.sides:
+            found += ["  " + part for part in _folded(line.note, width - 2)]
+            continue
+        pad = " " * max(0, column - own)
+        whole = f"  {pad}{left}" + "".join(f" = {render_text.text(side)}" for side in line.sides[1:])
+        if line.note:
+            whole += f"   {line.note}"
+        number = f"({line.number})" if line.number else ""
+        indent = 2 + (column if own <= WIDEST_LEFT else 4) + 3
+        rows = _wrapped(whole, width - len(number) - 2, indent)
+        rows[-1] += " " * max(2, width - render_text.width(rows[-1]) - len(number)) + number
+        found += rows
+    return found
+
+
+def _wrapped(text: str, width: int, indent: int) -> list[str]:
+    """Broken before signs, outside of parentheses where that leaves no short lines, and never between bars."""
+    rows: list[str] = []
+    start = used = depth = bars = 0
+    places: dict[int, int] = {}  # depth -> the last place where a new line may begin
+    for place, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        bars ^= letter == "|"
+        is_sign = letter in "+−=" and text[place - 1 : place + 2] == f" {letter} "
+        if is_sign and not bars and (letter != "=" or used > EARLY):
+            places[depth] = place
+        used += render_text.width(letter)
+        if used <= width:
+            continue
+        # The outermost place that does not leave most of the line empty.
+        good = [
+            (deep, at)
+            for deep, at in sorted(places.items())
+            if at - start > (EARLY if deep == 0 else 2 * EARLY)
+        ]
+        if good:
+            at = good[0][1]
+            rows.append((" " * indent if rows else "") + text[start:at].rstrip())
+            used = indent + render_text.width(text[at : place + 1])
+            start, places = at, {deep: other for deep, other in places.items() if other > at}
+    rows.append((" " * indent if rows else "") + text[start:])
+    return rows
+
+
+def _folded(words: str, width: int) -> list[str]:
+    rows = [""]
+    for word in words.split(" "):
+        if rows[-1] and render_text.width(rows[-1]) + 1 + render_text.width(word) > width:
+            rows.append("")
+        rows[-1] += (" " if rows[-1] else "") + word
+    return rows
+
+
+def _chunks(node: f.Node) -> list[f.Node]:
+    """A long sum in pieces of a line each."""
+    if not isinstance(node, f.Sum) or render_text.width(render_text.text(node)) <= LONG:
+        return [node]
+    found: list[list[tuple[int, f.Node]]] = [[]]
+    used = 0
+    for sign, term in node.terms:
+        own = render_text.width(render_text.text(term)) + 3
+        if found[-1] and used + own > LONG:
+            found.append([])
+            used = 0
+        found[-1].append((sign, term))
+        used += own
+    return [f.Sum(tuple(part)) for part in found]
+
+
+def _latex(line: Line) -> str:
+    tag = rf" \tag{{{line.number}}}" if line.number else ""
+    first = render_latex.latex(line.sides[0])
+    if all(len(_chunks(side)) == 1 for side in line.sides):
+        return " = ".join([first, *map(render_latex.latex, line.sides[1:])]) + tag
+    # One mark of alignment in each row: before the sign of equality, or where a side goes on.
+    rows: list[str] = []
+    for place, side in enumerate(line.sides):
+        for part, chunk in enumerate(_chunks(side)):
+            written = render_latex.latex(chunk)
+            if part:
+                rows.append(rf"&\quad {'' if _leads_negative(chunk) else '{} + '}{written}")
+            elif place == 0:
+                rows.append(written if len(_chunks(side)) == 1 else f"& {written}")
+            elif place == 1 and len(rows) == 1 and not rows[0].startswith("&"):
+                rows[0] += f" &= {written}"
+            else:
+                rows.append(f"&= {written}")
+    return "\\begin{split}\n" + " \\\\\n".join(rows) + "\n\\end{split}" + tag
+
+
+def _html(line: Line) -> list[str]:
+    note = html.escape(line.note)
+    if not line.sides:
+        return [f'<tr><td class="note" colspan="3">{note}</td></tr>']
+    number = f"({line.number})" if line.number else ""
+    tail = f'<td class="number">{html.escape(number)}</td></tr>'
+    if note:
+        note = f' <span class="note">{note}</span>'
+    if render_text.width(render_text.text(line.sides[0])) > WIDEST_LEFT:
+        rows = "<br>".join(_equated(line.sides, 0))
+        return [f'<tr><td class="whole" colspan="2">{rows}{note}</td>{tail}']
+    left = _math(render_mathml.mathml(line.sides[0]))
+    rows = "<br>".join(_equated(line.sides, 1))
+    return [f'<tr><td class="left">{left}</td><td>{rows}{note}</td>{tail}']
+
+
+def _equated(sides: tuple[f.Node, ...], first: int) -> list[str]:
+    """Sides with equals signs before all but the very first, in rows of bearable length."""
+    rows: list[str] = []
+    used = LONG
+    for place, side in enumerate(sides[first:], first):
+        for part, chunk in enumerate(_chunks(side)):
+            sign = "=" if part == 0 else "" if _leads_negative(chunk) else "+"
+            written = (f"<mo>{sign}</mo>" if sign and place else "") + render_mathml.mathml(chunk)
+            own = render_text.width(render_text.text(chunk)) + 3
+            if used + own > LONG or part:
+                rows.append("")
+                used = 0
+            rows[-1] += written
+            used += own
+    return [_math(f"<mrow>{row}</mrow>") for row in rows]
+
+
+def _leads_negative(node: f.Node) -> bool:
+    return isinstance(node, f.Sum) and node.terms[0][0] < 0
+
+
+def _math(inner: str) -> str:
+    return f'<math display="inline" displaystyle="true">{inner}</math>'
+
+
+def _escaped(words: str) -> str:
+    """Words that Markdown prints as they are."""
+    return "".join(f"\\{letter}" if letter in "\\`*_{}[]<>#$|" else letter for letter in words)

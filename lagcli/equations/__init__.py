@@ -1,0 +1,11 @@
+"""A model to the unified system of (D.6), (D.7), (D.24), in CasADi symbols.
+
+In: `model.Model`
+Out: `system.System`: M, h, B, b, gamma, f
+
+    M a = h + B^T lambda,    B v + b = 0,    B a = gamma,    f = 0 where a row is holonomic
+
+`casadi_algebra` evaluates expressions, `environment` gives names their symbols, `rows` builds the constraint rows,
+`rigid` those of rigid bodies, `energy` T, V, L and the forces, `system` puts them together. The sign of lambda
+is decided in `system` and nowhere else: R = + B^T lambda.
+"""

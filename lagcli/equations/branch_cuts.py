@@ -1,0 +1,219 @@
+"""Holonomic rows that go on smoothly where `atan2` or `atan` jumps: `z = h*atan2(y, x)` is a helix of many turns.
+
+An angle theta from `atan2` jumps by 2 pi at its cut (y = 0, x < 0), one from `atan` by pi where its argument goes
+through infinity. Where that changes f (D.2) by a constant, the differential of the row (D.5) has no jump, and f with
+k times this constant, after k turns, is the same law beyond the cut. Elsewhere the row itself jumps.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations import operation_graph
+from lagcli.equations.rows import Rows
+from lagcli.equations.symbols import Symbols
+from lagcli.model import model as nouns
+
+Floats = npt.NDArray[np.float64]
+
+_WORDS = re.compile(r"\batan2?\s*\(")
+PERIODS = {ca.OP_ATAN2: 2 * np.pi, ca.OP_ATAN: np.pi}
+# What one turn changes f by is a constant where its slopes are below this part of it: the rounding of its terms.
+CONSTANT = 1e-9
+# So many places beside the start, at this part of its size, at which that is looked at.
+PLACES, BESIDE = 3, 0.3
+# An angle this close to its cut, in radians, lies on either side of it by rounding.
+ON_CUT = 1e-9
+SAME, PASSED, JUMPS = range(3)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Cuts:
+    """The angles of J calls of `atan2` and `atan` in holonomic rows, and f (s,) continued across their cuts.
+
+    f depends on `references` (J,), the last entries of p: where each angle was last, counted through all turns. An
+    angle is taken within half a period of that, so that with references 0 f is what the file says. value: (t, q, p)
+    -> f; angles: (t, q, p) -> (J,), as the functions give them; periods (J,). rows, nodes, verdicts: what a turn of an
+    angle does to a row: it is the SAME, or f changes by a constant and the row is PASSED, or the row JUMPS; change:
+    (t, q, p) -> that by which a row changes, its slope, and its scale, where numbers decide.
+    """
+
+    f: Any
+    references: Any
+    value: Any
+    angles: Any
+    periods: Floats
+    rows: tuple[int, ...]
+    nodes: tuple[int, ...]
+    verdicts: tuple[int, ...]
+    change: Any
+
+    @property
+    def count(self) -> int:
+        """J."""
+        return len(self.periods)
+
+    @property
+    def first(self) -> int:
+        """The place of the references in p."""
+        return int(self.angles.size1_in(2)) - self.count
+
+    def begin(self, t: float, q: Floats, p: Floats) -> Floats:
+        """p for a start: an angle on its cut lies on the side on which its rows are satisfied best."""
+        p = p.copy()
+        here = np.array(self.angles(t, q, p)).ravel()
+        for j in np.flatnonzero(np.abs(here) >= self.periods / 2 - ON_CUT).tolist():
+            residuals = []
+            for side in (here[j], -here[j]):
+                p[self.first + j] = side
+                residuals.append(float(np.abs(np.array(self.value(t, q, p))).sum()))
+            p[self.first + j] = 0.0 if residuals[0] <= residuals[1] else -here[j]
+        return p
+
+    def counted(self, t: float, q: Floats, p: Floats) -> Floats:
+        """The angles (J,) at a place, each within half a period of its reference."""
+        here = np.array(self.angles(t, q, p)).ravel()
+        return np.asarray(here - self.periods * _turns(here, p[self.first :], self.periods, np.ceil))
+
+    @property
+    def passing(self) -> list[int]:
+        """The numbers of the pairs, among `rows` and `nodes`, in which a row is continued."""
+        return [k for k, verdict in enumerate(self.verdicts) if verdict == PASSED]
+
+    def passed(self, j: int) -> list[int]:
+        """The rows that are continued across the cut of angle j."""
+        return [self.rows[k] for k in self.passing if self.nodes[k] == j]
+
+    def hold_for(self, t: float, q: Floats, p: Floats) -> bool:
+        """Whether the verdicts are the same with other parameters and another start."""
+        return _verdicts(self.change, t, q, p[: self.first]) == self.verdicts
+
+
+def find(
+    model: nouns.Model, s: Symbols, p: Any, laid: Rows, start: tuple[float, Floats, Floats]
+) -> Cuts | None:
+    """The cuts of the holonomic rows of a model, judged at its start t, q, p; None where they have none."""
+    if not laid.f.numel() or not _speaks_of_angles(model):
+        return None
+    judged = _judged(laid.f, s, p)
+    if judged is None:
+        return None
+    angles, periods, rows, nodes, by, change = judged
+    verdicts = _verdicts(change, *start)
+    passed = [k for k, verdict in enumerate(verdicts) if verdict == PASSED]
+    references = ca.SX.sym("reference", len(periods))
+    turns = _turns(angles, references, ca.DM(periods), ca.ceil)
+    continued = ca.SX(laid.f)
+    for k in passed:
+        continued[rows[k]] -= turns[nodes[k]] * by[k]
+    inputs = [s.t, s.q, ca.vertcat(p, references)]
+    return Cuts(
+        continued,
+        references,
+        ca.Function("value", inputs, [continued]),
+        ca.Function("angles", inputs, [angles]),
+        np.array(periods),
+        rows,
+        nodes,
+        verdicts,
+        change,
+    )
+
+
+def jumping(value: Any, s: Symbols, p: Any, start: tuple[float, Floats, Floats]) -> list[int]:
+    """Which entries of a column of (t, q, v, p) jump at the cut of an angle in them, by a constant or not."""
+    judged = _judged(value, s, p)
+    if judged is None:
+        return []
+    _, _, rows, _, _, change = judged
+    pairs = zip(rows, _verdicts(change, *start), strict=True)
+    return sorted({row for row, verdict in pairs if verdict != SAME})
+
+
+def _judged(
+    f: Any, s: Symbols, p: Any
+) -> tuple[Any, list[float], tuple[int, ...], tuple[int, ...], Any, Any] | None:
+    """The angles (J,) in a column, their periods, the entries and angles that go together, by how much one turn of the
+    angle changes the entry, and `Cuts.change`; None without angles."""
+    f, angles, periods, symbols = _opened(f, s, p)
+    if not periods:
+        return None
+    slopes = ca.jacobian(f, symbols)
+    rows, nodes = (tuple(part) for part in slopes.sparsity().get_triplet())
+    moving = ca.vertcat(s.t, s.q, symbols)
+    each = ca.densify(ca.vertcat(ca.SX(0, 1), slopes.nz[:]))
+    varying = sorted(set(ca.jacobian_sparsity(each, moving).row())) if rows else []
+    slope = each * ca.vertcat(ca.SX(0, 1), *(periods[j] for j in nodes))
+    by = ca.SX(slope)
+    for k in varying:
+        theta, period = symbols[nodes[k]], periods[nodes[k]]
+        by[k] = ca.substitute(f[rows[k]], theta, theta + period) - f[rows[k]]
+    change = _change(by, slope, moving, (s, p, symbols, angles))
+    return angles, periods, rows, nodes, ca.substitute(by, symbols, angles), change
+
+
+def _turns(here: Any, last: Any, periods: Any, ceil: Any) -> Any:
+    """Whole periods by which angles are ahead of the last ones; none for -pi < theta <= pi beside 0."""
+    return ceil((here - last) / periods - 0.5)
+
+
+def _opened(f: Any, s: Symbols, p: Any) -> tuple[Any, Any, list[float], Any]:
+    """f with a symbol for each angle; the angles (J,) as the functions give them, their periods, and the symbols."""
+    place = ca.vertcat(s.t, s.q)
+    values: list[Any] = []
+    symbols: list[Any] = []
+    periods: list[float] = []
+
+    def visit(op: int, parts: list[Any], value: Any) -> Any:
+        if op not in PERIODS or not ca.depends_on(value, ca.vertcat(place, *symbols)):
+            return value
+        # One within the arguments of another stands there as it is.
+        values.append(ca.substitute(value, ca.vertcat(*symbols), ca.vertcat(*values)) if symbols else value)
+        periods.append(PERIODS[op])
+        symbols.append(ca.SX.sym(f"angle {len(symbols)}"))
+        return symbols[-1]
+
+    opened = operation_graph.replayed(f, [s.t, s.q, s.v, p], visit)
+    return opened, ca.vertcat(ca.SX(0, 1), *values), periods, ca.vertcat(ca.SX(0, 1), *symbols)
+
+
+def _change(by: Any, slope: Any, moving: Any, given: tuple[Symbols, Any, Any, Any]) -> Any:
+    """change(t, q, p, direction) -> by how much rows change in one turn, this along a direction, and df/dtheta times
+    the period; all rates are 1."""
+    s, p, symbols, angles = given
+    direction = ca.SX.sym("direction", moving.numel())
+    along = ca.jtimes(by, moving, direction)
+    columns = ca.substitute(ca.densify(ca.horzcat(by, along, slope)), symbols, angles)
+    columns = ca.substitute(columns, s.v, ca.SX.ones(s.v.shape))
+    return ca.Function("change", [s.t, s.q, p, direction], [columns])
+
+
+def _verdicts(change: Any, t: float, q: Floats, p: Floats) -> tuple[int, ...]:
+    """What one turn does, for each row and angle, from numbers at the start and beside it."""
+    random = np.random.default_rng(0)
+    size = float(np.abs(q).max(initial=0.0)) or 1.0
+    found = []
+    for k in range(1 + PLACES):
+        angles = change.size1_in(3) - 1 - q.size
+        scales = [abs(t) or 1.0, *np.full(q.size, size), *np.ones(angles)]
+        direction = scales * random.standard_normal(change.size1_in(3))
+        beside = BESIDE * size * random.standard_normal(q.size) if k else 0.0
+        found.append(np.array(change(t, q + beside, p, direction)))
+    by, along, slope = np.abs(np.array(found)).max(axis=0).T if change.size1_out(0) else np.zeros((3, 0))
+    scale = np.maximum(by, slope)
+    same, steady = by <= CONSTANT * scale, along <= CONSTANT * scale
+    return tuple(SAME if a else PASSED if b else JUMPS for a, b in zip(same, steady, strict=True))
+
+
+def _speaks_of_angles(model: nouns.Model) -> bool:
+    """Whether an expression that holonomic rows are made of has `atan2` or `atan`."""
+    texts = [law.equation.text for law in model.holonomic]
+    texts += [definition.expression.text for definition in model.definitions]
+    texts += [part.text for p in model.particles if p.is_dependent for part in p.position.parts]
+    return any(_WORDS.search(text) for text in texts)

@@ -1,0 +1,221 @@
+"""T, V, the Lagrangian, the inertia matrix M and the generalized force h (D.10, D.30, D.34-D.39)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lagcli.equations.environment import Environment
+from lagcli.equations.family_columns import Triple, column, interleaved, scattered, taken
+from lagcli.equations.symbols import FixedExponents, Symbols
+from lagcli.model import model as nouns
+from lagcli.model.family import Whole
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Dynamics:
+    """What stands in M a = h + B^T lambda, with the energies that certify it.
+
+    M (n, n); h (n): all forces and inertial terms but the constraint's. T and V of particles and declared
+    potentials, `energy` = T + V + qd . dL/dqd - L of the `lagrangian`; `jacobi` = v . dL/dv - L of the whole
+    system, whose rate is `power` - lambda . b: the power of the forces without potential and of explicit time;
+    `rest` is its part without velocities, V - L(q, v = 0, t) of what is not Cartesian.
+    driving (n): the part of Q_j (D.30) that has no potential; the whole of Q_j is driving - dV/dq.
+    applied: F_k on the dependent particles (the sum of forces and potentials declared on particles), x of all of
+    them, then y, then z.
+    carriers: what acts on generalized coordinates directly, by name, with the rows of q it touches.
+    """
+
+    M: Any
+    h: Any
+    kinetic: Any
+    potential: Any
+    energy: Any
+    jacobi: Any
+    rest: Any
+    power: Any
+    driving: Any
+    applied: Any
+    carriers: Mapping[str, frozenset[int]]
+
+
+def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents) -> Dynamics:
+    """The dynamics of a model without its constraints."""
+    s = environment.symbols
+    masses = environment.masses()
+    forces = _Forces(model, environment, masses)
+    V = forces.potential()
+    T_cartesian, T_dependent = (
+        _kinetic(environment, masses, numbers) for numbers in (environment.cartesian, environment.dependent)
+    )
+    extra = environment.scalar(model.lagrangian) if model.lagrangian is not None else ca.SX(0)
+    # L = T + extra - V. Its Cartesian part is linear algebra known beforehand; the rest goes through AD.
+    general = T_dependent + extra
+    momentum = ca.gradient(general, s.v)
+    M = ca.diag(_cartesian_masses(environment, masses)) + ca.jacobian(momentum, s.v)
+    Q = forces.generalized()
+    inertial = ca.jtimes(momentum, s.q, s.v) + ca.jacobian(momentum, s.t)
+    h = Q + ca.gradient(general - V, s.q) - inertial
+    extra_energy = ca.dot(s.v, ca.gradient(extra, s.v)) - extra
+    explicit_time = ca.jacobian(general - V, s.t)
+    free = _free(environment)
+    return Dynamics(
+        M=ca.sparsify(M),
+        h=ca.densify(h),
+        kinetic=T_cartesian + T_dependent,
+        potential=V,
+        energy=T_cartesian + T_dependent + V + extra_energy,
+        rest=V - ca.substitute(general, s.v, ca.SX.zeros(s.v.shape)),
+        jacobi=T_cartesian + V + ca.dot(s.v, momentum) - general,
+        power=ca.dot(Q, s.v) - explicit_time,
+        driving=Q,
+        applied=_applied(model, environment, fixed, free),
+        carriers=_carriers(model, s, fixed, free),
+    )
+
+
+class _Forces:
+    """The forces of a model over an environment, each evaluated over all pairs of a target and what acts on it."""
+
+    def __init__(self, model: nouns.Model, environment: Environment, masses: Any) -> None:
+        self._model, self._environment, self._masses = model, environment, masses
+
+    def _on_particles(self, constant: bool) -> Iterator[tuple[Whole, Triple]]:
+        """Particles (P,) with the forces declared on them, those that count as potentials or the others."""
+        environment = self._environment
+        for force in self._model.forces:
+            if isinstance(force, nouns.ParticleForce) and force.constant == constant:
+                targets = force.action.targets
+                if targets.size == 0:
+                    continue
+                own = {
+                    "m": taken(self._masses, targets),
+                    "r": environment.position(targets),
+                    "v": environment.velocity(targets),
+                }
+                algebra = environment.algebra(force.action.variables(force.members), own)
+                x, y, z = (column(part, targets.size) for part in environment.vector(force.force, algebra))
+                yield targets, (x, y, z)
+
+    def potential(self) -> Any:
+        """V: declared potentials, and -F.r of every constant force."""
+        V = ca.SX(0)
+        for force in self._model.forces:
+            if isinstance(force, nouns.Potential) and force.members.count:
+                algebra = self._environment.algebra(force.members.variables)
+                value = self._environment.scalar(force.expression, algebra)
+                V += ca.sum1(column(value, force.members.count))
+        for targets, F in self._on_particles(constant=True):
+            r = self._environment.position(targets)
+            V -= sum(ca.dot(a, x) for a, x in zip(F, r, strict=True))
+        return V
+
+    def generalized(self) -> Any:
+        """Q_j = sum_k F_k . dr_k/dq_j (D.30) of all forces without a potential."""
+        environment, n = self._environment, self._environment.symbols.q.numel()
+        Q = ca.SX.zeros(n)
+        for targets, F in self._on_particles(constant=False):
+            dependent = environment.is_dependent[targets]
+            if dependent.any():
+                pairs = np.flatnonzero(dependent)
+                r = ca.vertcat(*environment.position(targets[pairs]))
+                F_pairs = ca.vertcat(*(taken(part, pairs) for part in F))
+                Q += ca.jtimes(r, environment.symbols.q, F_pairs, True)
+            pairs = np.flatnonzero(~dependent)
+            rows = environment.rows_of(targets[pairs])
+            for axis in range(3):
+                Q += scattered(taken(F[axis], pairs), rows + axis, n)
+        for force in self._model.forces:
+            if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
+                targets = force.action.targets
+                algebra = environment.algebra(force.action.variables(force.members))
+                value = column(environment.scalar(force.force, algebra), targets.size)
+                Q += scattered(value, environment.first_generalized + targets, n)
+        return Q
+
+    def applied(self) -> Any:
+        """The sum of the forces without a potential on each dependent particle, (3 times their number, 1)."""
+        environment = self._environment
+        count = environment.dependent.size
+        place = np.cumsum(environment.is_dependent) - 1
+        F_sum = ca.SX.zeros(3 * count)
+        for targets, F in self._on_particles(constant=False):
+            pairs = np.flatnonzero(environment.is_dependent[targets])
+            for axis in range(3):
+                rows = axis * count + place[targets[pairs]]
+                F_sum += scattered(taken(F[axis], pairs), rows, 3 * count)
+        return F_sum
+
+
+def _kinetic(environment: Environment, masses: Any, numbers: Whole) -> Any:
+    """T of some of the particles."""
+    if numbers.size == 0:
+        return ca.SX(0)
+    square = sum(part * part for part in environment.velocity(numbers))
+    return ca.dot(taken(masses, numbers) / 2, square)
+
+
+def _cartesian_masses(environment: Environment, masses: Any) -> Any:
+    """The masses on the diagonal of M, structurally zero at generalized coordinates."""
+    own = taken(masses, environment.cartesian)
+    generalized = environment.symbols.q.numel() - 3 * environment.cartesian.size
+    return ca.vertcat(interleaved([own, own, own], environment.cartesian.size), ca.SX(generalized, 1))
+
+
+def _free(environment: Environment) -> tuple[Triple, Triple] | None:
+    """Symbols for the positions and velocities of dependent particles, as if they were free."""
+    count = environment.dependent.size
+    if count == 0:
+        return None
+    r, v = ([ca.SX.sym(f"{word} {axis}", count) for axis in "xyz"] for word in "rv")
+    return (r[0], r[1], r[2]), (v[0], v[1], v[2])
+
+
+def _applied(
+    model: nouns.Model, true: Environment, fixed: FixedExponents, free: tuple[Triple, Triple] | None
+) -> Any:
+    """F_k on the dependent particles: declared forces, and -grad_k V with the particles taken as free.
+
+    x of all of them, then y, then z: (3 times their number, 1).
+    """
+    if free is None:
+        return ca.SX(0, 1)
+    environment = Environment(model, true.symbols, fixed, free)
+    forces = _Forces(model, environment, environment.masses())
+    F = forces.applied() - ca.gradient(forces.potential(), ca.vertcat(*free[0]))
+    symbols = [ca.vertcat(*part) for part in free]
+    values = [ca.vertcat(*part) for part in (true.position(true.dependent), true.velocity(true.dependent))]
+    return ca.substitute([F], symbols, [ca.densify(value) for value in values])[0]
+
+
+def _carriers(
+    model: nouns.Model, s: Symbols, fixed: FixedExponents, free: tuple[Triple, Triple] | None
+) -> dict[str, frozenset[int]]:
+    """Forces that act on coordinates without a particle that carries them, by name, with the rows of q."""
+    if free is None:
+        return {}  # they matter for what R of a dependent particle holds
+    environment = Environment(model, s, fixed, free)
+    found: dict[str, frozenset[int]] = {}
+    nothing = frozenset[int]()
+    for force in model.forces:
+        if isinstance(force, nouns.GeneralizedForce):
+            name = f"the generalized force `{force.members.base}`"
+            rows = environment.first_generalized + force.action.targets
+            found[name] = found.get(name, nothing) | frozenset(rows.tolist())
+        elif isinstance(force, nouns.Potential) and force.members.count:
+            name = f"the potential `{force.members.base}`"
+            value = environment.scalar(force.expression, environment.algebra(force.members.variables))
+            found[name] = found.get(name, nothing) | _rows_of(ca.sum1(value), s.q)
+    if model.lagrangian is not None:
+        extra = environment.scalar(model.lagrangian)
+        found["the `lagrangian`"] = _rows_of(extra, s.q) | _rows_of(extra, s.v)
+    return {name: touched for name, touched in found.items() if touched}
+
+
+def _rows_of(value: Any, vector: Any) -> frozenset[int]:
+    """The entries of a vector of symbols that an expression depends on."""
+    return frozenset(ca.jacobian(value, vector).sparsity().get_triplet()[1])

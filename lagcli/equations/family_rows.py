@@ -1,0 +1,210 @@
+"""The rows of a family: its law is differentiated once, for a member that stands for all, and mapped over them.
+
+The coordinates that a member touches become symbols of their own; which rows of q they are is a
+table, one column for each member. So B, b and gamma of a thousand rows cost the derivatives of one, and what they
+share is found once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from lagcli.equations.environment import Environment
+from lagcli.equations.family_columns import Triple, rate, scattered
+from lagcli.expression import evaluate, tree
+from lagcli.model import model as nouns
+from lagcli.model.family import Whole
+
+# Below this number of members the detour costs more than it saves.
+WORTH = 4
+
+
+class Rates(Protocol):
+    """What rows are differentiated by: t, coordinates q and their rates v; gamma is -rate(B v + b) with v held."""
+
+    @property
+    def t(self) -> Any:
+        """Time."""
+
+    @property
+    def q(self) -> Any:
+        """Coordinates, (m, 1)."""
+
+    @property
+    def v(self) -> Any:
+        """Their rates, (m, 1)."""
+
+    def rate(self, value: Any) -> Any:
+        """d/dt of a function of q and t; of one that holds v too, with v held."""
+
+
+class NotAlike(Exception):
+    """The members cannot be mapped: what they touch is a function of many coordinates, or differs in form."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Block:
+    """Rows of one law, those of one member after another: f (C,) or nothing, B (C, n), b (C,), gamma (C,)."""
+
+    f: Any
+    B: Any
+    b: Any
+    gamma: Any
+
+
+def block(law: nouns.Holonomic | nouns.Differential, environment: Environment) -> Block | None:
+    """The rows of a law, or None where they are better laid down over columns."""
+    if law.members.count < WORTH or _has_index_in_exponent(law):
+        return None
+    leaves = Leaves(environment)
+    try:
+        values = evaluate.difference(
+            _relation(law), environment.algebra(law.members.variables, leaves=leaves)
+        )
+    except NotAlike:
+        return None
+    lay = holonomic if isinstance(law, nouns.Holonomic) else differential
+    one = lay(ca.densify(ca.vertcat(*values)), leaves)
+    count = law.members.count
+    mapped = leaves.mapped([one.f, ca.vertcat(ca.SX(0, 1), *one.B.nonzeros()), one.b, one.gamma], count)
+    f, entries, b, gamma = (ca.vec(output) for output in mapped)
+    return Block(f, _placed(one.B.sparsity(), entries, leaves.table(count), environment), b, gamma)
+
+
+def holonomic(f: Any, leaves: Rates) -> Block:
+    """Rows f = 0 (D.2), differentiated: B = df/dq, b = df/dt (D.6, D.7)."""
+    B, b = ca.jacobian(f, leaves.q), ca.jtimes(f, leaves.t, ca.SX(1))
+    return Block(f, B, ca.densify(b), ca.densify(-leaves.rate(leaves.rate(f))))
+
+
+def differential(value: Any, leaves: Rates) -> Block:
+    """Rows B v + b = 0 given as they are, `value` = B v + b (D.3, D.4)."""
+    v = leaves.v
+    B, b = ca.jacobian(value, v), ca.substitute(value, v, ca.SX.zeros(v.shape))
+    return Block(ca.SX(0, 1), B, ca.densify(b), ca.densify(-leaves.rate(value)))
+
+
+def _relation(law: nouns.Holonomic | nouns.Differential) -> tree.Relation:
+    assert isinstance(law.equation.tree, tree.Relation)
+    return law.equation.tree
+
+
+def _has_index_in_exponent(law: nouns.Holonomic | nouns.Differential) -> bool:
+    """An exponent is built in, and must then be the same for all members."""
+    indices = law.members.variables.keys()
+    powers = (node for node in tree.walk(law.equation.tree) if isinstance(node, tree.Power))
+    return any(tree.names(node.exponent) & indices for node in powers)
+
+
+def _placed(pattern: Any, entries: Any, table: Whole, environment: Environment) -> Any:
+    """B (C, n) from the entries of all members: in each those of `pattern` (rows, m), table (m, K) of q rows."""
+    rows, columns = (np.asarray(part, dtype=np.int64) for part in pattern.get_triplet())
+    each, members, n = pattern.size1(), table.shape[1], environment.symbols.q.numel()
+    row = (np.arange(members)[:, None] * each + rows).ravel()
+    column = table[columns].T.ravel()
+    # By columns, as matrices are stored; one coordinate may be touched twice by a member.
+    places, number = np.unique(column * (each * members) + row, return_inverse=True)
+    if places.size == number.size:
+        values = entries[np.argsort(number).tolist()] if number.size else entries
+    else:
+        values = scattered(entries, number, places.size)
+    sparsity = ca.Sparsity.triplet(
+        each * members, n, (places % (each * members)).tolist(), (places // (each * members)).tolist()
+    )
+    return ca.SX(sparsity, values)
+
+
+class Leaves:
+    """The leaves of one law as symbols of a single member. Raises `NotAlike` for dependent particles."""
+
+    def __init__(self, environment: Environment) -> None:
+        self._environment = environment
+        self._places: dict[bytes, int] = {}
+        self._rows: list[Whole] = []
+        self._u: list[Any] = []
+        self._w: list[Any] = []
+        self._c: dict[str, Any] = {}
+        self._columns: list[Any] = []
+
+    @property
+    def t(self) -> Any:
+        """Time."""
+        return self._environment.symbols.t
+
+    @property
+    def q(self) -> Any:
+        """The coordinates a member touches, (m, 1)."""
+        return ca.vertcat(ca.SX(0, 1), *self._u)
+
+    @property
+    def v(self) -> Any:
+        """Their rates, (m, 1)."""
+        return ca.vertcat(ca.SX(0, 1), *self._w)
+
+    def table(self, count: int) -> Whole:
+        """The row in q of each coordinate for each member, (m, K)."""
+        rows = [np.broadcast_to(rows, count) for rows in self._rows]
+        return np.array(rows, dtype=np.int64).reshape(-1, count)
+
+    def position(self, numbers: Whole) -> Triple:
+        """r of particles."""
+        return self._components(numbers, self._u)
+
+    def velocity(self, numbers: Whole) -> Triple:
+        """v of particles."""
+        return self._components(numbers, self._w)
+
+    def generalized(self, numbers: Whole, rates: bool) -> Any:
+        """Generalized coordinates or their rates."""
+        place = self._place(self._environment.first_generalized + numbers)
+        return (self._w if rates else self._u)[place]
+
+    def variable(self, name: str, values: Whole) -> Any:
+        """An index variable."""
+        if name not in self._c:
+            self._c[name] = ca.SX.sym(f"index {name}")
+            self._columns.append(ca.DM(values.astype(float)).T)
+        return self._c[name]
+
+    def definition(self, name: str) -> Any:
+        """The value of a definition, evaluated over these leaves."""
+        return evaluate.evaluate(
+            self._environment.names.meaning(name), self._environment.algebra(leaves=self)
+        )
+
+    def rate(self, value: Any) -> Any:
+        """d/dt of a function of (u, t)."""
+        return rate(value, self.q, self.v, self.t)
+
+    def mapped(self, outputs: list[Any], count: int) -> list[Any]:
+        """Dense outputs (k,) of one member as (k, K) over all members."""
+        s, table = self._environment.symbols, self.table(count)
+        q, v, indices = self.q, self.v, ca.vertcat(ca.SX(0, 1), *self._c.values())
+        own = {symbol.name() for symbol in ca.symvar(ca.vertcat(q, v, indices))}
+        others = [x for x in ca.symvar(ca.vertcat(*outputs)) if x.name() not in own]
+        shared = ca.vertcat(ca.SX(0, 1), *others)
+        one = ca.Function("law", [q, v, indices, shared], outputs, {"cse": True})
+        places = table.ravel(order="F").tolist()
+        arguments = [ca.reshape(vector[places], *table.shape) for vector in (s.q, s.v)]
+        columns = ca.vertcat(ca.DM(0, count), *self._columns)
+        return list(one.call([*arguments, ca.SX(columns), ca.repmat(shared, 1, count)]))
+
+    def _components(self, numbers: Whole, vector: list[Any]) -> Triple:
+        if self._environment.is_dependent[numbers].any():
+            raise NotAlike
+        first = self._environment.rows_of(numbers)
+        x, y, z = (self._place(first + axis) for axis in range(3))
+        return vector[x], vector[y], vector[z]
+
+    def _place(self, rows: Whole) -> int:
+        """The place of a coordinate among u, by its rows in q, (1,) or (K,)."""
+        place = self._places.setdefault(rows.tobytes(), len(self._rows))
+        if place == len(self._rows):
+            self._rows.append(rows)
+            self._u.append(ca.SX.sym(f"q {place}"))
+            self._w.append(ca.SX.sym(f"v {place}"))
+        return place

@@ -1,0 +1,153 @@
+"""Where `abs`, `sign`, `min` or `max` makes the gradient of a constraint jump.
+
+At such a place the constraint surface has an edge. The rule of multipliers needs a gradient there, and the velocity
+of a motion that goes over the edge would have to jump: an impact, which the equations (D.24) do not describe.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations import operation_graph
+from lagcli.equations.rows import Row, Rows
+from lagcli.equations.symbols import Symbols
+from lagcli.errors import diagnostics
+from lagcli.model import model as nouns
+
+Floats = npt.NDArray[np.float64]
+
+_WORDS = re.compile(r"\b(abs|sign|min|max)\s*\(")
+# How far off a switch its two sides are looked at, as a part of the size of the coordinates or of the way taken, and
+# the part of a gradient by which these must differ: a change that is only steep is no jump.
+ASIDE, FURTHER, JUMP = 1e-9, 1e-5, 1e-6
+HALVINGS = 60
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Kinks:
+    """The switches of all rows: `switches` gives (t, q, p) -> u (K,), each zero where it switches.
+
+    `slopes` gives (t, q, p) -> B, b and f (K, n + 2) of the row each switch belongs to, `rows` its name; b at rest,
+    f zero where the row is differential.
+    """
+
+    rows: tuple[Row, ...]
+    switches: Any
+    slopes: Any
+
+    def at(self, t: float, q: Floats, p: Floats) -> Row | None:
+        """A row that jumps at a configuration, itself or its gradient, or None."""
+        size = float(np.abs(q).max(initial=0.0)) or 1.0
+        way = np.random.default_rng(0).standard_normal(q.size) * size
+        here = self._slopes(t, q, p)
+        near, far = (
+            np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
+            for h in (ASIDE, FURTHER)
+        )
+        scale = np.abs(here).max(axis=1, initial=0.0) + far
+        # Where the slopes of both sides draw near as their distance shrinks there is no jump.
+        with np.errstate(invalid="ignore"):
+            jumps = np.isfinite(here).all(axis=1) & (near > JUMP * scale) & (near > 0.1 * far)
+        return self.rows[int(np.argmax(jumps))] if jumps.any() else None
+
+    def crossed(self, before: tuple[float, Floats], after: tuple[float, Floats], p: Floats) -> Row | None:
+        """A row whose gradient jumps on the way between two configurations (t, q), or None."""
+        old, new = (np.array(self.switches(t, q, p)).ravel() for t, q in (before, after))
+        for k in np.flatnonzero((old != 0.0) & (np.sign(old) != np.sign(new))).tolist():
+            if self._jumps_between(k, before, after, p):
+                return self.rows[k]
+        return None
+
+    def _jumps_between(
+        self, k: int, before: tuple[float, Floats], after: tuple[float, Floats], p: Floats
+    ) -> bool:
+        """Whether the gradient jumps where switch k changes its sign on the straight way."""
+
+        def place(part: float) -> tuple[float, Floats]:
+            return before[0] + part * (after[0] - before[0]), before[1] + part * (after[1] - before[1])
+
+        sign = np.sign(float(self.switches(*before, p)[k]))
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            if np.sign(float(self.switches(*place(middle), p)[k])) == sign:
+                low = middle
+            else:
+                high = middle
+        one, other = (self._slopes(*place(part), p)[k] for part in (low - ASIDE, high + ASIDE))
+        return bool(np.abs(one - other).max(initial=0.0) > JUMP * np.abs(one).max(initial=0.0))
+
+    def _slopes(self, t: float, q: Floats, p: Floats) -> Floats:
+        return np.array(self.slopes(t, q, p)).reshape(len(self.rows), -1)
+
+
+def find(model: nouns.Model, s: Symbols, p: Any, laid: Rows) -> Kinks | None:
+    """The switches of the constraints of a model; None where they have none. `p`: all parameters."""
+    if not _speaks_of_switches(model):
+        return None
+    holonomic = laid.f.numel()
+    rows, arguments, slopes = [], [], []
+    for i, row in enumerate(laid.rows):
+        f = laid.f[i] if i < holonomic else ca.SX(0)
+        slope = ca.horzcat(ca.densify(laid.B[i, :]), laid.b[i], f)
+        value = f if i < holonomic else slope
+        for argument in _arguments(value, [s.t, s.q, s.v, p]):
+            if ca.depends_on(argument, ca.vertcat(s.t, s.q)):
+                rows.append(row)
+                arguments.append(argument)
+                slopes.append(slope)
+    if not rows:
+        return None
+    inputs = [s.t, s.q, p]
+    free = [
+        ca.substitute(part, s.v, ca.SX.zeros(s.v.shape))
+        for part in (ca.vertcat(*arguments), ca.vertcat(*slopes))
+    ]
+    return Kinks(
+        tuple(rows), ca.Function("switches", inputs, free[:1]), ca.Function("slopes", inputs, free[1:])
+    )
+
+
+def require_smooth(kinks: Kinks | None, t: float, q: Floats, p: Floats) -> None:
+    """Raise `diagnostics.ModelError` where the gradient of a row jumps at the start."""
+    row = kinks.at(t, q, p) if kinks is not None else None
+    if row is not None:
+        message = (
+            f"the gradient of the constraint `{row.name}` jumps at the start: `abs`, `sign`, `min` or `max` switches"
+            " there, and the constraint force has no direction"
+        )
+        hint = (
+            "start clear of that place, or state the branch that is meant as an equation without the switch"
+        )
+        raise diagnostics.ModelError([diagnostics.Diagnostic("kink-at-start", message, row.location, hint)])
+
+
+def _speaks_of_switches(model: nouns.Model) -> bool:
+    """Whether an expression that constraints are made of has a function that switches."""
+    laws: tuple[nouns.Holonomic | nouns.Differential, ...] = (*model.holonomic, *model.differential)
+    texts = [law.equation.text for law in laws]
+    texts += [definition.expression.text for definition in model.definitions]
+    texts += [part.text for p in model.particles if p.is_dependent for part in p.position.parts]
+    return any(_WORDS.search(text) for text in texts)
+
+
+def _arguments(value: Any, inputs: Sequence[Any]) -> list[Any]:
+    """What is compared with zero by `abs` and `sign`, and the difference of what `min` and `max` compare."""
+    found: list[Any] = []
+
+    def visit(op: int, parts: list[Any], result: Any) -> Any:
+        if op in (ca.OP_FABS, ca.OP_SIGN):
+            found.append(parts[0])
+        elif op in (ca.OP_FMIN, ca.OP_FMAX):
+            found.append(parts[0] - parts[1])
+        return result
+
+    operation_graph.replayed(ca.densify(ca.vec(value)), inputs, visit)
+    return found

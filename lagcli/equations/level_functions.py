@@ -1,0 +1,94 @@
+"""First integrals of differential rows (D.3) as expressions in t, q and the parameters of a system."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from typing import Any
+
+import casadi as ca
+
+from lagcli.equations.casadi_algebra import SymbolicAlgebra
+from lagcli.equations.symbols import FixedExponents
+from lagcli.equations.system import System
+from lagcli.expression import evaluate, integers, parser, tree
+from lagcli.model import family, invariant
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Chart:
+    """A chart of `conserved`, as scalar SX of `System.symbols`; period None where there is none."""
+
+    above: Any
+    below: Any
+    period: Any | None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Charts:
+    """Charts with the parameters that stand in exponents, whose values are built in."""
+
+    charts: tuple[Chart, ...]
+    built_in: tuple[tuple[str, float], ...]
+
+    def hold_for(self, system: System) -> bool:
+        """Whether the built-in values are those of the model of a system."""
+        fixed = FixedExponents(system.model)
+        return all(fixed.value(name) == value for name, value in self.built_in)
+
+
+def charts(system: System, written: Iterable[invariant.Chart]) -> Charts:
+    """The expressions of charts. Their names are coordinates, parameters, `t` and `pi`.
+
+    Raises `expression.ExpressionError` for a text that is no expression, `KeyError` for another name.
+    """
+    fixed = FixedExponents(system.model)
+    names = _Names(system)
+    algebra = SymbolicAlgebra(names.atom, names.special, fixed)
+
+    def scalar(text: str) -> Any:
+        return evaluate.scalar(parser.parse(text), algebra)
+
+    found = tuple(
+        Chart(scalar(c.above), scalar(c.below), None if c.period is None else scalar(c.period))
+        for c in written
+    )
+    return Charts(found, fixed.used())
+
+
+def has_time(system: System, chart: Chart) -> bool:
+    """Whether t occurs in a chart."""
+    return any(ca.depends_on(ca.SX(each), system.symbols.t) for each in (chart.above, chart.below))
+
+
+class _Names:
+    """What the names in a chart stand for. Dependent particles and definitions do not occur in them."""
+
+    def __init__(self, system: System) -> None:
+        s = system.symbols
+        self._values: dict[str, Any] = {"t": s.t, "pi": ca.SX(ca.pi)}
+        for name, value in s.parameters.items():
+            if isinstance(value, tuple):
+                self._values |= {f"{name}.{axis}": x for axis, x in zip("xyz", value, strict=True)}
+            else:
+                self._values[name] = value
+        self._q = s.q
+        self._places = {name: i for i, name in enumerate(system.model.coordinate_names)}
+
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
+        """A name, a component, or a member of a family with its indices as numbers."""
+        if isinstance(node, tree.Name):
+            name = node.name
+        else:
+            indices = node.indices if isinstance(node, tree.Index) else ()
+            name = family.name(node.owner, (int(integers.evaluate(i, _no_name)) for i in indices))
+            name += f".{node.member}" if node.member else ""
+        return self._q[self._places[name]] if name in self._places else self._values[name]
+
+    def special(self, node: tree.Call, algebra: Any) -> Any:
+        """`d`, `rate` and results of a run do not occur."""
+        raise KeyError(node.function)
+
+
+def _no_name(node: tree.Name) -> float:
+    raise KeyError(node.name)

@@ -1,0 +1,123 @@
+"""Newton's formulation of a model with dependent particles: they are freed, and tied to r_k = x_k(q, t) by rows.
+
+    m_k a_k = F_k + lambda_k,    r_k - x_k(q, t) = 0        (D.10, D.24 with D.27 as constraints)
+
+The multipliers of these rows are the forces of constraint themselves. The coordinates q keep no inertia of their
+own, and M is singular; with W the masses of the freed particles and J the rows that tie them,
+
+    (M + J^T W J) a = h + J^T W gamma + B^T lambda
+
+has the same a and the same lambda, because J a = gamma holds, and a matrix that is positive definite wherever T is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations import energy, family_columns, family_rows, rows, system
+from lagcli.equations.environment import Environment
+from lagcli.model import model as nouns
+
+Floats = npt.NDArray[np.float64]
+
+
+def model(built: system.System, t: float, q: Floats, v: Floats) -> nouns.Model:
+    """The model with all particles Cartesian, which starts at the state t, q (n,), v (n,) of `built`.
+
+    Particles and coordinates keep their names, and forces, potentials and rows their texts.
+    """
+    declared = built.model
+    p = system.values(built)
+    symbols = built.symbols
+    where = ca.Function("where", [symbols.t, symbols.q, symbols.v, built.p], [built.r, built.r_dot])
+    r, r_dot = (np.array(part).reshape(-1, 3) for part in where(t, q, v, p))
+    particles, first = [], 0
+    for particle in declared.particles:
+        places = slice(first, first + particle.members.count)
+        particles.append(dataclasses.replace(particle, start=r[places], start_velocity=r_dot[places]))
+        first = places.stop
+    coordinates, first = [], symbols.q.numel() - len(declared.generalized_names)
+    for coordinate in declared.coordinates:
+        places = slice(first, first + coordinate.members.count)
+        coordinates.append(dataclasses.replace(coordinate, value=q[places], rate=v[places]))
+        first = places.stop
+    return dataclasses.replace(
+        declared,
+        fingerprint=f"{declared.fingerprint} freed",
+        particles=tuple(particles),
+        coordinates=tuple(coordinates),
+        simulation=dataclasses.replace(declared.simulation, start=t, assemble=False, keep=()),
+        warnings=(),
+    )
+
+
+def build(built: system.System, freed: nouns.Model) -> system.System:
+    """The system of a model that `model` made of the one of `built`."""
+
+    def tied(
+        env: Environment, laid: rows.Rows, dynamics: energy.Dynamics
+    ) -> tuple[rows.Rows, energy.Dynamics]:
+        numbers = _dependent(built.model)
+        places = (3 * numbers[:, None] + np.arange(3)).ravel()
+        block = family_rows.holonomic(_gap(built, env, places), env)
+        masses = ca.repmat(
+            family_columns.column(family_columns.taken(env.masses(), numbers), numbers.size).T, 3, 1
+        )
+        weighted = ca.mtimes(block.B.T, ca.diag(ca.vec(masses)))
+        augmented = dataclasses.replace(
+            dynamics,
+            M=ca.sparsify(dynamics.M + ca.mtimes(weighted, block.B)),
+            h=ca.densify(dynamics.h + ca.mtimes(weighted, block.gamma)),
+        )
+        return _inserted(laid, _names(built.model), block), augmented
+
+    return system.build(freed, tied)
+
+
+def _gap(built: system.System, env: Environment, places: npt.NDArray[np.int64]) -> Any:
+    """r_k - x_k(q, t) of the freed particles, (3 times their number, 1), over the symbols of `env`."""
+    everyone = np.arange(len(env.particles))
+    r = family_columns.interleaved(env.position(everyone), everyone.size)
+    own = built.model
+    cartesian = np.repeat(
+        [not p.is_dependent for p in own.particles], [p.members.count for p in own.particles]
+    )
+    coordinates = np.flatnonzero(np.repeat(cartesian, 3)).tolist()
+    q = ca.vertcat(env.q[coordinates], env.q[3 * everyone.size :])
+    old, new = [built.symbols.t, built.symbols.q, built.symbols.p], [env.t, q, env.symbols.p]
+    x = ca.substitute([built.r[places.tolist()]], old, new)[0]
+    return ca.densify(r[places.tolist()] - x)
+
+
+def _dependent(declared: nouns.Model) -> npt.NDArray[np.int64]:
+    """The numbers of the dependent particles among all."""
+    counts = [particle.members.count for particle in declared.particles]
+    return np.flatnonzero(np.repeat([particle.is_dependent for particle in declared.particles], counts))
+
+
+def _names(declared: nouns.Model) -> tuple[rows.Row, ...]:
+    """The rows that tie, `r(a).x`: no constraint of a file can have such a name."""
+    return tuple(
+        rows.Row(f"r({name}).{axis}", f"r({name})", particle.location)
+        for particle in declared.particles
+        if particle.is_dependent
+        for name in particle.members.names
+        for axis in "xyz"
+    )
+
+
+def _inserted(laid: rows.Rows, names: tuple[rows.Row, ...], block: family_rows.Block) -> rows.Rows:
+    """Holonomic rows, those that tie after them, then the differential ones."""
+    s = laid.f.numel()
+    return rows.Rows(
+        (*laid.rows[:s], *names, *laid.rows[s:]),
+        ca.vertcat(laid.f, block.f),
+        ca.sparsify(ca.vertcat(laid.B[:s, :], block.B, laid.B[s:, :])),
+        ca.vertcat(laid.b[:s, :], block.b, laid.b[s:, :]),
+        ca.vertcat(laid.gamma[:s, :], block.gamma, laid.gamma[s:, :]),
+    )

@@ -1,0 +1,186 @@
+"""The constraint rows in their order: holonomic, rigid, differential (D.5, D.6, D.7)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lagcli.equations import family_rows, rigid
+from lagcli.equations.environment import Environment
+from lagcli.errors import diagnostics
+from lagcli.expression import dimensions
+from lagcli.model import model as nouns
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Row:
+    """A scalar row: its name, the constraint it belongs to, and where that stands."""
+
+    name: str
+    constraint: str
+    location: diagnostics.Location
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Rows:
+    """f (s): holonomic and rigid rows; w (C): all rows as B v + b (D.6), the holonomic ones differentiated."""
+
+    rows: tuple[Row, ...]
+    f: Any
+    B: Any
+    b: Any
+    gamma: Any
+
+
+def lay_down(
+    model: nouns.Model, environment: Environment, bodies: Sequence[tuple[rigid.Geometry, Sequence[Any]]]
+) -> Rows:
+    """All rows. `bodies`: for each rigid body its geometry and the symbols of its constants.
+
+    B (C, n), b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b').
+    Raises `diagnostics.ModelError` for a row without coordinates.
+    """
+    holonomic, differential = _Pile(environment), _Pile(environment)
+    for law in model.holonomic:
+        holonomic.add(law)
+    for body, (geometry, constants) in zip(model.rigid, bodies, strict=True):
+        values = of_body(body, environment, geometry, constants)
+        numbered = range(1, values.numel() + 1)
+        holonomic.add_plain(values, [Row(f"{body.name}.{i}", body.name, body.location) for i in numbered])
+    for rule in model.differential:
+        differential.add(rule)
+    names = (*holonomic.names, *differential.names)
+    blocks = [*holonomic.blocks(family_rows.holonomic), *differential.blocks(family_rows.differential)]
+    n = environment.symbols.q.numel()
+    f = _stack([block.f for block in blocks])
+    B = ca.sparsify(ca.vertcat(ca.SX(0, n), *(block.B for block in blocks)))
+    b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("b", "gamma"))
+    _refuse_empty(names, B, f, b[f.numel() :], environment.symbols.q)
+    return Rows(names, f, B, b, gamma)
+
+
+class _Pile:
+    """The rows of one kind of law, in their order; neighbours that cannot be mapped are laid down together."""
+
+    def __init__(self, environment: Environment) -> None:
+        self._environment = environment
+        self.names: list[Row] = []
+        self._parts: list[family_rows.Block | list[Any]] = []
+
+    def add(self, law: nouns.Holonomic | nouns.Differential) -> None:
+        """The rows of a law."""
+        if not law.members.count:
+            return
+        block = family_rows.block(law, self._environment)
+        if block is None:
+            self.add_plain(self._environment.equation(law), _rows(law))
+            return
+        self._parts.append(block)
+        self.names += _rows(law)
+
+    def add_plain(self, values: Any, names: list[Row]) -> None:
+        """Rows given by their values."""
+        last = self._parts[-1] if self._parts else None
+        if isinstance(last, list):
+            last.append(values)
+        else:
+            self._parts.append([values])
+        self.names += names
+
+    def blocks(self, lay: Callable[[Any, Environment], family_rows.Block]) -> list[family_rows.Block]:
+        """All rows; `lay` makes a block of values."""
+        return [
+            lay(_stack(part), self._environment) if isinstance(part, list) else part for part in self._parts
+        ]
+
+
+def _rows(law: nouns.Holonomic | nouns.Differential) -> list[Row]:
+    """The rows of a law, those of one member after another."""
+    each = 3 if law.is_vector else 1
+    location = law.equation.location
+    return [Row(name, law.members.names[k // each], location) for k, name in enumerate(law.rows)]
+
+
+def _stack(values: list[Any]) -> Any:
+    return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
+
+
+def of_body(
+    body: nouns.RigidBody, environment: Environment, geometry: rigid.Geometry, constants: Sequence[Any]
+) -> Any:
+    """The rows f of a rigid body, (k, 1)."""
+    columns = environment.position(np.array(body.particles))
+    places = list(zip(*(ca.vertsplit(part) for part in columns), strict=True))
+    return ca.vertcat(*_rigid_rows(places, geometry, constants))
+
+
+def _rigid_rows(
+    positions: Sequence[tuple[Any, Any, Any]], geometry: rigid.Geometry, constants: Sequence[Any]
+) -> list[Any]:
+    base = [positions[k] for k in geometry.base]
+    rows = []
+    for number, (i, j) in enumerate(geometry.pairs):
+        square = sum((x - y) ** 2 for x, y in zip(base[i], base[j], strict=True))
+        rows.append(ca.sqrt(square) - constants[number])
+    rest = iter(constants[len(geometry.pairs) :])
+    alpha = [[next(rest) for _ in base] for _ in geometry.further]
+    normal = _normal(base) if geometry.gamma.size else None
+    for k, weights in zip(geometry.further, alpha, strict=True):
+        height = next(rest) if normal is not None else None
+        for axis in range(3):
+            place = sum(w * r[axis] for w, r in zip(weights, base, strict=True))
+            if normal is not None:
+                place += height * normal[axis]
+            rows.append(positions[k][axis] - place)
+    return rows
+
+
+def _normal(base: Sequence[tuple[Any, Any, Any]]) -> tuple[Any, Any, Any]:
+    """(r_2 - r_1) x (r_3 - r_1)."""
+    (a, b, c), (x, y, z) = ([p - q for p, q in zip(base[i], base[0], strict=True)] for i in (1, 2))
+    return b * z - c * y, c * x - a * z, a * y - b * x
+
+
+def _refuse_empty(names: Sequence[Row], B: Any, f: Any, b: Any, q: Any) -> None:
+    """A row in which no coordinate enters says nothing about the motion, or can never hold; b: of differential rows.
+
+    A component 0 = 0 of a vector equation says nothing either, but belongs to an equation that does: it stays, as
+    a redundant row. g(q, t) dt = 0 moves no coordinate and demands g = 0.
+    """
+    values, s = ca.vertcat(f, b), f.numel()
+    filled = np.bincount(np.asarray(B.sparsity().row(), dtype=int), minlength=len(names))
+    empty = [
+        names[i]
+        for i in np.flatnonzero(filled == 0).tolist()
+        if not (names[i].name != names[i].constraint and values[i].is_zero())
+        and not (i >= s and ca.jacobian(b[i - s], q).nnz())
+    ]
+    if empty:
+        # Of a family the first says it for all: they are one text.
+        empty = list({row.location: row for row in reversed(empty)}.values())[::-1]
+        raise diagnostics.ModelError(
+            diagnostics.Diagnostic(
+                "no-coordinates",
+                f"no coordinate enters the constraint `{row.name}` with a slope: its gradient vanishes everywhere,"
+                " so it cannot act on the motion",
+                row.location,
+                "take it out, or name the coordinate it is about",
+            )
+            for row in empty
+        )
+
+
+def lengths(model: nouns.Model) -> dict[str, float]:
+    """The dimension of rows as a power of a length, by their names, where the particles in them tell it."""
+    particles = {particle.members.base for particle in model.particles}
+    found: dict[str, float] = {}
+    laws: tuple[nouns.Holonomic | nouns.Differential, ...] = (*model.holonomic, *model.differential)
+    for law in laws:
+        power = dimensions.of_relation(law.equation.tree, particles.__contains__)
+        if power is not None:
+            found |= dict.fromkeys(law.rows, power)
+    return found

@@ -1,0 +1,283 @@
+"""The unified system (D.24) of a model: the last stage that is symbols, and the only room with a sign before lambda.
+
+M a = h + B^T lambda                (D.23 with Cartesian particles, D.53 with generalized coordinates)
+B v + b = 0,  f = 0                 (D.6, D.2)
+R = + B^T lambda                    (D.22)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations import (
+    branch_cuts,
+    energy,
+    explicit_gradient,
+    family_columns,
+    kinks,
+    output_values,
+    rigid,
+    rows,
+    symbols,
+)
+from lagcli.equations.environment import Environment
+from lagcli.equations.family_columns import Columns
+from lagcli.equations.symbols import FixedExponents, Symbols
+from lagcli.errors import diagnostics
+from lagcli.model import model as nouns
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class System:
+    """Symbols and expressions, all CasADi SX.
+
+    Inputs: `symbols` t, q (n), v (n); `p` parameters and constants of rigid bodies; lam (C); a (n).
+    M (n, n), h (n); f (s), B (C, n), b (C), gamma (C), the first s rows holonomic; R (N, 3) flattened,
+    Q_R = B^T lambda (n); T, V, energy, jacobi, power as in `energy.Dynamics`; outputs flattened.
+    built_in: parameters that stand in exponents, with the values built into the expressions.
+    kinks: where the gradients of rows jump, or None where they cannot; cuts: f continued across the cuts of angles, or
+    None where there are none.
+    """
+
+    model: nouns.Model
+    symbols: Symbols
+    p: Any
+    lam: Any
+    a: Any
+    dynamics: energy.Dynamics
+    rows: rows.Rows
+    Q_R: Any
+    R: Any
+    r: Any
+    r_dot: Any
+    outputs: Any
+    bodies: tuple[rigid.Geometry, ...]
+    built_in: tuple[tuple[str, float], ...]
+    kinks: kinks.Kinks | None
+    cuts: branch_cuts.Cuts | None
+    warnings: tuple[diagnostics.Diagnostic, ...]
+
+    @property
+    def f(self) -> Any:
+        """f (s,), continued across the cuts of angles."""
+        return self.rows.f if self.cuts is None else self.cuts.f
+
+    @property
+    def holonomic_count(self) -> int:
+        """s, the number of rows with f."""
+        return int(self.rows.f.numel())
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of the table after `t`, in the order of the specification."""
+        model = self.model
+        particles, generalized = model.particle_names, model.generalized_names
+        names = [f"{name}.{part}" for name in particles for part in ("x", "y", "z", "vx", "vy", "vz")]
+        names += [column for name in generalized for column in (name, f"rate({name})")]
+        names += [f"lambda.{row.name}" for row in self.rows.rows]
+        names += [f"R.{name}.{axis}" for name in particles for axis in "xyz"]
+        names += [f"R.{name}" for name in generalized]
+        names += ["energy", *(column for output in model.outputs for column in output.columns)]
+        return tuple(names)
+
+
+# Other rows and dynamics of the same coordinates, in place of those a model declares.
+Restated = Callable[[Environment, rows.Rows, energy.Dynamics], tuple[rows.Rows, energy.Dynamics]]
+
+
+def build(model: nouns.Model, restated: Restated | None = None) -> System:
+    """The system of a model. Raises `diagnostics.ModelError` for laws that cannot act and degenerate bodies."""
+    s = symbols.symbols(model)
+    fixed = FixedExponents(model)
+    env = Environment(model, s, fixed)
+    bodies = geometries(model, s, env)
+    constants = [
+        ca.SX.sym(f"body {body.name}", g.row_constants) for body, g in zip(model.rigid, bodies, strict=True)
+    ]
+    laid = rows.lay_down(model, env, [(g, ca.vertsplit(c)) for g, c in zip(bodies, constants, strict=True)])
+    dynamics = energy.dynamics(model, env, fixed)
+    if restated is not None:
+        laid, dynamics = restated(env, laid, dynamics)
+    lam, a = ca.SX.sym("lam", len(laid.rows)), ca.SX.sym("a", s.q.numel())
+    Q_R = reaction(laid.B, lam)
+    everyone = np.arange(len(env.particles))
+    accelerations = _accelerations(env, a)
+    R = _reactions(env, dynamics, Q_R, accelerations)
+    solved = output_values.Solved(laid, lam, a, accelerations, R)
+    named = output_values.Results(
+        env, dynamics, solved, explicit_gradient.Forces(model, env, bodies, constants)
+    )
+    p = ca.vertcat(s.p, *constants)
+    switching = kinks.find(model, s, p, laid)
+    start_place = _place(model, bodies)
+    kinks.require_smooth(switching, *start_place)
+    cut = branch_cuts.find(model, s, p, laid, start_place)
+    return System(
+        model=model,
+        symbols=s,
+        p=p if cut is None else ca.vertcat(p, cut.references),
+        lam=lam,
+        a=a,
+        dynamics=dynamics,
+        rows=laid,
+        Q_R=Q_R,
+        R=_flat(R.take(everyone)),
+        r=_flat(env.position(everyone)),
+        r_dot=_flat(env.velocity(everyone)),
+        outputs=output_values.outputs(model, env, named),
+        bodies=bodies,
+        built_in=fixed.used(),
+        kinks=switching,
+        cuts=cut,
+        warnings=_reaction_warnings(model, s, env, dynamics),
+    )
+
+
+def reaction(B: Any, lam: Any) -> Any:
+    """Q_R (n,) = + B^T lambda (D.22): the sign of lambda, here and nowhere else."""
+    return ca.densify(B.T @ lam)
+
+
+def with_values(built: System, model: nouns.Model) -> System | None:
+    """The same system for other values of parameters and start, or None where it must be built anew.
+
+    `model` must be of the same text. A new build is needed where a built-in exponent changes, or a rigid body
+    gets another base.
+    """
+    if model.structure != built.model.structure:
+        return None
+    fixed = FixedExponents(model)
+    if any(fixed.value(name) != value for name, value in built.built_in):
+        return None
+    # An environment evaluates every position: only where a body asks for some.
+    env = Environment(model, built.symbols, fixed) if model.rigid else None
+    bodies = geometries(model, built.symbols, env) if env else ()
+    if [body.shape for body in bodies] != [body.shape for body in built.bodies]:
+        return None
+    place = _place(model, bodies)
+    kinks.require_smooth(built.kinks, *place)
+    if built.cuts is not None and not built.cuts.hold_for(*place):
+        return None
+    return dataclasses.replace(built, model=model, bodies=bodies)
+
+
+def _place(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> tuple[float, Floats, Floats]:
+    """t, q and p of the declared start."""
+    return model.simulation.start, start(model)[0], parameter_values(model, bodies)
+
+
+def _flat(vectors: Sequence[Any]) -> Any:
+    """Columns x, y, z as x1, y1, z1, x2, ..."""
+    return family_columns.interleaved(vectors, vectors[0].numel())
+
+
+def start(model: nouns.Model) -> tuple[Floats, Floats]:
+    """Initial q and v, shape (n,) each."""
+    cartesian = [(p.start, p.start_velocity) for p in model.particles if p.start is not None]
+    q = [start.ravel() for start, _ in cartesian] + [c.value for c in model.coordinates]
+    v = [moving.ravel() for _, moving in cartesian] + [c.rate for c in model.coordinates]
+    nothing = np.zeros(0)
+    return np.concatenate([nothing, *q]), np.concatenate([nothing, *v])
+
+
+def values(built: System) -> Floats:
+    """Numbers for `System.p` at the declared start."""
+    p = parameter_values(built.model, built.bodies)
+    if built.cuts is None:
+        return p
+    return built.cuts.begin(
+        built.model.simulation.start, start(built.model)[0], np.concatenate([p, np.zeros(built.cuts.count)])
+    )
+
+
+def parameter_values(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> Floats:
+    """Numbers for parameters and constants of rigid bodies."""
+    numbers = symbols.parameter_values(model)
+    for body in bodies:
+        numbers += body.numbers
+    return np.array(numbers, dtype=float)
+
+
+def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[rigid.Geometry, ...]:
+    """The geometry of each rigid body at the declared start."""
+    if not model.rigid:
+        return ()
+    numbers = np.unique([number for body in model.rigid for number in body.particles])
+    where = ca.Function("where", [s.t, s.q, s.p], [_flat(env.position(numbers))])
+    q, _ = start(model)
+    p = symbols.parameter_values(model)
+    points = np.array(where(model.simulation.start, q, p)).reshape(-1, 3)
+    found = []
+    for body in model.rigid:
+        places = points[np.searchsorted(numbers, body.particles)]
+        if not np.abs(places).max() < rigid.FAR:
+            message = f"the particles of the body `{body.name}` do not start at finite places"
+            raise diagnostics.ModelError(
+                [diagnostics.Diagnostic("not-finite-at-start", message, body.location)]
+            )
+        try:
+            found.append(rigid.geometry(places))
+        except rigid.DegenerateBody:
+            message = f"all particles of the body `{body.name}` start at one point"
+            raise diagnostics.ModelError(
+                [diagnostics.Diagnostic("rigid-degenerate", message, body.location)]
+            ) from None
+    return tuple(found)
+
+
+def _accelerations(env: Environment, a: Any) -> Columns:
+    """a_k of all particles: components of a, or of a dependent particle the second derivative of x(q, t)."""
+    found = Columns(len(env.particles))
+    if env.cartesian.size:
+        x, y, z = (a[axis : env.first_generalized : 3] for axis in range(3))
+        found.fill(env.cartesian, (x, y, z))
+    if env.dependent.size:
+        velocity = ca.vertcat(*env.velocity(env.dependent))
+        acceleration = ca.densify(ca.jtimes(velocity, env.symbols.v, a) + env.rate(velocity))
+        found.fill(env.dependent, tuple(ca.vertsplit(acceleration, env.dependent.size)))
+    return found
+
+
+def _reactions(env: Environment, dynamics: energy.Dynamics, Q_R: Any, accelerations: Columns) -> Columns:
+    """R_k: the particle's part of B^T lambda; of a dependent particle m a_k - F_k (D.10)."""
+    R = Columns(len(env.particles))
+    if env.cartesian.size:
+        R.fill(env.cartesian, tuple(Q_R[axis : env.first_generalized : 3] for axis in range(3)))
+    if env.dependent.size:
+        m = family_columns.taken(env.masses(), env.dependent)
+        acceleration = ca.vertcat(*accelerations.take(env.dependent))
+        force = ca.densify(ca.vertcat(m, m, m) * acceleration - dynamics.applied)
+        R.fill(env.dependent, tuple(ca.vertsplit(force, env.dependent.size)))
+    return R
+
+
+def _reaction_warnings(
+    model: nouns.Model, s: Symbols, env: Environment, dynamics: energy.Dynamics
+) -> tuple[diagnostics.Diagnostic, ...]:
+    """R = m a - F of a dependent particle also holds the unknown carriers of forces on its coordinates."""
+    found = []
+    first = 0
+    for particle in model.particles:
+        numbers = np.arange(particle.members.count) + first
+        first += particle.members.count
+        if not particle.is_dependent or not numbers.size:
+            continue
+        position = ca.vertcat(*env.position(numbers))
+        own = frozenset(ca.jacobian(position, s.q).sparsity().get_col())
+        carriers = [name for name, touched in dynamics.carriers.items() if touched & own]
+        if carriers:
+            name = particle.members.base
+            message = f"R of `{name}` also holds what carries {', '.join(carriers)}"
+            hint = "declare forces and potentials on particles to have R as the constraint force alone"
+            found.append(
+                diagnostics.Diagnostic("reaction-includes-drive", message, particle.location, hint, "warning")
+            )
+    return tuple(found)

@@ -1,0 +1,358 @@
+"""What a model says about t alone: where it switches, and the functions that may rise and fall within a step.
+
+An explicit scheme sees forces at its stages only. A step that grew while nothing moved may lead over a pulse, and its
+error estimate is zero. What depends on t and parameters alone is known before the run, whatever the motion: the
+arguments of functions with a kink, and bounded functions, whose rises and falls steps must not be longer than.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import operator
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.expression import evaluate, intervals, tree
+from lagcli.expression.intervals import Range
+from lagcli.model import model as nouns
+from lagcli.model.family import Whole
+
+Floats = npt.NDArray[np.float64]
+
+_WORD = re.compile(r"[A-Za-z_]\w*")
+# Operations on t, values of all of them for the members of families, and operations of any kind in expressions that
+# hold t: more are left to the rows of the table.
+MOST_OPERATIONS, MOST_VALUES, MOST_STEPS = 1000, 2**14, 20_000
+# These only add, shift and scale: they rise and fall where their parts do.
+_PLAIN = frozenset(("add", "subtract", "negate", "multiply"))
+# Nor do these bring a pulse about.
+_STEADY = _PLAIN | {"sign", "abs", "sinh", "cosh"}
+_FAST: dict[str, Callable[[float, float], float]] = {
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "divide": operator.truediv,
+}
+_SWITCHES = frozenset(("abs", "sign", "sqrt"))
+_INVERSES = frozenset(("asin", "acos"))
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Operation:
+    """A function of earlier values, each by its place or as a number."""
+
+    name: str
+    parts: tuple[int | Range, ...]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class TimeFunctions:
+    """Operations on t, which has the place 0, each on those before it.
+
+    size: values of all operations, of a family one for each member; switches: places of values that are zero where a
+    function jumps or has a kink; waves: places of bounded values that are no sums or products of others; is_mixed:
+    whether t also stands in a function together with coordinates, or some of its functions are too many to look at;
+    kept: what was found out about them, for another run with the same.
+    """
+
+    operations: tuple[Operation, ...]
+    size: int
+    switches: tuple[int, ...]
+    waves: tuple[int, ...]
+    is_mixed: bool
+    kept: dict[Any, Any] = dataclasses.field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether every wave has a bound at all times: then nothing can rise and fall that is not looked for."""
+        ends = np.array([-np.inf]), np.array([np.inf])
+        return all(np.isfinite(a).all() and np.isfinite(b).all() for a, b in self.values(ends, self.waves))
+
+    def values(self, cells: Range, wanted: tuple[int, ...]) -> list[Range]:
+        """The ranges of the values at these places over cells of t (low, high), (C,) each, or (K, C) of a family."""
+        known: list[Range] = [cells]
+        for operation in self.operations[: max(wanted, default=0)]:
+            parts = (known[part] if isinstance(part, int) else part for part in operation.parts)
+            known.append(intervals.apply(operation.name, *parts))
+        return [known[place] for place in wanted]
+
+
+def functions(model: nouns.Model) -> TimeFunctions | None:
+    """The functions of t in everything that moves a model; None where t does not occur there."""
+    timed = _Timed(model)
+    if not timed.laws:
+        return None
+    record = _Record()
+    leaves = _Leaves(model, timed.names)
+    # Each after those it uses, so that a chain of any length needs no deep stack.
+    aside = _Record(math.inf)
+    for step in model.order:
+        if isinstance(step, str):
+            leaves.define(step, record if step in timed.names else aside)
+    for law, variables in timed.laws:
+        _walk(law, _Algebra(record, leaves, variables))
+    return record.functions()
+
+
+def _walk(node: tree.Node, algebra: _Algebra) -> None:
+    if isinstance(node, tree.Relation):
+        evaluate.difference(node, algebra)
+    else:
+        evaluate.evaluate(node, algebra)
+
+
+class _Timed:
+    """The expressions of a model in which t occurs: laws with their index variables; `names` of the definitions and
+    dependent particles that hold t."""
+
+    def __init__(self, model: nouns.Model) -> None:
+        self.names = {"t"}
+        self.laws: list[tuple[tree.Node, Mapping[str, Whole]]] = []
+        meanings = {d.name: d.expression for d in model.definitions}
+        for step in model.order:
+            if isinstance(step, str):
+                if self._holds(meanings[step]):
+                    self.names.add(step)
+                continue
+            particle = model.particles[step.entry]
+            parts = [part for part in particle.position.parts if self._holds(part)]
+            if parts:
+                self.names.add(particle.members.base)
+                taken = particle.members.taken(step.places)
+                self.laws += [(part.tree, taken) for part in parts]
+        for expression, variables in _laws(model):
+            if self._holds(expression):
+                self.laws.append((expression.tree, variables))
+
+    def _holds(self, expression: nouns.Expression) -> bool:
+        return not self.names.isdisjoint(_WORD.findall(expression.text))
+
+
+def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, Whole]]]:
+    """Every expression that enters the equations of motion, but for definitions and positions."""
+    if model.lagrangian is not None:
+        yield model.lagrangian, {}
+    for force in model.forces:
+        if isinstance(force, nouns.Potential):
+            yield force.expression, force.members.variables
+            continue
+        parts = force.force.parts if isinstance(force, nouns.ParticleForce) else (force.force,)
+        # A family acts with each of its members somewhere, or nowhere: then a switch of it does no harm.
+        yield from ((part, force.members.variables) for part in parts)
+    laws: tuple[nouns.Holonomic | nouns.Differential, ...] = (*model.holonomic, *model.differential)
+    yield from ((law.equation, law.members.variables) for law in laws)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Value:
+    """A number, or a function of t at a place; neither where it depends on the motion, `is_timed` on t too."""
+
+    number: Range | None = None
+    place: int | None = None
+    is_timed: bool = False
+
+
+_MOTION = _Value()
+_MOTION_AND_TIME = _Value(is_timed=True)
+
+
+class _Record:
+    """The operations so far, each of them once; most: operations of any kind."""
+
+    def __init__(self, most: float = MOST_STEPS) -> None:
+        self._most, self._steps, self._size = most, 0, 1
+        self._places: dict[tuple[object, ...], int] = {}
+        self._operations: list[Operation] = []
+        self._members: list[int] = [1]
+        self._jumps: list[bool] = [False]
+        self._switches: dict[int, None] = {}
+        self._waves: dict[int, None] = {}
+        self.is_mixed = False
+
+    def combine(self, name: str, *parts: _Value) -> _Value:
+        """An operation on values."""
+        self._steps += 1
+        if self._steps > self._most:
+            self.is_mixed = True
+            return _MOTION_AND_TIME
+        numbers = [part.number for part in parts if part.number is not None]
+        if len(numbers) == len(parts):
+            return _Value(number=_folded(name, numbers))
+        if any(part.number is None and part.place is None for part in parts):
+            return self._mix(name, parts)
+        inputs = [part.number if part.number is not None else part.place for part in parts]
+        taken = tuple(part for part in inputs if part is not None)
+        members = max(
+            self._members[part] if isinstance(part, int) else int(np.size(part[0])) for part in taken
+        )
+        if len(self._operations) >= MOST_OPERATIONS or self._size + members > MOST_VALUES:
+            self.is_mixed = True
+            return _MOTION_AND_TIME
+        return _Value(place=self._put(Operation(name, taken), members), is_timed=True)
+
+    def _mix(self, name: str, parts: tuple[_Value, ...]) -> _Value:
+        """The same with what depends on the motion."""
+        is_timed = any(part.is_timed for part in parts)
+        # A quotient by what does not depend on both is a product.
+        own = parts[1:] if name == "divide" else parts
+        mixed = any(part.is_timed and part.place is None for part in own)
+        if name not in _PLAIN and (mixed or (name != "divide" and is_timed)):
+            self.is_mixed = True
+        return _MOTION_AND_TIME if is_timed else _MOTION
+
+    def _put(self, operation: Operation, members: int) -> int:
+        keys = tuple(
+            part if isinstance(part, int) else (part[0].tobytes(), part[1].tobytes())
+            for part in operation.parts
+        )
+        key = (operation.name, *keys)
+        if key in self._places:
+            return self._places[key]
+        self._operations.append(operation)
+        self._size += members
+        place = self._places[key] = len(self._operations)
+        self._members.append(members)
+        jumps = any(self._jumps[part] for part in operation.parts if isinstance(part, int))
+        self._jumps.append(jumps or operation.name == "sign")
+        if not (_is_steady(operation) or self._jumps[place]):
+            self._waves[place] = None
+        return place
+
+    def switch(self, value: _Value) -> None:
+        """Keep a value whose zeros are kinks or jumps, if it is one of t alone."""
+        if value.place is not None:
+            self._switches[value.place] = None
+
+    def functions(self) -> TimeFunctions:
+        """All of it."""
+        places = tuple(self._switches), tuple(self._waves)
+        return TimeFunctions(tuple(self._operations), self._size, *places, self.is_mixed)
+
+
+def _folded(name: str, numbers: list[Range]) -> Range:
+    """An operation on numbers; on two by far the most often."""
+    if name in _FAST and numbers[0][0].size == numbers[1][0].size == 1:
+        (a, b), (c, d) = numbers
+        if a is b and c is d and not (name == "divide" and float(c) == 0.0):
+            return intervals.constant(_FAST[name](float(a), float(c)))
+    return intervals.apply(name, *numbers)
+
+
+def _is_steady(operation: Operation) -> bool:
+    """Whether it rises and falls where its parts do: a sum, a product, a whole power, a quotient by a number."""
+    last = operation.parts[-1]
+    if operation.name in ("divide", "power") and not isinstance(last, int):
+        is_whole = bool(((last[0] >= 0.0) & (last[0] == np.round(last[0]))).all())
+        return is_whole or operation.name == "divide"
+    return operation.name in _STEADY
+
+
+class _Leaves:
+    """What names stand for."""
+
+    def __init__(self, model: nouns.Model, timed: set[str]) -> None:
+        self._timed = timed
+        self._particles = {particle.members.base for particle in model.particles}
+        self._meanings = {d.name: d.expression.tree for d in model.definitions}
+        self._known: dict[str, Any] = {
+            "t": _Value(place=0, is_timed=True),
+            "pi": _Value(number=intervals.constant(np.pi)),
+            "dt": _Value(number=intervals.constant(1.0)),
+        }
+        for parameter in model.parameters:
+            value = parameter.value
+            self._known[parameter.name] = (
+                tuple(_Value(number=intervals.constant(part)) for part in value)
+                if isinstance(value, tuple)
+                else _Value(number=intervals.constant(value))
+            )
+
+    def define(self, name: str, record: _Record) -> None:
+        """Evaluate a definition after those it uses."""
+        self._known[name] = evaluate.evaluate(self._meanings[name], _Algebra(record, self, {}))
+
+    def named(self, name: str, member: str) -> Any:
+        """A name, or a component or velocity of what it stands for: the value, three of them for a vector."""
+        if name in self._known:
+            value = self._known[name]
+            return value["xyz".index(member)] if member else value
+        motion = _MOTION_AND_TIME if name in self._timed else _MOTION
+        is_vector = member in ("", "v") if name in self._particles or name in ("r", "v") else False
+        return (motion,) * 3 if is_vector else motion
+
+
+class _Algebra:
+    """`evaluate.Algebra` of these values."""
+
+    def __init__(self, record: _Record, leaves: _Leaves, variables: Mapping[str, Whole]) -> None:
+        self._record, self._leaves, self._variables = record, leaves, variables
+
+    def number(self, node: tree.Number) -> _Value:
+        """The value of a literal."""
+        return _Value(number=intervals.constant(float(node.text)))
+
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
+        """The value a name stands for."""
+        if isinstance(node, tree.Name):
+            if node.name in self._variables:
+                return _Value(number=intervals.constant(self._variables[node.name][:, None].astype(float)))
+            return self._leaves.named(node.name, "")
+        return self._leaves.named(node.owner, node.member)
+
+    def special(self, node: tree.Call) -> Any:
+        """Rates and differentials: of the motion."""
+        argument = node.arguments[0]
+        if node.function == "d":
+            value = evaluate.evaluate(argument, self)
+            parts = value if isinstance(value, tuple) else (value,)
+            found = tuple(_MOTION_AND_TIME if part.is_timed else _MOTION for part in parts)
+            return found if isinstance(value, tuple) else found[0]
+        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
+        return self.atom(argument)
+
+    def add(self, node: tree.Node, left: _Value, sign: int, right: _Value) -> _Value:
+        """left + sign right."""
+        return self._record.combine("add" if sign > 0 else "subtract", left, right)
+
+    def negate(self, node: tree.Node, value: _Value) -> _Value:
+        """-value."""
+        return self._record.combine("negate", value)
+
+    def multiply(self, node: tree.Node, left: _Value, right: _Value) -> _Value:
+        """left right."""
+        return self._record.combine("multiply", left, right)
+
+    def divide(self, node: tree.Node, left: _Value, right: _Value) -> _Value:
+        """left / right; one whose divisor vanishes has a pole, and may jump from one infinity to the other."""
+        self._record.switch(right)
+        return self._record.combine("divide", left, right)
+
+    def power(self, node: tree.Node, base: _Value, exponent: _Value) -> _Value:
+        """base ** exponent; one that is not whole has a kink at zero."""
+        if exponent.number is None or not (exponent.number[0] == np.round(exponent.number[0])).all():
+            self._record.switch(base)
+        return self._record.combine("power", base, exponent)
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[_Value, ...]) -> _Value:
+        """A scalar function, with what it switches at."""
+        record = self._record
+        if name in ("min", "max"):
+            result = arguments[0]
+            for argument in arguments[1:]:
+                record.switch(record.combine("subtract", result, argument))
+                result = record.combine(name, result, argument)
+            return result
+        if name in _SWITCHES or name == "atan2":
+            record.switch(arguments[0])
+        if name == "tan":
+            record.switch(record.combine("cos", arguments[0]))
+        if name in _INVERSES:
+            one = _Value(number=intervals.constant(1.0))
+            record.switch(record.combine("subtract", arguments[0], one))
+            record.switch(record.combine("add", arguments[0], one))
+        return record.combine(name, *arguments)

@@ -1,1 +1,0 @@
-"""Files that leave the program: tables (CSV, JSON, NPZ, Parquet) and figures."""

@@ -1,0 +1,90 @@
+"""Which formulations fit a model, and where their tables can be compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.formulations import comparison
+from lagcli.formulations.comparison import Formulation
+from lagcli.model.model import Model
+from lagcli.start import sample_points
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+
+# The reduction is dense, and each step takes operations by the cube of this.
+MOST_COORDINATES = 600
+# Rows of length one with a smaller singular value than this leave multipliers few digits: they are quotients by it.
+NEAR = 1e-2
+
+
+def declared(model: Model, rows: int) -> str:
+    """What the model is as it stands, a key of `comparison.TITLES`; `rows`: C."""
+    if not model.coordinates:
+        return "newton"
+    return "lagrange-multipliers" if rows else "lagrange"
+
+
+def is_reducible(rows: int, n: int) -> bool:
+    """Whether the null space of C rows in n coordinates is to be taken: there are rows, and not too many columns."""
+    return rows > 0 and n <= MOST_COORDINATES
+
+
+def has_dependent(model: Model) -> bool:
+    """Whether there are particles that Newton's formulation frees."""
+    return any(particle.is_dependent and particle.members.count for particle in model.particles)
+
+
+def comparable(model: Model, other: Formulation, of: Mapping[str, str]) -> dict[str, str]:
+    """The columns whose meaning another formulation of the same model shares.
+
+    Freed particles take the rows from the coordinates: R of a generalized coordinate is another sum there.
+    """
+    if other.name != "freed":
+        return dict(of)
+    apart = {f"R.{name}" for name in model.generalized_names}
+    return {name: kind for name, kind in of.items() if name not in apart}
+
+
+def singular(
+    numeric: NumericSystem, states: tuple[Floats, Floats, Floats], p: Floats, rank: int
+) -> npt.NDArray[np.bool_]:
+    """Which of the states t (k,), q and v (k, n) stand near a singular configuration, with rows of this rank."""
+    found = np.zeros(len(states[0]), dtype=bool)
+    for i, (t, q, v) in enumerate(zip(*states, strict=True)):
+        rows = sample_points.rows(numeric, State(float(t), q, v, p))
+        sigma = np.linalg.svd(rows.dense, compute_uv=False)
+        found[i] = rank > 0 and sigma[rank - 1] < NEAR
+    return found
+
+
+def compared(
+    first: Formulation,
+    others: Sequence[tuple[Formulation, Mapping[str, str]]],
+    tolerance: float,
+    near: npt.NDArray[np.bool_],
+) -> comparison.Comparison:
+    """The comparison of others, each with the columns it shares, with the first."""
+    agreements = tuple(comparison.compare(shared, first, other, near) for other, shared in others)
+    notes = []
+    if near.any():
+        notes.append(
+            f"multipliers are not compared in {int(near.sum())} of {near.size} rows, which are near a singular"
+            " configuration: they have a pole there"
+        )
+    runs = (first, *(other for other, _ in others))
+    notes += [f"{one.path} as {comparison.TITLES[one.name]} {one.stopped}" for one in runs if one.stopped]
+    if first.rows and first.coordinates > MOST_COORDINATES:
+        notes.append(
+            f"the reduction by the null space is left out: it is dense, and meant for {MOST_COORDINATES} coordinates"
+            " or fewer"
+        )
+    elif not others:
+        notes.append(
+            "only one formulation fits: there are no rows to eliminate and no dependent particles to free"
+        )
+    return comparison.Comparison(runs, agreements, tolerance, tuple(notes))

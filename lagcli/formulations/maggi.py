@@ -1,0 +1,164 @@
+"""Independent quantities in place of dependent coordinates: the equations of Maggi, without multipliers.
+
+At a reference the velocities that the rows allow are those of the null space of B, with a basis Z that is orthonormal
+in the mass metric. Near it, with G = Z^T M of the reference,
+
+    xi = G_h (q - q_ref)    n - s independent coordinates (G_h: the same of the holonomic rows alone)
+    u  = G v                n - rank independent quasi-velocities
+
+and [B; G] v = [-b; u] gives v, [B_h; G_h] (q - q_ref) = [..; xi] with f(q, t) = 0 gives q. With N the columns of
+[B; G]^-1 that belong to u, so that B N = 0 and G N = 1, virtual displacements are N du, and (D.26) becomes
+
+    N^T (M a - h) = 0,    a = N u' + a_p,    B a_p = gamma
+
+which has no multiplier in it. Afterwards B^T lambda = M a - h tells them (D.24).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.formulations.dense_functions import Functions, Place
+
+Floats = npt.NDArray[np.float64]
+
+# Rows of length one in the mass metric are dependent where a singular value is below this.
+DEPENDENT = 1e-7
+# Newton's iterations for q, and the change, as a part of the size, that ends them.
+ITERATIONS, ARRIVED = 16, 4e-16
+# Steps that do not shrink to SLOW of the one before ask for new derivatives; small ones that do not halve are rounding.
+SLOW, HALF, STALLED = 0.1, 0.5, 1e-12
+
+
+class Lost(Exception):
+    """The chart ends here: no configuration is found, or the rows are dependent."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Motion:
+    """A point of the chart in full: q, v, a (n,), with (xi', u'), and how far the null space has turned (1: not)."""
+
+    q: Floats
+    v: Floats
+    a: Floats
+    rate: Floats
+    turned: float
+
+
+class Chart:
+    """Independent quantities y = (xi, u) around a reference t, q, v. Raises `Lost`."""
+
+    def __init__(self, functions: Functions, t: float, q: Floats, v: Floats) -> None:
+        self._functions, self._q_ref = functions, q
+        here = functions.place(t, q)
+        M = functions.forces(t, q, v).M
+        try:
+            lower: Floats = np.asarray(np.linalg.cholesky(M))
+        except np.linalg.LinAlgError:
+            raise Lost("the inertia is not positive definite") from None
+        self._lower = lower
+        s = functions.holonomic
+        self._mix, self._G = _split(here.B, lower)
+        self._mix_h, self._G_h = _split(here.B[:s], lower)
+        self._guess = q
+        self._inverse_h = _inverse(np.vstack([self._mix_h @ here.B[:s], self._G_h]))
+        self._size = float(np.abs(q).max(initial=0.0)) or 1.0
+        self.freedoms, self.rank = len(self._G), len(self._mix)
+        self.y = np.concatenate([np.zeros(len(self._G_h)), self._G @ v])
+        lengths = np.concatenate([lower.T @ q, [1e-300]])
+        self.sizes = np.concatenate([np.full(len(self._G_h), np.abs(lengths).max()), np.zeros(len(self._G))])
+
+    def at(self, t: float, y: Floats) -> Motion:
+        """The motion at y (n - s + n - rank,). Raises `Lost`."""
+        d = len(self._G_h)
+        q, here = self._position(t, y[:d])
+        functions, r = self._functions, self.rank
+        inverse = _inverse(np.vstack([self._mix @ here.B, self._G]))
+        v = inverse @ np.concatenate([-self._mix @ here.b, y[d:]])
+        forces = functions.forces(t, q, v)
+        if functions.holonomic == functions.rows:
+            self._inverse_h = inverse
+        N, a_p = inverse[:, r:], inverse[:, :r] @ (self._mix @ forces.gamma)
+        reduced = N.T @ forces.times(N)
+        try:
+            w = np.linalg.solve(reduced, N.T @ (forces.h - forces.times(a_p)))
+        except np.linalg.LinAlgError:
+            raise Lost("the inertia of the independent motions is singular") from None
+        a = N @ w + a_p
+        turned = float(np.linalg.norm(self._lower.T @ N)) / np.sqrt(max(1, self.freedoms))
+        if not np.isfinite(a).all():
+            raise Lost("the accelerations are not finite")
+        return Motion(q, v, a, np.concatenate([self._G_h @ v, w]), turned)
+
+    def _position(self, t: float, xi: Floats) -> tuple[Floats, Place]:
+        """The configuration on f = 0 with these xi, and the rows there.
+
+        By Newton's method from the last one, with the derivatives of an earlier point as long as they serve.
+        """
+        functions, s, q = self._functions, self._functions.holonomic, self._guess
+        before = np.inf
+        for _ in range(ITERATIONS):
+            here = functions.place(t, q)
+            residual = np.concatenate([self._mix_h @ here.f, self._G_h @ (q - self._q_ref) - xi])
+            step = self._inverse_h @ residual
+            moved = self._part(step)
+            if moved > SLOW * before and moved > STALLED:
+                self._inverse_h = _inverse(np.vstack([self._mix_h @ here.B[:s], self._G_h]))
+                step = self._inverse_h @ residual
+                moved = self._part(step)
+            if not np.isfinite(moved):
+                break
+            q = q - step
+            if moved <= ARRIVED or (moved >= HALF * before and moved <= STALLED):
+                self._guess = q
+                return q, functions.place(t, q)
+            before = moved
+        self._guess = self._q_ref
+        raise Lost("no configuration with these independent coordinates is near")
+
+    def _part(self, step: Floats) -> float:
+        """The largest entry of a step as a part of the size of the configuration."""
+        return float(np.abs(step).max(initial=0.0)) / self._size
+
+
+def multipliers(functions: Functions, t: float, motion: Motion) -> Floats:
+    """lambda (C,) with B^T lambda = M a - h (D.24); of dependent rows those with the least sum of
+    lambda_i^2 B_i M^-1 B_i^T."""
+    if not functions.rows:
+        return np.zeros(0)
+    B = functions.place(t, motion.q).B
+    forces = functions.forces(t, motion.q, motion.v)
+    lower = np.linalg.cholesky(forces.M)
+    white = np.linalg.solve(lower, B.T)
+    lengths = np.linalg.norm(white, axis=0)
+    lengths[lengths == 0.0] = 1.0
+    right = np.linalg.solve(lower, forces.M @ motion.a - forces.h)
+    return np.asarray(np.linalg.lstsq(white / lengths, right, rcond=DEPENDENT)[0] / lengths)
+
+
+def reaction(functions: Functions, t: float, motion: Motion) -> Floats:
+    """R = M a - h (n,), the forces of constraint without multipliers (D.23)."""
+    forces = functions.forces(t, motion.q, motion.v)
+    return forces.times(motion.a) - forces.h
+
+
+def _split(B: Floats, lower: Floats) -> tuple[Floats, Floats]:
+    """Independent combinations of rows, (rank, C), and Z^T M of the null space of B (C, n), (n - rank, n)."""
+    white = np.linalg.solve(lower, B.T).T
+    lengths = np.linalg.norm(white, axis=1)
+    lengths[lengths == 0.0] = 1.0
+    if not len(B):
+        return np.zeros((0, 0)), np.asarray(lower.T)
+    left, sigma, right = np.linalg.svd(white / lengths[:, None], full_matrices=True)
+    rank = int((sigma > DEPENDENT).sum())
+    return left[:, :rank].T / lengths, right[rank:] @ lower.T
+
+
+def _inverse(matrix: Floats) -> Floats:
+    try:
+        return np.asarray(np.linalg.inv(matrix))
+    except np.linalg.LinAlgError:
+        raise Lost("the rows are dependent") from None

@@ -1,0 +1,165 @@
+"""Steps of DOP853 in the independent quantities of a chart, from row to row of a grid."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.formulations.dense_functions import Functions
+from lagcli.formulations.maggi import Chart, Lost, Motion
+from lagcli.model.model import Simulation
+from lagcli.simulation import dop853, dop853_tableau, loop, step_tolerance
+from lagcli.simulation.grid import Grid
+from lagcli.simulation.timetable import Timetable
+
+Floats = npt.NDArray[np.float64]
+
+SAFETY, SHRINK, GROW = 0.9, 0.2, 6.0
+# The first step, as a part of the time in which the velocities would move the configuration by its size.
+FIRST = 1e-2
+# A chart is left where its null space has turned so far that a basis of it has grown by this factor.
+TURNED = 1.5
+A = [np.array(row) for row in dop853_tableau.A]
+B, E5 = np.array(dop853_tableau.B), np.array(dop853_tableau.E5)
+E3 = np.array(dop853_tableau.E3)
+
+
+class Stopped(Exception):
+    """No step leads on; `t` is the time reached."""
+
+    def __init__(self, t: float, reason: str) -> None:
+        super().__init__(reason)
+        self.t = t
+
+
+@dataclasses.dataclass
+class Account:
+    """Accepted steps, those rejected, charts, and seconds."""
+
+    steps: int = 0
+    rejected: int = 0
+    charts: int = 0
+    seconds: float = 0.0
+
+
+def rows(
+    functions: Functions, grid: Grid, begin: tuple[Floats, Floats], settings: Simulation, account: Account
+) -> Iterator[tuple[float, Motion]]:
+    """The motion at each time of the grid, from q and v at its start. Raises `Stopped`."""
+    began = time.perf_counter()
+    t = grid.start
+    try:
+        chart = Chart(functions, t, *begin)
+        motion = chart.at(t, chart.y)
+    except Lost as lost:
+        raise Stopped(t, str(lost)) from None
+    account.charts += 1
+    functions.settle(t, motion.q)
+    y = chart.y
+    held_to = step_tolerance.of_steps(settings)
+    h = _first(motion, grid)
+    timetable = Timetable(functions.timed, t, grid.step, settings.max_step or np.inf)
+    account.seconds += time.perf_counter() - began
+    pace_from = t
+    yield t, motion
+    for i in range(1, grid.count):
+        began = time.perf_counter()
+        goal = grid.time(i)
+        while t < goal:
+            if motion.turned > TURNED:
+                chart, y, motion = _renewed(functions, t, motion, account)
+            switch = timetable.switch(t)
+            if switch is not None:
+                t = min(switch[1], goal)
+                motion = _again(chart, t, y)
+                continue
+            taken = min(timetable.shortened(t, h), goal - t)
+            last = taken == goal - t or goal - t - taken < 1e-12 * taken
+            taken = goal - t if last else taken
+            error, found = _step(chart, t, taken, (y, motion.rate), held_to)
+            if found is None or not error < 1.0:
+                account.rejected += 1
+                h = taken * (max(SHRINK, SAFETY * error ** (-1 / dop853.ORDER)) if error < np.inf else 0.25)
+                if t + h / 64 == t:
+                    raise Stopped(
+                        t, "the steps become too small: the rows are dependent, or the forces too steep"
+                    )
+                continue
+            account.steps += 1
+            y, motion = found
+            t = goal if last else t + taken
+            if account.steps % loop.PACE == 0:
+                pace_from, advanced = t, t - pace_from
+                if (grid.end - t) * loop.PACE > loop.HOPELESS * advanced:
+                    raise Stopped(
+                        t, f"the last {loop.PACE} steps advanced by {advanced:.2g}: the run is too long"
+                    )
+            functions.settle(t, motion.q)
+            grown = taken * min(GROW, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1 / dop853.ORDER)))
+            h = max(h, grown) if taken < h else grown
+        account.seconds += time.perf_counter() - began
+        yield t, motion
+
+
+def _renewed(
+    functions: Functions, t: float, motion: Motion, account: Account
+) -> tuple[Chart, Floats, Motion]:
+    """The same motion in a chart around it."""
+    account.charts += 1
+    try:
+        chart = Chart(functions, t, motion.q, motion.v)
+        return chart, chart.y, chart.at(t, chart.y)
+    except Lost as lost:
+        raise Stopped(t, str(lost)) from None
+
+
+def _again(chart: Chart, t: float, y: Floats) -> Motion:
+    """The motion at another time with the same y."""
+    try:
+        return chart.at(t, y)
+    except Lost as lost:
+        raise Stopped(t, str(lost)) from None
+
+
+def _first(motion: Motion, grid: Grid) -> float:
+    speed = float(np.abs(motion.v).max(initial=0.0))
+    size = float(np.abs(motion.q).max(initial=0.0)) or 1.0
+    push = float(np.abs(motion.a).max(initial=0.0))
+    scale = min(size / speed if speed else np.inf, np.sqrt(size / push) if push else np.inf)
+    return float(min(FIRST * scale, (grid.end - grid.start) or 1.0))
+
+
+def _step(
+    chart: Chart, t: float, h: float, begin: tuple[Floats, Floats], held_to: Floats
+) -> tuple[float, tuple[Floats, Motion] | None]:
+    """A step from (y, y'): its error as a part of the tolerance, and where it leads; infinite where the chart ends.
+
+    Hairer's estimate, over the largest component of each kind.
+    """
+    y, rate = begin
+    stages = np.zeros((dop853_tableau.STAGES, y.size))
+    stages[0] = rate
+    try:
+        for s in range(1, dop853_tableau.STAGES):
+            stages[s] = chart.at(t + dop853_tableau.C[s] * h, y + h * (A[s] @ stages[:s])).rate
+        new = y + h * (B @ stages)
+        motion = chart.at(t + h, new)
+    except Lost:
+        return np.inf, None
+    d = y.size - chart.freedoms
+    sizes = chart.sizes.copy()
+    # From rest, or from the origin, a step itself says what is large.
+    for part in (slice(0, d), slice(d, None)):
+        moved = max(np.abs(values[part]).max(initial=0.0) for values in (y, new, h * rate))
+        sizes[part] = np.maximum(sizes[part], moved)
+    scale = held_to[1] + held_to[0] * sizes + step_tolerance.TINY
+    e5 = float(np.abs((E5 @ stages) / scale).max(initial=0.0))
+    e3 = float(np.abs((E3 @ stages) / scale).max(initial=0.0))
+    # Hypotenuse: squares of large estimates overflow.
+    error = h * e5 * (e5 / max(math.hypot(e5, 0.1 * e3), 1e-150))
+    return error, (new, motion)

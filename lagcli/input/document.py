@@ -1,0 +1,528 @@
+"""The sections of a document in their order, each read with the names declared so far: tree -> `Model`."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from lagcli import yaml_tree
+from lagcli.errors import diagnostics
+from lagcli.expression import facts, parser, tokens, tree
+from lagcli.expression.tree import ExpressionError
+from lagcli.input import (
+    constraint_equations,
+    degree_notes,
+    entries,
+    evaluation_order,
+    family_ranges,
+    key_hints,
+    keys,
+    multiplier_names,
+    namespace,
+    overrides,
+    scope,
+    start_overrides,
+)
+from lagcli.input.scalars import Formulas
+from lagcli.model import family, model, settings
+from lagcli.model.family import Members
+
+T = TypeVar("T")
+Law = TypeVar("Law", model.Holonomic, model.Differential)
+
+
+def _same(value: T) -> T:
+    return value
+
+
+_NAMING: tuple[tuple[str, namespace.Kind], ...] = (
+    ("parameters", "parameter"),
+    ("coordinates", "coordinate"),
+    ("particles", "particle"),
+    ("definitions", "definition"),
+    ("outputs", "output"),
+)
+_NAMED = (*(section for section, _ in _NAMING), "forces", "holonomic", "differential", "rigid")
+_CONSTRAINTS = ("holonomic", "rigid", "differential")
+_FAMILIES = ("coordinates", "particles", "forces", "holonomic", "differential", "outputs")
+
+
+def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = None) -> model.Model:
+    """The model a file declares, with `changes` to parameters and initial values made.
+
+    Raises `diagnostics.ModelError` with every error of the file, and `overrides.OverrideError` where a change
+    is wrong.
+    """
+    root = yaml_tree.parse(data, path)
+    changed, of_members = overrides.apply(root, changes or {})
+    found = _Document(root, changed).read(of_members)
+    digest = hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
+    given = tuple((name, str(value)) for name, value in (changes or {}).items())
+    return dataclasses.replace(found, sha256=digest, changes=given)
+
+
+class _Document:
+    """One reading: `file` is the document as written, `root` the one with the changes made."""
+
+    def __init__(self, file: yaml_tree.Mapping, root: yaml_tree.Mapping) -> None:
+        self._file = file
+        self._root = root
+        self._found = diagnostics.Collector()
+        self._scope = scope.Scope()
+        self._formulas = Formulas(self._scope, self._found)
+        self._defined: dict[str, model.Expression] = {}
+        self._members: dict[tuple[str, str], Members | None] = {}  # of a section and a key; None where broken
+
+    def read(self, of_members: Sequence[overrides.OfMember]) -> model.Model:
+        """The model, with the changes to single members made."""
+        self._read_indents()
+        self._check_sections()
+        texts = {section: self._text(section) for section in ("title", "description", "source")}
+        units = self._units()
+        self._declare_names()
+        self._take_constraint_names()
+        parameters = self._parameters()
+        self._count_members()
+        coordinates = self._named("coordinates", self._coordinate)
+        particles = self._particles()
+        definitions = self._definitions()
+        lagrangian = self._lagrangian()
+        forces = self._forces(particles)
+        holonomic = self._laws("holonomic", constraint_equations.holonomic)
+        differential = self._laws("differential", constraint_equations.differential)
+        rigid = self._rigid()
+        outputs = self._outputs()
+        simulation = self._simulation(particles)
+        if not particles and not coordinates and not self._found.has_errors:
+            message = "the model has no particles and no coordinates"
+            self._formulas.report(self._root, "nothing-to-move", message)
+        self._found.raise_errors()
+        read = (
+            parameters,
+            coordinates,
+            particles,
+            definitions,
+            forces,
+            holonomic,
+            differential,
+            rigid,
+            outputs,
+        )
+        # Nothing may be left out in silence: without an error every entry has become a noun.
+        assert sum(map(len, read)) == sum(1 for section in _NAMED for _ in self._entries(section))
+        evaluation = evaluation_order.evaluation(self._formulas, particles, definitions)
+        changes = {s: [one for one in of_members if one.section == s] for s in ("coordinates", "particles")}
+        coordinates = start_overrides.coordinates(self._formulas, coordinates, changes["coordinates"])
+        particles = start_overrides.particles(self._formulas, particles, changes["particles"])
+        self._found.raise_errors()
+        found = model.Model(
+            path=self._root.text.path,
+            fingerprint=_fingerprint(self._root.text.content, particles),
+            title=texts["title"],
+            description=texts["description"],
+            source=texts["source"],
+            units=units,
+            parameters=parameters,
+            coordinates=coordinates,
+            particles=particles,
+            definitions=definitions,
+            lagrangian=lagrangian,
+            forces=forces,
+            holonomic=holonomic,
+            differential=differential,
+            rigid=rigid,
+            outputs=outputs,
+            simulation=simulation,
+            warnings=self._found.warnings,
+            order=evaluation,
+            structure=tuple(sorted(self._scope.indexed.structure.items())),
+        )
+        notes = tuple(degree_notes.notes(self._root, found.expressions()))
+        return dataclasses.replace(found, warnings=(*found.warnings, *notes)) if notes else found
+
+    def _read_indents(self) -> None:
+        """Report entries whose keys are not indented, and read them as if they were."""
+        same = self._file is self._root
+        self._root, found = key_hints.indented(self._root)
+        self._file = self._root if same else key_hints.indented(self._file)[0]
+        for entry, key in found:
+            message = f"the keys of `{entry.value}` are not indented below it"
+            hint = (
+                f"indent `{key.value}` and the keys after it, or write `{entry.value}: {{{key.value}: ...}}`"
+            )
+            self._formulas.report(key, "not-a-mapping", message, hint)
+
+    def _check_sections(self) -> None:
+        root, formulas = self._root, self._formulas
+        empty = ""
+        for key, value in root:
+            if key.value not in keys.FORMAT.names:
+                hint = key_hints.section(key.value, value, empty)
+                formulas.report(key, "unknown-key", f"there is no section `{key.value}`", hint)
+            elif not keys.FORMAT.key(key.value).supported and not yaml_tree.is_empty(value):
+                message = f"the section `{key.value}` is not supported yet: the run would leave it out"
+                formulas.report(key, "not-supported-yet", message, keys.FORMAT.key(key.value).instead)
+            empty = key.value if yaml_tree.is_empty(value) and key.value in keys.FORMAT.names else ""
+        version = root.get("lagcli")
+        if version is None:
+            hint = "a model begins with the line `lagcli: 1`"
+            formulas.report(root, "missing-key", "the format version `lagcli: 1` is missing", hint)
+        elif not isinstance(version, yaml_tree.Scalar) or version.value.strip() != "1":
+            formulas.report(version, "unknown-version", "this version of lagcli reads format version 1")
+
+    def _entries(self, section: str) -> Iterator[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]]:
+        """The entries of a section of named things; what is no mapping is reported once."""
+        node = self._root.get(section)
+        if node is None or yaml_tree.is_empty(node):
+            return
+        if not isinstance(node, yaml_tree.Mapping):
+            key = keys.FORMAT.key(section)
+            what = "keys" if key.holds == "mapping" else key.holds
+            message = f"`{section}` needs a name for each entry, with its {what} after a colon"
+            hint = f"for example {key_hints.EXAMPLES[section]}, indented under `{section}:`"
+            self._formulas.report(node, "not-a-mapping", message, hint)
+            return
+        yield from node
+
+    def _formulas_of(self, section: str, name: yaml_tree.Scalar) -> Formulas | None:
+        """Reads the expressions of an entry; None where its members could not be told."""
+        found = self._members[section, name.value]
+        return None if found is None else self._formulas.within(found)
+
+    def _declare_names(self) -> None:
+        for section, kind in _NAMING:
+            for name, value in self._entries(section):
+                is_family = section in _FAMILIES and family_ranges.is_family(name, value)
+                base = family_ranges.base(name) if is_family else name.value
+                trouble = self._scope.names.declare(name.value, base, kind)
+                if trouble:
+                    code = "duplicate-name" if base in self._scope.names else "bad-name"
+                    hint = (
+                        "a decimal point is written `.`, not `,`"
+                        if key_hints.is_decimal_part(name, value)
+                        else ""
+                    )
+                    self._formulas.report(name, code, trouble, hint)
+                    self._scope.names.spoil(name.value, base, kind)
+
+    def _take_constraint_names(self) -> None:
+        """Constraints have names of their own, told apart in the columns `lambda.NAME`."""
+        taken: dict[str, tuple[str, bool]] = {}
+        for section in (*_CONSTRAINTS, "forces"):
+            for name, value in self._entries(section):
+                is_family = section in _FAMILIES and family_ranges.is_family(name, value)
+                word = family_ranges.base(name) if is_family else name.value
+                if not tokens.is_name(word):
+                    message = "a name is a letter or `_`, then letters, digits and `_`"
+                    self._formulas.report(name, "bad-name", message)
+                elif word in namespace.RESERVED:
+                    self._formulas.report(name, "bad-name", f"`{word}` is reserved")
+                elif section != "forces":
+                    if word in taken and not (is_family and taken[word] == (section, True)):
+                        message = f"`{word}` is already a constraint under `{taken[word][0]}`"
+                        self._formulas.report(
+                            name, "duplicate-name", message, "two columns would have one name"
+                        )
+                    taken.setdefault(word, (section, is_family))
+                    self._scope.laws.take(word, is_family)
+
+    def _count_members(self) -> None:
+        """Say of every entry which members it has."""
+        budget = family_ranges.Budget()
+        for section in _FAMILIES:
+            closed = tuple(scope.OWN) if section == "forces" else ()
+            reader = family_ranges.Reader(self._formulas, budget, closed)
+            for name, value in self._entries(section):
+                key = (section, name.value)
+                if not family_ranges.is_family(name, value):
+                    self._members[key] = family.one(name.value)
+                else:
+                    self._members[key] = reader.read(name, value)
+                self._number(section, name)
+
+    def _number(self, section: str, name: yaml_tree.Scalar) -> None:
+        """Number the members of an entry that others may speak of."""
+        found = self._members[section, name.value]
+        kind = dict(_NAMING).get(section)
+        if kind is None:
+            return
+        base = family_ranges.base(name)
+        if found is None:
+            self._scope.names.spoil(name.value, base, kind)
+        elif not self._scope.names.is_broken(base):
+            self._refuse_repeated(name, found, self._scope.names.number(name.value, found))
+
+    def _refuse_repeated(self, name: yaml_tree.Scalar, found: Members, repeated: str) -> None:
+        """Report two members of one name."""
+        if repeated and len(found.base) < len(repeated):
+            hint = "different indices need different names; an index that is not in the name makes copies"
+            self._formulas.report(name, "duplicate-name", f"`{repeated}` is declared twice", hint)
+
+    def _named(
+        self, section: str, one: Callable[[yaml_tree.Scalar, yaml_tree.AnyNode], T | None]
+    ) -> tuple[T, ...]:
+        read = [one(name, node) for name, node in self._entries(section)]
+        return tuple(item for item in read if item is not None)
+
+    def _parameters(self) -> tuple[model.Parameter, ...]:
+        read = []
+        for name, node in self._entries("parameters"):
+            if key_hints.is_decimal_part(name, node):
+                continue  # reported where names are declared
+            found, formula = entries.parameter(self._formulas, node)
+            self._scope.names.define(name.value, functools.partial(_same, found))
+            if found is not None:
+                read.append(model.Parameter(name.value, entries.parameter_value(found), formula))
+                self._look(name.value)
+        return tuple(read)
+
+    def _look(self, key: str) -> Any:
+        """Have the facts of an entry found now; whatever is wrong has been reported."""
+        return self._scope.names.settle(key)
+
+    def _coordinate(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Coordinate | None:
+        self._scope.names.define(name.value, lambda: namespace.PLACE)
+        formulas = self._formulas_of("coordinates", name)
+        return None if formulas is None else entries.coordinate(formulas, name, node)
+
+    def _particles(self) -> tuple[model.Particle, ...]:
+        readers = {}
+        for name, node in self._entries("particles"):
+            formulas = self._formulas_of("particles", name)
+            if formulas is None:
+                continue
+            reader = readers[name.value] = entries.ParticleReader(formulas, name, node)
+            self._scope.names.define(name.value, reader.find, reader.uses)
+        # Definitions must be known before positions are looked at: a position may use one.
+        self._define_definitions()
+        read = []
+        for word, reader in readers.items():
+            self._look(word)
+            read.append(reader.read(self._position_in_file(word)))
+        return tuple(particle for particle in read if particle is not None)
+
+    def _position_in_file(self, particle: str) -> yaml_tree.AnyNode | None:
+        if self._file is self._root:
+            return None
+        node = self._file.get("particles")
+        entry = node.get(particle) if isinstance(node, yaml_tree.Mapping) else None
+        return entry.get("position") if isinstance(entry, yaml_tree.Mapping) else None
+
+    def _define_definitions(self) -> None:
+        order = {name.value: i for i, (name, _) in enumerate(self._entries("definitions"))}
+        for name, node in self._entries("definitions"):
+            expression = self._formulas.parse(node, parser.parse)
+            uses: set[str] = set()
+            if expression is not None:
+                self._defined[name.value] = expression
+                uses = tree.names(expression.tree)
+            self._scope.names.define(name.value, self._definition_finder(name.value, expression, order), uses)
+
+    def _definition_finder(
+        self, name: str, expression: model.Expression | None, order: Mapping[str, int]
+    ) -> Callable[[], Any]:
+        def lookup(node: tree.Node) -> Any:
+            used = str(getattr(node, "owner", getattr(node, "name", "")))
+            if used in order and order[used] >= order[name]:
+                message = f"the definition `{used}` is used before it is declared"
+                raise ExpressionError("used-before-declared", message, node.start, node.end)
+            return self._scope.lookup(node)
+
+        def find() -> Any:
+            if expression is None:
+                return None
+            return self._formulas.facts(expression, facts.MOTION, "a definition", lookup, "either")
+
+        return find
+
+    def _definitions(self) -> tuple[model.Definition, ...]:
+        read = []
+        for name, expression in self._defined.items():
+            if self._look(name) is not None:
+                read.append(model.Definition(name, expression))
+        return tuple(read)
+
+    def _lagrangian(self) -> model.Expression | None:
+        node = self._root.get("lagrangian")
+        if node is None or yaml_tree.is_empty(node):
+            return None
+        return self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
+
+    def _forces(self, particles: tuple[model.Particle, ...]) -> tuple[model.Force, ...]:
+        masses = np.concatenate([np.zeros(0), *(particle.mass_values for particle in particles)])
+        complete = masses.size == len(self._scope.names.rolls["particle"])
+
+        def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Force | None:
+            formulas = self._formulas_of("forces", name)
+            force = None if formulas is None else entries.force(formulas, node)
+            if formulas is not None and isinstance(force, model.ParticleForce) and complete:
+                entries.warn_of_shadows(formulas, force, masses)
+            return force
+
+        return self._named("forces", one)
+
+    def _laws(
+        self, section: str, law: Callable[[Formulas, yaml_tree.AnyNode], Law | None]
+    ) -> tuple[Law, ...]:
+        """Equations, each written shortly or as a mapping with `equation:`."""
+
+        def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> Law | None:
+            formulas = self._formulas_of(section, name)
+            found = None
+            if formulas is not None:
+                equation = self._expression(formulas, node, section, "equation")
+                found = None if equation is None else law(formulas, equation)
+            self._number_law(name, found)
+            return found
+
+        return self._named(section, one)
+
+    def _number_law(self, name: yaml_tree.Scalar, law: model.Holonomic | model.Differential | None) -> None:
+        base = family_ranges.base(name)
+        if base not in self._scope.laws:
+            return
+        shape: multiplier_names.Shape = "vector" if law is not None and law.is_vector else "scalar"
+        found = family.one(base) if law is None else law.members
+        self._refuse_repeated(name, found, self._scope.laws.number(found, None if law is None else shape))
+
+    def _expression(
+        self, formulas: Formulas, node: yaml_tree.AnyNode, section: str, key: str
+    ) -> yaml_tree.AnyNode | None:
+        """An entry itself, or what stands under `key` where it is a mapping; None where nothing does."""
+        if not isinstance(node, yaml_tree.Mapping):
+            return node
+        fields = entries.fields(formulas, node, keys.FORMAT.key(section)) or {}
+        if key not in fields:
+            formulas.report(node, "missing-key", f"the key `{key}` is missing")
+        return fields.get(key)
+
+    def _rigid(self) -> tuple[model.RigidBody, ...]:
+        def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.RigidBody | None:
+            body = entries.rigid(self._formulas, name, node)
+            if name.value in self._scope.laws:
+                self._scope.laws.number(family.one(name.value), None if body is None else "body")
+            return body
+
+        return self._named("rigid", one)
+
+    def _outputs(self) -> tuple[model.Output, ...]:
+        read = []
+        for name, node in self._entries("outputs"):
+            formulas = self._formulas_of("outputs", name)
+            if formulas is None:
+                continue
+            written = self._expression(formulas, node, "outputs", "expression")
+            expression = value = None
+            if written is not None:
+                expression, value = entries.either(formulas, written, facts.OUTPUT, "an output")
+            self._scope.names.define(name.value, functools.partial(_same, value))
+            self._look(name.value)
+            if expression is not None and value is not None:
+                read.append(model.Output(formulas.members, expression, isinstance(value, tuple)))
+        return tuple(read)
+
+    def _text(self, section: str) -> str:
+        node = self._root.get(section)
+        return "" if node is None else entries.text(self._formulas, node)
+
+    def _units(self) -> model.Units:
+        node = self._root.get("units")
+        if node is None or yaml_tree.is_empty(node):
+            return model.Units()
+        fields = entries.fields(self._formulas, node, keys.FORMAT.key("units")) or {}
+        return model.Units(**{key: entries.text(self._formulas, value) for key, value in fields.items()})
+
+    def _simulation(self, particles: tuple[model.Particle, ...]) -> model.Simulation:
+        default = model.Simulation()
+        node = self._root.get("simulation")
+        if node is None or yaml_tree.is_empty(node):
+            return default
+        fields = entries.fields(self._formulas, node, keys.FORMAT.key("simulation"))
+        if fields is None:
+            return default
+        read: dict[str, Any] = {}
+        for key, value in fields.items():
+            setting = self._setting(key, value, particles)
+            if setting is not None:
+                read[key] = setting
+        if "samples" in fields and "output_step" in fields:
+            message = "`samples` and `output_step` both set the times of the rows"
+            self._formulas.report(fields["output_step"], "conflicting-keys", message, "keep one of them")
+        simulation = dataclasses.replace(default, **read)
+        for key, message in settings.faults(simulation):
+            self._formulas.report(fields.get(key, node), "bad-setting", message)
+        return simulation
+
+    def _setting(self, key: str, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...]) -> Any:
+        if key == "keep":
+            return self._keep(node, particles)
+        if key in ("method", "assemble"):
+            text = entries.text(self._formulas, node).strip()
+            if not isinstance(node, yaml_tree.Scalar):
+                return None
+            if key == "method":
+                return text
+            if text not in ("true", "false"):
+                self._formulas.report(node, "bad-setting", "`assemble` is `true` or `false`", _truth(text))
+            return text == "true"
+        value = self._formulas.constant(node, f"the setting `{key}`")
+        if key == "samples" and value is not None:
+            if value != round(value):
+                self._formulas.report(node, "bad-setting", "`samples` is a whole number")
+                return None
+            return round(value)
+        return value
+
+    def _keep(self, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...]) -> tuple[str, ...] | None:
+        listed = [] if yaml_tree.is_empty(node) else entries.name_list(self._formulas, node)
+        if listed is None:
+            return None
+        cartesian = {name for p in particles if not p.is_dependent for name in p.members.names}
+        found: list[str] = []
+        for name in listed:
+            word, dot, axis = name.value.strip().rpartition(".")
+            if dot and word in cartesian and axis in "xyz":
+                found.append(name.value.strip())
+                continue
+            if dot and axis not in "]":
+                components = [f"{particle}.{part}" for particle in sorted(cartesian) for part in "xyz"]
+                hint = diagnostics.nearest(name.value, components)
+                message = f"there is no coordinate `{name.value}`"
+                self._formulas.report(name, "unknown-name", message, hint)
+                continue
+            kept = entries.references(self._formulas, name, ("coordinate", "particle"))
+            for kind, numbers, _ in kept or ():
+                found += self._kept(name, kind, numbers, cartesian)
+        return tuple(found)
+
+    def _kept(
+        self, node: yaml_tree.Scalar, kind: namespace.Kind, numbers: model.Whole, cartesian: set[str]
+    ) -> list[str]:
+        """The names of the coordinates and Cartesian particles of these numbers."""
+        kept = [self._scope.names.rolls[kind].names[number] for number in numbers.tolist()]
+        dependent = [] if kind == "coordinate" else [name for name in kept if name not in cartesian]
+        if dependent:
+            message = f"the particle `{dependent[0]}` has no coordinates of its own"
+            self._formulas.report(node, "unknown-name", message, "keep the coordinates it depends on")
+        return kept
+
+
+def _truth(text: str) -> str:
+    """A hint for other words of yes and no."""
+    words = {
+        **dict.fromkeys(("yes", "on", "1", "y"), "true"),
+        **dict.fromkeys(("no", "off", "0", "n"), "false"),
+    }
+    meant = words.get(text.casefold(), text.casefold())
+    return f"write `{meant}`" if meant in ("true", "false") else ""
+
+
+def _fingerprint(content: str, particles: tuple[model.Particle, ...]) -> str:
+    """Tells laws apart: those of the file, and positions of dependent particles, which a change may replace."""
+    laws = [part.text for p in particles if p.is_dependent for part in p.position.parts]
+    return hashlib.sha256("\0".join([content, *laws]).encode()).hexdigest()

@@ -1,0 +1,392 @@
+"""The entries of the sections, one function for each kind: node -> noun, or None with the error reported."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lagcli import yaml_tree
+from lagcli.errors import diagnostics
+from lagcli.expression import facts, parser, tree
+from lagcli.expression.tree import ExpressionError
+from lagcli.input import family_ranges, key_hints, keys, namespace, scope
+from lagcli.input.scalars import Formulas
+from lagcli.model import model
+
+FAMILY = ("for", "if")
+
+MOST_NAMED = 8  # names that a hint lists
+
+
+def fields(formulas: Formulas, node: yaml_tree.AnyNode, key: keys.Key) -> dict[str, yaml_tree.AnyNode] | None:
+    """The fields of a mapping by the keys of `key`; unknown, unsupported and missing ones are reported."""
+    if not isinstance(node, yaml_tree.Mapping):
+        known = ", ".join(f"`{k.name}`" for k in key.keys if k.supported)
+        message = f"a mapping is needed here, with the keys {known}"
+        formulas.report(node, "not-a-mapping", message, key_hints.shape(key, node))
+        return None
+    unknown = []
+    found: dict[str, yaml_tree.AnyNode] = {}
+    by_name = {field.name: field for field in key.keys}
+    for name, value in node:
+        if name.value in FAMILY:
+            continue  # what they say has become the members of the entry
+        if name.value not in by_name:
+            unknown.append(name)
+            hint = key_hints.key(key, name, value)
+            formulas.report(name, "unknown-key", f"there is no key `{name.value}` here", hint)
+        elif not by_name[name.value].supported:
+            message = f"`{name.value}` is not supported yet"
+            formulas.report(name, "not-supported-yet", message, by_name[name.value].instead)
+        else:
+            found[name.value] = value
+    meant = key_hints.meant_keys(key, unknown)
+    for field in key.keys:
+        if field.required and field.name not in found and field.name not in meant:
+            formulas.report(node, "missing-key", f"the key `{field.name}` is missing ({field.meaning})")
+    return found
+
+
+def text(formulas: Formulas, node: yaml_tree.AnyNode) -> str:
+    """A text that is free in content."""
+    if not isinstance(node, yaml_tree.Scalar):
+        formulas.report(node, "not-a-text", "a text is needed here")
+        return ""
+    return node.value
+
+
+def parameter(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[Any, model.Expression | None]:
+    """Facts of a parameter (a number, an expression of earlier parameters, or a constant vector) and its formula.
+
+    The facts are None where there is a fault; a vector in brackets has several formulas, and so none.
+    """
+    subject = "a parameter"
+    if isinstance(node, yaml_tree.Sequence):
+        vector = formulas.vector_expression(node)
+        return None if vector is None else formulas.vector_facts(vector, facts.NOTHING, subject), None
+    expression = formulas.parse(node, parser.parse)
+    if expression is None:
+        return None, None
+    return formulas.facts(expression, facts.NOTHING, subject, shape="either"), expression
+
+
+def parameter_value(found: Any) -> float | model.Vector3:
+    """The number or the vector these facts are of."""
+    if isinstance(found, tuple):
+        x, y, z = (float(part.value) for part in found)
+        return x, y, z
+    return float(found.value)
+
+
+def coordinate(
+    formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode
+) -> model.Coordinate | None:
+    """A generalized coordinate; `theta:` alone starts at rest at zero, `theta: 0.5` at rest there."""
+    found: dict[str, yaml_tree.AnyNode] | None = {}
+    if isinstance(node, yaml_tree.Scalar) and not yaml_tree.is_empty(node):
+        found = {"value": node}  # `X: 0` is short for `X: {value: 0}`
+    elif not yaml_tree.is_empty(node):
+        found = fields(formulas, node, keys.FORMAT.key("coordinates"))
+    if found is None:
+        return None
+    start = dict.fromkeys(("value", "rate"), formulas.values(0.0))
+    for key, part in found.items():
+        values = formulas.constants(part, f"the initial {key} of a coordinate")
+        if values is None:
+            return None
+        start[key] = values
+    return model.Coordinate(formulas.members, start["value"], start["rate"], name.location)
+
+
+class ParticleReader:
+    """Reads a particle in two steps, because other positions and definitions may refer to it by name."""
+
+    def __init__(self, formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> None:
+        self._formulas = formulas
+        self._name = name
+        self._fields = fields(formulas, node, keys.FORMAT.key("particles")) or {}
+        place = self._fields.get("position")
+        self._position = None if place is None else formulas.vector_expression(place)
+        self._facts: tuple[facts.Facts, ...] | None = None
+
+    @property
+    def uses(self) -> frozenset[str]:
+        """The names the position refers to."""
+        parts = self._position.parts if self._position is not None else ()
+        return frozenset[str]().union(*(tree.names(part.tree) for part in parts))
+
+    def find(self) -> Any:
+        """Facts of the position as others see it: coordinates of its own, or functions of q and t."""
+        if self._position is not None:
+            self._facts = self._formulas.vector_facts(
+                self._position, facts.PLACE, "the position of a particle"
+            )
+        if self._facts is None:
+            # What is wrong has been reported; what others say about this particle can still be checked.
+            return (facts.Facts(None, frozenset(("position",))),) * 3
+        if scope.reads(self._facts):
+            return tuple(facts.Facts(None, part.reads) for part in self._facts)
+        return (facts.Facts(None, frozenset(("position", "cartesian"))),) * 3
+
+    def read(self, file_position: yaml_tree.AnyNode | None) -> model.Particle | None:
+        """The particle, once its facts are found. `file_position` is the position without changes made."""
+        formulas = self._formulas
+        mass, masses = self._mass()
+        velocity = self._fields.get("velocity")
+        moving: model.Floats | None = np.zeros((formulas.members.count, 3))
+        if velocity is not None:
+            moving = formulas.constant_vectors(velocity, "an initial velocity")
+        if self._position is None or self._facts is None or mass is None or moving is None:
+            return None
+        dependent = bool(scope.reads(self._facts))
+        if not self._keeps_kind(dependent, file_position):
+            return None
+        if dependent and velocity is not None:
+            message = "a particle whose position depends on coordinates or time has no velocity of its own"
+            hint = "its velocity follows from the `rate`s"
+            formulas.report(velocity, "velocity-of-dependent", message, hint)
+            return None
+        start = None if dependent else formulas.vectors(self._facts)
+        at = self._name.location
+        return model.Particle(formulas.members, mass, masses, self._position, start, moving, at)
+
+    def _keeps_kind(self, dependent: bool, file_position: yaml_tree.AnyNode | None) -> bool:
+        """Whether a changed position is still an initial value, or still a function; else it is refused."""
+        place = self._fields.get("position")
+        if place is None or file_position is None or place is file_position:
+            return True
+        before = self._formulas.silent().vector_expression(file_position)
+        found = self._formulas.silent().vector_facts(before, facts.PLACE, "") if before is not None else None
+        if found is None or bool(scope.reads(found)) == dependent:
+            return True
+        if dependent:
+            message = "an initial position is a constant, and this one depends on coordinates or time"
+        else:
+            message = (
+                "the position of this particle is a function of coordinates or time, not an initial value"
+            )
+        items = place.items if isinstance(place, yaml_tree.Sequence) else ()
+        changed = next((item for item in items if item.text is not file_position.text), place)
+        self._formulas.report(changed, "not-an-initial-value", message, "change the file instead")
+        return False
+
+    def _mass(self) -> tuple[model.Expression | None, model.Floats]:
+        node, formulas = self._fields.get("mass"), self._formulas
+        nothing = np.zeros(0)
+        if node is None:
+            return None, nothing
+        expression = formulas.parse(node, parser.parse)
+        found = None if expression is None else formulas.facts(expression, facts.NOTHING, "a mass")
+        if found is None:
+            return None, nothing
+        masses = formulas.values(found.value)
+        if not (masses > 0.0).all():
+            first = int(np.argmin(masses > 0.0))
+            message = f"a mass must be positive, and this one is {masses[first]:g}{formulas.where(first)}"
+            hint = "a massless stick or string is a constraint between what it joins; a point that only marks a place"
+            hint += " is an expression under `definitions`"
+            formulas.report(node, "mass-not-positive", message, hint)
+            return None, nothing
+        return expression, masses
+
+
+def force(formulas: Formulas, node: yaml_tree.AnyNode) -> model.Force | None:
+    """An applied force, a generalized force or a potential."""
+    found = fields(formulas, node, keys.FORMAT.key("forces"))
+    if found is None:
+        return None
+    if "potential" in found:
+        if len(found) > 1:
+            message = "a potential acts on all it depends on: it takes no `to` and no `force`"
+            formulas.report(node, "conflicting-keys", message)
+            return None
+        expression = formulas.scalar(found["potential"], facts.POSITION, "a potential")
+        return None if expression is None else model.Potential(formulas.members, expression)
+    missing = [key for key in ("to", "force") if key not in found]
+    if missing:
+        assert isinstance(node, yaml_tree.Mapping)
+        if set(missing) <= key_hints.meant_keys(keys.FORMAT.key("forces"), (name for name, _ in node)):
+            return None  # they are there under other names, and that has been reported
+        message = f"the key `{missing[0]}` is missing"
+        formulas.report(node, "missing-key", message, "a force has `to` and `force`, or a `potential`")
+        return None
+    targets = _targets(formulas, found["to"])
+    if targets is None:
+        return None
+    kind, action = targets
+    if kind == "coordinate":
+        expression = formulas.scalar(found["force"], facts.MOTION, "a generalized force")
+        if expression is None or not formulas.affords(found["force"], expression.tree, action.targets.size):
+            return None
+        return model.GeneralizedForce(formulas.members, action, expression)
+    return _particle_force(formulas, action, found["force"])
+
+
+def _targets(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[namespace.Kind, model.Action] | None:
+    """What `to:` says: the kind of the targets, and which member of the force acts on which of them."""
+    named = references(formulas, node, ("particle", "coordinate"), everything=True)
+    if named is None:
+        return None
+    if len({kind for kind, _, _ in named}) > 1:
+        message = "a force acts on particles or on coordinates, not on both"
+        formulas.report(node, "mixed-targets", message)
+        return None
+    count = formulas.members.count
+    # One target for each member of the force, or all of them for each.
+    sizes = [count if each else count * numbers.size for _, numbers, each in named]
+    if sum(sizes) > family_ranges.MAX_MEMBERS:
+        message = f"this force acts more than {family_ranges.MAX_MEMBERS} times"
+        formulas.report(node, "too-many-members", message)
+        return None
+    acting = [np.arange(count) if each else np.repeat(np.arange(count), n.size) for _, n, each in named]
+    targets = [np.broadcast_to(n, count) if each else np.tile(n, count) for _, n, each in named]
+    if len(named) == 1:
+        return named[0][0], model.Action(targets[0], acting[0])
+    # A target named twice is acted on once.
+    total = len(formulas.scope.names.rolls[named[0][0]])
+    pairs = np.unique(np.concatenate(acting) * total + np.concatenate(targets))
+    return named[0][0], model.Action(pairs % total, pairs // total)
+
+
+Named = tuple[namespace.Kind, model.Whole, bool]
+
+
+def references(
+    formulas: Formulas, node: yaml_tree.AnyNode, kinds: tuple[namespace.Kind, ...], everything: bool = False
+) -> list[Named] | None:
+    """What one name or a list of names stands for: kind, numbers, and whether there is one for each member.
+
+    The bare name of a family stands for all its members, `all` (where `everything`) for all particles.
+    """
+    listed = name_list(formulas, node)
+    if listed is None:
+        return None
+    rolls = formulas.scope.names.rolls
+    if everything and [n.value.strip() for n in listed] == ["all"]:
+        if not len(rolls["particle"]) and not formulas.scope.names.of("particle"):
+            formulas.report(node, "no-particles", "there are no particles for `all` to stand for")
+            return None
+        return [("particle", np.arange(len(rolls["particle"])), False)]
+    found = []
+    for name in listed:
+        one = _reference(formulas, name, kinds, everything)
+        if one is None:
+            continue
+        found.append(one)
+    return found if len(found) == len(listed) else None
+
+
+def _reference(
+    formulas: Formulas, name: yaml_tree.Scalar, kinds: tuple[namespace.Kind, ...], everything: bool
+) -> Named | None:
+    try:
+        written = parser.parse_reference(name.value)
+        base = written.owner if isinstance(written, tree.Index) else written.name
+        kind = formulas.scope.names.kind(base)
+        if kind not in kinds:
+            known = [*formulas.scope.names.of(*kinds), *(("all",) if everything else ())]
+            hint = diagnostics.nearest(base, known)
+            if not hint and known:
+                more = ", ..." if len(known) > MOST_NAMED else ""
+                hint = f"declared are {', '.join(f'`{one}`' for one in known[:MOST_NAMED])}{more}"
+            message = f"there is no {' or '.join(kinds)} `{base}`"
+            formulas.report(name, "unknown-name", message, hint)
+            return None
+        if formulas.scope.names.is_broken(base):
+            return None
+        if isinstance(written, tree.Name) and formulas.scope.names.is_family(base):
+            return kind, np.array(formulas.scope.names.rolls[kind].family(base), dtype=np.int64), False
+        numbers = formulas.scope.indexed.numbers(written, formulas.members.variables)
+        return kind, numbers, isinstance(written, tree.Index)
+    except ExpressionError as error:
+        formulas.trouble(name, error)
+        return None
+
+
+def name_list(formulas: Formulas, node: yaml_tree.AnyNode) -> list[yaml_tree.Scalar] | None:
+    """One name or a list of names, not yet looked up."""
+    items = node.items if isinstance(node, yaml_tree.Sequence) else (node,)
+    if not items:
+        formulas.report(node, "missing-value", "the list is empty")
+        return None
+    named = [item for item in items if isinstance(item, yaml_tree.Scalar) and not yaml_tree.is_empty(item)]
+    for item in items:
+        if not isinstance(item, yaml_tree.Scalar) or yaml_tree.is_empty(item):
+            formulas.report(item, "not-a-name", "a name is needed here")
+    return named if len(named) == len(items) else None
+
+
+def _particle_force(
+    formulas: Formulas, action: model.Action, node: yaml_tree.AnyNode
+) -> model.ParticleForce | None:
+    vector = formulas.vector_expression(node)
+    count = action.targets.size
+    if vector is None or not all(formulas.affords(node, part.tree, count) for part in vector.parts):
+        return None
+    found = formulas.vector_facts(vector, facts.FORCE, "the force on a particle", formulas.lookup_with_own)
+    if found is None:
+        return None
+    constant = scope.reads(found) <= {"mass"}
+    return model.ParticleForce(formulas.members, action, vector, constant)
+
+
+def warn_of_shadows(formulas: Formulas, force: model.ParticleForce, masses: model.Floats) -> None:
+    """`m`, `r`, `v` are the particle's own in a force; say so where another of that name differs.
+
+    masses: of all particles, (N,).
+    """
+    for part in force.force.parts:
+        used = tree.names(part.tree) & scope.OWN.keys()
+        for name in sorted(used):
+            kind = formulas.scope.names.kind(name)
+            own = set(masses[force.action.targets].tolist()) if name == "m" else set()
+            same = kind == "parameter" and own == {formulas.scope.names.constant(name)}
+            # An output cannot be used in a force at all, so it is not shadowed there.
+            if kind not in (None, "output") and not same:
+                message = f"`{name}` is the particle's own {_OWN_WORDS[name]} here, not the {kind} `{name}`"
+                formulas.warn(
+                    part.location, "shadowed-name", message, f"rename the {kind} to use it in a force"
+                )
+
+
+_OWN_WORDS = {"m": "mass", "r": "position", "v": "velocity"}
+
+
+def rigid(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.RigidBody | None:
+    """A list of at least two particles, in which a family stands for all its members."""
+    if not isinstance(node, yaml_tree.Sequence) and not _is_family(formulas, node):
+        formulas.report(node, "not-a-list", "a rigid body is a list of particles", "for example `[a, b, c]`")
+        return None
+    named = references(formulas, node, ("particle",))
+    if named is None:
+        return None
+    numbers = [number for _, found, _ in named for number in found.tolist()]
+    good = len(set(numbers)) == len(numbers)
+    if not good:
+        seen: set[int] = set()
+        for item, (_, found, _) in zip(name_list(formulas, node) or (), named, strict=True):
+            if seen & set(found.tolist()):
+                message = f"the particle `{item.value}` occurs twice in the body"
+                hint = "list each particle once: its distance to itself is no constraint"
+                formulas.report(item, "duplicate-name", message, hint)
+            seen |= set(found.tolist())
+    if len(numbers) < 2:
+        message = "a rigid body needs at least two particles"
+        formulas.report(
+            node, "too-few-particles", message, "a particle alone needs nothing to hold it together"
+        )
+        good = False
+    return model.RigidBody(name.value, tuple(numbers), name.location) if good else None
+
+
+def _is_family(formulas: Formulas, node: yaml_tree.AnyNode) -> bool:
+    return isinstance(node, yaml_tree.Scalar) and formulas.scope.names.is_family(node.value.strip())
+
+
+def either(formulas: Formulas, node: yaml_tree.AnyNode, allowed: frozenset[facts.Flag], subject: str) -> Any:
+    """Expression and facts of a scalar or vector, or a pair of None."""
+    expression = formulas.parse(node, parser.parse)
+    if expression is None:
+        return None, None
+    return expression, formulas.facts(expression, allowed, subject, shape="either")

@@ -1,0 +1,179 @@
+"""The order in which definitions and dependent positions are evaluated, each after all that it uses.
+
+A whole family is one step of it, unless its members depend on one another (`p[i]` on `p[i-1]`): those are put in
+order member by member, and a circle among them is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from lagcli.expression import tree
+from lagcli.expression.tree import ExpressionError
+from lagcli.input.scalars import Formulas
+from lagcli.model import model
+from lagcli.model.family import Roll
+from lagcli.model.model import Batch
+
+Node = tuple[int, int]  # a unit and a member of it
+
+
+class _Unit:
+    """A definition, or an entry of dependent particles: its formulas and the base names they use."""
+
+    def __init__(self, name: str, parts: tuple[model.Expression, ...], entry: int | None, count: int) -> None:
+        self.name, self.parts, self.entry, self.count = name, parts, entry, count
+        self.uses = frozenset[str]().union(*(tree.names(part.tree) for part in parts))
+
+
+def evaluation(
+    formulas: Formulas, particles: Sequence[model.Particle], definitions: Sequence[model.Definition]
+) -> tuple[str | Batch, ...]:
+    """The steps of the evaluation; a circle is reported."""
+    units = [
+        _Unit(p.members.base, p.position.parts, i, p.members.count)
+        for i, p in enumerate(particles)
+        if p.is_dependent
+    ]
+    units += [_Unit(d.name, (d.expression,), None, 1) for d in definitions]
+    by_name: dict[str, list[int]] = {}
+    for number, unit in enumerate(units):
+        by_name.setdefault(unit.name, []).append(number)
+    uses = [sorted(n for name in unit.uses for n in by_name.get(name, ())) for unit in units]
+    steps: list[str | Batch] = []
+    members = _Members(formulas, particles, units, by_name)
+    for group in _groups(uses):
+        first = units[group[0]]
+        if len(group) > 1 or group[0] in uses[group[0]]:
+            steps += members.steps(group)
+        elif first.entry is None:
+            steps.append(first.name)
+        elif first.count:
+            steps.append(Batch(first.entry, np.arange(first.count)))
+    return tuple(steps)
+
+
+def _groups(uses: list[list[int]]) -> list[list[int]]:
+    """The strongly connected components of a graph, each after those it uses (Tarjan, without recursion)."""
+    index: dict[int, int] = {}
+    low: dict[int, int] = {}
+    stack: list[int] = []
+    on_stack: set[int] = set()
+    groups: list[list[int]] = []
+    for root in range(len(uses)):
+        work = [(root, 0)] if root not in index else []
+        while work:
+            node, child = work.pop()
+            if child == 0:
+                index[node] = low[node] = len(index)
+                stack.append(node)
+                on_stack.add(node)
+            for at in range(child, len(uses[node])):
+                other = uses[node][at]
+                if other not in index:
+                    work += [(node, at + 1), (other, 0)]
+                    break
+                if other in on_stack:
+                    low[node] = min(low[node], index[other])
+            else:
+                if low[node] == index[node]:
+                    at = stack.index(node)
+                    groups.append(sorted(stack[at:]))
+                    on_stack -= set(stack[at:])
+                    del stack[at:]
+                if work:
+                    parent = work[-1][0]
+                    low[parent] = min(low[parent], low[node])
+    return groups
+
+
+class _Members:
+    """The order of members that depend on members of the same families."""
+
+    def __init__(
+        self,
+        formulas: Formulas,
+        particles: Sequence[model.Particle],
+        units: list[_Unit],
+        by_name: dict[str, list[int]],
+    ) -> None:
+        self._formulas, self._particles, self._units, self._by_name = formulas, particles, units, by_name
+        self._roll = Roll(particle.members for particle in particles)
+        self._unit_of = {unit.entry: n for n, unit in enumerate(units) if unit.entry is not None}
+
+    def steps(self, group: list[int]) -> list[str | Batch]:
+        """Batches of members that need only members of earlier batches."""
+        needs = {(n, k): set[Node]() for n in group for k in range(self._units[n].count)}
+        for number in group:
+            for node, others in self._references(number, set(group)):
+                needs[node] |= others
+        users: dict[Node, list[Node]] = {node: [] for node in needs}
+        for node, others in needs.items():
+            for other in others:
+                users[other].append(node)
+        missing = {node: len(others) for node, others in needs.items()}
+        ready = [node for node, count in missing.items() if count == 0]
+        steps: list[str | Batch] = []
+        while ready:
+            steps += self._batches(ready)
+            following = []
+            for node in ready:
+                del missing[node]
+                for user in users[node]:
+                    missing[user] -= 1
+                    if missing[user] == 0:
+                        following.append(user)
+            ready = following
+        if missing:
+            self._report(min(missing))
+        return steps
+
+    def _batches(self, nodes: list[Node]) -> list[str | Batch]:
+        steps: list[str | Batch] = []
+        for number in sorted({number for number, _ in nodes}):
+            unit = self._units[number]
+            if unit.entry is None:
+                steps.append(unit.name)
+            else:
+                places = sorted(place for n, place in nodes if n == number)
+                steps.append(Batch(unit.entry, np.array(places, dtype=np.int64)))
+        return steps
+
+    def _references(self, number: int, group: set[int]) -> list[tuple[Node, set[Node]]]:
+        """For each member of a unit the members and definitions in the group that its formulas speak of."""
+        unit = self._units[number]
+        variables = {} if unit.entry is None else self._particles[unit.entry].members.variables
+        found: list[tuple[Node, set[Node]]] = []
+        for part in unit.parts:
+            for node in tree.walk(part.tree):
+                found += self._reference(node, number, variables, group)
+        return found
+
+    def _reference(
+        self, node: tree.Node, number: int, variables: Mapping[str, model.Whole], group: set[int]
+    ) -> list[tuple[Node, set[Node]]]:
+        count = self._units[number].count
+        if isinstance(node, tree.Index) and node.owner in self._roll:
+            targets = np.broadcast_to(self._formulas.scope.indexed.numbers(node, variables), count)
+            entries = self._roll.entries(targets)
+            pairs = enumerate(zip(targets.tolist(), entries.tolist(), strict=True))
+            return [
+                ((number, k), {(self._unit_of[entry], target - self._roll.first(entry))})
+                for k, (target, entry) in pairs
+                if self._unit_of.get(entry) in group
+            ]
+        name = str(getattr(node, "owner", getattr(node, "name", "")))
+        others = {(n, 0) for n in self._by_name.get(name, ()) if n in group and self._units[n].count == 1}
+        if isinstance(node, (tree.Name, tree.Member)) and others:
+            return [((number, k), others) for k in range(count)]
+        return []
+
+    def _report(self, node: Node) -> None:
+        number, place = node
+        unit = self._units[number]
+        entry = self._particles[unit.entry] if unit.entry is not None else None
+        name = unit.name if entry is None else entry.members.names[place]
+        error = ExpressionError("circular", f"`{name}` depends on itself", 0, len(unit.parts[0].text))
+        self._formulas.trouble(unit.parts[0].origin, error)

@@ -1,0 +1,181 @@
+"""`for:` and `if:` of an entry -> its members: index vectors, never a loop over members."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from lagcli import yaml_tree
+from lagcli.expression import integers, parser, tokens, tree
+from lagcli.expression.tree import ExpressionError
+from lagcli.input import namespace
+from lagcli.input.scalars import Formulas
+from lagcli.model import family
+from lagcli.model.family import Members, Whole
+
+# Members of all families of a model together, counted before `if:` filters them.
+MAX_MEMBERS = 1_000_000
+
+
+def is_family(name: yaml_tree.Scalar, entry: yaml_tree.AnyNode) -> bool:
+    """Whether an entry is written as a family."""
+    written = isinstance(entry, yaml_tree.Mapping) and (entry.key("for") or entry.key("if"))
+    return "[" in name.value or bool(written)
+
+
+def base(name: yaml_tree.Scalar) -> str:
+    """The part of an entry's name before its indices."""
+    return name.value.partition("[")[0].strip()
+
+
+@dataclasses.dataclass(slots=True)
+class Budget:
+    """How many members a model may still have."""
+
+    left: int = MAX_MEMBERS
+
+
+class Reader:
+    """Reads the members of entries; `closed` are names an index may not have, beside declared ones."""
+
+    def __init__(self, formulas: Formulas, budget: Budget, closed: tuple[str, ...] = ()) -> None:
+        self._formulas = formulas
+        self._budget = budget
+        self._closed = closed
+
+    def read(self, name: yaml_tree.Scalar, entry: yaml_tree.AnyNode) -> Members | None:
+        """The members of an entry, or None with the error reported."""
+        key = self._key(name)
+        loop = entry.get("for") if isinstance(entry, yaml_tree.Mapping) else None
+        condition = entry.get("if") if isinstance(entry, yaml_tree.Mapping) else None
+        ranges = [] if loop is None else self._ranges(loop)
+        if key is None or ranges is None:
+            return None
+        if condition is not None and not ranges:
+            message = "an `if` filters the members of a family, and here is no `for`"
+            self._formulas.report(condition, "bad-range", message)
+            return None
+        variables: dict[str, Whole] = {}
+        count = 1
+        for node, one in ranges:
+            expanded = self._expanded(node, one, variables, count)
+            if expanded is None:
+                return None
+            variables, count = expanded
+        if condition is not None:
+            found = self._filtered(condition, variables, count)
+            if found is None:
+                return None
+            variables, count = found
+        return self._named(name, key, variables, count)
+
+    def _key(self, name: yaml_tree.Scalar) -> tree.Index | None:
+        if not tokens.is_name(base(name)):
+            return None  # reported where names are taken
+        try:
+            key = parser.parse_reference(name.value)
+        except ExpressionError as error:
+            self._formulas.trouble(name, error)
+            return None
+        if isinstance(key, tree.Index):
+            return key
+        message = "the name of a family shows its indices"
+        self._formulas.report(name, "bad-range", message, f"for example `{name.value}[i]`")
+        return None
+
+    def _ranges(self, node: yaml_tree.AnyNode) -> list[tuple[yaml_tree.Scalar, tree.Range]] | None:
+        items = node.items if isinstance(node, yaml_tree.Sequence) else (node,)
+        ranges: list[tuple[yaml_tree.Scalar, tree.Range]] = []
+        taken: set[str] = set()
+        for item in items:
+            if not isinstance(item, yaml_tree.Scalar) or yaml_tree.is_empty(item):
+                self._formulas.report(item, "bad-range", "a range is needed here", "for example `i = 1..N`")
+                return None
+            try:
+                one = parser.parse_range(item.value)
+            except ExpressionError as error:
+                self._formulas.trouble(item, error)
+                return None
+            trouble = self._taken(one.name, taken)
+            if trouble:
+                self._formulas.report(item, "bad-range", trouble, "give the index another name")
+                return None
+            taken.add(one.name)
+            ranges.append((item, one))
+        if not items:
+            self._formulas.report(node, "bad-range", "the list of ranges is empty")
+            return None
+        return ranges
+
+    def _taken(self, name: str, indices: set[str]) -> str:
+        """Why an index may not have this name, or nothing."""
+        if name in indices:
+            return f"the index `{name}` has two ranges"
+        if name in namespace.RESERVED:
+            return f"`{name}` is reserved"
+        if name in self._closed:
+            return f"`{name}` is the particle's own in a force"
+        kind = self._formulas.scope.names.kind(name)
+        if kind is not None:
+            return f"`{name}` is already the name of {namespace.article(kind)}"
+        return ""
+
+    def _expanded(
+        self, node: yaml_tree.Scalar, one: tree.Range, variables: dict[str, Whole], count: int
+    ) -> tuple[dict[str, Whole], int] | None:
+        """The index vectors with one more range: each member so far, repeated for the values of the new index."""
+        lookup = self._formulas.scope.indexed.whole(variables)
+        if not all(self._formulas.affords(node, bound, count) for bound in (one.low, one.high)):
+            return None
+        try:
+            low, high = (integers.evaluate(bound, lookup) for bound in (one.low, one.high))
+        except ExpressionError as error:
+            self._formulas.within(family.family("", (), variables)).trouble(node, error)
+            return None
+        first = np.broadcast_to(np.asarray(low, dtype=np.int64), count)
+        lengths = np.maximum(0, high - first + 1)
+        if float(np.sum(lengths, dtype=float)) > self._budget.left:
+            message = f"the families of a model have at most {MAX_MEMBERS} members"
+            self._formulas.report(node, "too-many-members", message)
+            return None
+        total = int(lengths.sum())
+        earlier = np.repeat(np.arange(count), lengths)
+        within = np.arange(total) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+        kept = {name: values[earlier] for name, values in variables.items()}
+        return {**kept, one.name: first[earlier] + within}, total
+
+    def _filtered(
+        self, node: yaml_tree.AnyNode, variables: dict[str, Whole], count: int
+    ) -> tuple[dict[str, Whole], int] | None:
+        if not isinstance(node, yaml_tree.Scalar) or yaml_tree.is_empty(node):
+            self._formulas.report(node, "bad-range", "a condition is needed here", "for example `i != j`")
+            return None
+        try:
+            condition = parser.parse_filter(node.value)
+            if not self._formulas.affords(node, condition, count):
+                return None
+            kept = integers.holds(condition, self._formulas.scope.indexed.whole(variables))
+        except ExpressionError as error:
+            self._formulas.within(family.family("", (), variables)).trouble(node, error)
+            return None
+        places = np.flatnonzero(np.broadcast_to(kept, count))
+        return {name: values[places] for name, values in variables.items()}, places.size
+
+    def _named(
+        self, name: yaml_tree.Scalar, key: tree.Index, variables: dict[str, Whole], count: int
+    ) -> Members | None:
+        try:
+            lookup = self._formulas.scope.indexed.whole(variables)
+            if not self._formulas.affords(name, key, count):
+                return None
+            columns = [np.broadcast_to(integers.evaluate(index, lookup), count) for index in key.indices]
+        except ExpressionError as error:
+            if not variables and error.code == "unknown-name":
+                index = name.value[error.start : error.end]
+                error.hint = error.hint or f"a family needs the range of its index: `for: {index} = 1..N`"
+            self._formulas.within(family.family("", (), variables)).trouble(name, error)
+            return None
+        self._budget.left -= count
+        indices = list(zip(*(column.tolist() for column in columns), strict=True))
+        return family.family(key.owner, indices, variables)

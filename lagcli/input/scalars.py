@@ -1,0 +1,244 @@
+"""Scalars of the document -> checked expressions; here alone an expression's trouble becomes a diagnostic."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from lagcli import yaml_tree
+from lagcli.errors import diagnostics
+from lagcli.expression import evaluate, facts, hints, messages, parser, tree
+from lagcli.expression.facts import FactsAlgebra, Flag
+from lagcli.expression.tree import ExpressionError
+from lagcli.input import namespace
+from lagcli.input import scope as scopes
+from lagcli.model import family
+from lagcli.model.family import Members
+from lagcli.model.model import Expression, Floats, VectorExpression
+
+Lookup = Callable[[tree.Node], Any]
+
+ALONE = family.one("")
+
+# Parts of expressions times members of families: what one model may ask to be evaluated, some seconds of it.
+MAX_WORK = 100_000_000
+# Functions whose arguments are names of the model; `rate` and others take some, a misspelt one may take any.
+_SEARCHED = frozenset(evaluate.FUNCTION_NAMES) - {"rate", "multiplier", "reaction"}
+LARGE = 1000  # members from which on parts are counted
+
+
+@dataclasses.dataclass(slots=True)
+class Reading:
+    """What the expressions of one model share: the trees of texts that were read, and the work that is left.
+
+    A long model writes the same short texts again and again; trees hold offsets in their own text only.
+    """
+
+    trees: dict[tuple[Callable[[str], tree.Node], str], tree.Node] = dataclasses.field(default_factory=dict)
+    work: int = MAX_WORK
+
+
+class Formulas:
+    """Reads expressions of an entry in a scope; what is wrong goes to the collector and the answer is None.
+
+    The expression of a family is read once; constants in it are arrays, one value for each of its `members`.
+    """
+
+    def __init__(
+        self,
+        scope: scopes.Scope,
+        found: diagnostics.Collector,
+        members: Members | None = None,
+        reading: Reading | None = None,
+    ) -> None:
+        self.scope = scope
+        self.found = found
+        self.members = members or ALONE
+        self._reading = reading or Reading()
+        self.lookup = scope.lookup_in(self.members)
+
+    @property
+    def lookup_with_own(self) -> Lookup:
+        """The lookup with `m`, `r`, `v` of a particle open."""
+        return self.scope.lookup_in(self.members, own=True)
+
+    def within(self, members: Members) -> Formulas:
+        """The same for expressions of an entry with these members."""
+        return Formulas(self.scope, self.found, members, self._reading)
+
+    def report(self, node: yaml_tree.AnyNode, code: str, message: str, hint: str = "") -> None:
+        """An error at a node of the document."""
+        if isinstance(node, yaml_tree.Scalar) and node.is_torn:
+            hint = yaml_tree.QUOTES
+        self.found.add(diagnostics.Diagnostic(code, message, node.location, hint))
+
+    def warn(self, location: diagnostics.Location, code: str, message: str, hint: str = "") -> None:
+        """A warning."""
+        self.found.add(diagnostics.Diagnostic(code, message, location, hint, "warning"))
+
+    def silent(self) -> Formulas:
+        """The same scope with a collector of its own, for asking without reporting."""
+        return Formulas(self.scope, diagnostics.Collector(), self.members)
+
+    def trouble(self, origin: yaml_tree.Scalar, error: ExpressionError) -> None:
+        """An error inside an expression."""
+        if error.code != namespace.BROKEN:
+            location = origin.locate(error.start, error.end)
+            hint = yaml_tree.QUOTES if origin.is_torn else error.hint
+            if error.code == "unknown-function" and self._is_declared(origin.value[error.start : error.end]):
+                hint = messages.AT_A_TIME
+            message = error.message + self.where(error.place)
+            self.found.add(diagnostics.Diagnostic(error.code, message, location, hint))
+
+    def _is_declared(self, name: str) -> bool:
+        return self.scope.names.kind(name) is not None
+
+    def where(self, place: int | None) -> str:
+        """The end of a sentence about one member of a family, the first it is true of."""
+        if place is None or not self.members.variables:
+            return ""
+        return f" (first where {self.members.at(place)})"
+
+    def parse(self, node: yaml_tree.AnyNode, read: Callable[[str], tree.Node]) -> Expression | None:
+        """The expression written in `node`."""
+        if not isinstance(node, yaml_tree.Scalar):
+            shape = "list" if isinstance(node, yaml_tree.Sequence) else "mapping"
+            hint = "write the expression itself after the colon"
+            if shape == "list":
+                hint = "an expression that begins with `[` needs quotes"
+            message = f"an expression is needed here, and this is a {shape}"
+            self.report(node, "not-an-expression", message, hint)
+            return None
+        if yaml_tree.is_empty(node):
+            self.report(node, "missing-value", "an expression is missing")
+            return None
+        trees = self._reading.trees
+        known = trees.get((read, node.value))
+        if known is None:
+            try:
+                known = trees[read, node.value] = read(node.value)
+            except ExpressionError as error:
+                self.trouble(node, error)
+                return None
+        if not self.affords(node, known, self.members.count):
+            return None
+        return Expression(known, node)
+
+    def affords(self, node: yaml_tree.AnyNode, found: tree.Node, count: int) -> bool:
+        """Whether an expression may be evaluated for this many members; if not, that is reported."""
+        reading = self._reading
+        if count < LARGE:
+            return True
+        if reading.work < 0:
+            return False  # that has been said
+        parts = sum(1 for _ in itertools.islice(tree.walk(found), reading.work // count + 1))
+        reading.work -= parts * count
+        if reading.work >= 0:
+            return True
+        message = f"the expressions of all members have together more than {MAX_WORK} parts"
+        self.report(node, "too-many-members", message, "shorten the expression, or the family")
+        return False
+
+    def facts(
+        self,
+        expression: Expression,
+        allowed: frozenset[Flag],
+        subject: str,
+        lookup: Lookup | None = None,
+        shape: str = "scalar",
+    ) -> Any:
+        """Facts of a checked expression, or None where it is wrong. `shape`: scalar, vector or either."""
+        algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
+        how = {"scalar": evaluate.scalar, "vector": evaluate.vector, "either": evaluate.evaluate}[shape]
+        try:
+            return how(expression.tree, algebra)
+        except ExpressionError as error:
+            self.trouble(expression.origin, error)
+            self.unknown_names(expression, lookup or self.lookup)
+            return None
+
+    def unknown_names(self, expression: Expression, lookup: Lookup) -> None:
+        """Report the names nothing declares in an expression of which one error has been found."""
+        waiting = [expression.tree]
+        while waiting:
+            node = waiting.pop()
+            if isinstance(node, (tree.Name, tree.Member, tree.Index)):
+                try:
+                    lookup(node)
+                except ExpressionError as error:
+                    if error.code == "unknown-name":
+                        self.trouble(expression.origin, error)
+            elif not isinstance(node, tree.Call) or node.function in _SEARCHED:
+                waiting += tree.children(node)
+
+    def scalar(self, node: yaml_tree.AnyNode, allowed: frozenset[Flag], subject: str) -> Expression | None:
+        """A checked scalar expression."""
+        expression = self.parse(node, parser.parse)
+        if expression is None or self.facts(expression, allowed, subject) is None:
+            return None
+        return expression
+
+    def constant(self, node: yaml_tree.AnyNode, subject: str) -> float | None:
+        """The value of an expression of parameters."""
+        found = self.constants(node, subject)
+        return None if found is None else float(found[0])
+
+    def constants(self, node: yaml_tree.AnyNode, subject: str) -> Floats | None:
+        """The values of an expression of parameters and indices, one for each member, (K,)."""
+        expression = self.parse(node, parser.parse)
+        if expression is None:
+            return None
+        found = self.facts(expression, facts.NOTHING, subject)
+        return None if found is None else self.values(found.value)
+
+    def values(self, value: float | Floats) -> Floats:
+        """A constant as one value for each member, (K,)."""
+        if self.members.count == 1:
+            return np.array([value] if isinstance(value, float) else value, dtype=float).reshape(1)
+        return np.array(np.broadcast_to(value, self.members.count), dtype=float)
+
+    def vector_expression(self, node: yaml_tree.AnyNode) -> VectorExpression | None:
+        """A list of three expressions or one vector expression, parsed."""
+        if isinstance(node, yaml_tree.Mapping):
+            message = "a vector is needed here, and this is a mapping"
+            self.report(node, "not-an-expression", message, "a vector is a list: `[x, y, z]`")
+            return None
+        if not isinstance(node, yaml_tree.Sequence):
+            expression = self.parse(node, parser.parse)
+            return None if expression is None else VectorExpression((expression,))
+        if len(node.items) != 3:
+            message = f"a vector has three components, and this one has {len(node.items)}"
+            torn = any(isinstance(item, yaml_tree.Scalar) and item.is_torn for item in node.items)
+            hint = yaml_tree.QUOTES if torn else hints.vector(len(node.items))
+            self.report(node, "vector-length", message, hint)
+            return None
+        parts = [self.parse(item, parser.parse) for item in node.items]
+        if any(part is None for part in parts):
+            return None
+        return VectorExpression(tuple(part for part in parts if part is not None))
+
+    def vector_facts(
+        self, vector: VectorExpression, allowed: frozenset[Flag], subject: str, lookup: Lookup | None = None
+    ) -> Any:
+        """Facts of the three components, or None."""
+        if len(vector.parts) == 1:
+            return self.facts(vector.parts[0], allowed, subject, lookup, "vector")
+        found = [self.facts(part, allowed, subject, lookup) for part in vector.parts]
+        return None if any(part is None for part in found) else tuple(found)
+
+    def constant_vectors(self, node: yaml_tree.AnyNode, subject: str) -> Floats | None:
+        """The values of a vector of parameters and indices, one for each member, (K, 3)."""
+        vector = self.vector_expression(node)
+        found = None if vector is None else self.vector_facts(vector, facts.NOTHING, subject)
+        return None if found is None else self.vectors(found)
+
+    def vectors(self, found: Any) -> Floats:
+        """The values of three constants, one vector for each member, (K, 3)."""
+        values = [part.value for part in found]
+        if self.members.count == 1 and all(isinstance(value, float) for value in values):
+            return np.array([values])
+        return np.column_stack([self.values(value) for value in values])

@@ -1,0 +1,226 @@
+"""What the leaves of an expression stand for where it is read: their facts, or the error that says why not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from lagcli.expression import evaluate, facts, hints, messages, tree
+from lagcli.expression.facts import Facts
+from lagcli.expression.tree import ExpressionError
+from lagcli.input import namespace
+from lagcli.input.indexed_references import Indexed
+from lagcli.input.multiplier_names import RESULT, Laws
+from lagcli.input.namespace import Kind, Names
+from lagcli.model.family import Members, Whole
+from lagcli.model.model import CONSTANTS
+
+Lookup = Callable[[tree.Node], Any]
+
+VELOCITY = Facts(None, frozenset(("velocity",)), 1, 1)
+ACCELERATION = Facts(None, frozenset(("acceleration",)))
+OWN: dict[str, Any] = {
+    "m": Facts(None, frozenset(("mass",))),
+    "r": (Facts(None, frozenset(("position", "cartesian"))),) * 3,
+    "v": (VELOCITY,) * 3,
+}
+# The members of a particle beside its components: of a vector, or of one component of it.
+_MOTIONS = {
+    **dict.fromkeys(("v", "vx", "vy", "vz"), VELOCITY),
+    **dict.fromkeys(("a", "ax", "ay", "az"), ACCELERATION),
+}
+
+
+class Scope:
+    """The names of one model and of its constraints, and the members their indices speak of."""
+
+    def __init__(self) -> None:
+        self.names = Names()
+        self.indexed = Indexed(self.names)
+        self.laws = Laws(self.names, self.indexed)
+
+    def lookup_in(self, members: Members, own: bool = False) -> Lookup:
+        """The lookup for an expression of an entry; `own` opens `m`, `r`, `v` of a particle."""
+        return lambda node: self._lookup(node, members.variables, own)
+
+    def lookup(self, node: tree.Node) -> Any:
+        """The facts a leaf or special call stands for in an expression of no family."""
+        return self._lookup(node, {}, False)
+
+    def _lookup(self, node: tree.Node, variables: Mapping[str, Whole], own: bool) -> Any:
+        match node:
+            case tree.Name():
+                return self._name(node, variables, own)
+            case tree.Member():
+                return self._member(node, variables, own)
+            case tree.Call():
+                return self._special(node, variables)
+            case tree.Index():
+                return self._of_family(node, variables)
+            case _:
+                raise TypeError(node)
+
+    def _name(self, node: tree.Name, variables: Mapping[str, Whole], own: bool) -> Any:
+        name = node.name
+        if name in variables:
+            return Facts(variables[name].astype(float))
+        if own and name in OWN:
+            return OWN[name]
+        if name == "t":
+            return Facts(None, frozenset(("time",)))
+        if name in CONSTANTS and name not in self.names:
+            return Facts(CONSTANTS[name])
+        if name == "dt":
+            return Facts(None, frozenset(("differential",)), 1, 1)
+        if name in ("kinetic", "potential"):
+            return RESULT
+        if self.names.is_family(name):
+            raise self.names.bare(node, name)
+        return self.names.value(node, name)
+
+    def _member(self, node: tree.Member, variables: Mapping[str, Whole], own: bool) -> Any:
+        spot = tree.Name(node.start, node.start + len(node.owner), node.owner)
+        owner = self._name(spot, variables, own)
+        if self.names.kind(node.owner) == "particle" and not (own and node.owner in OWN):
+            return _particle_member(node, owner, node.member)
+        if self.names.kind(node.owner) == "coordinate":
+            message = f"the coordinate `{node.owner}` has no component `{node.member}`"
+            hint = hints.coordinate_member(node.owner, node.member)
+            raise ExpressionError("unknown-component", message, node.start, node.end, hint)
+        return evaluate.component(node, owner, node.member, node.owner)
+
+    def _of_family(self, node: tree.Index, variables: Mapping[str, Whole]) -> Any:
+        """The facts of `p[i]`, `p[i].x`, `theta[i]`: of all entries its members belong to together."""
+        names, base = self.names, node.owner
+        kind = names.kind(base)
+        if kind is None and base not in variables and base not in namespace.RESERVED:
+            raise names.unknown(node, base)
+        if kind is None or kind not in namespace.NUMBERED:
+            what = f"is {namespace.article(kind)}, no family," if kind else "is no family"
+            message = f"`{base}` {what} and has no members"
+            hint = f"components are written `{base}.x`, `{base}.y`, `{base}.z`" if kind == "particle" else ""
+            raise ExpressionError("not-a-family", message, node.start, node.end, hint)
+        if not names.is_reached(base):
+            names.value(node, base)
+        numbers = self.indexed.numbers(node, variables)
+        keys = names.keys(base, sorted(set(names.rolls[kind].entries(numbers).tolist())))
+        value = _together(node, [names.value_of(node, key, base) for key in keys])
+        if kind == "particle" and node.member:
+            return _particle_member(node, value, node.member)
+        return evaluate.component(node, value, node.member, base) if node.member else value
+
+    def _special(self, node: tree.Call, variables: Mapping[str, Whole]) -> Any:
+        argument = node.arguments[0]
+        if node.function == "rate":
+            return self._rate(node, argument, variables)
+        if node.function == "reaction":
+            return self._reaction(node, argument, variables)
+        if self._argument_kind(argument) == "particle" and _owner(argument) not in self.laws:
+            message = "`multiplier(...)` takes the name of a constraint"
+            hint = f"`{_owner(argument)}` is a particle: the force of its constraints is `reaction(...)`"
+            raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
+        return self.laws.multiplier(argument, variables)
+
+    def _reaction(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Any:
+        """The facts of R of a particle, or with a second argument of the part that one constraint has in it."""
+        if not _is_whole(argument) or self._argument_kind(argument) != "particle":
+            name = _owner(argument)
+            if name in self.laws and name not in self.names:
+                message = f"`reaction(...)` takes the name of a particle, and `{name}` is a constraint"
+                hint = f"its force on a particle `a` is `reaction(a, {name})`, its multiplier `multiplier({name})`"
+                raise ExpressionError("wrong-arguments", message, argument.start, argument.end, hint)
+            self._known_argument(argument, "particle", "reaction(...)")
+        self._lookup(argument, variables, False)
+        if len(node.arguments) > 1:
+            self.laws.force(node.arguments[1], variables)
+        return (RESULT,) * 3
+
+    def _argument_kind(self, argument: tree.Node) -> Kind | None:
+        return self.names.kind(_owner(argument))
+
+    def _rate(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Any:
+        found = (VELOCITY, ACCELERATION)[_order(node) - 1]
+        kind = self._argument_kind(argument)
+        if kind in ("coordinate", "particle"):
+            value = self._lookup(argument, variables, False)
+            if _is_whole(argument):
+                return (found,) * 3 if isinstance(value, tuple) else found
+            if kind == "particle":
+                if getattr(argument, "member", "") in evaluate.COMPONENTS:
+                    return found
+                message = "rates of velocities are accelerations"
+                raise ExpressionError("bad-rate", message, node.start, node.end, messages.NO_ACCELERATION)
+        if isinstance(argument, (tree.Name, tree.Index)):
+            self._known_argument(argument, "coordinate", "rate(...)")
+        if isinstance(argument, tree.Call) and argument.function == "rate":
+            message = "rates of rates are accelerations"
+            raise ExpressionError("bad-rate", message, node.start, node.end, messages.NO_ACCELERATION)
+        hint = "in a differential constraint, `d(...)` takes any expression"
+        message = "`rate(...)` takes the name of a generalized coordinate"
+        raise ExpressionError("bad-rate", message, argument.start, argument.end, hint)
+
+    def _known_argument(self, node: tree.Node, kind: Kind, call: str) -> None:
+        name = _owner(node)
+        known = name in self.names or name in namespace.RESERVED
+        if isinstance(node, (tree.Name, tree.Index)) and not known:
+            raise self.names.unknown(node, name, kind)
+        message = f"`{call}` takes the name of a {kind}"
+        if isinstance(node, tree.Name):
+            message += f", and `{name}` is none"
+        hint = "in a differential constraint, `d(...)` takes any expression"
+        if call != "rate(...)":
+            is_coordinate = self.names.kind(name) == "coordinate"
+            hint = f"the table has the column `R.{name}`" if is_coordinate else ""
+        raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
+
+
+def _order(node: tree.Call) -> int:
+    """1 of `rate(x)`, 2 of `rate(x, 2)`. Raises `ExpressionError`."""
+    if len(node.arguments) == 1:
+        return 1
+    order = node.arguments[1]
+    if isinstance(order, tree.Number) and float(order.text) in (1.0, 2.0):
+        return int(float(order.text))
+    hint = "`rate(theta)` is the rate of `theta`, `rate(theta, 2)` its acceleration"
+    message = "the second argument of `rate(...)` is the order, 1 or 2"
+    raise ExpressionError("bad-rate", message, order.start, order.end, hint)
+
+
+def _owner(node: tree.Node) -> str:
+    return str(getattr(node, "owner", getattr(node, "name", "")))
+
+
+def _is_whole(argument: tree.Node) -> bool:
+    """Whether the argument is a name or member of a family, without a component."""
+    return isinstance(argument, tree.Name) or (isinstance(argument, tree.Index) and not argument.member)
+
+
+def _particle_member(node: tree.Member | tree.Index, position: Any, member: str) -> Any:
+    if member in _MOTIONS:
+        found = _MOTIONS[member]
+        return (found,) * 3 if len(member) == 1 else found
+    if member not in evaluate.COMPONENTS:
+        hint = messages.PARTICLE_MEMBERS.get(member, messages.OTHER_MEMBER)
+        message = f"a particle has no `.{member}`"
+        raise ExpressionError("unknown-component", message, node.start, node.end, hint)
+    return evaluate.component(node, position, member, node.owner)
+
+
+def _together(node: tree.Node, values: list[Any]) -> Any:
+    """Facts that hold for any of several entries of a family."""
+    if len(values) == 1:
+        return values[0]
+    if len({isinstance(value, tuple) for value in values}) > 1:
+        message = "some of these members are vectors and some are not"
+        raise ExpressionError("vector-mismatch", message, node.start, node.end)
+    merged = [
+        Facts(None, reads(tuple(parts)), min(p.low for p in parts), max(p.high for p in parts))
+        for parts in zip(*(v if isinstance(v, tuple) else (v,) for v in values), strict=True)
+    ]
+    return tuple(merged) if isinstance(values[0], tuple) else merged[0]
+
+
+def reads(value: Any) -> frozenset[facts.Flag]:
+    """All that a scalar or vector reads."""
+    parts = value if isinstance(value, tuple) else (value,)
+    return frozenset[facts.Flag]().union(*(part.reads for part in parts))

@@ -1,0 +1,8 @@
+"""Constraint rows at one configuration: the metric of the mass matrix, rank, independent rows.
+
+In: M and B at a point
+Out: lengths, projections, a rank or its doubt, independent rows and what the others follow from
+
+`metric` measures with M, `rank` finds a rank by the gap in the singular values, `independent_rows` chooses rows and
+finds redundant ones.
+"""

@@ -1,0 +1,178 @@
+"""Which constraint rows depend on which: an independent set, and for each other row the rows it follows from.
+
+A row and the independent rows it is a combination of are a circuit: leave out any one of them and the rest are
+independent. Circuits are null vectors of B^T, each with as few rows as can be, so that they can be told by name.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.selection import Selection
+from lagcli.linear import rank
+from lagcli.linear.metric_rows import MetricRows
+
+Floats = npt.NDArray[np.float64]
+
+# The next independent row is the first in the file's order that is this part as far from the others as the farthest.
+EARLY = 0.3
+# A row takes part in a circuit if its weight is above this; of rows that are on the surface to rounding, and
+# dependent on it alone, rounding leaves its square root.
+WEIGHT = 1e-7
+# Of many rows the pivots of their Gram matrix decide, with this added to its diagonal.
+SHIFT, PIVOT = 1e-13, 1e-10
+# Other rows are taken where their clearance is this many times as large.
+BETTER = 4.0
+# Circuits that are told one by one, and rows of one that are named.
+MOST_TOLD, MOST_NAMED = 6, 20
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Dependence:
+    """Independent rows `kept` (r,), the others `rest` (k,), and unit rows of rest = weights (k, r) @ those of kept."""
+
+    kept: tuple[int, ...]
+    rest: tuple[int, ...]
+    weights: Floats
+
+    @property
+    def selection(self) -> Selection:
+        """The rows to step with, and the circuits."""
+        supports = (np.flatnonzero(np.abs(row) > WEIGHT) for row in self.weights)
+        circuits = tuple(
+            (row, *(self.kept[k] for k in support)) for row, support in zip(self.rest, supports, strict=True)
+        )
+        return Selection(self.kept, circuits)
+
+
+def dependence(rows: MetricRows, count: int, whole: int = 0) -> Dependence:
+    """The dependence of rows of which `count` are independent; those are chosen far from dependent ones.
+
+    whole: how many rows, the first, belong to whole coordinates. As many of them as are independent come first: a
+    differential row in place of one of them would not keep its coordinates.
+    """
+    if count == rows.count:
+        return Dependence(tuple(range(count)), (), np.zeros((0, count)))
+    first: list[int] = []
+    if 0 < whole < rows.count:
+        part = rows.take(list(range(whole)))
+        held = rank.rank(part).low
+        first = list(range(whole)) if held == whole else _independent(part, held, [])
+    return over(rows, tuple(_independent(rows, count, first)))
+
+
+def elsewhere(selection: Selection, rows: MetricRows, whole: int) -> Selection | None:
+    """Other independent rows, where those of a selection have come close to dependent ones; None where no others
+    are much better, or where rows are too many to be looked at densely."""
+    if selection.is_everything or rows.is_large:
+        return None
+    kept = dependence(rows, len(selection.kept), whole).kept
+    if _clearance(rows, kept) < BETTER * _clearance(rows, selection.kept):
+        return None
+    return rebased(selection, kept)
+
+
+def rebased(selection: Selection, kept: tuple[int, ...]) -> Selection | None:
+    """A selection that keeps other rows: circuits that share rows are one set, whichever of its rows are kept.
+
+    None where the rows kept of such a set are more or fewer than before, for then one of the two is no choice.
+    """
+    circuits: list[tuple[int, ...]] = [circuit for circuit in selection.circuits if len(circuit) == 1]
+    for rest, support in selection.groups():
+        together = {*rest, *support}
+        staying = sorted(together.intersection(kept))
+        if len(staying) != len(support):
+            return None
+        circuits += [(row, *staying) for row in sorted(together.difference(kept))]
+    everything = sorted([*kept, *(circuit[0] for circuit in circuits)])
+    return Selection(kept, tuple(sorted(circuits))) if everything == list(range(selection.count)) else None
+
+
+def _clearance(rows: MetricRows, kept: tuple[int, ...]) -> float:
+    return float(np.linalg.svd(rows.dense[list(kept)], compute_uv=False).min(initial=1.0))
+
+
+def _independent(rows: MetricRows, count: int, first: list[int]) -> list[int]:
+    """`count` independent rows, those in `first` among them."""
+    if not rows.is_large:
+        return _farthest(rows.dense, count, first)
+    return _farther(rows, count, first) if first else _pivots(rows)
+
+
+def over(rows: MetricRows, kept: tuple[int, ...]) -> Dependence:
+    """The dependence of rows on those kept, which are independent and span all of them."""
+    rest = sorted(set(range(rows.count)) - set(kept))
+    return Dependence(kept, tuple(rest), _combinations(rows, list(kept), rest))
+
+
+def joined(first: Selection, others: Iterable[Selection]) -> Selection:
+    """A selection with the circuits of others too, which keep the same rows: at one place a weight may vanish."""
+    circuits = [set(circuit[1:]) for circuit in first.circuits]
+    for other in others:
+        for circuit, more in zip(circuits, other.circuits, strict=True):
+            circuit.update(more[1:])
+    pairs = zip(first.circuits, circuits, strict=True)
+    return Selection(first.kept, tuple((old[0], *sorted(new)) for old, new in pairs))
+
+
+def shares(circuits: Sequence[Sequence[str]]) -> list[str]:
+    """What circuits mean, by the names of their rows."""
+    told = [_share(names) for names in circuits[:MOST_TOLD]]
+    return [*told, f"and {len(circuits) - MOST_TOLD} more"] if len(circuits) > MOST_TOLD else told
+
+
+def _share(names: Sequence[str]) -> str:
+    quoted = [f"`{name}`" for name in names]
+    if len(quoted) == 1:
+        return f"{quoted[0]} makes no force, and any multiplier will do"
+    if len(quoted) == 2:
+        return f"{quoted[0]} and {quoted[1]} share one force"
+    shown = quoted if len(quoted) <= MOST_NAMED else [*quoted[:MOST_NAMED], "..."]
+    return f"{', '.join(shown)}: a force in one can be passed to the others"
+
+
+def _farthest(rows: Floats, count: int, first: list[int]) -> list[int]:
+    """`count` independent rows by Gram-Schmidt (twice, for rounding), after some that are known to be."""
+    kept = list(first)
+    basis = np.linalg.qr(rows[kept].T)[0]
+    rest = rows - rows @ basis @ basis.T
+    for _ in range(count - len(first)):
+        lengths = np.linalg.norm(rest, axis=1)
+        lengths[kept] = 0.0
+        row = int(np.flatnonzero(lengths >= EARLY * lengths.max())[0])
+        direction = rest[row] / lengths[row]
+        for _ in range(2):
+            rest -= np.outer(rest @ direction, direction)
+        kept.append(row)
+    return sorted(kept)
+
+
+def _combinations(rows: MetricRows, kept: list[int], rest: list[int]) -> Floats:
+    """The weights (k, r) of unit rows in `rest` over those in `kept`."""
+    if not rows.is_large:
+        return np.asarray(np.linalg.lstsq(rows.dense[kept].T, rows.dense[rest].T, rcond=None)[0]).T
+    among, others = rows.unit[kept, :], rows.unit[rest, :]
+    gram = ca.mtimes(among, among.T)
+    factors = ca.Linsol("among", "ldl", gram.sparsity())
+    return np.array(factors.solve(gram, ca.densify(ca.mtimes(among, others.T)))).T
+
+
+def _farther(rows: MetricRows, count: int, first: list[int]) -> list[int]:
+    """The same of many rows: what is left of the other rows after the first ones, by its Gram matrix."""
+    others = sorted(set(range(rows.count)) - set(first))
+    weights = _combinations(rows, first, others)
+    unit = rows.unit
+    left = np.array(ca.densify(unit[others, :])) - weights @ np.array(ca.densify(unit[first, :]))
+    return sorted([*first, *(others[k] for k in _farthest(left, count - len(first), []))])
+
+
+def _pivots(rows: MetricRows) -> list[int]:
+    """Independent rows of many: those whose pivot in the sparse factors of the Gram matrix is no rounding."""
+    D, _, order = ca.ldl(ca.mtimes(rows.unit, rows.unit.T) + SHIFT * ca.DM.eye(rows.count))
+    large = np.array(D).ravel() > PIVOT
+    return sorted(np.asarray(order)[large].tolist())

@@ -1,0 +1,287 @@
+"""The constraint rows at one configuration: their size, their independence, and steps along them.
+
+B (C, n) stays sparse: what is asked of independent rows is answered with the sparse factors of their Gram
+matrix, and only rows that may be dependent are looked at densely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.linear.metric import Metric
+
+Floats = npt.NDArray[np.float64]
+
+# Inverse iterations for the smallest singular value; each gains at least a digit unless others lie close to it,
+# and then any of them will do.
+ITERATIONS = 12
+# Where the Gram matrix shows a smaller value than this, its own rounding is in the way.
+CERTAIN = 3e-5
+SHIFT = 1e-14
+# Of the Gram matrix smaller eigenvalues than this part of the largest are rounding.
+ROUNDING = 1e-12
+# More rows than these, over more coordinates than these, are never looked at densely: their singular values would take
+# minutes. Of more rows than MOST_DENSE over few coordinates not all dependences are given (72 MB).
+DENSE, MOST_DENSE = 150, 3000
+# A Gram matrix with this part of its entries is factored faster as a dense one, up to so many rows (128 MB).
+FILLED, MOST_FILLED = 0.1, 4000
+# The inverse of a Gram matrix of so few rows costs less than one sparse factorization.
+FEW = 40
+# A row hangs on a coordinate that no other row holds where the entry is this part of its length.
+HANGING = 1e-2
+
+
+class Rows:
+    """Rows B (C, n), a sparse CasADi matrix of numbers, by their entries."""
+
+    def __init__(self, B: Any) -> None:
+        self.B = B
+        rows, columns = B.sparsity().get_triplet()
+        self.row = np.asarray(rows, dtype=np.intp)
+        self.column = np.asarray(columns, dtype=np.intp)
+        self.values = np.array(B.nonzeros(), dtype=float)
+
+    @classmethod
+    def difference(cls, one: Rows, other: Rows) -> Rows:
+        """The rows one - other, of one pattern."""
+        return cls(one.B - other.B)
+
+    def finite(self) -> Rows:
+        """The same rows with 0 for entries that are not finite."""
+        if np.isfinite(self.values).all():
+            return self
+        return Rows(ca.DM(self.B.sparsity(), ca.DM(np.where(np.isfinite(self.values), self.values, 0.0))))
+
+    def columns(self, numbers: list[int]) -> Rows:
+        """The same rows on some of the coordinates."""
+        return Rows(self.B[:, numbers])
+
+    @property
+    def count(self) -> int:
+        """C."""
+        return int(self.B.shape[0])
+
+    @cached_property
+    def norms(self) -> Floats:
+        """|B_i|, (C,); scaled before squaring, so that no coefficient is too large."""
+        largest = np.zeros(self.count)
+        np.maximum.at(largest, self.row, np.abs(self.values))
+        scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
+        with np.errstate(over="ignore", invalid="ignore"):  # entries that are not finite have been looked for
+            return scale * np.sqrt(self._summed((self.values / scale[self.row]) ** 2))
+
+    @property
+    def divisors(self) -> Floats:
+        """|B_i|, and 1 for a row that vanishes."""
+        return np.where(self.norms > 0, self.norms, 1.0)
+
+    def times(self, v: Floats) -> Floats:
+        """B v, (C,)."""
+        return self._summed(self.values * v[self.column])
+
+    def largest(self, sizes: Floats) -> Floats:
+        """The largest of the sizes (n,) that each row touches with an entry that is not zero, (C,)."""
+        found = np.zeros(self.count)
+        touching = self.values != 0
+        np.maximum.at(found, self.row[touching], sizes[self.column[touching]])
+        return found
+
+    def are_finite(self) -> npt.NDArray[np.bool_]:
+        """Whether all entries of a row are finite, (C,)."""
+        good = np.ones(self.count, dtype=bool)
+        good[self.row[~np.isfinite(self.values)]] = False
+        return good
+
+    def _summed(self, entries: Floats) -> Floats:
+        return np.asarray(np.bincount(self.row, weights=entries, minlength=self.count), dtype=float)
+
+
+class MetricRows:
+    """Rows in the mass metric, B M^-1/2, each of length one (a row that vanishes stays zero)."""
+
+    def __init__(self, B: Any, metric: Metric) -> None:
+        self._metric, self._B = metric, B
+        rows = Rows(metric.whitened(B))
+        self._lengths = rows.divisors
+        self._unit = ca.DM(rows.B.sparsity(), ca.DM(rows.values / self._lengths[rows.row]))
+        self.count = rows.count
+
+    def take(self, indices: list[int]) -> MetricRows:
+        """The same of some of the rows."""
+        part = object.__new__(MetricRows)
+        part._metric, part._B, part._lengths = self._metric, self._B[indices, :], self._lengths[indices]
+        part._unit, part.count = self._unit[indices, :], len(indices)
+        return part
+
+    @property
+    def lengths(self) -> Floats:
+        """The lengths the rows had in the metric, (C,); 1 for a row that vanishes."""
+        return self._lengths
+
+    def plain(self) -> MetricRows:
+        """The same rows with the unit metric in place of the masses."""
+        return MetricRows(self._B, Metric.unit(self._B.shape[1]))
+
+    def turned_from(self, other: MetricRows) -> float:
+        """The largest change of an entry between these unit rows and others of one pattern."""
+        change = Rows(self._unit - other._unit).values
+        return float(np.abs(change).max(initial=0.0))
+
+    @property
+    def unit(self) -> Any:
+        """The rows, sparse (C, free)."""
+        return self._unit
+
+    @cached_property
+    def dense(self) -> Floats:
+        """The rows as an array (C, free)."""
+        return np.array(self._unit)
+
+    @cached_property
+    def _gram(self) -> Any:
+        return ca.mtimes(self._unit, self._unit.T)
+
+    @cached_property
+    def _factors(self) -> Any:
+        # Of a row that vanishes by structure the diagonal has an entry only by what is added to it.
+        return ca.Linsol("gram", "ldl", (self._gram + ca.DM.eye(self.count)).sparsity())
+
+    @cached_property
+    def are_independent(self) -> bool:
+        """Whether the smallest singular value is certainly far above rounding."""
+        if self.count == 0:
+            return True
+        if self.count > self._unit.shape[1] or 0 in self._norms_of_units():
+            return False
+        if self.is_large and self._least_with_hanging() > CERTAIN:
+            return True
+        return self._weakest[0] > CERTAIN**2
+
+    def _least_with_hanging(self) -> float:
+        """A lower bound of the smallest singular value, 0 where none is known, from rows that hang on a coordinate of
+        their own and the rest: the particles of a rigid body on its base.
+
+        With P the entries at own coordinates, X the others of these rows and R the rest, the inverse of
+        [[P, X], [0, R]] is [[1/P, -X/(P R)], [0, 1/R]].
+        """
+        rows = Rows(self._unit)
+        holds = rows.values != 0
+        alone = holds & (np.bincount(rows.column[holds], minlength=self._unit.shape[1])[rows.column] == 1)
+        own = np.sqrt(np.bincount(rows.row[alone], rows.values[alone] ** 2, minlength=self.count))
+        hanging = own > HANGING
+        rest = np.flatnonzero(~hanging)
+        if rest.size > self.count / 2 or rest.size > DENSE:
+            return 0.0
+        least = 1.0
+        if rest.size:
+            others = self.take(rest.tolist())
+            touched = np.unique(Rows(others.unit).column)
+            least = float(np.linalg.svd(np.array(others.unit[:, touched.tolist()]), compute_uv=False)[-1])
+            if touched.size < rest.size or least == 0.0:
+                return 0.0
+        across = np.sqrt(self.count - rest.size)  # as long as X is at most, of rows of length one
+        return float(1.0 / ((1.0 + across / least) / own[hanging].min() + 1.0 / least))
+
+    @property
+    def _is_filled(self) -> bool:
+        """Whether the Gram matrix is better looked at densely."""
+        return self.count <= MOST_FILLED and self._gram.nnz() > FILLED * self.count**2
+
+    @property
+    def weakest(self) -> Floats:
+        """A combination (C,) of rows of length one that nearly vanishes, where one does: all that depend on
+        one another take part in it."""
+        return self._weakest[1]
+
+    @cached_property
+    def _weakest(self) -> tuple[float, Floats]:
+        """The smallest eigenvalue of the Gram matrix, the square of the singular value, and its vector."""
+        # Exactly dependent rows would leave a zero to divide by; the shift is far below what is asked for.
+        solve = self._repeated_solver(SHIFT)
+        x = np.random.default_rng(0).standard_normal(self.count)
+        value = 0.0
+        for _ in range(ITERATIONS):
+            found = solve(x)
+            length = float(np.linalg.norm(found))
+            if not np.isfinite(length) or length == 0.0:
+                return 0.0, x
+            value, x = 1.0 / length, found / length
+        return value, x
+
+    def _solved(self, y: Floats, shift: float) -> Floats:
+        """x with (Gram matrix + shift) x = y."""
+        if self.is_large and self._is_filled:
+            return np.asarray(np.linalg.solve(np.array(self._shifted(shift)), y))
+        return np.array(self._factors.solve(self._shifted(shift), ca.DM(y))).ravel()
+
+    def _repeated_solver(self, shift: float) -> Callable[[Floats], Floats]:
+        """The same for one y after another."""
+        if self.count <= FEW or (self.is_large and self._is_filled):
+            try:
+                inverse = np.linalg.inv(np.array(self._shifted(shift)))
+            except np.linalg.LinAlgError:  # singular to the last digit, in spite of the shift
+                return lambda y: np.full(self.count, np.inf)
+            return lambda y: np.asarray(inverse @ y)
+        return lambda y: self._solved(y, shift)
+
+    def _shifted(self, shift: float) -> Any:
+        return self._gram + shift * ca.DM.eye(self.count) if shift else self._gram
+
+    def above(self, size: float) -> int:
+        """How many singular values are above a size: by Sylvester's law of inertia, from sparse factors."""
+        if self.count == 0:
+            return 0
+        if self._is_filled:
+            return int((self._singular_values > size).sum())
+        shifted = self._gram - size**2 * ca.DM.eye(self.count)
+        factors = ca.Linsol("inertia", "ldl", shifted.sparsity())
+        factors.sfact(shifted)
+        factors.nfact(shifted)
+        return self.count - int(factors.neig(shifted))
+
+    @cached_property
+    def _singular_values(self) -> Floats:
+        return np.asarray(np.linalg.svd(self.dense, compute_uv=False))
+
+    @property
+    def is_large(self) -> bool:
+        """Whether the rows are too many to be looked at densely."""
+        return are_many(self.count, self._unit.shape[1])
+
+    def _norms_of_units(self) -> Floats:
+        return Rows(self._unit).norms
+
+    def correction(self, residual: Floats, damping: float = 0.0) -> Floats:
+        """The smallest step (n,) in the metric that solves B step = -residual, by least squares if it must.
+
+        Damped it is shorter: that which makes |B step + residual|^2 / damping + |step|^2 least, for rows of length
+        one.
+        """
+        weights = self.weights(residual, damping)
+        return -self._metric.unwhitened(np.array(ca.mtimes(self._unit.T, ca.DM(weights))).ravel())
+
+    def weights(self, residual: Floats, damping: float = 0.0) -> Floats:
+        """The weights (C,) of the rows of length one in -M^1/2 step, for the step of `correction`."""
+        scaled = residual / self._lengths
+        if not scaled.any():
+            return scaled  # nothing to solve: an exact start asks for no step, and an empty system needs no solver
+        if damping > 0:
+            return self._solved(scaled, damping)
+        if self.are_independent or self.is_large:
+            return self._solved(scaled, 0.0 if self.are_independent else SHIFT)
+        if self.count > self._unit.shape[1]:
+            left, sigma, _ = np.linalg.svd(self.dense, full_matrices=False)
+            held = left[:, sigma > np.sqrt(ROUNDING) * sigma.max(initial=0.0)]
+            return np.asarray(held @ ((held.T @ scaled) / sigma[: held.shape[1]] ** 2))
+        return np.asarray(np.linalg.lstsq(np.array(self._gram), scaled, rcond=ROUNDING)[0])
+
+
+def are_many(count: int, coordinates: int) -> bool:
+    """Whether so many rows over so many coordinates are too many to be looked at densely."""
+    return count > DENSE and coordinates > DENSE

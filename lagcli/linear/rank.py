@@ -1,0 +1,116 @@
+"""Rank of constraint rows by a gap in their singular values; no gap means undecided.
+
+Rows are taken in the mass-weighted metric (B M^-1/2) and normalized, so that the answer depends neither on how
+a row is scaled nor on units of mass.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.linear import metric_rows
+from lagcli.linear.metric_rows import MetricRows
+
+Floats = npt.NDArray[np.float64]
+
+# Singular values of normalized rows: above LARGE they count, below SMALL they are rounding, between is undecided.
+# The start is on the surface to rounding, 1e-16, and where rows are dependent on a surface but not beside it the
+# rest they show is its square root.
+LARGE, SMALL = 3e-6, 1e-7
+# A row takes part in a dependence if its weight in the null vector is above this.
+WEIGHT = 1e-6
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Rank:
+    """The rank lies between `low` and `high`; `dependences` are the left null vectors beyond `low` (d, C).
+
+    Of rows too many to be looked at densely it is one vector, in which all that depend on others take part.
+    """
+
+    low: int
+    high: int
+    dependences: Floats
+
+    @property
+    def value(self) -> int | None:
+        """The rank, or None where no gap separates the singular values."""
+        return self.low if self.low == self.high else None
+
+
+def rank(rows: MetricRows) -> Rank:
+    """Rank of C rows. It does not depend on the metric, so that the clearer of two metrics decides.
+
+    The mass metric serves rows over lengths and angles; extreme ratios of masses blur it, and not the plain one.
+    """
+    found = _rank(rows)
+    if found.low == rows.count:
+        return found
+    plain = _rank(rows.plain())
+    return plain if plain.low > found.low else found
+
+
+def _rank(rows: MetricRows) -> Rank:
+    if rows.are_independent:
+        return Rank(rows.count, rows.count, np.zeros((0, rows.count)))
+    if rows.is_large:
+        large = rows.above(LARGE)
+        dependences = rows.weakest[None] if large < rows.count else np.zeros((0, rows.count))
+        return Rank(large, rows.above(SMALL), dependences)
+    if rows.count > metric_rows.MOST_DENSE:
+        return _rank_of_many(rows)
+    sigma = np.zeros(rows.count)
+    # The left vectors are wanted whole; of the right ones there may be many more.
+    wide = rows.dense.shape[1] >= rows.count
+    left, found, _ = np.linalg.svd(rows.dense, full_matrices=not wide)
+    sigma[: found.size] = found
+    large, small = int((sigma > LARGE).sum()), int((sigma > SMALL).sum())
+    if large == rows.count:
+        return Rank(large, small, np.zeros((0, rows.count)))
+    return Rank(large, small, left.T[large:])
+
+
+def _rank_of_many(rows: MetricRows) -> Rank:
+    """The same of very many rows over few coordinates, with one vector of weights."""
+    left, sigma, _ = np.linalg.svd(rows.dense, full_matrices=False)
+    held = left[:, sigma > LARGE]
+    weights = np.random.default_rng(0).standard_normal(rows.count)
+    weights -= held @ (held.T @ weights)
+    return Rank(held.shape[1], int((sigma > SMALL).sum()), weights[None])
+
+
+def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
+    """Which rows depend on rows before them (Gram-Schmidt in their order, twice for rounding).
+
+    Of more rows than are looked at densely none is named.
+    """
+    flags = np.zeros(rows.count, dtype=bool)
+    if rows.are_independent or rows.is_large:
+        return flags
+    basis = np.zeros((0, rows.dense.shape[1]))
+    for i, row in enumerate(rows.dense):
+        rest = row.copy()
+        for _ in range(2):
+            rest -= basis.T @ (basis @ rest)
+        length = float(np.linalg.norm(rest))
+        flags[i] = length <= LARGE
+        if not flags[i]:
+            basis = np.vstack([basis, rest / length])
+    return flags
+
+
+def null_basis(rows: Floats) -> Floats:
+    """An orthonormal basis of the kernel of rows (C, n) of about length one, shape (n, n - rank)."""
+    if rows.shape[0] == 0:
+        return np.eye(rows.shape[1])
+    _, sigma, Vt = np.linalg.svd(rows, full_matrices=True)
+    return np.asarray(Vt[int((sigma > LARGE).sum()) :].T)
+
+
+def participants(null_vector: Floats) -> list[int]:
+    """The rows that take part in a dependence."""
+    weights = np.abs(null_vector)
+    return [int(i) for i in np.flatnonzero(weights > WEIGHT * weights.max(initial=1.0))]

@@ -1,8 +1,0 @@
-"""Model -> the unified system of (D.6), (D.7), (D.24), written in CasADi symbols.
-
-    M a = h + B^T lambda,    B v + b = 0,    B a = gamma,    f = 0 where a row is holonomic
-
-`algebra` evaluates expressions, `environment` gives names their symbols, `rows` lays down the constraint rows,
-`rigid` those of rigid bodies, `energy` T, V, L and the forces, `system` puts them together. The sign of lambda
-is decided in `system` and nowhere else: R = + B^T lambda.
-"""

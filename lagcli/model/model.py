@@ -1,0 +1,364 @@
+"""The nouns of a model: what a file declares, checked and with every constant evaluated, but no dynamics yet.
+
+An entry stands for one thing or, as a family, for K of them that share one expression over index vectors; K = 1
+for what is declared alone. Names keep the order of the file; the order of the constraints is the order of the
+multipliers lambda_i. Lengths, masses and times carry whatever units the file labels (`Units`); nothing is
+converted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import yaml_tree
+from lagcli.errors import diagnostics
+from lagcli.expression import tree
+from lagcli.model.family import Members
+
+Vector3 = tuple[float, float, float]
+Floats = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Expression:
+    """A tree with the text it was read from, for locating and showing."""
+
+    tree: tree.Node
+    origin: yaml_tree.Scalar
+
+    def __repr__(self) -> str:
+        return f"<Expression {self.text[:80]!r}>"
+
+    @property
+    def text(self) -> str:
+        """As the user wrote it."""
+        return self.origin.value.strip()
+
+    @property
+    def location(self) -> diagnostics.Location:
+        """Where the expression stands."""
+        return self.origin.location
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class VectorExpression:
+    """One vector expression, or three scalar ones that were written as a list."""
+
+    parts: tuple[Expression, ...]
+
+    @property
+    def location(self) -> diagnostics.Location:
+        """Where it begins."""
+        return self.parts[0].location
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Units:
+    """Labels for axes and reports."""
+
+    length: str = "m"
+    mass: str = "kg"
+    time: str = "s"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Parameter:
+    """A named constant, a number or a vector; `formula` is what it was computed from, where that is one expression."""
+
+    name: str
+    value: float | Vector3
+    formula: Expression | None = dataclasses.field(default=None, compare=False)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Coordinate:
+    """Generalized coordinates q with their initial values and initial rates, (K,) each."""
+
+    members: Members
+    value: Floats
+    rate: Floats
+    location: diagnostics.Location
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Particle:
+    """Point masses.
+
+    Cartesian where `start` is given: their components are coordinates of the system, `start` and
+    `start_velocity` (K, 3) their initial values. Otherwise dependent, x_n = x_n(q, t) (D.27), with `position`.
+    """
+
+    members: Members
+    mass: Expression
+    mass_values: Floats
+    position: VectorExpression
+    start: Floats | None
+    start_velocity: Floats
+    location: diagnostics.Location
+
+    @property
+    def is_dependent(self) -> bool:
+        """Whether the positions are functions of generalized coordinates and time."""
+        return self.start is None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Definition:
+    """Shorthand for an expression."""
+
+    name: str
+    expression: Expression
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Action:
+    """What a force acts on: P pairs of a target, by its number among all particles or among all generalized
+    coordinates, and the member of the force that acts on it. Shapes (P,)."""
+
+    targets: Whole
+    acting: Whole
+
+    def variables(self, members: Members) -> dict[str, Whole]:
+        """The index variables of the force at each pair."""
+        return {name: values[self.acting] for name, values in members.variables.items()}
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ParticleForce:
+    """An applied force on particles; `m`, `r`, `v` in it are the particle's own.
+
+    A `constant` force (parameters, indices and `m` only) counts as the potential -F.r.
+    """
+
+    members: Members
+    action: Action
+    force: VectorExpression
+    constant: bool
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class GeneralizedForce:
+    """A force Q_j on generalized coordinates (D.30)."""
+
+    members: Members
+    action: Action
+    force: Expression
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Potential:
+    """A potential V(r, q, t) (D.35); of a family the sum of all members."""
+
+    members: Members
+    expression: Expression
+
+
+Force = ParticleForce | GeneralizedForce | Potential
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Holonomic:
+    """f(r, q, t) = left - right = 0 (D.2); three rows where it is a vector equation."""
+
+    members: Members
+    equation: Expression
+    is_vector: bool
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """The names of its scalar rows."""
+        return _with_axes(self.members, self.is_vector)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Differential:
+    """A law linear in differentials or in velocities (D.3, D.4)."""
+
+    members: Members
+    equation: Expression
+    is_vector: bool
+    form: Literal["differentials", "velocities"]
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """The names of its scalar rows."""
+        return _with_axes(self.members, self.is_vector)
+
+
+def _with_axes(members: Members, is_vector: bool) -> tuple[str, ...]:
+    if not is_vector:
+        return members.names
+    return tuple(f"{name}.{axis}" for name in members.names for axis in "xyz")
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RigidBody:
+    """Particles that form one rigid body, by their numbers; its rows are laid down in `rigid`."""
+
+    name: str
+    particles: tuple[int, ...]
+    location: diagnostics.Location
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Output:
+    """An extra recorded quantity."""
+
+    members: Members
+    expression: Expression
+    is_vector: bool
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of its columns."""
+        return _with_axes(self.members, self.is_vector)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Simulation:
+    """How to run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`); max_step: what no
+    step is longer than."""
+
+    start: float = 0.0
+    duration: float = 10.0
+    samples: int = 1001
+    output_step: float | None = None
+    method: str = "auto"
+    rtol: float = 1e-11
+    atol: float | None = None
+    assemble: bool = False
+    keep: tuple[str, ...] = ()
+    max_step: float | None = None
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """Members (by their places) of the particle entry number `entry`, to be evaluated together."""
+
+    entry: int
+    places: Whole
+
+
+# What expressions know without a declaration. A file that declares `deg` has its own instead; `pi` is reserved.
+CONSTANTS = {"pi": math.pi, "deg": math.pi / 180.0}
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """A valid model. `fingerprint` tells models of different text apart; changed values do not enter it.
+
+    `order` names definitions and batches of dependent particles, each after all it uses: evaluated so, a chain
+    of any length needs no deep stack. `structure`: parameters that decide which members there are and which
+    members an expression speaks of, with their values. `sha256`: of the bytes of the file; `changes`: those of
+    `--set`, as they were given.
+    """
+
+    path: str
+    fingerprint: str
+    title: str
+    description: str
+    source: str
+    units: Units
+    parameters: tuple[Parameter, ...]
+    coordinates: tuple[Coordinate, ...]
+    particles: tuple[Particle, ...]
+    definitions: tuple[Definition, ...]
+    lagrangian: Expression | None
+    forces: tuple[Force, ...]
+    holonomic: tuple[Holonomic, ...]
+    differential: tuple[Differential, ...]
+    rigid: tuple[RigidBody, ...]
+    outputs: tuple[Output, ...]
+    simulation: Simulation
+    warnings: tuple[diagnostics.Diagnostic, ...]
+    order: tuple[str | Batch, ...]
+    structure: tuple[tuple[str, float], ...]
+    sha256: str = ""
+    changes: tuple[tuple[str, str], ...] = ()
+
+    def __repr__(self) -> str:
+        particles, coordinates = len(self.particle_names), len(self.generalized_names)
+        laws = sum(1 for _ in self.constraints())
+        title = f" {self.title[:60]!r}" if self.title else ""
+        parts = [
+            f"{count} {word}{'s' * (count != 1)}"
+            for count, word in ((particles, "particle"), (coordinates, "coordinate"), (laws, "constraint"))
+            if count
+        ]
+        return f"<Model{title} from {self.path}: {', '.join(parts)}>"
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both are read from the same text, with the same values of everything that may be set."""
+        return isinstance(other, Model) and self._read_from() == other._read_from()
+
+    def __hash__(self) -> int:
+        return hash(self.fingerprint)
+
+    def _read_from(self) -> tuple[object, ...]:
+        arrays = [part for p in self.particles if p.start is not None for part in (p.start, p.start_velocity)]
+        arrays += [part for q in self.coordinates for part in (q.value, q.rate)]
+        starts = tuple(array.tobytes() for array in arrays)
+        return self.path, self.fingerprint, self.parameters, self.simulation, starts
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """The constants that expressions of this model know without a declaration."""
+        own = {one.name for one in self.parameters} | {one.name for one in self.definitions}
+        own |= {one.members.base for one in self.coordinates} | {one.members.base for one in self.particles}
+        own |= {one.members.base for one in self.outputs}
+        return {name: value for name, value in CONSTANTS.items() if name not in own}
+
+    @property
+    def particle_names(self) -> tuple[str, ...]:
+        """The N particles."""
+        return tuple(name for particle in self.particles for name in particle.members.names)
+
+    @property
+    def generalized_names(self) -> tuple[str, ...]:
+        """The generalized coordinates."""
+        return tuple(name for coordinate in self.coordinates for name in coordinate.members.names)
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """The n coordinates of the system: components of Cartesian particles, then the generalized ones."""
+        cartesian = (name for p in self.particles if not p.is_dependent for name in p.members.names)
+        return (*(f"{name}.{axis}" for name in cartesian for axis in "xyz"), *self.generalized_names)
+
+    def location(self, coordinate: str) -> diagnostics.Location:
+        """Where one of `coordinate_names` was declared."""
+        for entry in self.coordinates:
+            if coordinate in entry.members.names:
+                return entry.location
+        particle = coordinate.rpartition(".")[0]
+        return next(p.location for p in self.particles if particle in p.members.names)
+
+    def expressions(self) -> Iterator[Expression]:
+        """All expressions of positions, definitions, forces, constraints and outputs."""
+        for particle in self.particles:
+            yield from particle.position.parts
+        for definition in self.definitions:
+            yield definition.expression
+        if self.lagrangian is not None:
+            yield self.lagrangian
+        for force in self.forces:
+            if isinstance(force, ParticleForce):
+                yield from force.force.parts
+            else:
+                yield force.force if isinstance(force, GeneralizedForce) else force.expression
+        yield from (law.equation for law in self.holonomic)
+        yield from (law.equation for law in self.differential)
+        for output in self.outputs:
+            yield output.expression
+
+    def constraints(self) -> Iterator[Holonomic | RigidBody | Differential]:
+        """All constraints in the order of the multipliers: holonomic, rigid, differential."""
+        yield from self.holonomic
+        yield from self.rigid
+        yield from self.differential

@@ -1,0 +1,95 @@
+"""The settings of a run and their bounds, the same for the file, the command line and Python."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from lagcli.errors import diagnostics
+
+if TYPE_CHECKING:  # the command line reads the bounds before it has to load numbers
+    from lagcli.model.model import Simulation
+
+METHODS = ("auto", "dop853")
+# Schemes of other programs, and what there is to say to who looks for one.
+_ELSEWHERE = {
+    **dict.fromkeys(
+        ("rk", "rk4", "rk23", "rk45", "rkf45", "dopri5", "ode45", "tsit5", "heun", "midpoint", "euler"),
+        "dop853 is the explicit Runge-Kutta scheme here, of order 8",
+    ),
+    **dict.fromkeys(
+        (
+            "radau",
+            "bdf",
+            "lsoda",
+            "cvode",
+            "cvodes",
+            "ida",
+            "idas",
+            "ode15s",
+            "rosenbrock",
+            "implicit",
+            "backward_euler",
+        ),
+        "there is no implicit scheme for stiff forces: turn the stiffest springs into constraints, or soften them",
+    ),
+    **dict.fromkeys(
+        ("verlet", "leapfrog", "stormer", "rattle", "shake", "symplectic", "variational", "symplectic_euler"),
+        "there is no symplectic scheme: dop853 is held on the constraints by projection, and its account states the"
+        " energy balance",
+    ),
+}
+MAX_ROWS = 10**9
+MOST_STEPS = 1e10  # of a run; they would take days
+LIMIT = 20.0  # seconds for the proofs of a model
+
+
+def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
+    """Pairs (key, sentence) of everything that is out of bounds."""
+    if not math.isfinite(settings.start):
+        yield "start", "the start must be a finite time"
+    if not (math.isfinite(settings.duration) and settings.duration >= 0):
+        yield "duration", "the duration must be finite and not negative"
+    elif settings.duration and settings.start + settings.duration == settings.start:
+        yield "duration", "the duration is below the rounding of the start"
+    if not 2 <= settings.samples <= MAX_ROWS:
+        yield "samples", f"samples must be between 2 and {MAX_ROWS}: both ends are counted"
+    if settings.output_step is not None:
+        yield from _step_faults(settings, settings.output_step)
+    if settings.method not in METHODS:
+        yield "method", _no_method(settings.method)
+    if not 1e-15 <= settings.rtol <= 0.1:
+        yield "rtol", "rtol must be between 1e-15 and 0.1"
+    if settings.atol is not None and not (math.isfinite(settings.atol) and settings.atol > 0):
+        yield "atol", "atol must be positive"
+    if settings.max_step is not None:
+        yield from _largest_step_faults(settings, settings.max_step)
+
+
+def _no_method(name: str) -> str:
+    """What to say to a method that there is not."""
+    if not name:
+        return f"the method has no name; there are {', '.join(METHODS)}"
+    sentence = f"there is no method `{name}`; there are {', '.join(METHODS)}"
+    word = name.casefold().replace("-", "_").replace("stoermer", "stormer")
+    more = _ELSEWHERE.get(word) or diagnostics.nearest(name, METHODS)
+    return f"{sentence}: {more}" if more else sentence
+
+
+def _step_faults(settings: Simulation, step: float) -> Iterator[tuple[str, str]]:
+    if not (math.isfinite(step) and step > 0):
+        yield "output_step", "the output step must be positive"
+    elif settings.duration / step > MAX_ROWS:
+        yield "output_step", f"that makes more than {MAX_ROWS} rows"
+    elif settings.start + step == settings.start:
+        yield "output_step", "the output step is below the rounding of the time"
+
+
+def _largest_step_faults(settings: Simulation, step: float) -> Iterator[tuple[str, str]]:
+    if not (math.isfinite(step) and step > 0):
+        yield "max_step", "the largest step must be positive and finite"
+    elif settings.duration / step > MOST_STEPS:
+        yield "max_step", f"that makes more than {MOST_STEPS:.0e} steps"
+    elif settings.start + step == settings.start:
+        yield "max_step", "the largest step is below the rounding of the start"

@@ -1,0 +1,137 @@
+"""The figure of a witness: the loop in two of the coordinates that come back, and the coordinate that moves."""
+
+import itertools
+import os
+from pathlib import Path
+
+import numpy as np
+from matplotlib import axes, figure
+from matplotlib.backends import backend_agg
+from numpy.typing import NDArray
+
+from lagcli.analysis.holonomy import witness
+from lagcli.output import endings
+from lagcli.output.figures import figure as project
+from lagcli.output.figures import labels
+
+WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+NEAR = 0.07  # of the width of a plot: numbers closer than this would overlap
+_BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
+
+
+def draw(path: str | os.PathLike[str], found: witness.Witness) -> None:
+    """Draw a witness to ``path``: png, svg or pdf; written aside and moved into place.
+
+    Raises ``endings.UnknownFormat``, OSError.
+    """
+    target = Path(path)
+    fmt = endings.of(target, endings.FIGURES)
+    with project.style():
+        project.write(target, fmt, compose(found))
+
+
+def compose(found: witness.Witness) -> figure.Figure:
+    """The figure that ``draw`` writes."""
+    with project.style():
+        drawn = figure.Figure(figsize=(7.2, 3.4), dpi=200)
+        backend_agg.FigureCanvasAgg(drawn)
+        how = "over equal times" if found.is_timed else f"around a closed loop in {_names(found.back)}"
+        row, coordinate = (labels.shortened(name, labels.NAME) for name in (found.row, found.coordinate))
+        title = f"{row}: {coordinate} moves by {found.amount:.6g} {how}".replace("-", "−")
+        drawn.suptitle(title, fontsize=10, fontweight="bold", wrap=True, y=0.98)
+        left, right = drawn.subplots(1, 2)
+        drawn.subplots_adjust(left=0.1, right=0.97, bottom=0.14, top=0.85, wspace=0.3)
+        if found.is_timed:
+            _times(left, found, _widest(found)[0])
+            _times(right, found, found.along(found.coordinate))
+        else:
+            _loop(left, found)
+            _moved(right, found)
+        for plot in (left, right):
+            plot.tick_params(labelsize=8)
+            plot.margins(0.12)
+        return drawn
+
+
+def _names(names: tuple[str, ...]) -> str:
+    return ", ".join(names) if len(names) <= 5 else f"{', '.join(names[:4])}, ..."
+
+
+def _widest(found: witness.Witness) -> list[int]:
+    """Places of the coordinates that come back, those a person moves first, then by how far they go."""
+    points = np.concatenate([path.points for path in found.paths])
+    reach = np.ptp(points, axis=0)
+    places = [found.along(name) for name in found.back]
+    return sorted(places, key=lambda i: (found.names[i] not in found.free or reach[i] < 1e-9, -reach[i]))
+
+
+def _loop(plot: axes.Axes, found: witness.Witness) -> None:
+    """The loop with its corners numbered in the order they are passed."""
+    i, j, *_ = [*_widest(found), found.names.index("t")]
+    path = found.paths[0]
+    x, y = path.points[:, i], path.points[:, j]
+    plot.plot(x, y, color=_BLUE, linewidth=1.4)
+    extent = np.array([np.ptp(x), np.ptp(y)])
+    extent[extent == 0] = 1.0
+    seen: list[NDArray[np.float64]] = []
+    for number, (before, after) in enumerate(itertools.pairwise(path.corners), 1):
+        a, b = before[[i, j]], after[[i, j]]
+        if np.abs(b - a).max() < 1e-9:
+            continue
+        middle = path.points[(2 * number - 1) * (len(path.points) - 1) // (2 * (len(path.corners) - 1))][
+            [i, j]
+        ]
+        plot.annotate("", xy=middle + 0.02 * (b - a), xytext=middle - 0.02 * (b - a),
+                      arrowprops={"arrowstyle": "-|>", "color": _BLUE})  # fmt: skip
+        # Moves along the same line are numbered beside each other.
+        beside = sum(np.abs((middle - other) / extent).max() < NEAR for other in seen)
+        seen.append(middle)
+        plot.annotate(
+            f"{number}", xy=middle, xytext=(5 + 10 * beside, 4), textcoords="offset points", fontsize=8
+        )
+    plot.plot(*path.corners[0][[i, j]], "o", color="#222222", markersize=4)
+    plot.set_xlabel(labels.shortened(found.names[i], labels.NAME), fontsize=9)
+    plot.set_ylabel(labels.shortened(found.names[j], labels.NAME), fontsize=9)
+
+
+def _moved(plot: axes.Axes, found: witness.Witness) -> None:
+    """The coordinate over the moves; the gap between its ends is the amount."""
+    path, p = found.paths[0], found.along(found.coordinate)
+    values = path.points[:, p]
+    moves = np.linspace(0, len(path.corners) - 1, len(values))
+    for edge in range(len(path.corners)):
+        plot.axvline(edge, color="#dddddd", linewidth=0.6, zorder=0)
+    plot.plot(moves, values, color=_RED, linewidth=1.4)
+    _gap(plot, moves[-1], values[0], values[-1], found.amount)
+    plot.axhline(values[0], color=_GREY, linewidth=0.6, linestyle=(0, (3, 3)))
+    plot.set_xticks(
+        np.arange(len(path.corners) - 1) + 0.5, [f"{k + 1}" for k in range(len(path.corners) - 1)]
+    )
+    plot.set_xlabel("move", fontsize=9)
+    plot.set_ylabel(labels.shortened(found.coordinate, labels.NAME), fontsize=9)
+
+
+def _times(plot: axes.Axes, found: witness.Witness, place: int) -> None:
+    """One coordinate over time on both paths."""
+    ends: list[NDArray[np.float64]] = []
+    for path, colour, style in zip(found.paths, (_RED, _BLUE), ("-", (0, (5, 2))), strict=True):
+        plot.plot(path.points[:, -1], path.points[:, place], color=colour, linestyle=style, linewidth=1.4)
+        ends.append(path.points[-1])
+    if found.names[place] == found.coordinate:
+        _gap(plot, ends[0][-1], ends[1][place], ends[0][place], found.amount)
+    plot.set_xlabel("t", fontsize=9)
+    plot.set_ylabel(labels.shortened(found.names[place], labels.NAME), fontsize=9)
+
+
+def _gap(plot: axes.Axes, x: float, low: float, high: float, amount: float) -> None:
+    plot.annotate("", xy=(x, high), xytext=(x, low), arrowprops={"arrowstyle": "<->", "color": "#222222"})
+    text = f"{amount:.6g}".replace("-", "−")
+    plot.annotate(
+        text,
+        xy=(x, (low + high) / 2),
+        xytext=(-5, 0),
+        textcoords="offset points",
+        ha="right",
+        bbox=WHITE,
+        fontsize=9,
+    )

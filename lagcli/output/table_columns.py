@@ -1,0 +1,154 @@
+"""What can be read off the rows of a table: the states, and the generalized forces that go with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.equations.system import System
+from lagcli.linear.metric_rows import Rows
+from lagcli.model.model import Model
+
+Floats = npt.NDArray[np.float64]
+
+# A part of the largest force, or speed, that sums of some hundred roundings may leave; and states that are looked at.
+ROUNDING, STATES = 1e-13, 8
+
+
+class States:
+    """Where t, q and v stand in the rows of a table with all `columns` of a model."""
+
+    def __init__(self, model: Model, columns: Sequence[str]) -> None:
+        places = {name: i for i, name in enumerate(columns)}
+        cartesian = [name for p in model.particles if not p.is_dependent for name in p.members.names]
+        q = [f"{name}.{axis}" for name in cartesian for axis in "xyz"]
+        v = [f"{name}.v{axis}" for name in cartesian for axis in "xyz"]
+        generalized = model.generalized_names
+        self._t = places["t"]
+        self._q = [places[name] for name in (*q, *generalized)]
+        self._v = [places[name] for name in (*v, *(f"rate({name})" for name in generalized))]
+
+    def __call__(self, rows: Floats) -> tuple[Floats, Floats, Floats]:
+        """t (k,), q (k, n) and v (k, n) of rows (k, columns)."""
+        return rows[:, self._t], rows[:, self._q], rows[:, self._v]
+
+
+def size(model: Model, columns: Sequence[str], rows: Floats) -> float:
+    """The largest position or the largest speed in a table (T, columns), what is smaller, but not zero; 1 where nothing
+    moves at the origin, and where no such column is there."""
+    particles, generalized = model.particle_names, model.generalized_names
+    kinds = (
+        {*(f"{name}.{axis}" for name in particles for axis in "xyz"), *generalized},
+        {*(f"{name}.v{axis}" for name in particles for axis in "xyz"), *(f"rate({q})" for q in generalized)},
+    )
+    found = []
+    for kind in kinds:
+        values = np.abs(rows[:, [i for i, name in enumerate(columns) if name in kind]])
+        found.append(float(values[np.isfinite(values)].max(initial=0.0)))
+    return min(filter(None, found), default=1.0)
+
+
+class Floors:
+    """How small values are rounding of zero, from the forces and the inertia of a run.
+
+    Of rows of a table with all `columns`: G, the largest of h, M a, the parts lambda_i B_i of the reaction, and the
+    inertial forces of motion in a curve, each as the length of force / sqrt(mass). What is below ROUNDING of it cannot
+    be told from zero: lambda_i sqrt(B_i M^-1 B_i^T), R_j / sqrt(M_jj), and v_j sqrt(M_jj) where sqrt(2 T), with G times
+    the time, takes its place.
+    """
+
+    def __init__(self, system: System, numeric: NumericSystem, p: Floats, columns: Sequence[str]) -> None:
+        model = system.model
+        self._numeric, self._p, self._states = numeric, p, States(model, columns)
+        places = {name: i for i, name in enumerate(columns)}
+        self._lam = [places[f"lambda.{row.name}"] for row in system.rows.rows]
+        names = model.coordinate_names
+        generalized = set(model.generalized_names)
+        self._R = [places[f"R.{name}"] for name in names]
+        self._v = [places[f"rate({n})" if n in generalized else f"{n[:-1]}v{n[-1]}"] for n in names]
+        dependent = [(k, n) for k, n in enumerate(model.particle_names) if f"{n}.x" not in set(names)]
+        self._dependent = [(k, places[f"R.{name}.{axis}"]) for k, name in dependent for axis in "xyz"]
+        self._masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
+        n = len(names)
+        self._force = self._motion = self._place = 0.0
+        self._inertia, self._lengths = np.zeros(n), np.full(len(self._lam), np.inf)
+        self._largest = np.zeros(len(columns))
+        self._times = (np.inf, -np.inf)
+
+    def take(self, rows: Floats) -> None:
+        """More rows (k, columns) of the table."""
+        if not len(rows):
+            return
+        with np.errstate(invalid="ignore"):
+            width = min(self._largest.size, rows.shape[1])  # a table of another run has no columns of errors
+            self._largest[:width] = np.fmax(self._largest[:width], np.abs(rows[:, :width]).max(axis=0))
+        for row in rows[np.unique(np.linspace(0, len(rows) - 1, STATES).astype(int))]:
+            self._look(row)
+
+    def _look(self, row: Floats) -> None:
+        (t,), (q,), (v,) = self._states(row[None])
+        at = t, q, v, self._p
+        h, M = np.array(self._numeric.force(*at)[0]).ravel(), Rows(self._numeric.inertia(*at))
+        B, lam = Rows(self._numeric.rows(*at)[0]), row[self._lam]
+        m = np.bincount(M.row, weights=M.values * (M.row == M.column), minlength=q.size)
+        if not (m > 0).all() or not np.isfinite([*h, *m, *lam, *B.values]).all():
+            return
+        root = np.sqrt(m)
+        reaction = np.bincount(B.column, weights=B.values * lam[B.row], minlength=q.size)
+        parts = [h, h + reaction]
+        lengths = np.sqrt(np.bincount(B.row, weights=(B.values / root[B.column]) ** 2, minlength=lam.size))
+        forces = [float(np.linalg.norm(part / root)) for part in parts] + np.abs(lam * lengths).tolist()
+        moving, place = float(np.linalg.norm(v * root)), float(np.linalg.norm(q * root))
+        self._force = max(self._force, *forces)
+        self._motion, self._place = max(self._motion, moving), max(self._place, place)
+        self._inertia = np.maximum(self._inertia, root)
+        self._lengths = np.minimum(self._lengths, np.where(lengths > 0, lengths, np.inf))
+        self._times = min(self._times[0], float(t)), max(self._times[1], float(t))
+
+    def floors(self) -> Floats:
+        """The floor of each column (columns,), 0 where there is none."""
+        curved = self._motion**2 / self._place if self._place else 0.0
+        G, found = max(self._force, curved), np.zeros(self._largest.size)
+        lasting = max(0.0, self._times[1] - self._times[0])
+        found[self._lam] = np.where(np.isfinite(self._lengths), ROUNDING * G / self._lengths, 0.0)
+        found[self._R] = ROUNDING * G * self._inertia
+        with np.errstate(divide="ignore"):
+            speed = ROUNDING * (self._motion + G * lasting) / self._inertia
+        found[self._v] = np.where(self._inertia > 0, speed, 0.0)
+        for k, place in self._dependent:
+            found[place] = ROUNDING * G * np.sqrt(self._masses[k])
+        return found
+
+    def are_zero(self, places: Sequence[int]) -> bool:
+        """Whether some columns, one of them not exactly zero, are zero to rounding in all rows."""
+        at, floors = list(places), self.floors()
+        return bool((self._largest[at] <= floors[at]).all() and (self._largest[at] > 0).any())
+
+    def zeros(self) -> npt.NDArray[np.bool_]:
+        """Which columns are zero to rounding in all rows, but not exactly zero (columns,)."""
+        return (self._largest > 0) & (self._largest <= self.floors())
+
+
+class GeneralizedForces:
+    """The columns `Q.theta`: Q_j (D.30) of each generalized coordinate, of all forces and potentials declared."""
+
+    def __init__(self, system: System, numeric: NumericSystem, p: Floats, columns: Sequence[str]) -> None:
+        model = system.model
+        taken = set(columns)  # a particle may be called Q
+        named = ((i, f"Q.{name}") for i, name in enumerate(model.generalized_names))
+        names = [(i, name) for i, name in named if name not in taken]
+        self.names = tuple(name for _, name in names)
+        first = system.symbols.q.numel() - len(model.generalized_names)
+        self._rows = [first + i for i, _ in names]
+        self._numeric, self._p, self._states = numeric, p, States(model, columns)
+
+    def __call__(self, rows: Floats) -> Floats:
+        """Q_j (k, names) at the rows (k, columns) of a table with all columns."""
+        t, q, v = self._states(rows)
+        if not len(rows):
+            return np.zeros((0, len(self.names)))
+        found = self._numeric.applied(t[None], q.T, v.T, np.tile(self._p, (len(rows), 1)).T)
+        return np.asarray(np.array(found)[self._rows].T)

@@ -1,0 +1,158 @@
+"""The rows of a run that a checkpoint has passed, safe on the disk whatever happens to the run.
+
+A NumPy file of one array with a field for each column, ``numpy.load(path)["t"]``, that grows at its end: a table in a
+format that is written by columns, or that needs an end, cannot be read before it is complete. The cost of a
+checkpoint does not grow with the rows before it.
+"""
+
+import dataclasses
+import os
+import zlib
+from collections.abc import Generator, Sequence
+from pathlib import Path
+from typing import BinaryIO, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.output import atomic_file
+
+MAGIC = b"\x93NUMPY\x03\x00"  # version 3: names in UTF-8
+DIGITS = 20  # room for the number of rows, which changes in its place
+ROWS_AT_ONCE = 1 << 16  # numbers that are read back at a time
+
+
+class UnfitRows(ValueError):
+    """A file that does not hold the rows a checkpoint speaks of; the message says why."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Rows:
+    """The first rows of a file: how many, and their checksum."""
+
+    count: int
+    checksum: int
+
+
+def path_of(target: Path) -> Path:
+    """Where the rows of a table are kept while it is not complete."""
+    return target.with_name(target.name + ".rows")
+
+
+def require_ours(path: Path) -> None:
+    """Raise `FileExistsError` where there is a file of this name that holds no rows."""
+    if path.is_file() and path.stat().st_size:
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise FileExistsError(0, "the file exists and holds no rows of a run", str(path))
+
+
+class RowFile:
+    """Rows appended to a file; `sync` makes them safe. Raises OSError."""
+
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+        place = atomic_file.Aside(path)
+        header = _header(columns, 0)
+        try:
+            place.path.write_bytes(header)
+            place.commit()
+        except BaseException:
+            place.discard()
+            raise
+        self._open(path, columns, Rows(0, _begin(columns)))
+
+    def _open(self, path: Path, columns: Sequence[str], rows: Rows) -> None:
+        self.path, self._columns = path, tuple(columns)
+        self._head = len(_header(columns, 0))
+        self._count, self._checksum = rows.count, rows.checksum
+        self._file = path.open("r+b", buffering=0)
+        self._file.truncate(self._end)
+
+    @classmethod
+    def going_on(cls, path: Path, columns: Sequence[str], rows: Rows) -> Self:
+        """The file of the run before, after its first ``rows``, which have been read."""
+        file = cls.__new__(cls)
+        file._open(path, columns, rows)
+        return file
+
+    @property
+    def rows(self) -> Rows:
+        """Those that were written."""
+        return Rows(self._count, self._checksum)
+
+    @property
+    def _end(self) -> int:
+        return self._head + 8 * len(self._columns) * self._count
+
+    def write(self, rows: NDArray[np.float64]) -> None:
+        """Append rows, shape (k, columns)."""
+        data = np.ascontiguousarray(rows, "<f8").tobytes()
+        self._put(self._end, data)
+        self._count += len(rows)
+        self._checksum = zlib.crc32(data, self._checksum)
+
+    def sync(self) -> None:
+        """Return when the rows are on the disk, and then their number."""
+        os.fsync(self._file.fileno())
+        self._put(0, _header(self._columns, self._count))
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Leave the file where it is."""
+        self._file.close()
+
+    def remove(self) -> None:
+        """Remove the file: its rows are in a complete table."""
+        self._file.close()
+        self.path.unlink(missing_ok=True)
+
+    def _put(self, place: int, data: bytes) -> None:
+        self._file.seek(place)
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) :]
+
+
+def read(path: Path, columns: Sequence[str], rows: Rows) -> Generator[NDArray[np.float64], None, None]:
+    """The first rows of a file, in blocks (k, columns).
+
+    Raises `UnfitRows`, before the first block where the file has other columns or less rows and after the last where
+    their checksum is another; OSError.
+    """
+    with path.open("rb") as file:
+        _require_columns(file, path, columns)
+        width = 8 * len(columns)
+        if path.stat().st_size < file.tell() + width * rows.count:
+            raise UnfitRows(f"{path} has less rows than the checkpoint speaks of")
+        checksum, step = _begin(columns), max(1, ROWS_AT_ONCE // len(columns))
+        for start in range(0, rows.count, step):
+            data = file.read(width * min(step, rows.count - start))
+            checksum = zlib.crc32(data, checksum)
+            yield np.frombuffer(data, "<f8").reshape(-1, len(columns))
+    if checksum != rows.checksum:
+        raise UnfitRows(f"{path} holds the rows of a different run, or is damaged")
+
+
+def _require_columns(file: BinaryIO, path: Path, columns: Sequence[str]) -> None:
+    """Read the header, which must be the one that would be written. Raises `UnfitRows`."""
+    expected = _header(columns, 0)
+    found = file.read(len(expected))
+    if not found.startswith(MAGIC):
+        raise UnfitRows(f"{path} holds no rows of a run")
+    digits = expected.rindex(b"0,)") + 1  # where the number of rows ends
+    if (found[: digits - DIGITS], found[digits:]) != (expected[: digits - DIGITS], expected[digits:]):
+        raise UnfitRows(f"{path} has other columns")
+
+
+def _begin(columns: Sequence[str]) -> int:
+    return zlib.crc32(repr(list(columns)).encode())
+
+
+def _header(columns: Sequence[str], count: int) -> bytes:
+    """The head of a NumPy file, as long for any number of rows."""
+    described = repr([(name, "<f8") for name in columns])
+    text = f"{{'descr': {described}, 'fortran_order': False, 'shape': ({count:>{DIGITS}},), }}"
+    size = len(text.encode()) + 1
+    padding = -(len(MAGIC) + 4 + size) % 64
+    body = (text + " " * padding + "\n").encode()
+    return MAGIC + len(body).to_bytes(4, "little") + body

@@ -1,0 +1,261 @@
+"""Where the rows of a run go: ``open_sink`` chooses the format and gives a sink for them."""
+
+import abc
+import contextlib
+import functools
+import io
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Protocol, Self, TextIO, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli import requirements
+from lagcli.output import atomic_file, endings
+from lagcli.output.tables import csv_table, json_table, npz_table, tsv_table
+
+
+class MissingExtra(RuntimeError):
+    """A format needs a package that is not installed; the message says how to install it."""
+
+
+class Sink(Protocol):
+    """Takes the rows of one table block by block; exactly one of commit, keep_partial and discard ends it.
+
+    As a context manager it is discarded on an exception and committed otherwise, unless it has been ended
+    before. All methods let OSError pass; a commit or keep_partial that fails has discarded.
+    """
+
+    def write(self, rows: NDArray[np.float64]) -> None:
+        """Append ``rows``, shape (k, columns); raises ValueError for another shape or an ended sink."""
+
+    @property
+    def is_file(self) -> bool:
+        """Whether the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
+
+    def commit(self, durably: bool = False) -> None:
+        """The table is complete: move it into place; ``durably``: return when it is on the disk."""
+
+    def keep_partial(self) -> Path | None:
+        """The run broke off: keep the rows so far in FILE.partial and return that path; None for a stream."""
+
+    def discard(self) -> None:
+        """Leave nothing behind; no effect on an ended sink."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+class _Writer(Protocol):
+    """One file format."""
+
+    def write(self, rows: NDArray[np.float64]) -> None: ...
+
+    def finish(self) -> None: ...
+
+    def abandon(self) -> None: ...
+
+
+Make = Callable[[Path, Sequence[str]], _Writer]
+
+
+def open_sink(
+    target: str | os.PathLike[str] | BinaryIO | TextIO,
+    columns: Sequence[str],
+    fmt: str | None = None,
+    provenance: Mapping[str, Any] | None = None,
+) -> Sink:
+    """A sink for the table with the names ``columns``.
+
+    ``target`` is a path, whose ending (or ``fmt``, one of ``endings.TABLES``) picks the format, or an open
+    stream, which gets CSV, flushed after every block. A file is written aside and moved into place.
+    ``provenance``: where the table comes from, for the formats that have a place for it (all but CSV): the key
+    ``provenance`` of JSON and of the metadata of a Parquet schema, the comment of the zip archive of NPZ.
+
+    Raises ``endings.UnknownFormat``, ``MissingExtra``, ValueError for two equal names, and OSError where the
+    file cannot be made. Nothing has been written then.
+    """
+    if len(set(columns)) < len(columns):
+        raise ValueError("two columns of one name")
+    if not isinstance(target, str | os.PathLike):
+        if fmt not in (None, "csv"):
+            raise endings.UnknownFormat(f"a stream as {fmt}", ("csv",))
+        return _StreamSink(target, columns)
+    path = Path(target)
+    if fmt is None:
+        fmt = endings.of(path, endings.TABLES)
+    return _FileSink(path, columns, _writer(path, fmt, provenance))
+
+
+class _Base(abc.ABC):
+    """What all sinks do alike."""
+
+    def __init__(self, columns: Sequence[str]) -> None:
+        self._width = len(columns)
+        self._ended = False
+
+    @abc.abstractmethod
+    def commit(self, durably: bool = False) -> None: ...
+
+    @abc.abstractmethod
+    def discard(self) -> None: ...
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._ended:
+            return
+        if kind is None:
+            self.commit()
+        else:
+            self.discard()
+
+    def _must_be_open(self) -> None:
+        if self._ended:
+            raise ValueError("the sink has ended")
+
+    def _checked(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        self._must_be_open()
+        if rows.ndim != 2 or rows.shape[1] != self._width:
+            raise ValueError(f"rows of shape {rows.shape} for {self._width} columns")
+        return rows.astype(np.float64, copy=False)
+
+
+class _FileSink(_Base):
+    def __init__(self, path: Path, columns: Sequence[str], make: Make) -> None:
+        super().__init__(columns)
+        self._aside = atomic_file.Aside(path)
+        try:
+            self._writer = make(self._aside.path, columns)
+        except BaseException:
+            self._aside.discard()
+            raise
+
+    def write(self, rows: NDArray[np.float64]) -> None:
+        self._writer.write(self._checked(rows))
+
+    @property
+    def is_file(self) -> bool:
+        return not self._aside.is_in_place
+
+    def commit(self, durably: bool = False) -> None:
+        with self._ending():
+            self._aside.commit(durably)
+
+    def keep_partial(self) -> Path:
+        with self._ending():
+            return self._aside.keep_partial()
+
+    def discard(self) -> None:
+        if self._ended:
+            return
+        self._ended = True
+        try:
+            # What is thrown away need not be complete, and the error that led here must not be hidden.
+            with contextlib.suppress(OSError):
+                self._writer.abandon()
+        finally:
+            self._aside.discard()
+
+    @contextlib.contextmanager
+    def _ending(self) -> Iterator[None]:
+        """Complete the file, let it be moved, and leave nothing behind where one of them fails."""
+        self._must_be_open()
+        try:
+            self._writer.finish()
+            yield
+        except BaseException:
+            self.discard()
+            raise
+        self._ended = True
+
+
+class _StreamSink(_Base):
+    def __init__(self, stream: BinaryIO | TextIO, columns: Sequence[str]) -> None:
+        super().__init__(columns)
+        # Written with the first rows, so that a run which fails before them leaves the stream empty.
+        self._columns = tuple(columns)
+        self._header = csv_table.header(columns)
+        self._text: TextIO | None = None
+        if isinstance(stream, io.TextIOBase):
+            # The bytes below the text, where there are any: a text layer may turn "\n" into "\r\n".
+            stream.flush()
+            self._bytes: BinaryIO | None = getattr(stream, "buffer", None)
+            self._text = cast(TextIO, stream)
+        else:
+            self._bytes = cast(BinaryIO, stream)
+
+    def write(self, rows: NDArray[np.float64]) -> None:
+        parts = csv_table.lines(self._checked(rows), self._columns)
+        self._put(self._header)
+        self._header = b""
+        for part in parts:
+            self._put(part)
+        self._flush()
+
+    is_file = False
+
+    def commit(self, durably: bool = False) -> None:
+        self._must_be_open()
+        self._put(self._header)
+        self._flush()
+        self._ended = True
+
+    def keep_partial(self) -> None:
+        self.commit()
+
+    def discard(self) -> None:
+        self._ended = True
+
+    def _put(self, data: bytes | memoryview) -> None:
+        if self._bytes is not None:
+            self._bytes.write(data)
+        elif self._text is not None:
+            self._text.write(bytes(data).decode())
+
+    def _flush(self) -> None:
+        stream = self._bytes if self._bytes is not None else self._text
+        if stream is not None:
+            stream.flush()
+
+
+@contextlib.contextmanager
+def needing_pyarrow(path: Path) -> Iterator[None]:
+    """What is imported inside needs pyarrow, for this file. Raises `MissingExtra` if it is missing or too old."""
+    refusal = requirements.too_old(requirements.OPTIONAL)
+    if refusal:
+        raise MissingExtra(f'"{path.name}": {refusal}')
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "pyarrow":
+            raise
+        raise MissingExtra(
+            f'"{path.name}" needs pyarrow, which is not installed: pip install "lagcli[parquet]"'
+        ) from error
+
+
+def _writer(path: Path, fmt: str, provenance: Mapping[str, Any] | None) -> Make:
+    match fmt:
+        case "csv":
+            return csv_table.Writer
+        case "tsv":
+            return tsv_table.Writer
+        case "json":
+            return functools.partial(json_table.Writer, provenance=provenance)
+        case "npz":
+            return functools.partial(npz_table.Writer, provenance=provenance)
+        case "parquet":
+            with needing_pyarrow(path):
+                from lagcli.output.tables import parquet_table
+            return functools.partial(parquet_table.Writer, provenance=provenance)
+    raise endings.UnknownFormat(path.name, endings.TABLES)

@@ -1,0 +1,130 @@
+"""The zero test: does an expression vanish identically? Yes, no or unknown, never a guess.
+
+"Yes" comes from the exact normal form only (`tower`). "No" comes from a rigorous interval at a rational
+point that does not hold zero (`enclosure`), or from a normal form that is not zero in algebraically
+independent generators. Everything holds for real symbols, generic values of the parameters and wherever the
+expression is defined.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Literal
+
+import sympy
+
+from lagcli.pfaffian.exact import enclosure, normal_form, surface_points, time_limit
+
+Proof = Literal["symbolic", "numeric", "none"]
+
+
+class Truth(Enum):
+    """The answer to a question that may stay open."""
+
+    YES = "yes"
+    NO = "no"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """An answer with its proof; `reason` says why an answer is unknown, `value` holds a numeric proof."""
+
+    truth: Truth
+    proof: Proof
+    reason: str = ""
+    value: enclosure.NonZero | None = None
+
+
+def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...] = ()) -> Finding:
+    """Whether the expression vanishes identically, or wherever all expressions of `surface` do.
+
+    Ends at `deadline` (monotonic clock, s) with "unknown". On a surface "no" is numeric: a value at points found
+    by Newton's method with 50 digits.
+    """
+    if surface:
+        return _test_on(expression, surface, deadline)
+    return _test(expression, deadline, exact_first=False)
+
+
+def is_zero_exactly(expression: sympy.Expr, deadline: float) -> Finding:
+    """As `is_zero`, but a numeric proof of "no" is given only where there is no symbolic one."""
+    return _test(expression, deadline, exact_first=True)
+
+
+def vanish(
+    expressions: Iterable[sympy.Expr], deadline: float, surface: tuple[sympy.Expr, ...] = ()
+) -> Finding:
+    """Whether all the expressions vanish identically: the first that does not decides, then the first
+    unknown one.
+    """
+    doubt: Finding | None = None
+    for expression in expressions:
+        finding = is_zero(expression, deadline, surface)
+        if finding.truth is Truth.NO:
+            return finding
+        if finding.truth is Truth.UNKNOWN:
+            doubt = doubt or finding
+    return doubt or Finding(Truth.YES, "symbolic")
+
+
+def _test(expression: sympy.Expr, deadline: float, exact_first: bool) -> Finding:
+    if expression == 0:
+        return Finding(Truth.YES, "symbolic")
+    if expression.is_Rational:
+        return Finding(Truth.NO, "symbolic")
+    if expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
+        return Finding(Truth.UNKNOWN, "none", "it is not a finite real expression")
+    try:
+        if not exact_first:
+            number = time_limit.run(deadline, lambda: enclosure.nonzero(expression))
+            if number is not None:
+                return Finding(Truth.NO, "numeric", value=number)
+        exact = time_limit.run(deadline, lambda: _normal_form(expression))
+        if exact.truth is Truth.UNKNOWN and exact_first:
+            number = time_limit.run(deadline, lambda: enclosure.nonzero(expression))
+            return Finding(Truth.NO, "numeric", value=number) if number is not None else exact
+    except time_limit.TimeUpError:
+        return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
+    return exact
+
+
+def _test_on(expression: sympy.Expr, surface: tuple[sympy.Expr, ...], deadline: float) -> Finding:
+    finding = _test(expression, deadline, exact_first=False)
+    if finding.truth is Truth.YES or expression.is_Rational:
+        return finding
+    try:
+        values = time_limit.run(deadline, lambda: surface_points.values(expression, surface))
+        if any(abs(value) > surface_points.ZERO for value in values):
+            return Finding(Truth.NO, "numeric")
+        remainder = time_limit.run(
+            deadline, lambda: normal_form.Tower([expression], surface).element(expression)
+        )
+    except normal_form.NoNormalFormError as error:
+        return Finding(Truth.UNKNOWN, "none", str(error))
+    except time_limit.TimeUpError:
+        return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
+    except time_limit.FAILURES as error:
+        return Finding(Truth.UNKNOWN, "none", f"no normal form ({type(error).__name__})")
+    if remainder == 0:
+        return Finding(Truth.YES, "symbolic")
+    return Finding(
+        Truth.UNKNOWN, "none", "whether it vanishes on the surface of the constraints is not known"
+    )
+
+
+def _normal_form(expression: sympy.Expr) -> Finding:
+    try:
+        basis = normal_form.Tower([expression])
+        remainder = basis.element(expression)
+    except normal_form.NoNormalFormError as error:
+        return Finding(Truth.UNKNOWN, "none", str(error))
+    except time_limit.FAILURES as error:
+        return Finding(Truth.UNKNOWN, "none", f"no normal form ({type(error).__name__})")
+    if not enclosure.has_value(expression):
+        return Finding(Truth.UNKNOWN, "none", "no point was found where it has a real value")
+    if remainder == 0:
+        return Finding(Truth.YES, "symbolic")
+    if basis.independent:
+        return Finding(Truth.NO, "symbolic")
+    return Finding(Truth.UNKNOWN, "none", "its parts may depend on each other in a way that is not known")

@@ -1,0 +1,261 @@
+"""The derived flag I > I' > I'' > ... of a Pfaffian system, exactly (E. Cartan; Bryant et al., Exterior Differential
+Systems, ch. II).
+
+I' = {theta in I: d theta = 0 modulo I}. With the forms solved for pivot differentials,
+
+    theta_i = dx_i + sum_j a_ij dx_j,    X_j = d/dx_j - sum_i a_ij d/dx_i    (j free),
+
+d theta_i(X_j, X_k) = X_j(a_ik) - X_k(a_ij), and the combinations c_i theta_i whose values all vanish are I'. The
+flag ends in I^(oo), the integrable part (Frobenius). The growth vector counts the brackets the other way round: the
+dimensions of D, D + [D, D], ... with one factor always from D = ker I.
+
+On a surface f = 0 the forms df are rows too, and an entry counts as zero where the ideal of the f holds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import combinations
+from typing import Any
+
+import sympy
+
+from lagcli.pfaffian.exact import normal_form, real_bounds, time_limit
+from lagcli.pfaffian.flag.function_field import Field, NotDecidedError, Row, Solved, Values, may_vanish
+from lagcli.pfaffian.pfaffian_block import Block
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """g dt = 0, which a combination of `rows` says: the factors of g that may vanish for some time."""
+
+    factors: tuple[sympy.Expr, ...]
+    rows: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """The flag beyond the df of the surface.
+
+    dims: dim I^(k) less those of the df, to the one that stays; growth: by how much each term of
+    D, D + [D, D], ... exceeds D, from 0; inside: whether each row lies in I^(oo); integrable: a basis of I^(oo)
+    beyond the df, solved for pivots, shape (dims[-1], n); contradiction: indices of rows of which a combination
+    is a multiple of dt, or empty; special: expressions at whose zeros I' is larger than elsewhere; is_exact: no
+    value was proved not zero by its digits at points of the surface alone; exceptional: expressions of the
+    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; held: rank of the df;
+    divisors: as those of `field.Field`; conditions: what combinations of rows demand that are g dt.
+    """
+
+    dims: tuple[int, ...]
+    growth: tuple[int, ...]
+    inside: tuple[bool, ...]
+    integrable: tuple[tuple[sympy.Expr, ...], ...]
+    contradiction: tuple[int, ...] = ()
+    special: tuple[sympy.Expr, ...] = ()
+    is_exact: bool = True
+    exceptional: tuple[sympy.Expr, ...] = ()
+    vanishing: tuple[int, ...] = ()
+    held: int = 0
+    divisors: tuple[sympy.Expr | None, ...] = ()
+    conditions: tuple[Demand, ...] = ()
+
+
+def flag(
+    block: Block, deadline: float, time: sympy.Symbol | None = None, values: Values | None = None
+) -> Flag:
+    """The flag of the block; `time` is the variable of which no multiple may lie in I.
+
+    It holds for nearly all values of the parameters, and for those of `values` where some are given: else
+    `field.ExceptionalError` is raised. Raises `field.NotDecidedError` where an entry is neither proved zero nor
+    proved not, at `deadline` (monotonic clock, s) and where expressions grow too large.
+    """
+    try:
+        return time_limit.run(deadline, lambda: _Search(block, deadline, time, values or {}).flag())
+    except normal_form.NoNormalFormError as error:
+        raise NotDecidedError(str(error)) from error
+    except time_limit.TimeUpError as error:
+        raise NotDecidedError("the time was over before the derived flag was known") from error
+    except time_limit.FAILURES as error:
+        raise NotDecidedError(f"the algebra failed ({type(error).__name__})") from error
+
+
+class _Search:
+    """The steps of the flag of one block."""
+
+    def __init__(self, block: Block, deadline: float, time: sympy.Symbol | None, values: Values) -> None:
+        self._block = block
+        self._time = block.variables.index(time) if time in block.variables else -1
+        self._field = Field(block, deadline, values)
+        self._whole, self._declared = self._field.rows(self._field.gradients), self._field.rows(block.rows)
+
+    def flag(self) -> Flag:
+        surface = self._field.solved(self._whole, self._time)
+        start = self._field.solved([*self._whole, *self._declared], self._time)
+        if self._time in start.pivots:
+            # The column of time is taken last: this row is a multiple of dt.
+            return self._conditions(self._field.remainders)
+        held = surface.count
+        first, special = self._derived(start, start)
+        dims, terms = [start.count, first.count], [start, first]
+        while dims[-1] not in (dims[-2], held):
+            terms.append(self._derived(terms[-1], terms[-1])[0])
+            dims.append(terms[-1].count)
+        growth = self._growth(start, terms)
+        last = terms[-1]
+        extra = tuple(d - held for d in dims)
+        if extra[-1] == extra[-2]:
+            extra = extra[:-1]
+        inside = tuple(self._lies_in(row, last) for row in self._declared)
+        beyond = self._beyond(last, surface)
+        return Flag(
+            extra,
+            growth,
+            inside,
+            beyond,
+            special=special,
+            is_exact=self._field.is_exact,
+            exceptional=self._field.exceptional,
+            vanishing=tuple(i for i, row in enumerate(self._declared) if not any(row)),
+            held=held,
+            divisors=self._field.divisors,
+        )
+
+    def _derived(self, here: Solved, first: Solved) -> tuple[Solved, tuple[sympy.Expr, ...]]:
+        """The forms theta of `here` with d theta(X, Y) = 0 for X in ker `first`, Y in ker `here`; and where the values
+        have a common zero."""
+        C = here.count
+        values: list[Row] = []
+        for X, Y in self._pairs(here, first):
+            row = [self._curl(theta, X, Y) for theta in here.rows]
+            if any(row):
+                values.append(row)
+        if not values:
+            return here, ()
+        solved = self._field.solved(values)
+        free = [i for i in range(C) if i not in solved.pivots]
+        vanishing = []  # combinations c with c_i = 1, c_pivot = -value
+        for i in free:
+            c = [self._field.zero] * C
+            c[i] = self._field.one
+            for pivot, entries in zip(solved.pivots, solved.rows, strict=True):
+                c[pivot] = -entries[i]
+            vanishing.append(c)
+        n = len(self._block.variables)
+        kept = [
+            [self._field.sum((c[i], here.rows[i][k]) for i in range(C)) for k in range(n)] for c in vanishing
+        ]
+        return self._field.solved(kept, self._time), self._common(values, solved.count)
+
+    def _pairs(self, here: Solved, first: Solved) -> list[tuple[Row, Row]]:
+        """Pairs of a frame of ker `first` with one of ker `here`; each pair once where they are one."""
+        frame = self._frame(here)
+        if here is first:
+            return list(combinations(frame, 2))
+        return [(X, Y) for X in self._frame(first) for Y in frame if X != Y]
+
+    def _frame(self, here: Solved) -> list[Row]:
+        """X_j for every free j."""
+        n = len(self._block.variables)
+        found = []
+        for j in (k for k in range(n) if k not in here.pivots):
+            X = [self._field.zero] * n
+            X[j] = self._field.one
+            for p, row in zip(here.pivots, here.rows, strict=True):
+                X[p] = -row[j]
+            found.append(X)
+        return found
+
+    def _curl(self, theta: Sequence[Any], X: Row, Y: Row) -> Any:
+        """d theta(X, Y) = sum_k X(theta_k) Y_k - Y(theta_k) X_k."""
+        terms = []
+        for k, a in enumerate(theta):
+            if Y[k]:
+                terms.append((self._field.along(X, a), Y[k]))
+            if X[k]:
+                terms.append((-self._field.along(Y, a), X[k]))
+        return self._field.checked(self._field.sum(terms))
+
+    def _growth(self, start: Solved, terms: list[Solved]) -> tuple[int, ...]:
+        """dim (D_k / D) with D_(k+1) = D_k + [D, D_k]."""
+        dims = [terms[0].count, terms[1].count]
+        here = terms[1]
+        while dims[-1] != dims[-2] and here.count > terms[-1].count:
+            # The first step is that of the flag; beyond, [D, D_k] may give less than [D_k, D_k].
+            here = self._derived(here, start)[0]
+            dims.append(here.count)
+        if dims[-1] == dims[-2]:
+            dims.pop()
+        return tuple(dims[0] - d for d in dims)
+
+    def _beyond(self, last: Solved, surface: Solved) -> tuple[tuple[sympy.Expr, ...], ...]:
+        """A basis of I^(oo) without the df: those of its forms that are independent of them."""
+        kept: list[tuple[Any, ...]] = list(surface.rows)
+        found = []
+        for row in last.rows:
+            if self._field.solved([*map(list, kept), list(row)]).count > len(kept):
+                kept.append(row)
+                found.append(tuple(self._field.expression(a) for a in row))
+        return tuple(found)
+
+    def _lies_in(self, row: Row, last: Solved) -> bool:
+        for k in range(len(row)):
+            rest = [(-row[p], theta[k]) for p, theta in zip(last.pivots, last.rows, strict=True)]
+            left = self._field.checked(self._field.sum([(self._field.one, row[k]), *rest]))
+            if left:
+                self._field.require_regular(left)
+                return False
+        return True
+
+    def _conditions(self, remainders: tuple[Any, ...]) -> Flag:
+        """The g of g dt = 0: their factors that may vanish for some time, which those of time alone do not."""
+        own = {self._field.expression(g.numer) for g in remainders}
+        divisors, found = tuple(e for e in self._field.divisors if e not in own), []
+        variables = set(self._block.variables) - {self._block.variables[self._time]}
+        for g in remainders:
+            parts = [self._field.expression(part) for part, _ in g.numer.factor_list()[1]]
+            found.append(
+                [e for e in parts if e.free_symbols & variables and not real_bounds.never_vanishes(e)]
+            )
+        conditions = tuple(
+            Demand(tuple(factors), self._demanding(None if len(remainders) == 1 else g))
+            for factors, g in zip(found, remainders, strict=True)
+        )
+        rows = next((one.rows for one in conditions if not one.factors), self._demanding(None))
+        return Flag((), (), (), (), rows, divisors=divisors, conditions=conditions)
+
+    def _demanding(self, g: Any) -> tuple[int, ...]:
+        """Rows, as few as dropping one after the other leaves, of which a combination is g dt; g None: any multiple."""
+        needed = list(range(len(self._declared)))
+        for i in list(needed):
+            rest = [j for j in needed if j != i]
+            rows = [*self._whole, *(self._declared[j] for j in rest)]
+            is_demanded = self._time in self._field.solved(rows, self._time).pivots
+            if is_demanded and (g is None or any(not g.numer.rem(r.numer) for r in self._field.remainders)):
+                needed = rest
+        return tuple(needed)
+
+    def _common(self, values: list[Row], rank: int) -> tuple[sympy.Expr, ...]:
+        """The factors all minors of the rank share, where they hold variables: at their zeros the rank is less."""
+        if rank > 1 and len(values) > 12:
+            return ()
+        minors = [m for m in self._minors(values, rank) if m]
+        common = (
+            reduce(lambda a, b: a.gcd(b), (m.numer for m in minors)) if minors else self._field.basis.ring.one
+        )
+        variables = set(self._block.variables)
+        parts = [self._field.expression(part) for part, _ in common.factor_list()[1]]
+        return tuple(part for part in parts if part.free_symbols & variables and may_vanish(part))
+
+    def _minors(self, values: list[Row], rank: int) -> list[Any]:
+        C = len(values[0])
+        if rank == 1:
+            return [a for row in values for a in row]
+        if rank > 2:
+            return []
+        return [
+            self._field.sum([(r[i], s[j]), (-r[j], s[i])])
+            for r, s in combinations(values, 2)
+            for i, j in combinations(range(C), 2)
+        ]

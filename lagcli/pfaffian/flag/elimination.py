@@ -1,0 +1,216 @@
+"""Coordinates that a holonomic row gives as a function of the others are eliminated from a Pfaffian system.
+
+f = 0 with f = c x + g, where c is a constant and g does not hold x, is the graph x = -g/c over the other
+coordinates: there the forms are forms in one coordinate less, d(x) = -d(g)/c, and nothing is left of f.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+import sympy
+
+from lagcli.pfaffian import form as forms
+from lagcli.pfaffian import pfaffian_block as blocks
+from lagcli.pfaffian.exact import time_limit, zero_test
+
+Substitutions = dict[sympy.Symbol, sympy.Expr]
+
+TIME = "t"
+"""The name of time, which is never eliminated."""
+_SECONDS = 0.5
+_ROUNDING = 1e-12
+
+
+def eliminated(
+    block: blocks.Block, parameters: Mapping[sympy.Symbol, sympy.Expr] | None = None
+) -> tuple[blocks.Block, Substitutions]:
+    """The block on the graph of every f of the surface that is linear in a coordinate with a constant coefficient.
+
+    Time is never eliminated. The block that is left has the same row names, the coordinates that remain, and the
+    f that could not be used; an f that vanishes on the others is dropped. The values of the substitutions hold
+    remaining coordinates only: apply them with `xreplace` to what is looked for. Coefficients are those of
+    generic parameters, and not zero for those given.
+    """
+    steps, surface = _solved(block, parameters or {})
+    if not steps:
+        return dataclasses.replace(block, surface=tuple(surface)), {}
+    values: Substitutions = {}
+    for x, value in reversed(steps):  # a value holds coordinates that were eliminated after it
+        values[x] = _substituted(value, values)
+    kept = tuple(x for x in block.variables if x not in values)
+    rows = tuple(pulled_back(block.variables, row, values, kept) for row in block.rows)
+    left = tuple(_substituted(f, values) for f in surface)
+    return dataclasses.replace(block, variables=kept, rows=rows, surface=left), values
+
+
+def pulled_back(
+    variables: Sequence[sympy.Symbol],
+    coefficients: Sequence[sympy.Expr],
+    values: Mapping[sympy.Symbol, sympy.Expr],
+    kept: Sequence[sympy.Symbol],
+) -> tuple[sympy.Expr, ...]:
+    """The form sum_k coefficients[k] d(variables[k]) (n,) with `values` put in for some of its variables.
+
+    Its coefficients for the variables `kept`, of which the values are functions.
+    """
+    total = dict.fromkeys(kept, sympy.Integer(0))
+    for x, a in zip(variables, coefficients, strict=True):
+        if a == 0:
+            continue
+        coefficient = _substituted(a, values)
+        if x not in values:
+            total[x] += coefficient
+            continue
+        for y in values[x].free_symbols & total.keys():
+            total[y] += coefficient * forms.partial(values[x], y)
+    return tuple(_expanded(a) for a in total.values())
+
+
+def _solved(
+    block: blocks.Block, parameters: Mapping[sympy.Symbol, sympy.Expr]
+) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]], list[sympy.Expr]]:
+    """The coordinates solved for, one after the other, and the f that are left."""
+    pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
+    places = {x: n for n, x in enumerate(block.variables)}
+    holding: dict[sympy.Symbol, set[int]] = {}
+    for n, f in pending.items():
+        for x in f.free_symbols:
+            holding.setdefault(x, set()).add(n)
+    steps: list[tuple[sympy.Symbol, sympy.Expr]] = []
+    waiting = sorted(pending)
+    while waiting:
+        changed: set[int] = set()
+        for n in waiting:
+            found = _solution(pending[n], places, parameters) if n in pending else None
+            if found is None:
+                continue
+            del pending[n]
+            steps.append(found)
+            x, value = found
+            for other in sorted(holding.get(x, set()) & pending.keys()):
+                pending[other] = _substituted(pending[other], {x: value})
+                changed.add(other)
+                for y in pending[other].free_symbols:
+                    holding.setdefault(y, set()).add(other)
+        waiting = sorted(changed & pending.keys())
+    return steps, [f for f in pending.values() if f != 0]
+
+
+def _solution(
+    f: sympy.Expr, places: Mapping[sympy.Symbol, int], parameters: Mapping[sympy.Symbol, sympy.Expr]
+) -> tuple[sympy.Symbol, sympy.Expr] | None:
+    """(x, value) with f = 0 exactly where x = value, or None: the choice with the shortest value.
+
+    `places`: the coordinates with their numbers.
+    """
+    slopes, entangled = _slopes(f, places)
+    candidates = []
+    for x, slope in slopes.items():
+        if x in entangled or x.name == TIME or not _is_not_zero(slope, parameters):
+            continue
+        value = _expanded((slope * x - f) / slope)
+        # A slope that is a number vanishes for no value of the parameters.
+        candidates.append((not slope.is_Rational, value.count_ops(), -places[x], x, value))
+    if not candidates:
+        return None
+    *_, x, value = min(candidates, key=lambda c: c[:3])
+    return x, value
+
+
+def _slopes(
+    f: sympy.Expr, places: Mapping[sympy.Symbol, int]
+) -> tuple[dict[sympy.Symbol, sympy.Expr], set[sympy.Symbol]]:
+    """The constant coefficients of the coordinates in the linear terms of f, and the coordinates in the others."""
+    slopes: dict[sympy.Symbol, sympy.Expr] = {}
+    entangled: set[sympy.Symbol] = set()
+    for term in sympy.Add.make_args(_expanded(f)):
+        held = {x for x in term.free_symbols if x in places}
+        plain = [x for x in sympy.Mul.make_args(term) if x in held]
+        rest = term / plain[0] if len(plain) == 1 and len(held) == 1 else term
+        if rest.free_symbols & held:
+            entangled |= held
+        elif plain:
+            slopes[plain[0]] = slopes.get(plain[0], sympy.Integer(0)) + rest
+    return slopes, entangled
+
+
+def _is_not_zero(constant: sympy.Expr, parameters: Mapping[sympy.Symbol, sympy.Expr]) -> bool:
+    if constant.is_Rational:
+        return bool(constant != 0)
+    number = constant.xreplace(dict(parameters)).evalf()
+    if number.is_number and abs(number) <= _ROUNDING:
+        return False
+    return zero_test.is_zero(constant, time_limit.after(_SECONDS)).truth is zero_test.Truth.NO
+
+
+def _substituted(expression: sympy.Expr, values: Mapping[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
+    """The expression with the values put in, multiplied out."""
+    held = {x: values[x] for x in expression.free_symbols if x in values}
+    return _expanded(expression.xreplace(held)) if held else expression
+
+
+def _expanded(expression: sympy.Expr) -> sympy.Expr:
+    """Products of sums multiplied out, functions and roots left as they are."""
+    return sympy.expand(expression, power_base=False, power_exp=False, log=False)
+
+
+def in_angles(block: blocks.Block) -> tuple[blocks.Block, Substitutions]:
+    """The block with an angle instead of two coordinates on every ellipse ((x - a)/A)**2 + ((y - b)/B)**2 = 1.
+
+    x = a + A cos(u) and y = b + B sin(u), where a and b do not hold x and y, and A, B are constant. The second
+    result gives the new angles, their sines and their cosines in the coordinates of the block. An ellipse without
+    two coordinates of its own, of which no other f depends, is left.
+    """
+    back: Substitutions = {}
+    found = _own_ellipse(block)
+    while found is not None:
+        f, (x, y), (u, v), (A, B) = found
+        angle = sympy.Symbol(f"angle_{x}_{y}", real=True)
+        values = {
+            x: sympy.expand(x - u + A * sympy.cos(angle)),
+            y: sympy.expand(y - v + B * sympy.sin(angle)),
+        }
+        kept = [z for z in block.variables if z not in (x, y)]
+        kept.insert(len(kept) - any(z.name == TIME for z in kept), angle)
+        rows = tuple(pulled_back(block.variables, row, values, kept) for row in block.rows)
+        left = tuple(g for g in block.surface if g is not f)
+        block = dataclasses.replace(block, variables=tuple(kept), rows=rows, surface=left)
+        scale = sympy.gcd(A, B)  # of whatever sign: it turns the angle by pi
+        across = sympy.atan2(v * sympy.cancel(A / scale), u * sympy.cancel(B / scale))
+        back |= {sympy.cos(angle): u / A, sympy.sin(angle): v / B, angle: across}
+        found = _own_ellipse(block)
+    return block, back
+
+
+Pair = tuple[sympy.Expr, sympy.Expr]
+Ellipse = tuple[sympy.Expr, Pair, Pair, Pair]
+
+
+def _own_ellipse(block: blocks.Block) -> Ellipse | None:
+    """(f, (x, y), (u, v), (A, B)) with f = k ((u/A)**2 + (v/B)**2 - 1), u = x - a and v = y - b."""
+    moving = set(block.variables)
+    for f in block.surface:
+        taken = {s for g in block.surface if g is not f for s in g.free_symbols}
+        held = [x for x in block.variables if x in f.free_symbols and x.name != TIME and x not in taken]
+        if not f.is_polynomial(*(moving & f.free_symbols)):
+            continue
+        for x, y in combinations(held, 2):
+            slopes = sympy.diff(f, x, 2) / 2, sympy.diff(f, y, 2) / 2
+            if any(s == 0 or s.free_symbols & moving for s in slopes) or sympy.diff(f, x, y) != 0:
+                continue
+            u, v = (sympy.expand(sympy.diff(f, z) / (2 * s)) for z, s in zip((x, y), slopes, strict=True))
+            size = sympy.expand(slopes[0] * u**2 + slopes[1] * v**2 - f)
+            A, B = (_root(sympy.cancel(size / s)) for s in slopes)
+            if A is not None and B is not None and not size.free_symbols & moving:
+                return f, (x, y), (u, v), (A, B)
+    return None
+
+
+def _root(square: sympy.Expr) -> sympy.Expr | None:
+    """One of the two square roots, if it is known to be real and not zero."""
+    root = sympy.sqrt(square).replace(sympy.Abs, lambda length: length)
+    known = not any(p.base.free_symbols and not p.exp.is_Integer for p in root.atoms(sympy.Pow))
+    return root if known and square != 0 and not root.has(sympy.I) else None

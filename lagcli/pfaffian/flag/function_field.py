@@ -1,0 +1,232 @@
+"""The functions on a block as a field with derivations, and forms solved for their pivots in it.
+
+An entry counts as not zero only where that is proved; on a surface f = 0 one counts as zero where the ideal of the
+f holds it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from lagcli.pfaffian import form as forms
+from lagcli.pfaffian.exact import normal_form, surface_points, time_limit, zero_test
+from lagcli.pfaffian.pfaffian_block import Block
+
+Row = list[Any]  # entries in the field of the tower
+Values = Mapping[sympy.Symbol, sympy.Expr]
+
+MAX_TERMS = 3000
+MAX_DIVISOR = 60  # terms of a divisor that is looked at again
+# A sum of terms counts as zero below this part of their sizes, for given values of parameters.
+ROUNDING = 1e-12
+
+
+class NotDecidedError(Exception):
+    """What was asked was not found; the text says why."""
+
+
+class ExceptionalError(Exception):
+    """For the given values of the parameters the answer may be another than for nearly all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """Forms solved for their pivots: row i holds 1 in column pivots[i] and 0 in the other pivots."""
+
+    pivots: tuple[int, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    @property
+    def count(self) -> int:
+        """How many forms there are."""
+        return len(self.pivots)
+
+
+class Field:
+    """The field of a block. `values` of the parameters: no divisor may vanish for them.
+
+    `is_exact`: no entry was proved not zero by its digits at points of a surface alone; `exceptional`: factors of
+    divisors that hold parameters alone; `remainders`: what the rows solved last had left in the column `last` where
+    nothing else was left. Raises `tower.NoNormalFormError`.
+    """
+
+    def __init__(self, block: Block, deadline: float, values: Values) -> None:
+        self._block, self._deadline, self._values = block, deadline, values
+        self.gradients = [tuple(forms.partial(f, x) for x in block.variables) for f in block.surface]
+        entries = [a for row in (*self.gradients, *block.rows) for a in row]
+        # The derivatives may hold functions that the coefficients do not: those of asin hold a root.
+        parts = sorted({p for a in entries for p in a.atoms(sympy.Function, sympy.Pow)}, key=str)
+        slopes = [forms.partial(p, x) for p in parts for x in block.variables if x in p.free_symbols]
+        self.basis = normal_form.Tower([*entries, *slopes], block.surface)
+        self.zero, self.one = self.basis.field.zero, self.basis.field.one
+        self._slopes = self._letters()
+        self._constants = self._constant_letters()
+        self._proved: dict[Any, bool] = {}
+        self._exceptional: dict[sympy.Expr, None] = {}
+        self._divisors: dict[Any, None] = {}
+        self.remainders: tuple[Any, ...] = ()
+
+    @property
+    def divisors(self) -> tuple[sympy.Expr | None, ...]:
+        """What was divided by, but for numbers: where none of it vanishes all ranks are those found. None in place of
+        one that is too long."""
+        return tuple(
+            self.basis.expression(above) if len(above) <= MAX_DIVISOR else None for above in self._divisors
+        )
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether no entry was told from zero by digits alone."""
+        return not (self._block.surface and self._proved)
+
+    @property
+    def exceptional(self) -> tuple[sympy.Expr, ...]:
+        """Expressions of the parameters at whose zeros a divisor vanishes."""
+        return tuple(self._exceptional)
+
+    def rows(self, table: Iterable[Iterable[sympy.Expr]]) -> list[Row]:
+        """Rows of expressions as elements."""
+        return [[self.basis.element(a) for a in row] for row in table]
+
+    def expression(self, a: Any) -> sympy.Expr:
+        """An element as an expression."""
+        return self.basis.expression(a)
+
+    def along(self, X: Row, a: Any) -> Any:
+        """X(a) = sum_k X_k da/dx_k."""
+        terms = []
+        for X_k, slopes in zip(X, self._slopes, strict=True):
+            if X_k:
+                terms += [(X_k * slope, self._partial(a, g)) for g, slope in slopes.items()]
+        return self.sum(terms)
+
+    def _partial(self, a: Any, generator: Any) -> Any:
+        field = self.basis.field
+        above, below = a.numer, a.denom
+        rise = field(above.diff(generator)) / field(below)
+        fall = below.diff(generator)
+        return rise if not fall else rise - field(above) * field(fall) / field(below) ** 2
+
+    def sum(self, products: Any) -> Any:
+        total = self.zero
+        for a, b in products:
+            if a and b:
+                total = total + a * b
+        if not total:
+            return total
+        if len(total.numer) + len(total.denom) > MAX_TERMS:
+            raise NotDecidedError("the expressions grow too large")
+        return self.basis.reduced(total)
+
+    def checked(self, a: Any) -> Any:
+        """The element, with a proof that it is not zero unless it is. Raises `NotDecidedError`."""
+        if not a or a.numer.is_ground or (self.basis.independent and not self._block.surface):
+            return a
+        if a not in self._proved:
+            self._proved[a] = self._is_not_zero(self.basis.expression(a))
+        if not self._proved[a]:
+            raise NotDecidedError("whether a component of the flag vanishes could not be proved")
+        return a
+
+    def _is_not_zero(self, expression: sympy.Expr) -> bool:
+        if self._block.surface:
+            return any(
+                abs(v) > surface_points.ZERO for v in surface_points.values(expression, self._block.surface)
+            )
+        return zero_test.is_zero(expression, self._deadline).truth is zero_test.Truth.NO
+
+    def solved(self, rows: Sequence[Sequence[Any]], last: int = -1) -> Solved:
+        """Reduced echelon form; pivots are taken where they are simplest, in the column `last` only at last."""
+        left = [list(row) for row in rows]
+        done: list[Row] = []
+        pivots: list[int] = []
+        while left:
+            time_limit.check(self._deadline)
+            places = [(i, k) for i, row in enumerate(left) for k in range(len(row)) if row[k]]
+            if not places:
+                break
+            i, k = min(places, key=lambda place: (place[1] == last, *_weight(left, *place)))
+            if k == last:
+                self.remainders = tuple(self.checked(row[k]) for row in left if row[k])
+            self.require_regular(self.checked(left[i][k]))
+            pivot = left.pop(i)
+            scale = self.one / pivot[k]
+            pivot = [self.sum([(scale, a)]) for a in pivot]
+            pivot[k] = self.one
+            for row in (*left, *done):
+                factor = row[k]
+                if factor:
+                    row[:] = [
+                        self.sum([(self.one, a), (-factor, b)]) for a, b in zip(row, pivot, strict=True)
+                    ]
+            done.append(pivot)
+            pivots.append(k)
+        order = sorted(range(len(pivots)), key=lambda i: pivots[i])
+        return Solved(tuple(pivots[i] for i in order), tuple(tuple(done[i]) for i in order))
+
+    def _letters(self) -> list[dict[Any, Any]]:
+        """d letter/d variable for every variable, without zeros."""
+        basis = self.basis
+        found: list[dict[Any, Any]] = []
+        for x in self._block.variables:
+            slopes = {}
+            for letter, generator in zip(basis.letters, basis.ring.gens, strict=True):
+                meaning = basis.meaning.get(letter, letter)
+                if x in meaning.free_symbols:
+                    slopes[generator] = basis.element(forms.partial(meaning, x))
+            found.append(slopes)
+        return found
+
+    def _constant_letters(self) -> dict[int, float]:
+        """The letters that hold parameters alone, by their place, with their values or nan."""
+        found = {}
+        parameters = set(self._block.parameters)
+        for place, letter in enumerate(self.basis.letters):
+            meaning = self.basis.meaning.get(letter, letter)
+            if meaning.free_symbols <= parameters:
+                number = meaning.subs(self._values).evalf() if self._values else sympy.nan
+                found[place] = float(number) if number.is_real else math.nan
+        return found
+
+    def require_regular(self, a: Any) -> None:
+        """Note it as a divisor, and its factors of parameters alone; raise `ExceptionalError` where it vanishes for the
+        values."""
+        if not a.numer.is_ground:
+            self._divisors[a.numer] = None
+        if not self._constants or a.numer.is_ground:
+            return
+        coefficients: dict[tuple[int, ...], list[float]] = {}
+        for powers, number in a.numer.terms():
+            rest = tuple(0 if i in self._constants else n for i, n in enumerate(powers))
+            size = float(number)
+            for i, value in self._constants.items():
+                size *= value ** powers[i] if powers[i] else 1.0
+            coefficients.setdefault(rest, []).append(size)
+        if self._values and all(abs(sum(c)) <= ROUNDING * sum(map(abs, c)) for c in coefficients.values()):
+            raise ExceptionalError("a divisor vanishes for the values of the parameters")
+        if len(coefficients) > 1 and any(
+            not any(p[i] for i in self._constants) for p in a.numer.itermonoms()
+        ):
+            return  # a term without parameters: they share no factor
+        for part, _ in a.numer.factor_list()[1]:
+            expression = self.basis.expression(part)
+            if expression.free_symbols <= set(self._block.parameters) and may_vanish(expression):
+                self._exceptional[expression] = None
+
+
+def may_vanish(part: sympy.Expr) -> bool:
+    """Whether a factor may have real zeros: exponentials and sums of positive terms have none, |u| has a kink."""
+    return not (part.is_positive or part.is_negative or part.has(sympy.Abs) or isinstance(part, sympy.exp))
+
+
+def _weight(rows: list[Row], i: int, k: int) -> tuple[bool, int, int, int]:
+    """How little a pivot is liked: constants first, then short entries in thin rows and columns."""
+    a = rows[i][k]
+    constant = a.numer.is_ground and a.denom.is_ground
+    spread = sum(1 for row in rows if row[k])
+    return not constant, len(a.numer) + len(a.denom), spread, sum(1 for b in rows[i] if b)

@@ -1,0 +1,282 @@
+"""Coupled forms together: their derived flag and the first integrals of its end I^(oo) (D.3, jointly).
+
+Holonomic rows that give a coordinate as a function of others are solved for it first; then the flag is found on
+the coordinates that remain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+
+from lagcli.pfaffian import form as forms
+from lagcli.pfaffian.exact import enclosure, surface_points, time_limit
+from lagcli.pfaffian.flag import derived_flag as flags
+from lagcli.pfaffian.flag import elimination, inner_functions
+from lagcli.pfaffian.flag.function_field import NotDecidedError, Values
+from lagcli.pfaffian.integrals import first_integrals
+from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.single_form import frobenius
+
+Floats = npt.NDArray[np.float64]
+
+# Seconds of processor time for the search of joint integrals, which rarely ends by itself without a closed form.
+SEARCH = 1.2
+# A gradient counts as a combination of others below this part of its length, at points with few digits of rounding.
+DEPENDENT = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Flagged:
+    """A block on the coordinates that remain, those that were eliminated in terms of them, and its flag there."""
+
+    block: Block
+    values: dict[sympy.Symbol, sympy.Expr]
+    flag: flags.Flag
+
+
+@dataclass(frozen=True, slots=True)
+class Integral:
+    """phi with d phi in I^(oo), and the rows whose combination d phi is."""
+
+    phi: sympy.Expr
+    rows: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """First integrals of I^(oo), and forms of a basis for which none is known: sum_k a_k d(x_k) in symbols `d(x)`."""
+
+    integrals: tuple[Integral, ...]
+    unsolved: tuple[sympy.Expr, ...]
+
+
+class Judge:
+    """Flags and first integrals of blocks, each kind of them once: those that differ in names alone are told."""
+
+    def __init__(self) -> None:
+        self._places: list[sympy.Symbol] = []
+        self._flags: dict[Any, tuple[Block, Flagged]] = {}
+        self._solutions: dict[Any, tuple[Block, Solution]] = {}
+
+    def flagged(self, block: Block, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
+        """As `flagged`."""
+        pattern = self._pattern(block)
+        if pattern not in self._flags:
+            self._flags[pattern] = block, flagged(block, time, values, deadline)
+        known, found = self._flags[pattern]
+        return found if known is block else _Renaming(known, block).flagged(found)
+
+    def solution(
+        self, block: Block, found: Flagged, verdicts: Sequence[frobenius.Verdict | None], deadline: float
+    ) -> Solution:
+        """As `solution` of the `found` flag of the block."""
+        pattern = self._pattern(block)
+        if pattern not in self._solutions:
+            self._solutions[pattern] = block, solution(found, verdicts, deadline)
+        known, solved = self._solutions[pattern]
+        return solved if known is block else _Renaming(known, block).solution(solved)
+
+    def _pattern(self, block: Block) -> Any:
+        """The block with its coordinates numbered instead of named."""
+        for n in range(len(self._places), len(block.variables)):
+            self._places.append(sympy.Dummy(f"x{n}", real=True))
+        numbered = dict(zip(block.variables, self._places, strict=False))
+        rows = tuple(tuple(a.xreplace(numbered) for a in row) for row in block.rows)
+        return rows, tuple(f.xreplace(numbered) for f in block.surface), block.parameters
+
+
+class _Renaming:
+    """From one block to another that differs in the names of its coordinates and rows alone."""
+
+    def __init__(self, known: Block, block: Block) -> None:
+        self._rows = dict(zip(known.names, block.names, strict=True))
+        self._symbols = dict(zip(known.variables, block.variables, strict=True))
+        self._symbols |= {_differential(x): _differential(y) for x, y in self._symbols.items()}
+
+    def flagged(self, found: Flagged) -> Flagged:
+        block, flag = found.block, found.flag
+        variables = tuple(self._symbols[x] for x in block.variables)
+        surface = self._each(block.surface)
+        moved = Block(self._names(block.names), variables, self._table(block.rows), block.parameters, surface)
+        values = {self._symbols[x]: value.xreplace(self._symbols) for x, value in found.values.items()}
+        divisors = tuple(e if e is None else e.xreplace(self._symbols) for e in flag.divisors)
+        told = replace(
+            flag,
+            integrable=self._table(flag.integrable),
+            special=self._each(flag.special),
+            divisors=divisors,
+            conditions=tuple(replace(one, factors=self._each(one.factors)) for one in flag.conditions),
+        )
+        return Flagged(moved, values, told)
+
+    def solution(self, found: Solution) -> Solution:
+        told = (Integral(one.phi.xreplace(self._symbols), self._names(one.rows)) for one in found.integrals)
+        return Solution(tuple(told), self._each(found.unsolved))
+
+    def _names(self, names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(self._rows[name] for name in names)
+
+    def _each(self, expressions: Iterable[sympy.Expr]) -> tuple[sympy.Expr, ...]:
+        return tuple(e.xreplace(self._symbols) for e in expressions)
+
+    def _table(self, rows: Iterable[Iterable[sympy.Expr]]) -> tuple[tuple[sympy.Expr, ...], ...]:
+        return tuple(map(self._each, rows))
+
+
+def flagged(block: Block, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
+    """The flag of a block of real symbols, for the given values of the parameters among others.
+
+    Raises `field.NotDecidedError`, at the latest at `deadline`, and `field.ExceptionalError`.
+    """
+    try:
+        left, gone = time_limit.run(deadline, lambda: elimination.eliminated(block, values))
+        left = time_limit.run(deadline, lambda: inner_functions.plain(left))
+    except time_limit.NO_ANSWER as error:
+        raise NotDecidedError("the holonomic rows could not be solved in time") from error
+    plain = replace(left, rows=tuple(tuple(forms.plain(a) for a in row) for row in left.rows))
+    return Flagged(plain, gone, flags.flag(plain, deadline, time, values))
+
+
+def solution(found: Flagged, verdicts: Sequence[frobenius.Verdict | None], deadline: float) -> Solution:
+    """Independent first integrals of I^(oo): those of rows alone first. `verdicts`: of the rows alone."""
+    wanted = found.flag.dims[-1]
+    block = found.block
+    basis = _Independent(block)
+    kept: list[sympy.Expr] = []
+    for i, (verdict, inside) in enumerate(zip(verdicts, found.flag.inside, strict=True)):
+        # A row that says nothing on the surface may have an integral beside it.
+        if inside and i not in found.flag.vanishing and len(kept) < wanted:
+            phi = _of_row(found, i, verdict, deadline)
+            if phi is not None and basis.takes(phi.xreplace(found.values)):
+                kept.append(phi)
+    if len(kept) < wanted:
+        names = tuple(f"form {i + 1}" for i in range(wanted))
+        end = Block(names, block.variables, found.flag.integrable, block.parameters, block.surface)
+        more = first_integrals.search(end, deadline, effort=SEARCH)
+        kept += [one.integral for one in more if basis.takes(one.integral)]
+    told = tuple(Integral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in kept)
+    unsolved = [_as_text(block, row) for row in found.flag.integrable if not basis.holds(row)]
+    return Solution(told, tuple(unsolved[: wanted - len(kept)]))
+
+
+def _of_row(found: Flagged, i: int, verdict: frobenius.Verdict | None, deadline: float) -> sympy.Expr | None:
+    """An integral of one row, as it is declared or on the coordinates that remain."""
+    if verdict is not None and verdict.integral is not None:
+        return verdict.integral
+    if not found.values:
+        return None
+    return frobenius.classify(found.block.form(i), deadline).integral
+
+
+def without_flag(
+    block: Block, wanted: int, verdicts: Sequence[frobenius.Verdict | None], deadline: float
+) -> Solution:
+    """As `solution`, from rows of which is known only how many integrals they have, `wanted`."""
+    left, gone = elimination.eliminated(block)
+    basis = _Independent(left)
+    kept = [v.integral for v in verdicts if v is not None and v.integral is not None]
+    kept = [phi for phi in kept if basis.takes(phi.xreplace(gone))]
+    if len(kept) < wanted:
+        found = first_integrals.search(left, deadline, wanted, SEARCH)
+        kept += [one.integral for one in found if basis.takes(one.integral)]
+    return Solution(tuple(Integral(phi, basis.rows_of(phi.xreplace(gone))) for phi in kept[:wanted]), ())
+
+
+def _as_text(block: Block, row: Iterable[sympy.Expr]) -> sympy.Expr:
+    terms = (a * _differential(x) for a, x in zip(row, block.variables, strict=True))
+    above, _ = sympy.fraction(sympy.together(sum(terms, sympy.Integer(0))))
+    return above
+
+
+def _differential(x: sympy.Symbol) -> sympy.Symbol:
+    return sympy.Symbol(f"d({x.name})", real=True)
+
+
+class _Independent:
+    """Gradients at some points, told apart from combinations of those before them and of the df."""
+
+    def __init__(self, block: Block) -> None:
+        self._block = block
+        self._points = _points(block)
+        self._surface = [self._values(_gradient(block, f)) for f in block.surface]
+        self._rows = [self._values(row) for row in block.rows]
+        self._kept: list[list[Floats | None]] = []
+
+    def takes(self, phi: sympy.Expr) -> bool:
+        """Whether d phi is independent of those taken before; then it is taken."""
+        values = self._values(_gradient(self._block, phi))
+        if self._spans([*self._surface, *self._kept], values):
+            return False
+        self._kept.append(values)
+        return True
+
+    def holds(self, row: Iterable[sympy.Expr]) -> bool:
+        """Whether a form is a combination of what was taken."""
+        return self._spans([*self._surface, *self._kept], self._values(row))
+
+    def rows_of(self, phi: sympy.Expr) -> tuple[str, ...]:
+        """The rows of the block whose combination d phi is."""
+        gradient = self._values(_gradient(self._block, phi))
+        taking: set[int] = set()
+        for i, point in enumerate(gradient):
+            rows = [values[i] for values in (*self._surface, *self._rows)]
+            if point is None or any(row is None for row in rows):
+                continue
+            weights = np.linalg.lstsq(_units(rows).T, _unit(point), rcond=1e-12)[0]
+            first = len(self._surface)
+            taking |= {k - first for k in range(first, len(rows)) if abs(weights[k]) > DEPENDENT}
+        return tuple(name for i, name in enumerate(self._block.names) if i in taking)
+
+    def _spans(self, others: list[list[Floats | None]], values: list[Floats | None]) -> bool:
+        """Whether the gradient is a combination of the others at every point where all have values."""
+        for i, point in enumerate(values):
+            rows = [other[i] for other in others]
+            if point is None or any(row is None for row in rows):
+                continue
+            unit = _unit(point)
+            if not rows:
+                return not unit.any()
+            weights = np.linalg.lstsq(_units(rows).T, unit, rcond=1e-12)[0]
+            if np.abs(unit - _units(rows).T @ weights).max() > DEPENDENT:
+                return False
+        return True
+
+    def _values(self, row: Iterable[sympy.Expr]) -> list[Floats | None]:
+        """The coefficients at the points; None where one has no value."""
+        listed = list(row)
+        found: list[Floats | None] = []
+        for point in self._points:
+            evaluator = enclosure.Evaluator(point)
+            try:
+                found.append(np.array([float(evaluator.value(a).mid) for a in listed]))
+            except enclosure.NoValueError:
+                found.append(None)
+        return found
+
+
+def _points(block: Block) -> list[dict[sympy.Symbol, Any]]:
+    """Some points of the surface, or of all space where there is none."""
+    symbols = (*block.variables, *block.parameters)
+    if block.surface:
+        return surface_points.on(block.surface, symbols)
+    return list(enclosure.points(symbols))[:8]
+
+
+def _gradient(block: Block, phi: sympy.Expr) -> list[sympy.Expr]:
+    return [forms.partial(phi, x) for x in block.variables]
+
+
+def _unit(row: Floats) -> Floats:
+    """The row with length one. Its largest entry is made one first: squares of huge ones are not finite."""
+    scaled = row / (float(np.abs(row).max(initial=0.0)) or 1.0)
+    return np.asarray(scaled / (float(np.linalg.norm(scaled)) or 1.0))
+
+
+def _units(rows: Sequence[Floats | None]) -> Floats:
+    return np.array([_unit(row) for row in rows if row is not None])

@@ -1,0 +1,174 @@
+"""The search for first integrals of one system: strategies propose, and what they propose is verified."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import sympy
+
+from lagcli.pfaffian import form as forms
+from lagcli.pfaffian import pfaffian_block as blocks
+from lagcli.pfaffian.exact import normal_form, time_limit, zero_test
+from lagcli.pfaffian.flag import elimination
+from lagcli.pfaffian.integrals import combinations
+from lagcli.pfaffian.integrals import kernel_frame as frames
+from lagcli.pfaffian.single_form import potential, tidy_integral
+
+MAX_KINKS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A verified first integral; `how` completes the sentence "found ..."."""
+
+    integral: sympy.Expr
+    how: str
+
+
+Proposals = Iterator[Found]
+Strategy = Callable[["Quest", float], Proposals]
+"""Takes the search and its deadline."""
+Ways = Sequence[tuple[Strategy, float]]
+"""Strategies, cheap ones first, and the seconds that each may take."""
+
+
+def pursued(
+    block: blocks.Block,
+    ways: Ways,
+    deadline: float,
+    wanted: int | None = None,
+    effort: float | None = None,
+) -> list[Found]:
+    """The verified and independent integrals found in the time.
+
+    `wanted`: how many there are, one for each row else; `effort`: seconds of processor time.
+    """
+    quest = Quest(block, ways, deadline, wanted)
+    with contextlib.suppress(*time_limit.NO_ANSWER):
+        time_limit.run(deadline, quest.pursue, effort)
+    return quest.found
+
+
+class Quest:
+    """The search for the integrals of one system: its frame, and what was found so far, all of it verified.
+
+    `factors`: invariant surfaces found on the way; `used`: how many integrals were used to eliminate coordinates.
+    """
+
+    def __init__(self, block: blocks.Block, ways: Ways, deadline: float, wanted: int | None = None) -> None:
+        self.block, self._ways, self._deadline, self._wanted = block, ways, deadline, wanted
+        self.found: list[Found] = []
+        self._whole: list[sympy.Expr] = []
+        self.factors: list[sympy.Expr] = []
+        self.used = 0
+
+    def pursue(self) -> None:
+        """Search until as many integrals are found as there are forms, or nothing is left to try.
+
+        Raises `limit.TimeUpError` and what the normal form raises (`limit.FAILURES`).
+        """
+        time_limit.run(self._deadline, self._prepare)
+        for strategy, seconds in self._ways:
+            if self.is_complete:
+                return
+            time_limit.check(self._deadline)
+            slot = min(self._deadline, time_limit.after(seconds))
+            with contextlib.suppress(*time_limit.NO_ANSWER):
+                time_limit.run(slot, partial(self._take, strategy, slot))
+
+    def smaller(self, block: blocks.Block, slot: float) -> list[Found]:
+        """What the same search finds for another block."""
+        return pursued(block, self._ways, slot)
+
+    def _prepare(self) -> None:
+        block = self.block
+        time = [x for x in block.variables if x.name == elimination.TIME]
+        gradients = [tuple(forms.partial(f, x) for x in block.variables) for f in block.surface]
+        rows = [*gradients, *block.rows]
+        self.frame = frames.of(rows, block.variables, block.parameters, time)
+        self.entries = [e for row in self.frame.solved for e in row]
+        if not frames.belongs(self.frame, rows, self._deadline, block.surface):
+            raise normal_form.NoNormalFormError("the kernel of the rows is not known")
+        for f in block.surface:
+            if self._is_new(f, self._deadline):
+                self._whole.append(f)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether no more integrals exist."""
+        return len(self.integrals) >= len(self.frame.pivots) or len(self.found) == self._wanted
+
+    @property
+    def integrals(self) -> list[sympy.Expr]:
+        """What is known to be constant: the surface and what was found."""
+        return [*self._whole, *(f.integral for f in self.found)]
+
+    def alphabet(self, *more: sympy.Expr) -> combinations.Alphabet:
+        """The letters of the frame. On a surface those of the constants too: its points have various of them."""
+        constants = sorted(combinations.constants_of(self.frame), key=str) if self.block.surface else []
+        return combinations.alphabet(self.entries, self.frame.variables, [*more, *constants])
+
+    def _take(self, strategy: Strategy, slot: float) -> None:
+        for proposal in strategy(self, slot):
+            self.accept(proposal, slot)
+            if self.is_complete:
+                return
+
+    def accept(self, proposal: Found, slot: float) -> bool:
+        """Whether the proposal, or its tidy form, is proved to be an integral that is new; it is then kept."""
+        phi = proposal.integral
+        ways = [phi]
+        with contextlib.suppress(*time_limit.FAILURES):
+            ways.insert(0, time_limit.run(slot, lambda: neat(phi, self.frame)))
+        for way in dict.fromkeys(ways):
+            if self.is_integral(way, slot) and self._is_new(way, slot):
+                self.found.append(Found(way, proposal.how))
+                return True
+        return False
+
+    def is_integral(self, phi: sympy.Expr, slot: float) -> bool:
+        """Whether X(phi) = 0 is proved for all fields of the frame."""
+        if not potential.writable(phi):
+            return False
+        rates = self.frame.rates(phi)
+        return zero_test.vanish(rates, slot, self.block.surface).truth is zero_test.Truth.YES
+
+    def _is_new(self, phi: sympy.Expr, slot: float) -> bool:
+        """Whether its differential is proved independent of those known, on every side of all kinks."""
+        matrix = [
+            [forms.partial(f, self.frame.variables[p]) for p in self.frame.pivots]
+            for f in (*self.integrals, phi)
+        ]
+        if len(matrix) > len(self.frame.pivots):
+            return False
+        return all(frames.has_rank(side, len(matrix), slot, self.block.surface) for side in _sides(matrix))
+
+
+def _sides(matrix: list[list[sympy.Expr]]) -> list[list[list[sympy.Expr]]]:
+    """The matrix on both sides of every kink: y + |y| must not pass, it is constant where y < 0."""
+    sides = [matrix]
+    moduli = {m for row in matrix for e in row for m in e.atoms(sympy.Abs)}
+    for modulus in sorted(moduli, key=str)[:MAX_KINKS]:
+        u = modulus.args[0]
+        sides = [
+            [[e.xreplace({modulus: sign * u}) for e in row] for row in side]
+            for side in sides
+            for sign in (1, -1)
+        ]
+    return sides
+
+
+def neat(phi: sympy.Expr, frame: frames.Frame) -> sympy.Expr:
+    """The integral as a person would write it; every function of it is one as well."""
+    if not phi.has(sympy.log):
+        above, below = sympy.fraction(sympy.together(phi))
+        if below.free_symbols and not below.free_symbols & set(frame.variables):
+            phi = sympy.expand(above)
+    if phi.is_Add and not phi.has(sympy.log, sympy.atan):
+        rest = phi.primitive()[1]
+        rest = -rest if rest.could_extract_minus_sign() else rest
+        return min((rest, sympy.factor(rest)), key=lambda way: (way.count_ops(), len(str(way))))
+    return tidy_integral.integral(phi, frame.variables)

@@ -1,0 +1,115 @@
+"""Linear differential equations among the forms: x' = A x + b(s) has the integrals exp(-A s) x - int exp(-A s) b ds.
+
+They straighten the flow of one field of the frame; in them and the remaining variables the system has one
+variable less (A. Mayer, Math. Ann. 5, 1872).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy
+
+from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.integrals import kernel_frame as frames
+from lagcli.pfaffian.single_form import potential
+
+
+@dataclass(frozen=True, slots=True)
+class Straight:
+    """Integrals u (C,) of one field, d/dx_s = along free variable `column`, and the pivots (C,) in terms of
+    `letters` (C,) for u and the free variables.
+    """
+
+    column: int
+    integrals: tuple[sympy.Expr, ...]
+    letters: tuple[sympy.Symbol, ...]
+    inverse: tuple[sympy.Expr, ...]
+
+
+def letters(frame: frames.Frame) -> tuple[sympy.Symbol, ...]:
+    """Symbols for C integrals; a system with fewer variables has other ones."""
+    return tuple(sympy.Symbol(f"u{len(frame.variables)}_{n}_", real=True) for n in range(len(frame.pivots)))
+
+
+def linear(frame: frames.Frame, column: int) -> Straight | None:
+    """The integrals of the field of free variable `column` where its equations are linear with constant matrix."""
+    s = frame.variables[frame.free[column]]
+    x = sympy.Matrix([frame.variables[p] for p in frame.pivots])
+    speeds = sympy.Matrix([sympy.expand(row[column]) for row in frame.solved])
+    moving = {*x, s}
+    A = speeds.jacobian(x)
+    if any(e.free_symbols & moving for e in A):
+        return None
+    b = (speeds - A * x).applyfunc(sympy.expand)
+    if any(e.free_symbols & set(x) for e in b):
+        return None
+    back, forth = _exponential(A, -s), _exponential(A, s)
+    if back is None or forth is None:
+        return None
+    drift = []
+    for e in back * b:
+        found = potential.antiderivative(sympy.expand(e), s)
+        if found is None:
+            return None
+        drift.append(found)
+    u_letters = sympy.Matrix(letters(frame))
+    shift = sympy.Matrix(drift)
+    P = _eigenrows(A)
+    u = (P * (back * x - shift)).applyfunc(sympy.expand)
+    inverse = (forth * (P.inv() * u_letters + shift)).applyfunc(sympy.expand)
+    return Straight(column, tuple(u), tuple(u_letters), tuple(inverse))
+
+
+def _eigenrows(A: sympy.Matrix) -> sympy.Matrix:
+    """Rows l with l A = k l for all rational k, where there are enough of them; else the unit matrix."""
+    rows = []
+    if all(e.is_Rational for e in A):
+        for value, _, vectors in A.T.eigenvects(error_when_incomplete=False):
+            if value.is_Rational:
+                scales = (sympy.ilcm(*(e.q for e in v)) for v in vectors)
+                rows += [(v * scale).T for v, scale in zip(vectors, scales, strict=True)]
+    return sympy.Matrix.vstack(*rows) if len(rows) == A.rows else sympy.eye(A.rows)
+
+
+def _exponential(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix | None:
+    """exp(A s) in real functions, or None."""
+    size = A.rows
+    total, power = sympy.eye(size), sympy.eye(size)
+    for n in range(1, size + 1):
+        power = (power * A).applyfunc(sympy.expand)
+        if power.is_zero_matrix:
+            return total
+        total += power * s**n / sympy.factorial(n)
+    if size == 1:
+        return sympy.Matrix([[sympy.exp(A[0] * s)]])
+    if size == 2:
+        return _two(A, s)
+    try:
+        found = (A * s).exp().applyfunc(lambda e: sympy.expand(e, complex=e.has(sympy.I)))
+    except time_limit.FAILURES:
+        return None
+    return found if all(potential.writable(e) for e in found) else None
+
+
+def _two(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix:
+    """With A = h I + B, B**2 = q I: exp(A s) = exp(h s) (cosh(sqrt(q) s) I + sinh(sqrt(q) s)/sqrt(q) B)."""
+    h = A.trace() / 2
+    B = A - h * sympy.eye(2)
+    q = sympy.factor(-B.det())
+    if q == 0:
+        even, odd = sympy.Integer(1), s
+    elif q.is_negative or q.could_extract_minus_sign():
+        w = _root(-q)
+        even, odd = sympy.cos(w * s), sympy.sin(w * s) / w
+    else:
+        w = _root(q)
+        even = (sympy.exp(w * s) + sympy.exp(-w * s)) / 2
+        odd = (sympy.exp(w * s) - sympy.exp(-w * s)) / (2 * w)
+    return (sympy.exp(h * s) * (even * sympy.eye(2) + odd * B)).applyfunc(sympy.expand)
+
+
+def _root(square: sympy.Expr) -> sympy.Expr:
+    """sqrt(k**2) = k, of either sign: the functions of it are even."""
+    root = sympy.sqrt(square)
+    return root.replace(sympy.Abs, lambda u: u)

@@ -1,0 +1,277 @@
+"""A first integral phi -> charts in which its level surfaces are held: quotients without poles and jumps.
+
+phi = const is above * below(0) - below * above(0) = 0 for every quotient above/below that is phi or a monotone
+function of it. So a pole of phi is a zero of `below` and no pole of the chart; roots, logarithms and angles are
+removed by functions of phi:
+
+    product of powers        the exponents as integers without common divisor, positive ones above
+    sums with logarithms     exp(phi)
+    a multiple of an angle   tan(phi): with angles of (x_i, y_i), the imaginary over the real part of
+                             prod (x_i + i y_i)^n_i exp(i u)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import reduce
+from math import gcd, lcm
+
+import sympy
+
+from lagcli.model import invariant
+from lagcli.pfaffian import printing
+from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.single_form import potential, tidy_integral
+
+Variables = tuple[sympy.Symbol, ...]
+Quotient = tuple[sympy.Expr, sympy.Expr]
+
+# Larger powers are not multiplied out; longer expressions are not searched for common factors.
+MOST_TURNS, SHORT = 6, 300
+SECONDS = 2.0
+_REGULAR = (sympy.sin, sympy.cos, sympy.exp, sympy.sinh, sympy.cosh)
+
+
+def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[invariant.Chart, ...]:
+    """Charts of an integral, the best first; none where no form without jumps is known.
+
+    constants: the parameters; all other symbols are coordinates and time.
+    """
+    variables = tuple(sorted(phi.free_symbols - set(constants), key=sympy.default_sort_key))
+    try:
+        return time_limit.run(time_limit.after(SECONDS), lambda: _charts(phi, variables))
+    except time_limit.NO_ANSWER:
+        pass
+    if not _is_continuous(phi, variables):
+        return ()
+    return (invariant.Chart(printing.written(phi)),)
+
+
+def _charts(phi: sympy.Expr, variables: Variables) -> tuple[invariant.Chart, ...]:
+    if _has_angles(phi, variables):
+        return _of_angles(phi, variables)
+    quotients = _quotients(phi, variables)
+    quotients = [q for q in quotients if all(_is_continuous(part, variables) for part in q)]
+    quotients.sort(key=lambda q: not all(_is_regular(part, variables) for part in q))  # stable
+    found = (invariant.Chart(printing.written(a), printing.written(b)) for a, b in quotients)
+    return tuple(dict.fromkeys(found))
+
+
+def _has_angles(phi: sympy.Expr, variables: Variables) -> bool:
+    return any(_jumps(angle, variables) for angle in phi.atoms(sympy.atan2, sympy.atan))
+
+
+def _jumps(angle: sympy.Expr, variables: Variables) -> bool:
+    """Whether an angle has a branch cut, or is an arc tangent of a quotient that has a pole."""
+    below = angle.args[1] if isinstance(angle, sympy.atan2) else _fraction(angle.args[0])[1]
+    return bool(below.has(*variables))
+
+
+def _fraction(expression: sympy.Expr) -> Quotient:
+    above, below = sympy.fraction(sympy.together(expression), exact=True)
+    return above, below
+
+
+# Angles.
+
+
+def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.Chart, ...]:
+    """Charts of phi = sum c_i theta_i + u, or of exp(phi), with commensurate c_i."""
+    angles, rest = _angles(phi, variables)
+    if not angles or any(isinstance(e, (sympy.atan2, sympy.atan)) for e in _jumping(rest, variables)):
+        return ()
+    first = angles[0][0]
+    ratios = [sympy.cancel(c / first) for c, _, _ in angles]
+    if not all(r.is_Rational for r in ratios):
+        return ()
+    numbers, scale = _whole(ratios)
+    unit = sympy.cancel(first / scale)
+    rest = _untangled(rest)
+    u = sympy.expand(rest / unit)
+    found = []
+    turns = sum(abs(n) for n in numbers)
+    if turns <= MOST_TURNS and _is_regular(u, variables):
+        found.append(_product([(x, y, n) for n, (_, x, y) in zip(numbers, angles, strict=True)], u))
+    result = [invariant.Chart(printing.written(a), printing.written(b)) for a, b in found]
+    if _is_continuous(rest, variables):
+        phi = sum((c * sympy.atan2(y, x) for c, x, y in angles), rest)
+        period = printing.written(2 * sympy.pi * unit)
+        result.append(invariant.Chart(printing.written(phi), period=period))
+    return tuple(result)
+
+
+def _angles(
+    phi: sympy.Expr, variables: Variables
+) -> tuple[list[tuple[sympy.Expr, sympy.Expr, sympy.Expr]], sympy.Expr]:
+    """phi, or its logarithm, as angles (c, x, y) and the rest."""
+    if not phi.is_Add and not any(isinstance(f, (sympy.atan2, sympy.atan)) for f in sympy.Mul.make_args(phi)):
+        phi = sympy.expand_log(sympy.log(phi), force=True)
+    angles, rest = [], []
+    for term in sympy.Add.make_args(sympy.expand(phi)):
+        constant, varying = term.as_independent(*variables, as_Add=False)
+        if not (isinstance(varying, (sympy.atan2, sympy.atan)) and _jumps(varying, variables)):
+            rest.append(term)
+            continue
+        # atan2 and an arc tangent of the quotient differ by whole half turns, and these are of no account where
+        # the real and the imaginary part change signs together; a period of whole turns allows for continuation.
+        y, x = varying.args if isinstance(varying, sympy.atan2) else _fraction(varying.args[0])
+        angles.append((constant, x, y))
+    return angles, sympy.Add(*rest)
+
+
+def _jumping(expression: sympy.Expr, variables: Variables) -> list[sympy.Expr]:
+    return [a for a in expression.atoms(sympy.atan2, sympy.atan) if _jumps(a, variables)]
+
+
+def _product(angles: list[tuple[sympy.Expr, sympy.Expr, int]], u: sympy.Expr) -> Quotient:
+    """The imaginary and the real part of prod (x + i y)^n exp(i u)."""
+    real, imaginary = sympy.cos(u), sympy.sin(u)
+    for x, y, n in angles:
+        for _ in range(abs(n)):
+            turned = y if n > 0 else -y
+            real, imaginary = real * x - imaginary * turned, real * turned + imaginary * x
+    return sympy.expand(imaginary), sympy.expand(real)
+
+
+# Quotients.
+
+
+def _quotients(phi: sympy.Expr, variables: Variables) -> list[Quotient]:
+    """above, below of phi and of monotone functions of it."""
+    phi = _untangled(phi)
+    if any(a.args[0].has(*variables) for a in phi.atoms(sympy.log)):
+        phi = _untangled(tidy_integral.integral(phi, variables))
+    phi = _cancelled(phi)
+    powers, exponential = _powers(phi, variables)
+    if not powers:
+        return _quotients(exponential, variables)  # phi = exp(w), and w has the same levels
+    numbers = list(powers.values())
+    if not all(n.is_Rational for n in numbers):
+        return [_split(powers, exponential)]
+    whole, scale = _whole(numbers)
+    exponential *= scale
+    bases = list(powers)
+    found = [_split(dict(zip(bases, map(sympy.Integer, whole), strict=True)), exponential)]
+    if exponential != 0:
+        plain = _split(dict(zip(bases, map(sympy.Integer, whole), strict=True)), sympy.Integer(0))
+        found.append((plain[0], plain[1] * sympy.exp(sympy.expand(-exponential))))
+    # On the level zero of a factor that is squared the gradient vanishes: there a root of the product serves.
+    for n in sorted({abs(n) for n in whole if abs(n) > 1}):
+        rooted = {
+            (b if k % n == 0 else sympy.Abs(b)): sympy.Rational(k, n)
+            for b, k in zip(bases, whole, strict=True)
+        }
+        found.append(_split(rooted, exponential / n))
+    return found
+
+
+def _untangled(phi: sympy.Expr) -> sympy.Expr:
+    """Without tan and tanh, and with half angles where both they and whole ones occur."""
+    phi = phi.replace(sympy.tan, lambda u: sympy.sin(u) / sympy.cos(u))
+    phi = phi.replace(sympy.tanh, lambda u: sympy.sinh(u) / sympy.cosh(u))
+    arguments = {f.args[0] for f in phi.atoms(sympy.sin, sympy.cos)}
+    for u in sorted(arguments, key=sympy.default_sort_key):
+        if sympy.expand(2 * u) in arguments:
+            s, c = sympy.sin(u), sympy.cos(u)
+            double = sympy.expand(2 * u)
+            phi = phi.subs({sympy.sin(double): 2 * s * c, sympy.cos(double): c**2 - s**2})
+    return phi
+
+
+def _cancelled(phi: sympy.Expr) -> sympy.Expr:
+    """As a product, without common factors above and below."""
+    if phi.count_ops() > SHORT:
+        return sympy.together(phi)
+    phi = sympy.factor(sympy.together(phi))
+    above, below = _fraction(phi)
+    arguments = {f.args[0] for f in below.atoms(sympy.sin, sympy.cos)}
+    for u in sorted(arguments, key=sympy.default_sort_key):
+        above, below = _fraction(phi)
+        phi = _in_half_angles(above, below, u) or phi
+    return phi
+
+
+def _in_half_angles(above: sympy.Expr, below: sympy.Expr, u: sympy.Expr) -> sympy.Expr | None:
+    """above/below without the factors that sine and cosine of u hide from polynomials, or None without any.
+
+    With w = tan(u/2), sin(u) = 2 w/(1 + w^2) and cos(u) = (1 - w^2)/(1 + w^2) all factors show.
+    """
+    w = sympy.Dummy("w", real=True)
+    tangents = {sympy.sin(u): 2 * w / (1 + w**2), sympy.cos(u): (1 - w**2) / (1 + w**2)}
+    parts = [_fraction(part.subs(tangents)) for part in (above, below)]
+    common = sympy.gcd(*(part for part, _ in parts))
+    if not common.has(w):
+        return None
+    product = sympy.factor(parts[0][0] * parts[1][1] / (parts[1][0] * parts[0][1]))
+    s, c = sympy.sin(u / 2), sympy.cos(u / 2)
+    back = sympy.Integer(1)
+    for factor in sympy.Mul.make_args(product):
+        base, n = factor.as_base_exp()
+        if not base.has(w):
+            back *= factor
+            continue
+        degree = sympy.degree(base, w)
+        homogeneous = sum(a * s**k * c ** (degree - k) for (k,), a in sympy.Poly(base, w).terms())
+        back *= (sympy.trigsimp(homogeneous) / c**degree) ** n
+    return back
+
+
+def _powers(phi: sympy.Expr, variables: Variables) -> tuple[dict[sympy.Expr, sympy.Expr], sympy.Expr]:
+    """The factors that vary with their exponents, and w of a factor exp(w). Signs of factors do not matter."""
+    powers: dict[sympy.Expr, sympy.Expr] = {}
+    exponential = sympy.Integer(0)
+    for factor in sympy.Mul.make_args(phi):
+        if not factor.has(*variables) or isinstance(factor, sympy.sign):
+            continue
+        if isinstance(factor, sympy.exp):
+            exponential += factor.args[0]
+            continue
+        base, exponent = factor.as_base_exp()
+        if exponent.has(*variables):
+            base, exponent = factor, sympy.Integer(1)
+        base = base.args[0] if isinstance(base, sympy.Abs) else base
+        powers[base] = powers.get(base, sympy.Integer(0)) + exponent
+    return {b: n for b, n in powers.items() if n != 0}, exponential
+
+
+def _split(powers: dict[sympy.Expr, sympy.Expr], exponential: sympy.Expr) -> Quotient:
+    """The factors with positive and with negative exponents."""
+    above = sympy.Mul(*(b**n for b, n in powers.items() if not n.is_negative))
+    below = sympy.Mul(*(b**-n for b, n in powers.items() if n.is_negative))
+    return above * sympy.exp(sympy.expand(exponential)), below
+
+
+def _whole(numbers: list[sympy.Rational]) -> tuple[list[int], sympy.Rational]:
+    """Rational numbers as integers without common divisor, and what they were multiplied by, positive."""
+    below = reduce(lcm, (int(n.q) for n in numbers), 1)
+    common = reduce(gcd, (int(n.p) * (below // int(n.q)) for n in numbers), 0) or 1
+    return [int(n.p) * (below // int(n.q)) // common for n in numbers], sympy.Rational(below, common)
+
+
+# What is regular.
+
+
+def _is_regular(expression: sympy.Expr, variables: Variables) -> bool:
+    """Whether an expression is made of whole powers and functions that are regular everywhere."""
+    if not expression.has(*variables):
+        return True
+    if expression.is_Symbol:
+        return True
+    if expression.is_Pow and not isinstance(expression, sympy.exp):
+        exponent = expression.exp
+        if not (exponent.is_Integer and exponent > 0):
+            return False
+        return _is_regular(expression.base, variables)
+    if not (expression.is_Add or expression.is_Mul or isinstance(expression, _REGULAR)):
+        return False
+    return all(_is_regular(part, variables) for part in expression.args)
+
+
+def _is_continuous(expression: sympy.Expr, variables: Variables) -> bool:
+    """Whether an expression is continuous wherever it is finite, and can be written in the notation of models."""
+    if expression.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo):
+        return False
+    functions = {f.func for f in expression.atoms(sympy.Function) if f.has(*variables)}
+    known = (*potential.WRITABLE, sympy.Min, sympy.Max)
+    smooth = functions <= {f for f in known if f not in (sympy.atan2, sympy.tan, sympy.sign)}
+    return smooth and not _jumping(expression, variables)

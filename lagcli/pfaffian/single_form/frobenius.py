@@ -1,0 +1,315 @@
+"""The verdict for one differential constraint by itself (D.3): exact, integrable, nonholonomic or undecided.
+
+A form omega is exact where d omega = 0; it has an integrating factor mu, mu omega = d phi, where omega ^ d
+omega = 0 (Frobenius; always so in two variables); otherwise no such mu exists, and a component of omega ^ d
+omega that does not vanish is the witness. Verdicts hold for generic values of the parameters and wherever
+the form is defined and not zero; parameter values at which a verdict may change are in
+`Verdict.exceptional`.
+"""
+
+import contextlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+from typing import Any, Literal
+
+import sympy
+
+from lagcli.pfaffian import form as forms
+from lagcli.pfaffian import printing
+from lagcli.pfaffian.exact import enclosure, normal_form, time_limit, zero_test
+from lagcli.pfaffian.single_form import integrating_factors, potential, tidy_integral
+
+Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
+
+_CLOSED = "The mixed partial derivatives agree, so the form is exact"
+_SEARCH_SHARE = 0.8
+_SEARCH_EFFORT = 1.8
+_WITNESS_SECONDS = 2.0
+_SHARED_EFFORT = 0.3
+# Operations of all coefficients beyond which neither the shortest witness nor common factors are sought.
+_LONG = 200
+_SHOWN = 160
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """A component of omega ^ d omega that does not vanish, and the variables it belongs to."""
+
+    variables: tuple[sympy.Symbol, sympy.Symbol, sympy.Symbol]
+    component: sympy.Expr
+    value: enclosure.NonZero | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is proved of one form.
+
+    `integrating_factor` * omega = d `integral`, both None where no closed form is known; the factor of an
+    exact form is 1. `method` is a sentence for the user. `exceptional` holds expressions of the parameters
+    at whose zeros the verdict or the integral may be another one; `special` holds irreducible expressions in the
+    variables of a nonholonomic form: where one of them is zero, all of omega ^ d omega vanishes.
+    """
+
+    kind: Kind
+    integral: sympy.Expr | None
+    integrating_factor: sympy.Expr | None
+    method: str
+    proof: zero_test.Proof
+    witness: Witness | None = None
+    exceptional: tuple[sympy.Expr, ...] = ()
+    special: tuple[sympy.Expr, ...] = ()
+
+
+def classify(form: forms.Form, deadline: float) -> Verdict:
+    """The verdict for `form`, at the latest at `deadline` (monotonic clock, s; see `limit.after`).
+
+    A form without a finite real value and one that vanishes identically are undecided, with the reason.
+    """
+    real = {s: sympy.Symbol(s.name, real=True) for s in (*form.variables, *form.parameters)}
+    back = {r: s for s, r in real.items()}
+    prepared = forms.Form(
+        form.name,
+        tuple(real[x] for x in form.variables),
+        tuple(forms.plain(a.xreplace(real)) for a in form.coefficients),
+        tuple(real[p] for p in form.parameters),
+    )
+    return _spoken(_judge(prepared, deadline), back)
+
+
+def _judge(form: forms.Form, deadline: float) -> Verdict:
+    form, doubt = _without_zeros(form, deadline)
+    if doubt is not None:
+        return doubt
+    if all(a == 0 for a in form.coefficients):
+        return _undecided("all coefficients vanish identically, the form states nothing")
+    closed = zero_test.vanish((c for _, c in form.curls()), deadline)
+    if closed.truth is zero_test.Truth.YES:
+        return _exact(form, deadline)
+    return _not_exact(form, closed, deadline)
+
+
+def _without_zeros(form: forms.Form, deadline: float) -> tuple[forms.Form, Verdict | None]:
+    """The form with coefficients that vanish identically replaced by 0, or the reason why it cannot be
+    judged.
+    """
+    coefficients = []
+    for x, a in zip(form.variables, form.coefficients, strict=True):
+        finding = zero_test.is_zero(a, deadline)
+        if finding.truth is zero_test.Truth.UNKNOWN and not _has_value(a, deadline):
+            return form, _undecided(f"the coefficient of d({x}) has no finite real value at any point tried")
+        coefficients.append(sympy.Integer(0) if finding.truth is zero_test.Truth.YES else a)
+    return forms.Form(form.name, form.variables, tuple(coefficients), form.parameters), None
+
+
+def _has_value(expression: sympy.Expr, deadline: float) -> bool:
+    try:
+        return time_limit.run(deadline, lambda: enclosure.has_value(expression))
+    except time_limit.TimeUpError:
+        return True
+
+
+def _exact(form: forms.Form, deadline: float) -> Verdict:
+    phi = _potential(form, deadline)
+    if phi is None:
+        method = f"{_CLOSED}; no closed form of its integral was found."
+        return Verdict("exact", None, sympy.Integer(1), method, "symbolic")
+    method = f"{_CLOSED}; its integral was verified by differentiation."
+    return Verdict("exact", phi, sympy.Integer(1), method, "symbolic", exceptional=_poles(phi, form))
+
+
+def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
+    """A verified potential of the exact form, tidy if that can be verified."""
+    orders = [form, forms.Form(form.name, form.variables[::-1], form.coefficients[::-1], form.parameters)]
+    given = frozenset().union(*(a.atoms(sympy.log) for a in form.coefficients))
+    for way in orders:
+        until = min(deadline, time_limit.after(integrating_factors.SLICE))
+        try:
+            phi = time_limit.run(until, partial(potential.of, way))
+            if phi is None:
+                continue
+            for each in (
+                time_limit.run(until, partial(tidy_integral.potential, phi, form.variables, given)),
+                phi,
+            ):
+                pairs = zip(form.variables, form.coefficients, strict=True)
+                defects = [forms.partial(each, x) - a for x, a in pairs]
+                if potential.writable(each) and zero_test.vanish(defects, until).truth is zero_test.Truth.YES:
+                    return each
+        except time_limit.NO_ANSWER:
+            continue
+    return None
+
+
+def _not_exact(form: forms.Form, closed: zero_test.Finding, deadline: float) -> Verdict:
+    verdict = _frobenius(form, deadline)
+    if verdict.kind == "nonholonomic":
+        return verdict
+    found = _search(form, deadline)
+    exactly = (
+        "" if closed.truth is zero_test.Truth.NO else " Whether it is exact as it is written was not decided."
+    )
+    if found is not None:
+        method = f"An integrating factor was found {found.how} and verified by differentiation.{exactly}"
+        phi, mu = found.integral, found.factor
+        return Verdict("integrable", phi, mu, method, "symbolic", exceptional=_poles(phi, form))
+    if verdict.kind == "integrable":
+        method = f"{verdict.method} No closed form of its integral was found.{exactly}"
+        return Verdict("integrable", None, None, method, verdict.proof)
+    return verdict
+
+
+def _search(form: forms.Form, deadline: float) -> integrating_factors.Found | None:
+    try:
+        until = time_limit.after(_SEARCH_SHARE * time_limit.left(deadline))
+        return time_limit.run(until, lambda: integrating_factors.search(form, until), _SEARCH_EFFORT)
+    except time_limit.TimeUpError:
+        return None
+
+
+def _frobenius(form: forms.Form, deadline: float) -> Verdict:
+    """Whether omega ^ d omega = 0. With one A_k != 0 the components that hold k suffice."""
+    k = min(
+        (i for i, a in enumerate(form.coefficients) if a != 0),
+        key=lambda i: (form.coefficients[i].count_ops(), i),
+    )
+    active = [i for i in form.active() if i != k]
+    if len(active) < 2:
+        text = "A form in two variables always has an integrating factor."
+        return Verdict("integrable", None, None, text, "symbolic")
+    reason = ""
+    size = [a.count_ops() for a in form.coefficients]
+    triples = sorted(combinations(active, 2), key=lambda pair: size[pair[0]] + size[pair[1]])
+    components: Iterable[tuple[tuple[int, ...], sympy.Expr]] = (
+        ((*sorted((i, j, k)),), form.wedge_component(*sorted((i, j, k)))) for i, j in triples
+    )
+    if sum(size) <= _LONG:  # the shortest witness is sought
+        components = sorted(components, key=lambda c: c[1].count_ops())
+    for index, component in components:
+        finding = zero_test.is_zero(component, deadline)
+        if finding.truth is zero_test.Truth.NO:
+            return _nonholonomic(form, index, component, deadline)
+        if finding.truth is zero_test.Truth.UNKNOWN:
+            reason = reason or finding.reason
+    if reason:
+        return _undecided(f"whether omega ^ d omega vanishes could not be proved: {reason}")
+    text = "omega ^ d omega = 0, so the form has an integrating factor (Frobenius)."
+    return Verdict("integrable", None, None, text, "symbolic")
+
+
+def _nonholonomic(
+    form: forms.Form, index: tuple[int, ...], component: sympy.Expr, deadline: float
+) -> Verdict:
+    until = min(deadline, time_limit.after(_WITNESS_SECONDS))
+    exact = zero_test.is_zero_exactly(component, until)
+    numeric = zero_test.is_zero(component, until).value
+    try:
+        shown = time_limit.run(until, lambda: tidy_integral.ratio(component, sympy.Integer(1)))
+    except time_limit.NO_ANSWER:
+        shown = component
+    shared: tuple[sympy.Expr, ...] = ()
+    if sum(a.count_ops() for a in form.coefficients) <= _LONG:
+        with contextlib.suppress(*time_limit.NO_ANSWER):
+            shared = time_limit.run(until, lambda: _shared_factors(form), _SHARED_EFFORT)
+    exceptional = tuple(p for p in shared if p.free_symbols <= set(form.parameters))
+    special = tuple(p for p in shared if p not in exceptional)
+    i, j, k = (form.variables[n] for n in index)
+    proof: zero_test.Proof = (
+        "symbolic" if exact.truth is zero_test.Truth.NO and exact.proof == "symbolic" else "numeric"
+    )
+    value = f" = {printing.written(shown)}" if len(str(shown)) <= _SHOWN else ""
+    text = (
+        f"The component ({i}, {j}, {k}) of omega ^ d omega{value} is not zero: no integrating factor exists"
+    )
+    if proof == "numeric" and numeric is not None:
+        place = ", ".join(f"{name} = {number}" for name, number in numeric.point)
+        error = max(numeric.error, 1e-300)
+        text += f" (value {numeric.value:.6g}, error below {error:.1g}, at {place})"
+    if exceptional:
+        text += "; it may for " + " or ".join(f"{printing.written(e)} = 0" for e in exceptional)
+    if special:
+        text += "; omega ^ d omega drops to zero where " + " or ".join(
+            f"{printing.written(e)} = 0" for e in special
+        )
+    witness = Witness((i, j, k), shown, numeric)
+    return Verdict("nonholonomic", None, None, text + ".", proof, witness, exceptional, special)
+
+
+def _shared_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
+    """Irreducible factors that all components of omega ^ d omega share: at their zeros all vanish.
+
+    Those that evidently have no real zero are left out.
+    """
+    components = sorted((c for c in form.wedge().values() if c != 0), key=lambda c: c.count_ops())
+    basis = normal_form.Tower(components)
+    above = below = basis.ring.zero
+    for component in components:  # short ones first: two of them show that most forms share nothing
+        element = basis.element(component)
+        if element.numer:
+            above, below = above.gcd(element.numer), below.gcd(element.denom)
+        if above and above.is_ground:
+            return ()
+
+    def factors_of(common: Any) -> dict[sympy.Expr, None]:
+        return dict.fromkeys(_plain_zero(basis.expression(p)) for p, _ in common.factor_list()[1])
+
+    jumps = factors_of(below)  # |u|/u jumps where u = 0 and does not vanish
+    factors = [f for f in factors_of(above) if f not in jumps]
+    shown = [f for f in _with_cosines(factors) if f.free_symbols and _may_vanish(f)]
+    return tuple(sorted(shown, key=str))
+
+
+def _plain_zero(factor: sympy.Expr) -> sympy.Expr:
+    """What vanishes where |u| or a root of u does: u."""
+    while isinstance(factor, sympy.Abs) or (factor.is_Pow and factor.exp.is_positive):
+        factor = factor.args[0]
+    return -factor if factor.could_extract_minus_sign() else factor
+
+
+def _with_cosines(factors: list[sympy.Expr]) -> list[sympy.Expr]:
+    """cos(u) for 1 - sin(u) and 1 + sin(u), its square in the normal form."""
+    for factor in factors:
+        for sine in factor.atoms(sympy.sin) if factor.is_Add else ():
+            both = [f for f in factors if f in (sine - 1, sine + 1, 1 - sine, -1 - sine)]
+            if len(both) == 2:
+                cosine = sympy.cos(sine.args[0])
+                return _with_cosines([cosine, *(f for f in factors if f not in (*both, cosine))])
+    return factors
+
+
+def _may_vanish(factor: sympy.Expr) -> bool:
+    return not (factor.is_positive or factor.is_negative or factor.is_Pow)
+
+
+def _poles(phi: sympy.Expr, form: forms.Form) -> tuple[sympy.Expr, ...]:
+    """Parameter expressions by which the integral divides, or of which it takes a root."""
+    below = {e.base for e in phi.atoms(sympy.Pow) if e.exp.is_negative or e.exp.is_Integer is False}
+    constants = (b for b in below if b.free_symbols and b.free_symbols <= set(form.parameters))
+    return tuple(sorted(constants, key=str))
+
+
+def _undecided(reason: str) -> Verdict:
+    return Verdict("undecided", None, None, f"Undecided: {reason}.", "none")
+
+
+def _spoken(verdict: Verdict, back: dict[sympy.Symbol, sympy.Symbol]) -> Verdict:
+    """The verdict in the symbols of the caller."""
+
+    def turn(e: sympy.Expr | None) -> sympy.Expr | None:
+        return None if e is None else e.xreplace(back)
+
+    witness = verdict.witness
+    if witness is not None:
+        i, j, k = (back[x] for x in witness.variables)
+        witness = Witness((i, j, k), witness.component.xreplace(back), witness.value)
+    return Verdict(
+        verdict.kind,
+        turn(verdict.integral),
+        turn(verdict.integrating_factor),
+        verdict.method,
+        verdict.proof,
+        witness,
+        tuple(e.xreplace(back) for e in verdict.exceptional),
+        tuple(e.xreplace(back) for e in verdict.special),
+    )

@@ -1,0 +1,103 @@
+"""Places in the symbols of a block: points of doubles, what vanishes on all of them, and equations that say so."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import sympy
+
+from lagcli.pfaffian import form as forms
+from lagcli.pfaffian import printing
+from lagcli.pfaffian.exact import normal_form, zero_at_point
+from lagcli.pfaffian.flag import elimination
+from lagcli.pfaffian.pfaffian_block import Block
+
+# A coordinate stands still where it differs by less than this part of its size; a value that is so near to a multiple
+# of pi/12 is one.
+STILL, NEAR = 1e-9, 1e-12
+PARTS_OF_PI = 12
+Point = Mapping[Any, float]
+
+
+def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Point) -> Point:
+    """Coordinates, time and parameters as doubles, by their symbols."""
+    found = {sympy.Symbol(name, real=True): float(x) for name, x in zip(names, values, strict=True)}
+    return {**found, sympy.Symbol(elimination.TIME, real=True): time, **parameters}
+
+
+def vanishes(expression: Any, points: Sequence[Point]) -> bool:
+    """Whether an expression is zero on all points, but for rounding."""
+    return all(zero_at_point.vanishes(expression, one) for one in points)
+
+
+def is_nothing(expression: Any, points: Sequence[Point]) -> bool:
+    """Whether an expression has values on all points, all of them zero but for rounding."""
+    return all(zero_at_point.is_nothing(expression, one) for one in points)
+
+
+def product(factors: Iterable[Any]) -> Any:
+    """The product of expressions."""
+    return sympy.Mul(*factors)
+
+
+def sheets(block: Block, points: Sequence[Point]) -> list[Any]:
+    """Of each holonomic row that has several factors those that vanish on all points."""
+    found = []
+    for f in block.surface:
+        basis = normal_form.Tower([f])
+        parts = [basis.expression(part) for part, _ in basis.element(f).numer.factor_list()[1]]
+        own = [e for e in parts if vanishes(e, points)]
+        if len(parts) > 1 or basis.element(f).numer.factor_list()[1][0][1] > 1:
+            found += own
+    return found
+
+
+def of(divisors: Iterable[Any], points: Sequence[Point]) -> list[Any]:
+    """The factors of expressions (None: unknown) that vanish on all points."""
+    found = []
+    for divisor in divisors:
+        if divisor is not None and vanishes(divisor, points):
+            found += [factor for factor, _ in sympy.factor_list(divisor)[1] if vanishes(factor, points)]
+    return found
+
+
+def still(block: Block, points: Sequence[Point]) -> list[Any]:
+    """Equations of coordinates that have one value on all points."""
+    found = []
+    for x in block.variables:
+        values = [one[x] for one in points]
+        if x.name != elimination.TIME and max(values) - min(values) <= STILL * max(1.0, *map(abs, values)):
+            found.append(x - _spelled(values[0]))
+    return found
+
+
+def distinct(*several: Iterable[Any]) -> list[Any]:
+    """Each of some expressions once, whatever its sign."""
+    found: dict[Any, None] = {}
+    for e in (e for some in several for e in some):
+        if e not in found and -e not in found:
+            found[e] = None
+    return list(found)
+
+
+def told(block: Block, equations: Iterable[Any], here: Point) -> list[str]:
+    """Equations as texts, and on which side of the kinks of |u| a point lies."""
+    kinks = sorted({e for row in block.rows for a in row for e in forms.plain(a).atoms(sympy.Abs)}, key=str)
+    found = [f"{printing.written(e)} = 0" for e in equations if not e.has(sympy.Abs)]
+    for kink in kinks:
+        u = kink.args[0]
+        value = float(u.xreplace({x: sympy.Float(v) for x, v in here.items()}))
+        found.append(f"{printing.written(u)} {'>' if value > 0 else '<'} 0")
+    return found
+
+
+def _spelled(value: float) -> Any:
+    """The number that is meant by a double: a multiple of pi/12, or the shortest decimal."""
+    twelfths = round(value / math.pi * PARTS_OF_PI)
+    if abs(value) <= STILL:
+        return sympy.Integer(0)
+    if twelfths and abs(twelfths * math.pi / PARTS_OF_PI - value) <= NEAR * abs(value):
+        return sympy.Rational(twelfths, PARTS_OF_PI) * sympy.pi
+    return sympy.Rational(repr(value))

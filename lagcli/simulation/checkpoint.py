@@ -1,0 +1,356 @@
+"""A run at a step boundary, as a noun and as JSON: what it takes to go on bit for bit, and for which model.
+
+Doubles are written so that they read back to the same double. What is read is checked to the last number, and
+all numbers together by a sum: a checkpoint is a file like any other, and may be torn, damaged or of another make.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import __version__
+from lagcli.compiled.selection import Selection
+from lagcli.equations import system
+from lagcli.errors.diagnostics import printable
+from lagcli.model.invariant import Chart, FirstIntegral
+from lagcli.model.model import Model, Vector3
+from lagcli.simulation.invariants import Level, Levels
+from lagcli.simulation.singular_point import Loss
+from lagcli.simulation.statistics import Figures
+
+Floats = npt.NDArray[np.float64]
+
+FORMAT = 5
+METHOD = "dop853"
+MOST_BYTES = 2**28
+MOST_COUNT = 2**53
+MOST_VERSION = 40  # letters of a version that are shown
+
+
+class CheckpointError(ValueError):
+    """A file that is no checkpoint, or one that this run cannot go on from."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Mark:
+    """A run between two steps, and what it has handed out.
+
+    t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
+    look at the pace; steps, rejected, evaluations: the account up to t; row: time of the last row handed out,
+    which may lie on either side of t; figures: those of all rows handed out; levels: how each integral is held;
+    notes: what has been said about them; selection: the rows it is stepped with; watch: what the
+    next singular configuration is foreseen from; crossings: those that were passed; turns: where angles with a cut
+    were, counted through all turns. Times are counted from `origin`, but for those of crossings.
+    """
+
+    t: float
+    y: Floats
+    k: Floats
+    step: float
+    pace_from: float
+    steps: int
+    rejected: int
+    evaluations: int
+    row: float
+    figures: Figures
+    selection: Selection
+    levels: Levels = ()
+    notes: tuple[str, ...] = ()
+    watch: tuple[float, ...] = ()
+    crossings: tuple[Loss, ...] = ()
+    origin: float = 0.0
+    turns: tuple[float, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Identity:
+    """What must be the same for a run to go on: the text of the model, all that `--set` may change, the settings.
+
+    q, v: the declared start, (n,) each; max_step: None where steps have no bound.
+    """
+
+    fingerprint: str
+    parameters: dict[str, float | Vector3]
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+    start: float
+    rtol: float
+    atol: float | None
+    method: str
+    max_step: float | None = None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Table:
+    """The table a run was writing into a file: where it is, seen from the folder of the checkpoint; step: between its
+    rows; count, checksum: of those that were written."""
+
+    file: str
+    step: float
+    count: int
+    checksum: int
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Checkpoint:
+    """A run, and whose; integrals: those that were found of its differential rows when it began; table: where its rows
+    went, where that is a file."""
+
+    identity: Identity
+    mark: Mark
+    integrals: tuple[FirstIntegral, ...]
+    table: Table | None = None
+
+
+def identity(model: Model) -> Identity:
+    """The identity of a run of a model with its settings."""
+    q, v = system.start(model)
+    chosen = model.simulation
+    return Identity(
+        model.fingerprint,
+        {parameter.name: parameter.value for parameter in model.parameters},
+        tuple(q.tolist()),
+        tuple(v.tolist()),
+        chosen.start,
+        chosen.rtol,
+        chosen.atol,
+        METHOD if chosen.method == "auto" else chosen.method,
+        chosen.max_step,
+    )
+
+
+def require_same(found: Identity, model: Model) -> None:
+    """Raise `CheckpointError` with what differs between a checkpoint and the model it shall go on with."""
+    for sentence in _differences(found, identity(model), model):
+        raise CheckpointError(f"it belongs to a different run: {sentence}")
+
+
+def _differences(there: Identity, here: Identity, model: Model) -> Iterator[str]:
+    if there.fingerprint != here.fingerprint:
+        yield "the text of the model, or of the position of a dependent particle, is different"
+    if there.parameters.keys() != here.parameters.keys():
+        yield "its parameters are others"
+    if len(there.q) != len(here.q) or len(there.v) != len(here.v):
+        yield f"it has {len(there.q)} coordinates, the model {len(here.q)}"
+    pairs: list[tuple[str, object, object]] = [
+        (f"the parameter `{name}`", there.parameters[name], here.parameters[name]) for name in here.parameters
+    ]
+    names = model.coordinate_names
+    pairs += [(f"the start of `{n}`", a, b) for n, a, b in zip(names, there.q, here.q, strict=True)]
+    pairs += [(f"the initial rate of `{n}`", a, b) for n, a, b in zip(names, there.v, here.v, strict=True)]
+    for name in ("start", "rtol", "atol", "method", "max_step"):
+        pairs.append((f"`{name}`", getattr(there, name), getattr(here, name)))
+    for what, a, b in pairs:
+        if a != b:
+            yield f"{what} is {_shown(a)} in it and {_shown(b)} here"
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "not given"
+    return str(list(value)) if isinstance(value, tuple) else str(value)
+
+
+def encoded(point: Checkpoint) -> bytes:
+    """The checkpoint as JSON."""
+    parts = _parts(point)
+    whole = {"lagcli-checkpoint": FORMAT, "version": __version__, **parts, "sum": control_sum(parts)}
+    return json.dumps(whole, allow_nan=False).encode() + b"\n"
+
+
+def _parts(point: Checkpoint) -> dict[str, Any]:
+    mark = {field.name: getattr(point.mark, field.name) for field in dataclasses.fields(Mark)}
+    mark |= {"y": point.mark.y.tolist(), "k": point.mark.k.tolist()}
+    mark["figures"] = dataclasses.asdict(point.mark.figures)
+    mark["selection"] = dataclasses.asdict(point.mark.selection)
+    mark["levels"] = [None if level is None else dataclasses.astuple(level) for level in point.mark.levels]
+    mark["notes"], mark["watch"] = list(point.mark.notes), list(point.mark.watch)
+    mark["turns"] = list(point.mark.turns)
+    mark["crossings"] = [dataclasses.asdict(crossing) for crossing in point.mark.crossings]
+    return {
+        "identity": dataclasses.asdict(point.identity),
+        "mark": mark,
+        "integrals": [dataclasses.asdict(integral) for integral in point.integrals],
+        "table": None if point.table is None else dataclasses.asdict(point.table),
+    }
+
+
+def control_sum(parts: Any) -> str:
+    """Tells whether any number or text has changed; how a file is laid out plays no part in it."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def read(path: str | os.PathLike[str]) -> Checkpoint:
+    """The checkpoint in a file. Raises `CheckpointError`, `OSError`."""
+    with open(path, "rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise CheckpointError("it is too large for a checkpoint")
+    return decoded(data)
+
+
+def decoded(data: bytes) -> Checkpoint:
+    """The checkpoint in JSON. Raises `CheckpointError`."""
+    try:
+        whole = json.loads(data)
+    except (ValueError, RecursionError):
+        raise CheckpointError("it is no checkpoint, or torn") from None
+    if not isinstance(whole, dict) or "lagcli-checkpoint" not in whole:
+        raise CheckpointError("it is no checkpoint")
+    _require_version(whole["lagcli-checkpoint"], whole.get("version"))
+    try:
+        integrals = tuple(_integral(**value) for value in whole["integrals"])
+        table = None if whole["table"] is None else _table(**whole["table"])
+        point = Checkpoint(_identity(whole["identity"]), _mark(whole["mark"], integrals), integrals, table)
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError):
+        raise CheckpointError(
+            "it is a damaged checkpoint: something is missing or no finite number"
+        ) from None
+    if (
+        not len(point.mark.y)
+        == len(point.mark.k)
+        == 2 * len(point.identity.q) + 1
+        == 2 * len(point.identity.v) + 1
+    ):
+        raise CheckpointError("it is a damaged checkpoint: its parts are not of one length")
+    if point.mark.origin + min(point.mark.t, point.mark.row) < point.identity.start:
+        raise CheckpointError("it is a damaged checkpoint: it is from before the start of its run")
+    if control_sum(_parts(point)) != whole.get("sum"):
+        raise CheckpointError("it is a damaged checkpoint: its numbers are not those that were written")
+    return point
+
+
+def _require_version(form: object, version: object) -> None:
+    """Another version may compute other last digits, so that the rows would not be those of one run."""
+    ours = f"this is lagcli {__version__}"
+    if version is not None and version != __version__:
+        theirs = printable(str(version))[:MOST_VERSION]
+        raise CheckpointError(
+            f"it was written by lagcli {theirs}, and {ours}, a different version, whose last digits may differ: go on"
+            f' with `pip install "lagcli=={theirs}"`, or begin the run again'
+        )
+    if form != FORMAT:
+        raise CheckpointError(
+            f"it is a checkpoint of a different version, of format {printable(str(form))[:MOST_VERSION]}, and {ours},"
+            f" which reads format {FORMAT}: go on with the version that wrote it, or begin the run again"
+        )
+
+
+def _table(file: object, step: object, count: object, checksum: object) -> Table:
+    return Table(_text(file), _number(step), _count(count), _count(checksum))
+
+
+def _identity(value: dict[str, Any]) -> Identity:
+    return Identity(
+        _text(value["fingerprint"]),
+        {name: _parameter(number) for name, number in value["parameters"].items()},
+        tuple(_numbers(value["q"]).tolist()),
+        tuple(_numbers(value["v"]).tolist()),
+        _number(value["start"]),
+        _number(value["rtol"]),
+        None if value["atol"] is None else _number(value["atol"]),
+        _text(value["method"]),
+        None if value["max_step"] is None else _number(value["max_step"]),
+    )
+
+
+def _mark(value: dict[str, Any], integrals: tuple[FirstIntegral, ...]) -> Mark:
+    figures = value["figures"]
+    mark = Mark(
+        _number(value["t"]),
+        _numbers(value["y"]),
+        _numbers(value["k"]),
+        _number(value["step"]),
+        _number(value["pace_from"]),
+        _count(value["steps"]),
+        _count(value["rejected"]),
+        _count(value["evaluations"]),
+        _number(value["row"]),
+        Figures(**{field.name: _number(figures[field.name]) for field in dataclasses.fields(Figures)}),
+        _selection(**value["selection"]),
+        tuple(
+            None if level is None else _level(len(integral.charts), *level)
+            for integral, level in zip(integrals, value["levels"], strict=True)
+        ),
+        tuple(_text(note) for note in value["notes"]),
+        tuple(_numbers(value["watch"]).tolist()),
+        tuple(_loss(**crossing) for crossing in value["crossings"]),
+        _number(value["origin"]),
+        tuple(_numbers(value["turns"]).tolist()),
+    )
+    if mark.step <= 0:
+        raise ValueError("a step that does not advance")
+    return mark
+
+
+def _selection(kept: list[object], circuits: list[list[object]]) -> Selection:
+    rows = tuple(map(_count, kept)), tuple(tuple(map(_count, circuit)) for circuit in circuits)
+    found = Selection(*rows)
+    if sorted([*found.kept, *(circuit[0] for circuit in found.circuits)]) != list(range(found.count)):
+        raise ValueError("rows that are not all there")
+    if not {row for circuit in found.circuits for row in circuit[1:]} <= set(found.kept):
+        raise ValueError("a row that depends on rows left out")
+    return found
+
+
+def _loss(t: object, number: object, participants: list[object]) -> Loss:
+    return Loss(_number(t), _count(number), tuple(map(_count, participants)))
+
+
+def _level(charts: int, chart: object, above: object, below: object) -> Level:
+    number = _count(chart)
+    if number >= charts:
+        raise ValueError("a chart that there is not")
+    return Level(number, _number(above), _number(below))
+
+
+def _integral(text: object, rows: list[object], charts: list[dict[str, object]]) -> FirstIntegral:
+    return FirstIntegral(_text(text), tuple(map(_text, rows)), tuple(_chart(**chart) for chart in charts))
+
+
+def _chart(above: object, below: object, period: object) -> Chart:
+    return Chart(_text(above), _text(below), None if period is None else _text(period))
+
+
+def _number(value: object) -> float:
+    # A bool is an int to Python, and a text may read as a number.
+    if type(value) is not float and type(value) is not int:
+        raise TypeError(value)
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(number)
+    return number
+
+
+def _count(value: object) -> int:
+    if type(value) is not int or not 0 <= value <= MOST_COUNT:
+        raise ValueError(value)
+    return value
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return value
+
+
+def _numbers(value: object) -> Floats:
+    if not isinstance(value, list):
+        raise TypeError(value)
+    return np.array([_number(item) for item in value], dtype=float)
+
+
+def _parameter(value: object) -> float | Vector3:
+    if not isinstance(value, list):
+        return _number(value)
+    x, y, z = (_number(item) for item in value)
+    return (x, y, z)

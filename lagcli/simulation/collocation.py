@@ -1,0 +1,179 @@
+"""A step by Gauss collocation on the constraints: y' at the nodes is that of states landed on them.
+
+The polynomial u of degree s with u' = y' at s nodes of Gauss (Hairer, Norsett, Wanner, Solving ODEs I, sec. II.7),
+found by fixed-point iteration. Only the nodes are evaluated, and no node of an even number lies in the middle:
+there the constraints may be singular, as long as the motion is smooth.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from numpy.polynomial import legendre
+
+from lagcli.compiled.bound_function import Call
+
+Floats = npt.NDArray[np.float64]
+
+MOST_ITERATIONS = 80
+# The iteration has converged where states change by rounding, or this part of the tolerance; where it contracts no
+# more it may be this far off.
+ROUNDING, PART, STALLED = 2e-16, 1e-3, 1e-11
+# Iterates that are mixed, and singular values of their differences that are rounding.
+DEPTH, SINGULAR = 10, 1e-10
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """A step from t to t + h: y (2n + 1,) at its begin, y' at the nodes (s, 2n + 1); end: states[-1] landed."""
+
+    t: float
+    h: float
+    y: Floats
+    slopes: Floats
+
+    def state(self, x: float) -> Floats:
+        """u at the fraction x of the step."""
+        return self.y + self.h * (_weights(len(self.slopes), x) @ self.slopes)
+
+    def slope(self, x: float) -> Floats:
+        """u' there."""
+        values = legendre.legvander(np.array([2 * x - 1]), len(self.slopes) - 1)[0]
+        return np.asarray((_terms(len(self.slopes)) @ values) @ self.slopes)
+
+
+def rising(t: float, y: Floats, h: float, slope: Floats) -> Step:
+    """A first guess of a step: one slope (2n + 1,) all along."""
+    return Step(t, h, y, slope[None])
+
+
+def improved(land: Call, guess: Step, h: float, count: int, rtol: float) -> Step | None:
+    """The step from the begin of another, of length h with `count` nodes.
+
+    None where the iteration does not converge or a state does not land. land: `NumericSystem.land` on arrays
+    (t, y, p).
+    """
+    t, y = guess.t, guess.y
+    nodes, A = _gauss(count)
+    slopes = np.array([guess.slope(x * h / guess.h) for x in nodes])
+    converged = max(ROUNDING, PART * rtol)
+    sizes = _sizes(land, t, y)
+    before = np.inf
+    states = y + h * (A @ slopes)
+    mixing = _Mixing(sizes)
+    for _ in range(MOST_ITERATIONS):
+        for i, x in enumerate(nodes):
+            rate = landed(land, t + x * h, states[i])
+            if rate is None:
+                return None
+            slopes[i] = rate
+        new = y + h * (A @ slopes)
+        change = float((np.abs(new - states) / sizes).max())
+        if change <= converged or (change > 0.5 * before and before <= STALLED):
+            return Step(t, h, y, slopes)
+        before = min(change, before)
+        states = mixing.next(states, new)
+    return None
+
+
+class _Mixing:
+    """Anderson's acceleration of a fixed-point iteration x -> g(x): the combination of the last iterates whose change
+    g(x) - x is least, mixed of their g(x) (Anderson, J. ACM 12 (1965) 547).
+
+    Close to where rows are dependent the projection turns an error of a state into one of its slope as large as
+    1/h: the plain iteration then contracts slowly or not at all, in a few directions, whatever the length of the step.
+    """
+
+    def __init__(self, sizes: Floats) -> None:
+        self._sizes = sizes
+        self._values: list[Floats] = []
+        self._changes: list[Floats] = []
+
+    def next(self, x: Floats, g: Floats) -> Floats:
+        """The next x after one with g(x)."""
+        self._values, self._changes = (
+            [*self._values[-DEPTH:], (g / self._sizes).ravel()],
+            [*self._changes[-DEPTH:], ((g - x) / self._sizes).ravel()],
+        )
+        if len(self._values) == 1:
+            return g
+        changes, values = np.array(self._changes), np.array(self._values)
+        differences = np.diff(changes, axis=0).T
+        lengths = np.linalg.norm(differences, axis=0)
+        lengths[lengths == 0] = 1.0
+        weights = np.linalg.lstsq(differences / lengths, changes[-1], rcond=SINGULAR)[0] / lengths
+        mixed = np.asarray(values[-1] - weights @ np.diff(values, axis=0)).reshape(g.shape)
+        return np.asarray(mixed * self._sizes)
+
+
+def _sizes(land: Call, t: float, y: Floats) -> Floats:
+    """Sizes (2n + 1,) by which changes of y are judged: those of positions, of velocities and of an energy."""
+    at, state = land.arguments[:2]
+    at[0], state[:] = t, y
+    land.trigger()
+    land.used += 1
+    # At a singular start no velocity is landed.
+    n = y.size // 2
+    packed = np.nan_to_num(land.results[3])
+    packed[n : n + 2] = [np.abs(part / packed[:n]).max(initial=0.0) for part in (y[:n], y[n : 2 * n])]
+    return sizes_of(packed)
+
+
+def sizes_of(packed: Floats) -> Floats:
+    """The same (2n + 1,) from `parts.Sizes.packed` (n + 3,)."""
+    units, (q, v, a) = packed[:-3], packed[-3:].tolist()
+    # What is at rest begins to move.
+    speed = v or math.sqrt(q * a)
+    return np.concatenate([(q or 1.0) * units, (speed or 1.0) * units, [speed**2 or 1.0]])
+
+
+def landed(land: Call, t: float, y: Floats) -> Floats | None:
+    """y' where a state lands on the constraints, or None where it does not."""
+    at, state = land.arguments[:2]
+    at[0], state[:] = t, y
+    land.trigger()
+    land.used += 1
+    outcome = land.results[2]
+    if not np.isfinite(outcome[-1]) or not outcome[0] <= 1e-9:
+        return None
+    return land.results[1]
+
+
+def closest(count: int, place: float) -> float:
+    """How close to a place in a step a node comes, both as parts of the step."""
+    return float(np.abs(_gauss(count)[0] - place).min())
+
+
+def first(count: int) -> float:
+    """Where the first node lies, as a part of the step."""
+    return float(_gauss(count)[0][0])
+
+
+def nodes(count: int) -> list[float]:
+    """The nodes of Gauss as parts of a step."""
+    return [float(x) for x in _gauss(count)[0]]
+
+
+@lru_cache
+def _gauss(count: int) -> tuple[Floats, Floats]:
+    """Nodes (s,) in (0, 1), and A (s, s): integrals of the Lagrange polynomials up to the nodes."""
+    nodes = (legendre.leggauss(count)[0] + 1) / 2
+    return nodes, np.array([_weights(count, x) for x in nodes])
+
+
+@lru_cache(4096)
+def _weights(count: int, x: float) -> Floats:
+    """Integrals from 0 to x of the Lagrange polynomials of the nodes, (s,)."""
+    return np.asarray(legendre.legval(2 * x - 1, legendre.legint(_terms(count).T, lbnd=-1)) / 2)
+
+
+@lru_cache
+def _terms(count: int) -> Floats:
+    """Lagrange polynomials of the nodes, (s,), in those of Legendre on (-1, 1): l_j = sum_k (k + 1/2) w_j P_k(x_j) P_k,
+    exact for the degrees at hand."""
+    nodes, weights = legendre.leggauss(count)
+    return np.asarray(legendre.legvander(nodes, count - 1) * weights[:, None] * (np.arange(count) + 0.5))

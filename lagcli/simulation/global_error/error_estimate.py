@@ -1,0 +1,150 @@
+"""The error of a run from its distance to the same run repeated at a tighter tolerance, row by row.
+
+Reintegration, as in L. F. Shampine, Error Estimation and Control for ODEs, J. Sci. Comput. 25 (2005). It sees what an
+estimate from within one run cannot: errors that the motion amplifies, and steps that something else than the tolerance
+has cut. Its weak side is rounding, where a tighter run is no better: there both runs are off by sums of rounding of
+like size, and their distance is one by chance.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations.system import System
+from lagcli.model.model import Simulation
+from lagcli.simulation import loop, step_tolerance
+from lagcli.simulation.global_error import divergence
+from lagcli.simulation.global_error.accuracy import KINDS, SURE, Accuracy
+
+Floats = npt.NDArray[np.float64]
+
+COLUMNS = tuple(f"err.{kind}" for kind in KINDS)
+# The steps of the repeated run are held to this part of the tolerance of the first.
+TIGHTER = 250.0
+# It begins with this part of the first step of the other: the first step, and those that grow from it as fast as they
+# may, do not always depend on the tolerance, and two runs with the same steps have the same errors.
+FIRST_STEP = 0.45
+# Below these the error estimate of a step is nothing but rounding, and steps only get shorter.
+FINEST, FINEST_ABSOLUTE = 3e-15, 1e-16
+# A run held to less than NEARLY times the finest cannot be repeated with less error: it is with more, LOOSER times.
+NEARLY, LOOSER = 3.0, 3.0
+# The estimate is the distance of the runs times the factor of the first line that the tolerance of a step reaches. Two
+# errors may agree by chance: rarely where one is a hundredth of the other, more often where both are sums of rounding.
+SAFETY = ((0.99e-12, 1.0), (0.99e-13, 1.5), (0.0, 3.0))
+NOT_RESUMED = (
+    "a checkpoint holds a run, and not the one it is compared with, so that the error up to it is not known; take the"
+    " run from its start"
+)
+# No estimate is below this part of the scale.
+FLOOR = 1e-13
+
+
+def repeated(settings: Simulation) -> Simulation:
+    """The settings of the repeated run: the same grid, another tolerance, such that steps differ too, and half the
+    largest step."""
+    if settings.max_step is not None:
+        settings = dataclasses.replace(settings, max_step=settings.max_step / 2)
+    rtol, atol, *_ = step_tolerance.of_steps(settings).tolist()
+    if rtol < NEARLY * FINEST:
+        return _held_to(settings, LOOSER * rtol, LOOSER * atol)
+    finer = max(rtol / TIGHTER, FINEST)
+    return _held_to(settings, finer, max(atol * finer / rtol, min(atol, FINEST_ABSOLUTE)))
+
+
+def _held_to(settings: Simulation, rtol: float, atol: float) -> Simulation:
+    """Settings whose steps are held to these: the inverse of `tolerance.of_steps`."""
+    wanted = rtol if rtol < step_tolerance.FINEST else rtol * step_tolerance.TIGHTENING
+    return dataclasses.replace(
+        settings, rtol=wanted, atol=None if settings.atol is None else atol * wanted / rtol
+    )
+
+
+def safety(settings: Simulation) -> float:
+    """What the distance of the two runs is multiplied by."""
+    rtol = step_tolerance.of_steps(settings)[0]
+    return next(factor for least, factor in SAFETY if rtol >= least)
+
+
+def places(system: System) -> tuple[list[int], ...]:
+    """Where the columns of each kind stand in a row of the table of a system, the first of which is t."""
+    at = {name: i for i, name in enumerate(system.columns, 1)}
+    particles, generalized = system.model.particle_names, system.model.generalized_names
+    named = (
+        (*(f"{name}.{axis}" for name in particles for axis in "xyz"), *generalized),
+        (*(f"{name}.v{axis}" for name in particles for axis in "xyz"), *(f"rate({q})" for q in generalized)),
+        tuple(f"lambda.{row.name}" for row in system.rows.rows),
+        (*(f"R.{name}.{axis}" for name in particles for axis in "xyz"), *(f"R.{q}" for q in generalized)),
+    )
+    return tuple([at[name] for name in names] for names in named)
+
+
+class Errors:
+    """Running maxima of the distance of two tables and of the values themselves, each kind for itself.
+
+    kinds: the places of the columns of each kind; parted: what looks for a place where the tables go apart.
+    """
+
+    def __init__(
+        self, kinds: tuple[list[int], ...], factor: float, parted: divergence.Parting | None = None
+    ) -> None:
+        self._parting = parted or divergence.Parting(0)
+        self._kinds, self._factor = kinds, factor
+        self._gaps, self._sizes = np.zeros(len(kinds)), np.zeros(len(kinds))
+        self._last = math.nan
+        self._until = [math.nan] * len(kinds)
+        self._is_lost = [False] * len(kinds)
+
+    def take(self, rows: Floats, others: Floats) -> Floats:
+        """The errors (k, 4) of rows (k, columns) of the one table from those of the other at the same times."""
+        with np.errstate(invalid="ignore"):
+            gaps = self._running(self._gaps, [rows[:, at] - others[:, at] for at in self._kinds])
+        # Where one of the runs has seen nothing, its values alone give no scale.
+        both = [np.maximum(np.abs(rows[:, at]), np.abs(others[:, at])) for at in self._kinds]
+        sizes = self._running(self._sizes, both)
+        self._parting.take(rows[:, 0], gaps, sizes)
+        errors = np.maximum(self._factor * gaps, FLOOR * sizes)
+        if len(rows):
+            self._gaps, self._sizes = gaps[-1], sizes[-1]
+            self._follow(rows[:, 0], errors > 10.0**-SURE * sizes)
+        return errors
+
+    def accuracy(self, again: loop.Run, held_to: float) -> Accuracy | None:
+        """What is known after the rows so far, if any; `again`: the repeated run, held to this tolerance."""
+        if math.isnan(self._last):
+            return None
+        errors = np.maximum(self._factor * self._gaps, FLOOR * self._sizes)
+        account = again.account
+        return Accuracy(
+            self._last,
+            tuple(errors.tolist()),
+            tuple(self._sizes.tolist()),
+            tuple(self._until),
+            held_to,
+            account.steps,
+            account.rejected,
+            account.evaluations,
+            parted=self._parting.found,
+        )
+
+    def _running(self, before: Floats, values: list[Floats]) -> Floats:
+        """The largest of each kind up to each row. What has no value, a multiplier at its pole, does not count."""
+        sizes = [
+            np.abs(np.where(np.isfinite(value), value, 0.0)).max(axis=1, initial=0.0) for value in values
+        ]
+        return np.maximum.accumulate(np.vstack([before, np.array(sizes).T]))[1:]
+
+    def _follow(self, t: Floats, is_bad: npt.NDArray[np.bool_]) -> None:
+        if math.isnan(self._last):
+            self._until = [float(t[0])] * len(self._kinds)
+        for kind, column in enumerate(is_bad.T):
+            if self._is_lost[kind]:
+                continue
+            self._is_lost[kind] = bool(column.any())
+            good = int(np.argmax(column)) if self._is_lost[kind] else len(t)
+            if good:
+                self._until[kind] = float(t[good - 1])
+        self._last = float(t[-1])

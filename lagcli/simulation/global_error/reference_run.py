@@ -1,0 +1,117 @@
+"""Two runs side by side on one grid: the rows of the first with their errors, from the second."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations import time_functions
+from lagcli.equations.system import System
+from lagcli.model.model import Simulation
+from lagcli.simulation import loop, step_tolerance
+from lagcli.simulation.checkpoint import Mark
+from lagcli.simulation.global_error import divergence, error_estimate
+from lagcli.simulation.global_error.accuracy import Accuracy
+from lagcli.simulation.invariants import Holding
+
+Floats = npt.NDArray[np.float64]
+
+# Times of two rows that are the same but for the rounding of a table.
+SAME_TIME = 1e-12
+
+
+class Paired:
+    """A run from its start and the same run at another tolerance, which is kept no farther ahead than a block."""
+
+    def __init__(
+        self, system: System, run: loop.Run, held: Holding, begin: loop.Begin, settings: Simulation
+    ) -> None:
+        again = error_estimate.repeated(settings)
+        self._tolerance = float(step_tolerance.of_steps(again)[0])
+        self._run = run
+        smaller = dataclasses.replace(begin, part=error_estimate.FIRST_STEP, is_again=True)
+        self._again = loop.Run(
+            held, smaller, again, system.columns, (), time_functions.functions(system.model)
+        )
+        self._ahead = self._again.blocks()
+        self._waiting = np.zeros((0, 1 + len(system.columns)))
+        self._broken: loop.Stop | None = None
+        window = divergence.window(run.grid.count) if held.has_time else 0
+        relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
+        parted = divergence.Parting(window, relative, settings.atol or 0.0)
+        self._errors = error_estimate.Errors(
+            error_estimate.places(system), error_estimate.safety(settings), parted
+        )
+        # The run as it stood behind the last whole block, and where rows end within one: only where the repeated run
+        # has stopped there.
+        self._mark: Mark | None = None
+        self._cut: float | None = None
+        self._taken = 0
+
+    @property
+    def solve_seconds(self) -> float:
+        """The seconds of the repeated run."""
+        return self._again.account.solve_seconds
+
+    @property
+    def accuracy(self) -> Accuracy | None:
+        """The estimate at the last row handed out, None before the first."""
+        return self._errors.accuracy(self._again, self._tolerance)
+
+    def of_table(self, rows: Floats) -> Accuracy | None:
+        """The estimate for a table (T, columns) in place of the rows of the first run, which is not taken.
+
+        None where the times of its rows are not those of the grid. Raises `driver.Stopped` where the repeated run stops
+        before the last of them.
+        """
+        known = 0
+        for others in self._ahead:
+            part = rows[known : known + len(others)]
+            if len(part) < len(others) or not np.allclose(part[:, 0], others[:, 0], rtol=SAME_TIME, atol=0):
+                return None
+            self._errors.take(part, others)
+            known += len(others)
+        return self.accuracy if known == len(rows) else None
+
+    def blocks(self) -> Iterator[Floats]:
+        """Blocks of rows (k, columns + 4), the errors last.
+
+        Raises `driver.Stopped` after the last good one, also where the repeated run stops and the first does not.
+        """
+        for rows in self._run.blocks():
+            others = self._others(len(rows))
+            known = len(others)
+            errors = self._errors.take(rows[:known], others)
+            if known < len(rows):
+                if known:
+                    self._cut = self._run.grid.time(self._taken + known - 1)
+                    yield np.hstack([rows[:known], errors])
+                assert self._broken is not None, "the rows of both runs stand on one grid"
+                raise loop.Stopped(self._broken)
+            self._taken += known
+            yield np.hstack([rows, errors])
+            self._mark = self._run.mark()
+
+    def mark(self) -> Mark:
+        """Where to go on from after the rows handed out so far."""
+        if self._cut is None:
+            return self._run.mark()
+        return dataclasses.replace(self._mark or self._run.mark(), row=self._cut)
+
+    def _others(self, count: int) -> Floats:
+        """The next rows of the repeated run; less than `count` where it has stopped."""
+        parts, have = [self._waiting], len(self._waiting)
+        try:
+            while have < count:
+                parts.append(next(self._ahead))
+                have += len(parts[-1])
+        except loop.Stopped as stopped:
+            stop = stopped.stop
+            why = f"the run repeated at other tolerances {stop.reason}; the errors of rows after it are not known"
+            self._broken = dataclasses.replace(stop, reason=why)
+        rows = np.concatenate(parts)
+        self._waiting = rows[count:].copy()
+        return rows[:count]

@@ -1,0 +1,50 @@
+"""What the error of a step is compared with: relative to the state, and to the sizes of the motion or to `atol`.
+
+Without `atol` a component near zero is held to a part of the size of the motion: of the speeds there are, of what they
+and the forces do in a step. These scale with the units of length, time and mass and of each coordinate, so that the
+same motion takes the same steps in all of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.model.model import Simulation
+
+Floats = npt.NDArray[np.float64]
+
+# Errors of steps add up over a run, and what is promised is about the result: the scheme is held to a hundredth
+# of the tolerance asked for, but not below where its error estimate is rounding.
+TIGHTENING, FINEST = 100.0, 1e-14
+# The absolute tolerance of a run without `atol`, as a part of the size of the motion; of a step it is no more than
+# BELOW of the relative one, and no less than rounding.
+DEFAULT, BELOW, LEAST = 1e-13, 1e-2, 1e-16
+# A part of the size of positions that their own rounding makes invisible: in a step it moves velocities by as much,
+# divided by its length. It is below the spacing of doubles, for forces do not change by themselves in a step.
+ROUNDING = 1e-17
+TINY = 1e-300
+
+
+def of_steps(settings: Simulation) -> Floats:
+    """(rtol, atol, part, rounding): the error of a step is compared with rtol |y| + atol, plus these parts of sizes.
+
+    Either atol or the parts are zero.
+    """
+    rtol = max(settings.rtol / TIGHTENING, min(settings.rtol, FINEST))
+    tightened = rtol / settings.rtol
+    if settings.atol is not None:
+        return np.array([rtol, settings.atol * tightened, 0.0, 0.0])
+    return np.array([rtol, 0.0, max(LEAST, min(DEFAULT * tightened, BELOW * rtol)), ROUNDING])
+
+
+def absolute(settings: Simulation, size: float) -> float:
+    """The absolute tolerance of a run for values of this size, such as the largest position or the largest speed."""
+    return DEFAULT * size if settings.atol is None else settings.atol
+
+
+def sentence(settings: Simulation) -> str:
+    """The tolerances of a run, for its account."""
+    if settings.atol is None:
+        return f"rtol {settings.rtol:g}, atol {DEFAULT:g} of the sizes of the motion"
+    return f"rtol {settings.rtol:g}, atol {settings.atol:g}"

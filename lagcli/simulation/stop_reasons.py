@@ -1,0 +1,163 @@
+"""Why a run cannot go on: the row whose value or gradient jumps there, ends or has a pole, and the function in it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.equations import edge_functions
+from lagcli.equations.system import System
+from lagcli.linear.metric_rows import Rows
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+
+# How far along the motion the two sides of a place are looked at, as parts of the size of the configuration: a run
+# stops within rounding of a jump, and some way before the end of a function, where its steps have become too short.
+NEAR, FAR, REACHES = 1e-8, 1e-5, (1.0, 1e2, 1e3, 1e4)
+# A configuration is as large as the way of this part of the run, or larger.
+PART_OF_RUN = 1e-3
+# The part of a row by which it must differ: what draws near as the distance shrinks is no jump.
+JUMP, STAYS = 1e-4, 0.3
+# What rounding leaves of f on its surface, as a part of the size of its terms.
+ROUNDED = 1e-10
+# A pole grows by more than this where the distance shrinks from FAR to NEAR.
+GROWS = 10.0
+# `atan2` jumps by 2 pi at its cut, and by less where both of its arguments go through zero.
+AT_CUT = 1.5 * np.pi
+THROUGH_ZERO = "both arguments of `atan2` go through zero"
+
+PHRASES = {
+    "atan2": "`atan2` crosses its cut",
+    "atan": "the argument of `atan` goes through infinity",
+    "asin": "`asin` comes to an end of its range",
+    "acos": "`acos` comes to an end of its range",
+    "sign": "`sign` switches",
+    "abs": "the argument of `abs` changes its sign",
+    "min": "`min` switches",
+    "max": "`max` switches",
+}
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Sides:
+    """Values (k,) at four places on the way through an instant: far before, near before, near after and far after;
+    rounding (k,): a difference below this is none."""
+
+    values: tuple[Floats, ...]
+    rounding: Floats
+
+    def jumps(self) -> npt.NDArray[np.bool_]:
+        """Which of them have another value on the other side, however near that is."""
+        a, b, c, d = self.values
+        with np.errstate(invalid="ignore", over="ignore"):
+            near, far = np.abs(c - b), np.abs(d - a)
+            least = np.maximum(JUMP * np.maximum(np.abs(b), np.abs(c)), self.rounding)
+            return np.isfinite(near) & (near > least) & (near > STAYS * far) & (near < far / STAYS)
+
+    def ends(self) -> npt.NDArray[np.bool_]:
+        """Which of them have a value before and none after."""
+        a, b, _, d = (np.isfinite(x) for x in self.values)
+        return a & b & ~d
+
+    def grows(self) -> npt.NDArray[np.bool_]:
+        """Which of them grow beyond any bound."""
+        a, b, c, d = map(np.abs, self.values)
+        with np.errstate(invalid="ignore"):
+            return (b > GROWS * a) & ~(c < GROWS * d) & (a > 0)
+
+
+def reason(system: System, numeric: NumericSystem, state: State) -> str:
+    """Why rows do not lead on from a state along its velocity, as a sentence; empty where none of them jumps there."""
+    if not system.rows.rows:
+        return ""
+    seen = [(reach, _along(state, reach, _length(system, state))) for reach in REACHES]
+    found_sides = [
+        (reach, places, Sides(tuple(_rows(numeric, x) for x in places), _rounding(numeric, places[1])))
+        for reach, places in seen
+    ]
+    for reach, places, sides in found_sides:
+        # A jump of a value first: close to it cancellation spoils the gradient too.
+        hit = np.flatnonzero(sides.jumps()[: system.holonomic_count])
+        if hit.size and reach < REACHES[-1]:
+            row = int(hit[0])
+            return _sentence(system, row, "jumps", True, _call(system, row, places))
+    for reach, places, sides in found_sides:
+        kinds = [("ends", sides.ends())]
+        if reach < REACHES[-1]:
+            kinds += [("jumps", sides.jumps()), ("grows", sides.grows())]
+        for kind, found in kinds:
+            hit = np.flatnonzero(found)
+            if hit.size:
+                part, row = divmod(int(hit[0]), len(system.rows.rows))
+                return _sentence(system, row, kind, part == 0, _call(system, row, places))
+    return ""
+
+
+def _sentence(system: System, row: int, kind: str, in_value: bool, call: str) -> str:
+    name, whole = system.rows.rows[row].name, row < system.holonomic_count
+    why = f" ({call})" if call else ""
+    if kind == "ends":
+        return f"the row `{name}` is not defined beyond{why}: its surface, or its gradient, ends there"
+    if kind == "grows":
+        return f"the gradient of the row `{name}` grows beyond all bounds there{why}"
+    if in_value and whole:
+        return f"the row `{name}` jumps there{why}"
+    what = "gradient of the row" if whole else "row"
+    return f"the {what} `{name}` jumps there{why}, and the velocity would have to jump"
+
+
+def _length(system: System, state: State) -> float:
+    """How long the run has gone on, or should, where it has not begun: a duration that is asked for is no scale."""
+    settings = system.model.simulation
+    gone = abs(state.t - settings.start)
+    return min(gone, settings.duration) or settings.duration
+
+
+def _along(state: State, reach: float, duration: float) -> tuple[State, ...]:
+    """Places on both sides of a state, along its velocity."""
+    speed = float(np.abs(state.v).max(initial=0.0))
+    size = max(float(np.abs(state.q).max(initial=0.0)), PART_OF_RUN * speed * duration)
+    unit = reach * (size / speed if speed else 1.0)
+    steps = [part * unit for part in (-FAR, -NEAR, NEAR, FAR)]
+    return tuple(dataclasses.replace(state, t=state.t + h, q=state.q + h * state.v) for h in steps)
+
+
+def _rows(numeric: NumericSystem, place: State) -> Floats:
+    """f (C,), zero of differential rows, then B u of two directions u, and b: (4 C,)."""
+    B, b = numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)
+    f, rows = np.array(numeric.whole(place.t, place.q, place.p)[0]).ravel(), Rows(B)
+    random = np.random.default_rng(0)
+    ways = [rows.times(random.standard_normal(place.q.size)) for _ in range(2)]
+    return np.concatenate([f, np.zeros(rows.count - f.size), *ways, np.array(b).ravel()])
+
+
+def _rounding(numeric: NumericSystem, place: State) -> Floats:
+    """What rounding may leave of f, and nothing for the gradients, (4 C,)."""
+    norms = Rows(numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)[0]).norms
+    s, size = numeric.whole.size1_out(0), float(np.abs(place.q).max(initial=0.0))
+    floor = np.zeros((4, norms.size))
+    floor[0, :s] = ROUNDED * np.nan_to_num(norms[:s], posinf=0.0) * size
+    return floor.ravel()
+
+
+def _call(system: System, row: int, places: tuple[State, ...]) -> str:
+    """What the innermost function of a row does whose value or slope jumps, ends or grows between the places, or
+    nothing."""
+    names, function = edge_functions.of_row(system, row)
+    if not names:
+        return ""
+    values = tuple(np.array(function(x.t, x.q, x.v, x.p)).ravel() for x in places)
+    sides = Sides(values, np.zeros(values[0].size))
+    hit = (sides.jumps() | sides.ends() | sides.grows()).reshape(2, -1).any(axis=0)
+    if not hit.any():
+        return ""
+    call = int(np.argmax(hit))
+    if names[call] == "atan2" and abs(values[2][call] - values[1][call]) < AT_CUT:
+        return THROUGH_ZERO
+    return PHRASES.get(
+        names[call], names[call] if names[call] == edge_functions.QUOTIENT else f"`{names[call]}`"
+    )

@@ -1,0 +1,291 @@
+"""Where steps must end because of what a model says about t alone, whatever the motion does.
+
+At a switch (`sign`, `abs`, `min`, `max` of functions of t) forces jump or have a kink. A step ends shortly before, by a
+few roundings of the time, and the next one begins as shortly after, so that no stage falls on the switch or beyond.
+Stations are the times between which no function of t alone rises or falls by much of its range: a step that passes one
+of them at most cannot lead over a pulse. Both are found by interval arithmetic, which misses none, piece by piece as
+the run goes on; they do not depend on where it ends.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+import sys
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations.time_functions import TimeFunctions
+from lagcli.expression.intervals import Range
+
+Floats = npt.NDArray[np.float64]
+
+# A piece of time that is looked through at once holds about so many rows; where there is too much to find in it,
+# it is halved, but not more often than this, and the less often the more there is to evaluate.
+ROWS, MOST_HALVINGS = 1024, 14
+# Pieces that are kept for the next run of the same model.
+MOST_KEPT = 16
+# Cells of a piece at a time, and values in all of them.
+MOST_CELLS, MOST_VALUES = 2**12, 2**21
+# A cell that holds a switch is halved down to neighbouring doubles. Rounding alone may fill more of them than RUN:
+# then they stay as they are from this part of the time on.
+RUN, FINE = 16, 2.0**-30
+# Steps keep this many roundings of the time away from a switch, and states stand still across no more than STILL. Near
+# t = 0 the part GRAIN of a piece takes the place of a rounding.
+ASIDE, STILL, GRAIN = 4, 256, 2.0**-62
+# A cell is halved until no function changes by more than this part of its range in it, down to a part of the piece.
+CHANGE, SHORTEST = 0.25, 2.0**-36
+# Between stations a function goes up and down by this part of its range in all, and by that of a cell. A step passes
+# one at most; a pulse goes up and down by two.
+BETWEEN = 0.5
+
+
+class Switch(NamedTuple):
+    """A time at which a function of t switches, to rounding: it does between these two."""
+
+    before: float
+    after: float
+
+
+class Timetable:
+    """The switches and stations of a run.
+
+    start: of the run; row_step: the time between its rows; longest: what no step may be longer than; passing: how many
+    stations a step may pass.
+    """
+
+    def __init__(
+        self,
+        functions: TimeFunctions | None,
+        start: float,
+        row_step: float,
+        longest: float = math.inf,
+        passing: int = 1,
+    ) -> None:
+        self._functions, self._start, self._longest = functions, start, longest
+        self._passing = passing
+        # A power of 2; one that is no double is longer than any run.
+        exponent = (
+            math.ceil(math.log2(ROWS) + math.log2(row_step)) if row_step > 0 else sys.float_info.max_exp
+        )
+        self._piece = math.ldexp(1.0, exponent) if exponent < sys.float_info.max_exp else math.inf
+        # All up to a time is known; pieces from there on that are looked through next, the first last.
+        self._known = -math.inf
+        self._open: list[tuple[float, float, int]] = []
+        self._switches: list[Switch] = []
+        self._stations: list[float] = []
+        size = 1 if functions is None else functions.size
+        self._halvings = max(0, MOST_HALVINGS - size.bit_length())
+        is_empty = functions is None or not (functions.switches or functions.waves)
+        self._is_empty = is_empty or not math.isfinite(self._piece)
+
+    @property
+    def is_any(self) -> bool:
+        """Whether there is anything that steps may have to end at."""
+        return not self._is_empty or self._longest < math.inf
+
+    def shortened(self, t: float, h: float) -> float:
+        """The longest step from t that is no longer than h and passes nothing it must not."""
+        h = min(h, self._longest)
+        if self._is_empty:
+            return h
+        self._learn(t, t + h)
+        i = bisect.bisect_right(self._stations, t) + self._passing
+        if i < len(self._stations) and self._stations[i] < t + h:
+            h = self._stations[i] - t
+        i = bisect.bisect_right(self._switches, (t, math.inf)) if self._switches else 0
+        if i < len(self._switches) and self._switches[i].before < t + h:
+            h = self._switches[i].before - t
+        return h
+
+    def switch(self, t: float) -> tuple[float, float] | None:
+        """The time of the switch at which t stands, and one on its other side; None where it stands at none."""
+        if self._is_empty or not (self._functions and self._functions.switches):
+            return None
+        self._learn(t, t)
+        # A step that ends at a time may miss it by a rounding.
+        near = t + 2 * math.ulp(t)
+        i = bisect.bisect_right(self._switches, (near, math.inf)) - 1
+        if i < 0 or self._switches[i].after <= t:
+            return None
+        before, after = self._switches[i]
+        if after - before > STILL * max(math.ulp(after), GRAIN * self._piece):
+            return None
+        return max(t, before + (after - before) / 2), after
+
+    def _learn(self, t: float, until: float) -> None:
+        """Find what is not known yet between two times, as far as the next step from the first may need it."""
+        limit = until + STILL * math.ulp(until)
+        if self._known > limit:
+            return
+        # What lies behind is not asked for again.
+        self._switches = [switch for switch in self._switches if switch.after >= t]
+        self._stations = [station for station in self._stations if station >= t]
+        while self._known <= limit and not self._is_enough(t):
+            if not self._open:
+                first = (
+                    self._known if math.isfinite(self._known) else math.floor(t / self._piece) * self._piece
+                )
+                self._open.append((first, first + self._piece, self._halvings))
+            self._search(t, *self._open.pop())
+
+    def _is_enough(self, t: float) -> bool:
+        """Whether a step from t ends at what is known."""
+        ahead = bool(self._switches) and self._switches[-1].before > t
+        return ahead or len(self._stations) > bisect.bisect_right(self._stations, t) + self._passing
+
+    def _search(self, t: float, low: float, high: float, halvings: int) -> None:
+        """Find all between two times that is ahead of t; the first half first where there is too much."""
+        assert self._functions is not None
+        begin = max(low, self._start - STILL * math.ulp(self._start))
+        if begin < high and high >= t:
+            switches, stations = self._found(begin, high)
+            if halvings and (switches is None or stations is None):
+                middle = (low + high) / 2
+                self._open += [(middle, high, halvings - 1), (low, middle, halvings - 1)]
+                return
+            # What is too much in the shortest piece is left to the error estimate and to the rows.
+            self._add(
+                switches or [], _of_each(self._functions, (begin, high)) if stations is None else stations
+            )
+        self._known = high
+
+    def _found(self, begin: float, high: float) -> tuple[list[Switch] | None, list[float] | None]:
+        """The switches and stations between two times, kept for the next run; None where there is too much."""
+        assert self._functions is not None
+        kept, span = self._functions.kept, (begin, high)
+        found: tuple[list[Switch] | None, list[float] | None] | None = kept.get((*span, self._piece))
+        if found is None:
+            switches = _switches(self._functions, span, GRAIN * self._piece)
+            found = switches, _stations(self._functions, self._functions.waves, span)
+            if len(kept) < MOST_KEPT:
+                kept[*span, self._piece] = found
+        return found
+
+    def _add(self, switches: list[Switch], stations: list[float]) -> None:
+        for switch in switches:
+            last = self._switches[-1] if self._switches else None
+            if last is not None and switch.before <= last.after:
+                self._switches[-1] = Switch(last.before, max(last.after, switch.after))
+            else:
+                self._switches.append(switch)
+        self._stations += stations
+
+
+def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float) -> list[Switch] | None:
+    """The switches between two times; None where there is too much to look at."""
+    if not functions.switches:
+        return []
+    left, right = (np.array([x]) for x in span)
+    coarse: list[tuple[float, float]] = []
+    while True:
+        if left.size * functions.size > MOST_VALUES:
+            return None
+        values = functions.values((left, right), functions.switches)
+        held = np.zeros(left.size, dtype=bool)
+        for a, b in values:
+            # What is zero all over a cell switches at its ends, if anywhere.
+            zero = (a <= 0.0) & (b >= 0.0) & ~((a == 0.0) & (b == 0.0))
+            held |= np.atleast_2d(zero).any(axis=0)
+        left, right = left[held], right[held]
+        whole = (right - left <= grain) | (right <= np.nextafter(left, np.inf))
+        if whole.all():
+            break
+        fine = right - left <= FINE * np.maximum(np.abs(left), np.abs(right))
+        if fine.any():
+            crowded = _crowded(left, right) & fine
+            coarse += zip(left[crowded].tolist(), right[crowded].tolist(), strict=True)
+            left, right, whole = left[~crowded], right[~crowded], whole[~crowded]
+        if left.size > MOST_CELLS:
+            return None
+        left, right = _halved(left, right, ~whole)
+    found = _joined([*zip(left.tolist(), right.tolist(), strict=True)], grain)
+    ends = [(x, x) for switch in _joined(coarse, grain) for x in switch]
+    return _joined([*found, *_joined(ends, grain)], 0.0) if ends else found
+
+
+def _halved(left: Floats, right: Floats, which: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Some of the cells in two halves each."""
+    middle = np.where(which, left + (right - left) / 2, right)
+    left, right = np.column_stack([left, middle]).ravel(), np.column_stack([middle, right]).ravel()
+    real = left < right
+    return left[real], right[real]
+
+
+def _crowded(left: Floats, right: Floats) -> npt.NDArray[np.bool_]:
+    """Which cells stand in a row of more than `RUN` without a gap."""
+    if not left.size:
+        return np.zeros(0, dtype=bool)
+    numbers = np.cumsum(np.concatenate([[0], left[1:] > right[:-1]]))
+    return np.asarray(np.bincount(numbers)[numbers] > RUN)
+
+
+def _joined(cells: list[tuple[float, float]] | list[Switch], grain: float) -> list[Switch]:
+    """Cells as switches, with some roundings aside; those that nearly touch as one."""
+    found: list[Switch] = []
+    for a, b in sorted(cells):
+        aside = ASIDE * max(math.ulp(max(abs(a), abs(b))), grain) if grain else 0.0
+        if found and a - 4 * aside <= found[-1].after:
+            found[-1] = Switch(found[-1].before, max(found[-1].after, b + aside))
+        else:
+            found.append(Switch(a - aside, b + aside))
+    return found
+
+
+def _of_each(functions: TimeFunctions, span: tuple[float, float]) -> list[float]:
+    """The stations between two times of those functions alone that are not too much to look at."""
+    found = {x for wave in functions.waves for x in _stations(functions, (wave,), span) or []}
+    return sorted(found)
+
+
+def _stations(
+    functions: TimeFunctions, waves: tuple[int, ...], span: tuple[float, float]
+) -> list[float] | None:
+    """The stations of waves between two times; None where there is too much to look at."""
+    if not waves:
+        return []
+    everything = np.array([-np.inf]), np.array([np.inf])
+    whole = functions.values(everything, waves)
+    left, right = (np.array([x]) for x in span)
+    shortest = SHORTEST * (span[1] - span[0])
+    while True:
+        values = functions.values((left, right), waves)
+        change = np.zeros(left.size)
+        for bound, value in zip(whole, values, strict=True):
+            change = np.maximum(change, _change(bound, value))
+        split = (change > CHANGE) & (right - left > shortest)
+        if not split.any():
+            break
+        if left.size > MOST_CELLS or 2 * left.size * functions.size > MOST_VALUES:
+            return None
+        left, right = _halved(left, right, split)
+    return _spaced(right, np.minimum(change, 1.0))
+
+
+def _change(bound: Range, value: Range) -> Floats:
+    """How much a function may change in each cell, as a part of its range: at all times, or in this piece where it has
+    no bound. Of a family the largest."""
+    low, high = (np.atleast_2d(part) for part in value)
+    scale = np.atleast_2d(bound[1] - bound[0])
+    here = (high.max(axis=1) - low.min(axis=1))[:, None]
+    scale = np.where(np.isfinite(scale), scale, here)
+    with np.errstate(all="ignore"):
+        change = (high - low) / scale
+    # Where it has no bound in this piece either, or is constant, there is nothing to know.
+    return np.asarray(np.where(np.isfinite(change), change, 0.0).max(axis=0))
+
+
+def _spaced(ends: Floats, change: Floats) -> list[float]:
+    """Ends of cells such that functions change by `BETWEEN` at most from one to the next, or within one cell."""
+    found: list[float] = []
+    total = 0.0
+    for end, part in zip(ends.tolist(), change.tolist(), strict=True):
+        total += part
+        if total > BETWEEN:
+            found.append(end)
+            total = 0.0
+    if total > 2 * CHANGE and (not found or found[-1] < ends[-1]):
+        found.append(float(ends[-1]))
+    return found

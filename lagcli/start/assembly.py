@@ -1,0 +1,278 @@
+"""`--assemble`: the nearest consistent state, positions first, then velocities, in the mass-weighted norm."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem, nearest
+from lagcli.equations.system import System
+from lagcli.errors import diagnostics
+from lagcli.linear import rank
+from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.start import conflict, initial, projection
+from lagcli.start.configuration_search import FEW, MANY, Search, tangential
+from lagcli.start.initial import Residuals, State
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+# A row whose gradient along the coordinates that may move is this part of the whole one has nothing to move.
+STUCK = 1e-5
+# A start closer to the surface than this part of its size, and than half the radius of curvature, has one nearest
+# point, and Gauss-Newton finds it. Curvature is not computed for many coordinates, whose starts must be closer.
+NEAR, NEAR_OF_MANY, CURVED = 1e-3, 1e-6, 0.5
+NEARER = 1e-9
+# Newton steps on the conditions of the nearest point, and the tangential part of the way that is rounding.
+POLISHING, STATIONARY = 6, 1e-12
+# Starts aside for the nearest point, where Gauss-Newton ends at a feasible one.
+STARTS_OF_FEW, STARTS_OF_MORE, STARTS_OF_MANY = 16, 3, 1
+BRIEFLY = 4  # steps towards the nearest point that show which start leads to it
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Assembly:
+    """A consistent state and how far it lies from the declared one, in the mass-weighted norm."""
+
+    state: State
+    moved: float
+    moved_velocity: float
+    declared: State
+
+
+def held(system: System, keep: tuple[str, ...]) -> Flags:
+    """Which of the n coordinates `keep` names (`theta`, `a`, `a.x`)."""
+    names, kept = system.model.coordinate_names, frozenset(keep)
+    return np.array([name in kept or name.partition(".")[0] in kept for name in names], dtype=bool)
+
+
+def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...]) -> Assembly:
+    """The nearest consistent state: positions first, then velocities, in the mass-weighted norm.
+
+    Kept coordinates hold their values and their rates. A model without inertia is measured with unit masses:
+    it can be counted, not run. Raises `diagnostics.ModelError` where no state is found, naming the smallest set of
+    rows that no configuration, or no velocity, was found for.
+    """
+    initial.residuals(system, numeric, state)  # a row may have no value there
+    search = Search(system, numeric, state, held(system, keep))
+    q = _configuration(search)
+    there = dataclasses.replace(state, q=q)
+    _, rows, b = initial.finite_rows(system, numeric, there)
+    metric, whole = initial.metric_at(numeric, there, search.fixed), initial.metric_at(numeric, there)
+    v = projection.velocity(state.v, rows.B, b, metric)
+    there = dataclasses.replace(there, v=v)
+    stuck = _stuck(MetricRows(rows.B, metric), MetricRows(rows.B, whole))
+    if stuck.any() and search.fixed.any():
+        raise _nothing_left(system, np.flatnonzero(stuck).tolist())
+    if not initial.residuals(system, numeric, there).consistent:
+        raise _no_velocity(search, there, rows, b)
+    return Assembly(there, whole.length(q - state.q), whole.length(v - state.v), state)
+
+
+def configuration(system: System, numeric: NumericSystem, state: State) -> State:
+    """The state with the nearest configuration, whatever its velocities. Raises `diagnostics.ModelError`."""
+    initial.residuals(system, numeric, state)  # a row may have no value there
+    return dataclasses.replace(state, q=_configuration(Search(system, numeric, state, held(system, ()))))
+
+
+def require_consistent(system: System, numeric: NumericSystem, state: State, found: Residuals) -> None:
+    """Raise `diagnostics.ModelError` naming every row the start violates.
+
+    Where no start can satisfy the rows that is what is told.
+    """
+    report = initial.inconsistencies(system, found)
+    if not report:
+        return
+    try:
+        assemble(system, numeric, state, ())
+    except diagnostics.ModelError as error:
+        if any(d.code == "contradictory-constraints" for d in error.diagnostics):
+            raise
+        report += error.diagnostics
+    raise diagnostics.ModelError(report)
+
+
+def _stuck(moving: MetricRows, whole: MetricRows) -> Flags:
+    """Rows that hardly act along the coordinates that may move, and do along the others."""
+    norms = Rows(moving.unit).norms * moving.lengths
+    return (norms < STUCK * whole.lengths) & (norms > 0)
+
+
+def _configuration(search: Search) -> Floats:
+    """The configuration on f = 0 nearest to the declared one. Raises `diagnostics.ModelError`."""
+    q0, surface = search.state.q, search.surface()
+    best = surface.refined(_feasible(search), q0)
+    if _is_clearly_nearest(search, best):
+        return _polished(search, best)
+    _, parts = search.components()
+    lengths = _lengths(search, parts, best)
+    for begin in (best, q0, *_asides(search)):
+        for q in _minima(search, begin):
+            found = _lengths(search, parts, q)
+            # What shares no coordinate and no row may be near in one solution, and the rest in another.
+            nearer = found < (1 - NEARER) * lengths
+            best = np.where(nearer[parts], q, best)
+            lengths = np.where(nearer, found, lengths)
+    return _polished(search, surface.refined(best, q0))
+
+
+def _asides(search: Search) -> list[Floats]:
+    count = int((~search.fixed).sum())
+    most = STARTS_OF_FEW if count <= FEW else STARTS_OF_MORE if count <= MANY else STARTS_OF_MANY
+    starts = list(search.asides(search.state.q, range(search.system.holonomic_count)))
+    return starts[:: max(1, len(starts) // most)][:most] if most < len(starts) else starts
+
+
+def _minima(search: Search, begin: Floats) -> Iterator[Floats]:
+    """Local minima of the distance on the surface, found from a point: by IPOPT or else by Gauss-Newton."""
+    q0, surface = search.state.q, search.surface()
+    found = search.optimum(range(search.system.holonomic_count), begin, q0)
+    reached = surface.descend(begin if found is None else found)
+    if reached.is_on:
+        yield surface.refined(reached.q, q0, BRIEFLY)
+
+
+def _lengths(search: Search, parts: npt.NDArray[np.intp], q: Floats) -> Floats:
+    """The squared distance of q from the declared configuration, (n,): of each part, at its number."""
+    step = q - search.state.q
+    return np.asarray(
+        np.bincount(parts, weights=step * Rows(search.M).times(step), minlength=step.size), dtype=float
+    )
+
+
+def _feasible(search: Search) -> Floats:
+    """Some point of the surface. Raises `diagnostics.ModelError`."""
+    labels, parts = search.components()
+    q = _beside_poles(search, labels)
+    for is_last in (False, True):
+        reached = search.surface().descend(q)
+        if reached.is_on:
+            return reached.q
+        if is_last:
+            break
+        q = reached.q.copy()
+        size = float(np.abs(q).max(initial=0.0)) or 1.0
+        broken = ~(reached.residuals <= projection.ROUNDING * size)
+        failed = []
+        for number in np.unique(labels[broken]):
+            rows = np.flatnonzero(labels == number).tolist()
+            found = search.reach(rows, (search.state.q, q))
+            if found.is_on:
+                among = parts == number
+                q[among] = found.best.q[among]
+            else:
+                failed.append(found)
+        if failed:
+            raise diagnostics.ModelError(conflict.position(search, found) for found in failed)
+    rows = np.flatnonzero(labels >= 0).tolist()
+    found = search.reach(rows, (search.state.q, q))
+    if found.is_on:
+        return found.best.q
+    raise diagnostics.ModelError([conflict.position(search, found)])
+
+
+def _beside_poles(search: Search, labels: npt.NDArray[np.intp]) -> Floats:
+    """The declared configuration, a little aside where a gradient is not finite: of rods of no length."""
+    q = search.state.q
+    B = Rows(search.numeric.whole(search.state.t, q, search.state.p)[1])
+    poles = np.flatnonzero(~B.are_finite())
+    return next(search.asides(q, poles.tolist())) if poles.size else q
+
+
+def _is_clearly_nearest(search: Search, q: Floats) -> bool:
+    """Whether a point of the surface is so near that it is the nearest."""
+    q0 = search.state.q
+    touched = search.touched(range(search.system.holonomic_count))
+    size = search.size(q0, touched) * np.ones(q.size)
+    moved = search.whole.length(q - q0)
+    if moved == 0.0:
+        return True
+    many = q.size > MANY
+    if moved > (NEAR_OF_MANY if many else NEAR) * search.whole.length(np.where(search.fixed, 0.0, size)):
+        return False
+    return many or _curvature(search, q) >= CURVED
+
+
+def _curvature(search: Search, q: Floats) -> float:
+    """The smallest eigenvalue, in the metric, of the second derivative of the squared distance along the surface.
+
+    It is 1 on a plane, above 0 at a minimum, and below CURVED beyond half the radius of curvature.
+    """
+    H, B, *_ = _conditions(search, q)
+    free = np.flatnonzero(~search.fixed)
+    kernel = rank.null_basis(MetricRows(B, search.metric).dense)
+    basis = np.array([search.metric.unwhitened(u) for u in kernel.T])
+    if not basis.size:
+        return 1.0
+    return float(np.linalg.eigvalsh(basis[:, free] @ np.array(H)[np.ix_(free, free)] @ basis[:, free].T)[0])
+
+
+def _conditions(search: Search, q: Floats) -> tuple[Any, Any, Floats, Floats]:
+    """What Newton's method for the nearest point needs: H (n, n), independent rows B, M (q - q0) (n,), and f."""
+    state, step = search.state, q - search.state.q
+    chosen = search.independent(range(search.system.holonomic_count), q)
+    kept = chosen[0] if chosen else []
+    f, B = search.surface(kept).rows(q)
+    lines = MetricRows(B, search.metric)
+    mu = np.zeros(search.system.holonomic_count)
+    mu[kept] = -lines.weights(Rows(B).times(step)) / lines.lengths
+    H = search.M + search.numeric.hessian(state.t, q, mu, state.p)
+    return H, B, Rows(search.M).times(step), f
+
+
+def _polished(search: Search, q: Floats) -> Floats:
+    """A nearest point to rounding, from one to some digits: Newton steps as long as they lead there."""
+    surface = search.surface()
+    before = tangential(surface.rows(q)[1], search.metric, q - search.state.q)
+    for _ in range(POLISHING):
+        if before <= STATIONARY:
+            break
+        H, B, gradient, f = _conditions(search, q)
+        step = nearest.newton(H, B, gradient, f, ~search.fixed)
+        reached = surface.descend(q + step) if step is not None else None
+        if reached is None or not reached.is_on:
+            break
+        after = tangential(surface.rows(reached.q)[1], search.metric, reached.q - search.state.q)
+        if not after < before:
+            break
+        q, before = reached.q, after
+    return q
+
+
+def _nothing_left(system: System, rows: list[int]) -> diagnostics.ModelError:
+    """The error for rows that no coordinate which may move can satisfy."""
+    names = initial.names_of(system, rows)
+    message = f"with the coordinates that `keep` holds, nothing is left to satisfy {names}"
+    location = system.rows.rows[rows[0]].location
+    hint = "let `keep` hold fewer coordinates"
+    return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location, hint)])
+
+
+def _no_velocity(search: Search, there: State, rows: Rows, b: Floats) -> diagnostics.ModelError:
+    """The error for rows that no velocity satisfies at the nearest configuration, or none with the rates kept."""
+    system = search.system
+    parting = conflict.least(rows, b)
+    if parting:
+        return initial.contradiction(system, parting, "at the nearest configuration")
+    if search.fixed.any():
+        free = ~search.fixed
+        kept = rows.times(np.where(free, 0.0, there.v)) + b
+        parting = conflict.least(rows.columns(np.flatnonzero(free).tolist()), kept)
+        if parting:
+            message = (
+                f"with the rates of the coordinates that `keep` holds, no velocity satisfies"
+                f" {initial.names_of(system, parting)}"
+            )
+            hint = "let `keep` hold fewer coordinates, or give them rates that fit"
+            location = system.rows.rows[parting[0]].location
+            return diagnostics.ModelError(
+                [diagnostics.Diagnostic("no-consistent-start", message, location, hint)]
+            )
+    broken = initial.residuals(system, search.numeric, there).violated
+    message = f"no velocities that satisfy {initial.names_of(system, broken)} were found"
+    location = system.rows.rows[broken[0]].location
+    return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location)])

@@ -1,0 +1,177 @@
+"""Configurations from far: from several starts, by damped Gauss-Newton steps and by IPOPT, of all rows or of some.
+
+A search without success proves nothing; it says what was tried and the least that remained.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem, nearest
+from lagcli.equations.system import System
+from lagcli.linear import independent_rows, rank
+from lagcli.linear.metric import Metric, NotDefiniteError
+from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.start.initial import State
+from lagcli.start.projection import Reached, Surface
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.intp]
+
+# How far aside other starts lie, as parts of the size of what is sought, and how many of each there are: fewer of
+# many coordinates, whose searches take longer.
+ASIDE = (0.01, 0.1, 0.3, 1.0, 3.0)
+FEW, MANY = 60, 400
+EACH_OF_FEW, EACH_OF_MORE, EACH_OF_MANY = 4, 2, 1
+IPOPT_EACH = 5
+SEED = 20061
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Found:
+    """The best that a search for some rows has reached, and from how many starts it went out."""
+
+    rows: tuple[int, ...]
+    best: Reached
+    starts: int
+    by_optimization: int = 0
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the rows hold there."""
+        return self.best.is_on
+
+    @property
+    def told(self) -> str:
+        """What was tried, in words."""
+        starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
+        more = f", and IPOPT from {self.by_optimization}" if self.by_optimization else ""
+        return f"damped Gauss-Newton steps from {starts}{more}"
+
+
+class Search:
+    """Searches at the time and the parameters of a state, in the mass metric of its configuration.
+
+    fixed (n,): coordinates that keep their values.
+    """
+
+    def __init__(self, system: System, numeric: NumericSystem, state: State, fixed: Flags) -> None:
+        self.system, self.numeric, self.state, self.fixed = system, numeric, state, fixed
+        self.M = numeric.inertia(state.t, state.q, state.v, state.p)
+        try:
+            self.metric, self.whole = Metric(self.M, fixed), Metric(self.M)
+        except NotDefiniteError:
+            self.M = nearest.unit(fixed.size)
+            self.metric, self.whole = Metric.unit(fixed.size, fixed), Metric.unit(fixed.size)
+
+    def surface(self, rows: Sequence[int] | None = None) -> Surface:
+        """The surface of all holonomic rows, or of some."""
+        only = None if rows is None else list(rows)
+        return Surface(self.numeric, self.state.t, self.state.p, self.metric, only)
+
+    def touched(self, rows: Sequence[int]) -> Flags:
+        """Which coordinates (n,) some rows hold and may move, by structure."""
+        B = Rows(self.numeric.whole(self.state.t, self.state.q, self.state.p)[1])
+        flags = np.zeros(self.fixed.size, dtype=bool)
+        flags[B.column[np.isin(B.row, list(rows))]] = True
+        return flags & ~self.fixed
+
+    def size(self, q: Floats, touched: Flags) -> float:
+        """How large the part of a configuration is that some rows hold."""
+        largest = 0.0
+        if not self.system.model.coordinates:
+            for axis in range(3):
+                place = q[axis::3][touched[axis::3]]
+                largest = max(largest, float(np.ptp(place)) if place.size else 0.0)
+        return (
+            largest or float(np.abs(q[touched]).max(initial=0.0)) or float(np.abs(q).max(initial=0.0)) or 1.0
+        )
+
+    def asides(self, q: Floats, rows: Sequence[int]) -> Iterator[Floats]:
+        """Starts beside q, the near ones first; the same for the same question."""
+        random = np.random.default_rng(SEED)
+        touched = self.touched(rows)
+        count = int(touched.sum())
+        each = EACH_OF_FEW if count <= FEW else EACH_OF_MORE if count <= MANY else EACH_OF_MANY
+        size = self.size(q, touched)
+        for part in ASIDE if count <= MANY else ASIDE[::2]:
+            for _ in range(each):
+                yield q + np.where(touched, part * size, 0.0) * random.standard_normal(q.size)
+
+    def reach(self, rows: Sequence[int], begins: Sequence[Floats]) -> Found:
+        """A configuration that satisfies some rows, or the best there is: from `begins`, and from beside the first."""
+        surface = self.surface(rows)
+        best, starts, asked = surface.descend(begins[0]), 1, 0
+        for number, begin in enumerate((*begins, *self.asides(begins[0], rows))):
+            if number and not best.is_on:
+                best, starts = _better(best, surface.descend(begin)), starts + 1
+            # Round long bends IPOPT goes in fewer steps.
+            if not best.is_on and (number < len(begins) or number % IPOPT_EACH == 0):
+                found, asked = self.optimum(rows, begin, begins[0]), asked + 1
+                if found is not None:
+                    best = _better(best, surface.descend(found))
+            if best.is_on:
+                break
+        return Found(tuple(rows), best, starts, asked)
+
+    def independent(self, rows: Sequence[int], q: Floats) -> tuple[list[int], Floats] | None:
+        """Independent ones of some rows at a place, and 1 / |B_i| of each; None where they are not finite."""
+        B = self.numeric.whole(self.state.t, q, self.state.p)[1][list(rows), :]
+        if not Rows(B).are_finite().all():
+            return None
+        lines = MetricRows(B, self.metric)
+        chosen = independent_rows.dependence(lines, rank.rank(lines).low)
+        return [rows[i] for i in chosen.kept], 1.0 / lines.lengths[list(chosen.kept)]
+
+    def optimum(self, rows: Sequence[int], begin: Floats, q0: Floats) -> Floats | None:
+        """By IPOPT the configuration (n,) nearest to q0 that satisfies some rows, a local minimum, or None."""
+        chosen = self.independent(rows, begin)
+        if chosen is None or not chosen[0]:
+            return None
+        weights = np.zeros(self.system.holonomic_count)
+        weights[chosen[0]] = chosen[1]
+        given = (self.state.t, self.M, weights, self.state.p)
+        return self._problem.solve(begin, q0, given, self.fixed)
+
+    @cached_property
+    def _problem(self) -> nearest.Problem:
+        return nearest.Problem(self.system, self.M.sparsity())
+
+    def components(self) -> tuple[Numbers, Numbers]:
+        """Numbers of the parts that share no free coordinate and no inertia: of the rows (s,), of coordinates (n,)."""
+        _, B = self.numeric.whole(self.state.t, self.state.q, self.state.p)
+        rows, among = Rows(B), Rows(self.M)
+        label = np.arange(self.fixed.size)
+        free = ~self.fixed[rows.column]
+        first = np.full(rows.count, self.fixed.size, dtype=np.intp)
+        while True:
+            before = label.copy()
+            first[:] = self.fixed.size
+            np.minimum.at(first, rows.row[free], label[rows.column[free]])
+            np.minimum.at(label, rows.column[free], first[rows.row[free]])
+            np.minimum.at(label, among.row, label[among.column])
+            label = label[label]
+            if (label == before).all():
+                return first, label
+
+
+def _better(one: Reached, other: Reached) -> Reached:
+    return other if other.is_on or other.worst < one.worst else one
+
+
+def tangential(rows: Any, metric: Metric, step: Floats) -> float:
+    """The part of a step (n,) along the kernel of rows (C, n), as a part of its length: 0 for one in M^-1 B^T."""
+    length = metric.length(step)
+    if length == 0.0:
+        return 0.0
+    lines = MetricRows(rows, metric)
+    for _ in range(2):  # the second pass removes the rounding of the first
+        step = step + lines.correction(Rows(rows).times(step))
+    return metric.length(step) / length

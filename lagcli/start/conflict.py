@@ -1,0 +1,221 @@
+"""Rows that do not hold together: in velocities (a combination of them says dt = 0, D.6), in positions, and later.
+
+The rows that are named are the smallest set that was found: none of them can be left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem, pattern
+from lagcli.equations.system import System
+from lagcli.errors import diagnostics
+from lagcli.linear import metric_rows, rank
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.start import initial, projection
+from lagcli.start.configuration_search import Found, Search
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+
+# Of rows of length one: what is left of b after the best velocity, above rounding.
+APART = 1e-7
+# Of many rows what is left is found by sparse factors, with a part of the identity added, in a few passes.
+SHIFT, PASSES, APART_OF_MANY = 1e-8, 4, 1e-5
+# Rows that have this part of the least residual, or that, take part in the conflict at that place.
+TAKING_PART = (1e-2, 1e-4, 1e-6)
+# Sets of rows that are tried, times their number of rows; the set that is left then is named.
+BUDGET = 1500
+# Parts of the duration at which rows that depend on one another are compared again.
+LATER = (0.001, 0.01, 0.1)
+
+
+def least(rows: Rows, b: Floats) -> list[int]:
+    """Rows of B v + b = 0 without a solution, of which none can be left out; empty where there is a solution.
+
+    Where more rows take part than are looked at densely all of them are given.
+    """
+    lengths = rows.divisors
+    kept = _taking_part(rows, b, lengths)
+    if len(kept) > metric_rows.DENSE:
+        return kept
+    B, b = np.array(rows.B[kept, :]) / lengths[kept, None], b[kept] / lengths[kept]
+    scale = float(np.abs(b).max(initial=0.0)) or 1.0
+    among = list(range(len(kept)))
+    for i in reversed(range(len(kept))):
+        fewer = [k for k in among if k != i]
+        if np.abs(_rest(B[fewer], b[fewer])).max(initial=0.0) > APART * scale:
+            among = fewer
+    return [kept[i] for i in among]
+
+
+def _taking_part(rows: Rows, b: Floats, lengths: Floats) -> list[int]:
+    """The rows in which something is left after the best velocity."""
+    scaled = b / lengths
+    scale = float(np.abs(scaled).max(initial=0.0)) or 1.0
+    if rows.count <= metric_rows.DENSE:
+        rest = _rest(np.array(rows.B) / lengths[:, None], scaled)
+        return [int(i) for i in np.flatnonzero(np.abs(rest) > APART * scale)]
+    unit = MetricRows(rows.B, Metric.unit(rows.B.shape[1]))
+    rest = scaled
+    for _ in range(PASSES):
+        # What a velocity takes away shrinks at every pass, the rest of it stays.
+        rest = SHIFT * unit.weights(rest * unit.lengths, SHIFT)
+    return [int(i) for i in np.flatnonzero(np.abs(rest) > APART_OF_MANY * scale)]
+
+
+def _rest(B: Floats, b: Floats) -> Floats:
+    """The part of b that no velocity takes away: a combination y of the rows with y B = 0."""
+    return np.asarray(b - B @ np.linalg.lstsq(B, b, rcond=1e-10)[0]) if len(b) else b
+
+
+def position(search: Search, failed: Found) -> diagnostics.Diagnostic:
+    """What to say where no configuration was found for some rows: the smallest set found that has none."""
+    found = smallest(search, failed)
+    system, rows = search.system, list(found.rows)
+    names, location = initial.names_of(system, rows), system.rows.rows[rows[-1]].location
+    worst = rows[int(np.argmax(found.best.residuals))]
+    unit = f" {system.model.units.length}" if not system.model.coordinates else ""
+    f = abs(float(np.array(search.numeric.whole(search.state.t, found.best.q, search.state.p)[0])[worst, 0]))
+    shown, row = f"{found.best.worst:.6g}", system.rows.rows[worst].name
+    remains = f"the least that remains is {shown}{unit}, in `{row}`"
+    if f"{f:.6g}" != shown:
+        remains = f"the least that remains is {shown}{unit} per unit of the gradient, in `{row}`, off by {f:.6g} there"
+    if not np.isfinite(found.best.worst):
+        remains = "they have no finite value where it was looked for"
+    free = Search(system, search.numeric, search.state, np.zeros_like(search.fixed))
+    if search.fixed.any() and free.reach(rows, (search.state.q,)).is_on:
+        message = (
+            f"with the coordinates that `keep` holds, no configuration satisfies {names}: by {found.told}"
+            f" {remains}"
+        )
+        hint = "let `keep` hold fewer coordinates, or give them other values"
+        return diagnostics.Diagnostic("no-consistent-start", message, location, hint)
+    if _follow_each_other(free, rows):
+        message = f"{names} contradict each other: no configuration satisfies them together; {remains}"
+        return diagnostics.Diagnostic("contradictory-constraints", message, location)
+    message = f"no configuration near the start was found in which {names} "
+    message += "holds" if len(rows) == 1 else "hold together"
+    message += f": by {found.told} {remains}"
+    hint = "the constraints may contradict each other, or the start may be too far away"
+    return diagnostics.Diagnostic("no-consistent-start", message, location, hint)
+
+
+def smallest(search: Search, failed: Found) -> Found:
+    """A set of rows without a configuration, as far as searches tell, of which none can be left out."""
+    found, left = _violated(search, failed), BUDGET
+    begins = (search.state.q, found.best.q)
+    length = max(1, len(found.rows) // 2)
+    while True:
+        for chunk in _chunks(found.rows, length):
+            fewer_rows = [i for i in found.rows if i not in chunk]
+            left -= len(found.rows)
+            if not fewer_rows or left < 0 or not set(chunk) <= set(found.rows):
+                continue
+            tried = search.reach(fewer_rows, begins)
+            if not tried.is_on:
+                found = tried
+        if length == 1 or left < 0:
+            return found
+        length = max(1, min(length // 2, len(found.rows) // 2))
+
+
+def _violated(search: Search, failed: Found) -> Found:
+    """The rows that are violated where the sum of squares is least, if they have no configuration either."""
+    ended = search.surface(failed.rows).descend(failed.best.q, to_the_end=True)
+    begins = (search.state.q, ended.q)
+    for part in TAKING_PART if np.isfinite(ended.worst) else ():
+        pairs = zip(failed.rows, ended.residuals, strict=True)
+        rows = [i for i, residual in pairs if residual > part * ended.worst]
+        if len(rows) == len(failed.rows):
+            break
+        found = search.reach(rows, begins)
+        if not found.is_on:
+            return found
+    return failed
+
+
+def _chunks(rows: Sequence[int], length: int) -> Iterator[frozenset[int]]:
+    """The rows in parts, the last first."""
+    for end in range(len(rows), 0, -length):
+        yield frozenset(rows[max(0, end - length) : end])
+
+
+def _follow_each_other(search: Search, rows: list[int]) -> bool:
+    """Whether rows are dependent wherever one looks, so that a combination of them says 0 = 1."""
+    if len(rows) < 2 or len(rows) > metric_rows.DENSE:
+        return False
+    state = search.state
+    for q in search.asides(state.q, rows):
+        B = search.numeric.whole(state.t, q, state.p)[1][rows, :]
+        if Rows(B).are_finite().all() and rank.rank(MetricRows(B, search.whole)).high == len(rows):
+            return False
+    return True
+
+
+def require_lasting(system: System, numeric: NumericSystem, state: State) -> None:
+    """Rows that depend on one another must move alike: raise `diagnostics.ModelError` where some part later.
+
+    state: a consistent one, at which the rows are dependent. At a few times soon after it the nearest configuration
+    is sought, and velocities for it; rows that are dependent at the state and have none there contradict each other
+    (`a.x = t` and `a.x = sin(t)`, one rod with two lengths of which one grows).
+    """
+    if not pattern.depends_on_time(system):
+        return  # what holds now holds for ever
+    for part in LATER:
+        later = dataclasses.replace(state, t=state.t + part * (system.model.simulation.duration or 1.0))
+        parting = _parting(system, numeric, state, later)
+        if parting:
+            names = initial.names_of(system, parting)
+            message = (
+                f"{names} contradict each other: they agree at the start and part later; at t = {later.t:.6g}"
+            )
+            message += " no motion satisfies them together"
+            location = system.rows.rows[parting[-1]].location
+            raise diagnostics.ModelError(
+                [diagnostics.Diagnostic("contradictory-constraints", message, location)]
+            )
+
+
+def _parting(system: System, numeric: NumericSystem, state: State, later: State) -> list[int]:
+    """Rows dependent at a state that cannot hold together later."""
+    free = np.zeros(state.q.size, dtype=bool)
+    q = state.q + (later.t - state.t) * state.v
+    f, B = numeric.whole(later.t, q, state.p)
+    if not (np.isfinite(np.array(f)).all() and np.isfinite(np.array(B.nonzeros(), dtype=float)).all()):
+        return []  # another law may have come to its end
+    search = Search(system, numeric, dataclasses.replace(later, q=q), free)
+    reached = search.surface().descend(q)
+    if not reached.is_on:
+        labels, _ = search.components()
+        size = float(np.abs(reached.q).max(initial=0.0)) or 1.0
+        for number in np.unique(labels[~(reached.residuals <= projection.ROUNDING * size)]):
+            rows = np.flatnonzero(labels == number).tolist()
+            found = search.reach(rows, (q, state.q))
+            parting = [] if found.is_on else list(smallest(search, found).rows)
+            if parting and _are_dependent(numeric, state, parting):
+                return parting
+        return []
+    B, b = numeric.rows(later.t, reached.q, state.v, state.p)
+    b = np.array(b).ravel()
+    if not (np.isfinite(np.array(B.nonzeros(), dtype=float)).all() and np.isfinite(b).all()):
+        return []
+    v = projection.velocity(state.v, B, b, search.whole)
+    there = dataclasses.replace(later, q=reached.q, v=v)
+    if initial.residuals(system, numeric, there).consistent:
+        return []  # what is left is rounding
+    parting = least(Rows(B), b)
+    return parting if parting and _are_dependent(numeric, state, parting) else []
+
+
+def _are_dependent(numeric: NumericSystem, state: State, rows: list[int]) -> bool:
+    """Whether some rows, few enough to be looked at, depend on one another at a state, or one of them vanishes."""
+    if len(rows) > metric_rows.DENSE:
+        return False
+    B = numeric.rows(state.t, state.q, state.v, state.p)[0][rows, :]
+    return rank.rank(MetricRows(B, initial.metric_at(numeric, state))).low < len(rows)

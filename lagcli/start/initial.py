@@ -1,0 +1,290 @@
+"""The start of a run: finite, with inertia, on the constraints; or refused."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.equations import system as mechanics
+from lagcli.equations.system import System
+from lagcli.errors import diagnostics
+from lagcli.linear.metric import Metric, NotDefiniteError
+from lagcli.linear.metric_rows import Rows
+from lagcli.model import model as nouns
+from lagcli.start import singular_inertia
+
+Floats = npt.NDArray[np.float64]
+
+# Largest residual of a consistent start, as a part of the size of the coordinates (or speeds) in the row.
+CONSISTENT = 1e-9
+LEAST = 1e-3
+SLOWEST = 1e-6
+# Steps, each a tenth of the one before, at which the curvature of a row is probed; roundings a residual may hold.
+PROBES, ROUNDINGS = 12, 64
+# Rows that a message names one by one.
+MOST_TOLD = 20
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class State:
+    """t, q (n,), v (n,) and the parameters p that go with them."""
+
+    t: float
+    q: Floats
+    v: Floats
+    p: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Residuals:
+    """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed.
+
+    norms (C,): |B_i|, so that their products are the residuals of the equations as they are written. flat (C,): rows
+    whose gradient vanishes there or has no value; of them |f_i| and |b_i| are given, and the norm is 1.
+    """
+
+    position: Floats
+    velocity: Floats
+    position_limit: Floats
+    velocity_limit: Floats
+    flat: npt.NDArray[np.bool_]
+    norms: Floats
+
+    @property
+    def of_positions(self) -> float:
+        """The largest |f_i|, as the equation is written."""
+        return float((self.position * self.norms[: self.position.size]).max(initial=0.0))
+
+    @property
+    def of_velocities(self) -> float:
+        """The largest |B_i v + b_i|, as the equation is written."""
+        return float((self.velocity * self.norms).max(initial=0.0))
+
+    @property
+    def consistent(self) -> bool:
+        """Whether every residual is within rounding of the declared values."""
+        return not self.violated
+
+    @property
+    def violated(self) -> list[int]:
+        """The rows that are not."""
+        broken = ~(self.velocity <= self.velocity_limit)
+        broken[: self.position.size] |= ~(self.position <= self.position_limit)
+        return [int(i) for i in np.flatnonzero(broken)]
+
+    def in_position(self, i: int) -> bool:
+        """Whether a row that is violated is so in whole coordinates."""
+        return i < self.position.size and not self.position[i] <= self.position_limit[i]
+
+    def size(self, i: int) -> float:
+        """How far a row is violated, in whole coordinates or else in velocities."""
+        return float(self.position[i] if self.in_position(i) else self.velocity[i])
+
+
+def declared(system: System) -> State:
+    """The state a model declares."""
+    q, v = mechanics.start(system.model)
+    return State(system.model.simulation.start, q, v, mechanics.values(system))
+
+
+def inertia(
+    system: System, numeric: NumericSystem, state: State, held: npt.NDArray[np.bool_] | None = None
+) -> Metric:
+    """The mass metric at a state. Raises `diagnostics.ModelError`, by name, where M is not positive definite."""
+    M = numeric.inertia(state.t, state.q, state.v, state.p)
+    names = system.model.coordinate_names
+    rows, values = np.asarray(M.sparsity().row(), dtype=int), np.array(M.nonzeros(), dtype=float)
+    for i in rows[~np.isfinite(values)][:1]:
+        raise _not_finite(system.model.location(names[i]), f"the inertia of `{names[i]}`")
+    faults = singular_inertia.without_inertia(M, names)
+    if not faults:
+        try:
+            return Metric(M, held)
+        except NotDefiniteError:
+            faults = [singular_inertia.indefinite(np.array(M), names)]
+    raise diagnostics.ModelError(
+        diagnostics.Diagnostic(
+            fault.code, fault.message, system.model.location(names[fault.along]), fault.hint
+        )
+        for fault in faults
+    )
+
+
+def _not_finite(location: diagnostics.Location, what: str) -> diagnostics.ModelError:
+    message = f"{what} is not finite at the start"
+    hint = "a function of the model has a pole or is not defined there"
+    return diagnostics.ModelError([diagnostics.Diagnostic("not-finite-at-start", message, location, hint)])
+
+
+def require_finite(system: System, numeric: NumericSystem, state: State) -> None:
+    """Raise `diagnostics.ModelError` where a force or a column is not finite at a state, by name.
+
+    The rows must be independent there.
+    """
+    h, *_ = numeric.force(state.t, state.q, state.v, state.p)
+    bad = np.flatnonzero(~np.isfinite(np.array(h).ravel()))
+    if bad.size:
+        name = system.model.coordinate_names[int(bad[0])]
+        raise _not_finite(system.model.location(name), f"the force along `{name}`")
+    row = np.array(numeric.record(state.t, np.concatenate([state.q, state.v, [0.0]]), state.p)[1]).ravel()
+    bad = np.flatnonzero(~np.isfinite(row))
+    if bad.size:
+        column = system.columns[int(bad[0])]
+        raise _not_finite(_column_location(system, column), f"the column `{column}`")
+
+
+def _column_location(system: System, column: str) -> diagnostics.Location:
+    """Where the quantity of a column was declared, or what the energy is made of."""
+    model = system.model
+    for output in model.outputs:
+        if column in output.columns:
+            return output.expression.location
+    energies = [force.expression for force in model.forces if isinstance(force, nouns.Potential)]
+    if model.lagrangian is not None:
+        energies.append(model.lagrangian)
+    if column == "energy" and energies:
+        return energies[0].location
+    return diagnostics.Location(model.path, 1, 1)
+
+
+def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals:
+    """How far a state is from the constraints. Raises `diagnostics.ModelError` where a row is not finite."""
+    f, rows, b = finite_rows(system, numeric, state, forgiving=True)
+    s, norms = f.size, rows.divisors
+    # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
+    # by something like its size in the time of the run.
+    # As a plain number: in the shortest of times it is more than any, inf.
+    slow = SLOWEST * float(np.abs(state.q).max(initial=0.0)) / (system.model.simulation.duration or 1.0)
+    speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
+    position = np.abs(f) / norms[:s]
+    limits = ROUNDINGS * np.finfo(float).eps * _sizes(rows, state.q)[:s]
+    if (position > limits).any():
+        limits += _explained(numeric, state, rows)[:s]
+    return Residuals(
+        position, np.abs(rows.times(state.v) + b) / norms, limits, CONSISTENT * speed, rows.norms == 0, norms
+    )
+
+
+def finite_rows(
+    system: System, numeric: NumericSystem, state: State, forgiving: bool = False
+) -> tuple[Floats, Rows, Floats]:
+    """f (s,), B and b (C,) at a state. Raises `diagnostics.ModelError` naming a row that is not finite.
+
+    forgiving: where a row is violated a gradient that has no value, as of the length of a rod whose ends coincide,
+    is taken as 0: a state that satisfies the row lies elsewhere.
+    """
+    f = np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
+    B, b = numeric.rows(state.t, state.q, state.v, state.p)
+    rows, b = Rows(B), np.array(b).ravel()
+    s = f.size
+    good = rows.are_finite() & np.isfinite(b)
+    good[:s] &= np.isfinite(f)
+    if forgiving:
+        violated = np.isfinite(f) & (f != 0)
+        b[:s][violated & ~np.isfinite(b[:s])] = 0.0
+        good[:s] |= violated
+        rows = rows.finite()
+    if not good.all():
+        row = system.rows.rows[int(np.argmin(good))]
+        message = f"the constraint `{row.name}` or its gradient is not finite at the start"
+        hint = "move the start off the pole, or write the constraint without it (for example squared)"
+        raise diagnostics.ModelError(
+            [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
+        )
+    return f, rows, b
+
+
+def _explained(numeric: NumericSystem, state: State, rows: Rows) -> Floats:
+    """What the rounding of declared decimals explains: a part of the size of each row.
+
+    The size of a row is that of its coordinates, but no more than its radius of curvature |B_i| / |dB_i/dq|: a
+    rod of ten metres far from the origin is ten metres large.
+    """
+    sizes = _sizes(rows, state.q)
+    largest = float(np.abs(state.q).max(initial=0.0))
+    direction = np.random.default_rng(0).standard_normal(state.q.size)
+    radius = np.full(rows.count, np.inf)
+    for k in range(PROBES):
+        step = largest * 10.0**-k
+        there = Rows(numeric.rows(state.t, state.q + step * direction, state.v, state.p)[0])
+        with np.errstate(all="ignore"):  # a row may have no value there, or not change
+            estimate = step * rows.norms / Rows.difference(rows, there).norms
+        radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))
+    return np.asarray(CONSISTENT * np.minimum(sizes, radius))
+
+
+def _sizes(rows: Rows, values: Floats) -> Floats:
+    """The largest |value| a row touches, but no less than a small part of the largest of all: a coordinate near
+    zero carries the rounding of what it was computed from."""
+    sizes = np.abs(values)
+    return np.asarray(np.maximum(rows.largest(sizes), LEAST * sizes.max(initial=0.0)))
+
+
+def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagnostic]:
+    """One diagnostic for each row that the start violates; of a family `MOST_TOLD`, and one for the rest of it."""
+    report: list[diagnostics.Diagnostic] = []
+    by_place: dict[diagnostics.Location, list[int]] = {}
+    for i in found.violated:
+        by_place.setdefault(system.rows.rows[i].location, []).append(i)
+    for location, broken in by_place.items():
+        report += (_violation(system, found, i) for i in broken[:MOST_TOLD])
+        rest = broken[MOST_TOLD:]
+        if rest:
+            worst = _violation(system, found, max(rest, key=found.size))
+            message = f"so do {len(rest)} more rows of this family; of them the most: {worst.message}"
+            report.append(diagnostics.Diagnostic("inconsistent-start", message, location, worst.hint))
+    return report
+
+
+def _violation(system: System, found: Residuals, i: int) -> diagnostics.Diagnostic:
+    """How far the start violates a row."""
+    row, units = system.rows.rows[i], system.model.units
+    whole = found.in_position(i)
+    kind, unit = ("positions", units.length) if whole else ("velocities", f"{units.length}/{units.time}")
+    unit = f" {unit}" if not system.model.coordinates else ""
+    by = violated(found.size(i), float(found.norms[i]), unit)
+    if whole and found.flat[i]:
+        by = f"{found.position[i]:.6g} of its own unit (its gradient vanishes or has no value there)"
+    message = f"the initial {kind} violate `{row.name}` by {by}"
+    hint = "correct the initial values, or use `--assemble` to move them to the nearest consistent state"
+    return diagnostics.Diagnostic("inconsistent-start", message, row.location, hint)
+
+
+def violated(scaled: float, norm: float, unit: str) -> str:
+    """A residual of an equation as it is written, with that for a gradient of length one, which has a `unit`."""
+    residual = f"{scaled * norm:.6g}"
+    shown = f"{scaled:.6g}"
+    if residual == shown:
+        return f"{shown}{unit}"
+    return f"{residual} ({shown}{unit} per unit of its gradient)"
+
+
+def metric_at(numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_] | None = None) -> Metric:
+    """The mass metric at a state, or the unit metric where some coordinates have no inertia."""
+    M = numeric.inertia(state.t, state.q, state.v, state.p)
+    try:
+        return Metric(M, fixed)
+    except NotDefiniteError:
+        return Metric.unit(M.shape[0], fixed)
+
+
+def contradiction(system: System, rows: list[int], at: str = "") -> diagnostics.ModelError:
+    """The error for rows of which a combination says dt = 0: no velocity satisfies them together, or only none `at`
+    some configurations, in words."""
+    message = f"{names_of(system, rows)} contradict each other: a combination of them says dt = 0"
+    if len(rows) == 1:
+        message = f"{names_of(system, rows)} can never hold: it says dt = 0"
+    if at:
+        verb = "satisfies it" if len(rows) == 1 else "satisfies them together"
+        message = f"{names_of(system, rows)}: no velocity {verb} {at}"
+    location = system.rows.rows[rows[-1]].location
+    return diagnostics.ModelError([diagnostics.Diagnostic("contradictory-constraints", message, location)])
+
+
+def names_of(system: System, rows: list[int]) -> str:
+    """The names of rows, the first of them where they are many."""
+    names = ", ".join(f"`{system.rows.rows[i].name}`" for i in rows[:MOST_TOLD])
+    return names + (f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else "")

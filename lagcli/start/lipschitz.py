@@ -1,0 +1,136 @@
+"""Whether a motion from a start is unique: forces, inertia and rows of (D.24) must be Lipschitz there."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.compiled.bound_function import Call
+from lagcli.equations import cut_warnings
+from lagcli.equations.system import System
+from lagcli.errors import diagnostics
+from lagcli.model import model as nouns
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+
+# What else an expression may hold is smooth wherever it has a value, whole powers too.
+_WORDS = re.compile(
+    r"\*\*(?!\s*[-+]?\d+(?![\w.]))|\b(sqrt|abs|norm|distance|sign|min|max|asin|acos|atan2|atan|log)\s*\("
+)
+
+# Distances from the start, as parts of its size, over which slopes are compared: where they grow by GROWS each time the
+# distance shrinks by a hundred, they have no bound. Those of |x|^a grow by 100^(1 - a): up to a = 0.94 it shows.
+DISTANCES, GROWS = (1e-6, 1e-8, 1e-10, 1e-12), 1.3
+# A function that is smooth over WIDE of the size gives the scale; a change below ROUNDED of it may be rounding.
+WIDE, ROUNDED = 1e-2, 1e-9
+# Directions in which it is looked; one is enough where there are many entries, and saves seconds.
+DIRECTIONS, MANY = 3, 100_000
+
+
+def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diagnostics.Diagnostic, ...]:
+    """A warning for the first force, inertia or row whose slope has no bound at a state, or nothing."""
+    if not state.q.size or not any(_WORDS.search(text) for text in cut_warnings.texts(system.model)):
+        return ()
+    n = state.q.size
+    size = float(np.abs(state.q).max(initial=0.0)) or 1.0
+    speed = float(np.abs(state.v).max(initial=0.0)) or size / (system.model.simulation.duration or 1.0)
+    entries = n + numeric.inertia.nnz_out(0) + numeric.rows.nnz_out(0) + numeric.rows.size1_out(1)
+    random = np.random.default_rng(0)
+    ways = [random.standard_normal(2 * n) for _ in range(DIRECTIONS if entries < MANY else 1)]
+    if not _may_grow(numeric, state, [np.repeat((size, speed), n) * way for way in ways]):
+        return ()
+    here = _values(numeric, state, state.q[:, None], state.v[:, None])[0]
+    scale, growing = np.abs(here), np.zeros(here.size, dtype=bool)
+    for way in ways:
+        for side in (1.0, -1.0):
+            # All distances at once: most of the time of a call goes by before and after it.
+            steps = side * np.multiply.outer(way, (WIDE, *DISTANCES))
+            q, v = state.q[:, None] + size * steps[:n], state.v[:, None] + speed * steps[n:]
+            changes = np.abs(_values(numeric, state, q, v) - here)
+            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+                scale = np.fmax(scale, changes[0])
+                slopes = changes[1:] / np.array(DISTANCES)[:, None]
+                ratios = slopes[1:] / slopes[:-1]
+                is_rounding = changes[2:] <= ROUNDED * scale
+                # The shortest distance alone may be one over which no change is seen.
+                growing |= ((ratios > GROWS) & ~is_rounding)[:-1].all(axis=0) & (
+                    (ratios[-1] > GROWS) | is_rounding[-1]
+                )
+    found = np.flatnonzero(growing)
+    return (_warning(system, numeric, int(found[0])),) if found.size else ()
+
+
+def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
+    """Whether a slope grows from the longest distance to the next on any of the ways (2n,): where none does, as nearly
+    always, the others need not be looked at."""
+    n = state.q.size
+    t, y, p = np.array([state.t]), np.concatenate([state.q, state.v]), np.array(state.p, dtype=float)
+    q, v = y[:n], y[n:]
+    calls = [
+        Call(function, [t, q, v, p], wanted=wanted, is_sparse=True)
+        for function, wanted in ((numeric.force, 1), (numeric.inertia, 1), (numeric.rows, 2))
+    ]
+
+    def values(distance: float, way: Floats) -> Floats:
+        y[:n], y[n:] = state.q, state.v
+        y[:] += distance * way
+        for call in calls:
+            call.trigger()
+        return np.concatenate([part for call in calls for part in call.results])
+
+    long, short = DISTANCES[:2]
+    here = values(0.0, ways[0])
+    floor = ROUNDED * np.abs(here)
+    with np.errstate(invalid="ignore", over="ignore"):
+        for way in ways:
+            for side in (1.0, -1.0):
+                far, near = (np.abs(values(side * distance, way) - here) for distance in (long, short))
+                if ((near * (long / short) > GROWS * far) & ~(near <= floor)).any():
+                    return True
+    return False
+
+
+def _values(numeric: NumericSystem, state: State, q: Floats, v: Floats) -> Floats:
+    """h (n,), the entries of M, of B and b (C,) at the time of a state, beside one another for each of the columns
+    of q and v (n, k): (k, entries)."""
+    at, count = (state.t, q, v, state.p), q.shape[1]
+    h, *_ = numeric.force(*at)
+    M, (B, b) = numeric.inertia(*at), numeric.rows(*at)
+    # Not as lists of numbers: a million particles have millions of entries. Those of each column follow one another.
+    entries = [part.nz[:].full().reshape(count, -1) for part in (M, B)]
+    return np.concatenate([h.full().T, *entries, b.full().T], axis=1)
+
+
+def _warning(system: System, numeric: NumericSystem, place: int) -> diagnostics.Diagnostic:
+    names, n = system.model.coordinate_names, numeric.n
+    M, B = system.dynamics.M.sparsity(), system.rows.B.sparsity()
+    entries = [*M.row(), *(n + row for row in B.row()), *range(n, n + len(system.rows.rows))]
+    if place < n:
+        what, location = f"the force along `{names[place]}`", system.model.location(names[place])
+        expressions = [e for force in system.model.forces for e in _expressions(force)]
+        if len(expressions) == 1:
+            location = expressions[0].location
+    elif entries[place - n] < n:
+        name = names[entries[place - n]]
+        what, location = f"the inertia of `{name}`", system.model.location(name)
+    else:
+        row = system.rows.rows[entries[place - n] - n]
+        what, location = f"the gradient of the constraint `{row.name}`", row.location
+    message = (
+        f"{what} is not Lipschitz at the start, where its slope has no bound: the motion from there need not be"
+        " unique (D.24), and a run gives one of those that exist"
+    )
+    hint = "start beside that place, or write the law without the infinite slope"
+    return diagnostics.Diagnostic("not-lipschitz", message, location, hint, "warning")
+
+
+def _expressions(
+    force: nouns.ParticleForce | nouns.GeneralizedForce | nouns.Potential,
+) -> list[nouns.Expression]:
+    if isinstance(force, nouns.Potential):
+        return [force.expression]
+    return [force.force] if isinstance(force, nouns.GeneralizedForce) else list(force.force.parts)

@@ -1,0 +1,195 @@
+"""Moves a configuration or velocity onto the constraints, in the mass-weighted norm, also from far.
+
+Near the surface the integrator's own compiled projection does this at every step; this room serves the start
+(`--assemble`), and the walk over the surface on which degrees of freedom are counted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import MetricRows, Rows
+
+Floats = npt.NDArray[np.float64]
+
+MAX_STEPS = 200
+MAX_HALVINGS = 30
+REFINEMENTS = 60
+# Relative to the size of the configuration: where a descent ends, where it may stall by rounding, and where a few
+# Newton steps have come close enough to tell that they square the residual.
+ARRIVED, ROUNDING, CONVERGED = 1e-14, 1e-10, 1e-13
+NEAREST = 1e-12
+# Where the rows are independent, Newton's steps from nearby square the residual: a few of them reach rounding.
+NEARBY_STEPS, SQUARED = 8, 0.02
+# Damping, on rows of length one: where it begins, how it grows and wanes, and where it is dropped. A descent ends
+# where so many steps have left more than this part of the residual: others go round a bend in fewer.
+FIRST_DAMPING, STRONGER, WEAKER, LAST_DAMPING = 1e-3, 4.0, 8.0, 1e-9
+SLOW_STEPS, SLOW = 20, 0.8
+
+
+class NoConfiguration(Exception):
+    """No point that satisfies the constraints was found; `worst` is the largest remaining |f_i| / |B_i|."""
+
+    def __init__(self, q: Floats, worst: float) -> None:
+        super().__init__("no configuration satisfies the holonomic constraints near the start")
+        self.q, self.worst = q, worst
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Reached:
+    """Where a descent ended: q (n,), and |f_i| / |B_i| of each row there; whether it is on the surface."""
+
+    q: Floats
+    residuals: Floats
+    is_on: bool
+
+    @property
+    def worst(self) -> float:
+        """The largest of the residuals; infinite where they are not finite."""
+        return (
+            float(np.max(self.residuals, initial=0.0)) if np.isfinite(self.residuals).all() else float("inf")
+        )
+
+
+class Surface:
+    """f = 0 at one time, with the metric of one configuration; of some of the rows where `only` numbers them."""
+
+    def __init__(
+        self, numeric: NumericSystem, t: float, p: Floats, metric: Metric, only: list[int] | None = None
+    ) -> None:
+        self._numeric, self._t, self._p, self._metric, self._only = numeric, t, p, metric, only
+
+    def rows(self, q: Floats) -> tuple[Floats, Any]:
+        """f (s,) and B (s, n), sparse."""
+        f, B = self._numeric.whole(self._t, q, self._p)
+        f = np.array(f).ravel()
+        return (f, B) if self._only is None else (f[self._only], B[self._only, :])
+
+    def descend(self, q: Floats, to_the_end: bool = False) -> Reached:
+        """A point of the surface from far, or else where the sum of (f_i / |B_i|)^2 is locally least.
+
+        Gauss-Newton steps, damped as by Levenberg and Marquardt where they do not lead down: in the metric, with
+        rows of length one, so that neither units nor the scale of a row count. A search gives up where steps are
+        small; to_the_end: it goes on, and what is given is its last point.
+        """
+        damping = 0.0
+        passed = np.inf
+        f, B = self.rows(q)
+        best = self._reached(q, f, B)
+        for taken in range(MAX_STEPS):
+            if best.is_on or not _are_finite(f, B):
+                break
+            rows = MetricRows(B, self._metric)
+            before = float(np.linalg.norm(f / rows.lengths))
+            if taken % SLOW_STEPS == 0:
+                if before > SLOW * passed and not to_the_end:
+                    break
+                passed = before
+            for _ in range(MAX_HALVINGS):
+                step = rows.correction(f, damping)
+                after, B_after = self.rows(q + step)
+                length = (
+                    float(np.linalg.norm(after / rows.lengths)) if _are_finite(after, B_after) else np.inf
+                )
+                if length < before:
+                    break
+                damping = max(STRONGER * damping, FIRST_DAMPING)
+            else:
+                break
+            q, f, B = q + step, after, B_after
+            damping = damping / WEAKER if damping > LAST_DAMPING else 0.0
+            here = self._reached(q, f, B)
+            best = here if to_the_end or here.is_on or here.worst <= best.worst else best
+        # The last steps stall at rounding; that is as far as doubles go.
+        size = max(_size(q), _size(best.q))
+        return dataclasses.replace(best, is_on=best.is_on or best.worst <= ROUNDING * size)
+
+    def _reached(self, q: Floats, f: Floats, B: Any) -> Reached:
+        if not _are_finite(f, B):
+            return Reached(q, np.full(f.size, np.inf), False)
+        residuals = np.abs(f) / Rows(B).divisors
+        return Reached(q, residuals, bool(np.max(residuals, initial=0.0) <= ARRIVED * _size(q)))
+
+    def residual(self, q: Floats) -> float:
+        """Largest |f_i| / |B_i|."""
+        f, B = self.rows(q)
+        if not _are_finite(f, B):
+            return float("inf")
+        return float(np.max(np.abs(f) / Rows(B).divisors, initial=0.0))
+
+    def feasible(self, q: Floats) -> Floats:
+        """A point of the surface by `descend`. Raises `NoConfiguration`."""
+        found = self.descend(q)
+        if not found.is_on:
+            raise NoConfiguration(found.q, found.worst)
+        return found.q
+
+    def nearby(self, q: Floats) -> Floats | None:
+        """The point of the surface that a few full Newton steps reach, each squaring a small residual, or None.
+
+        None from nearby shows that the surface is singular there: its rows are dependent on it and independent
+        beside it, and Newton's steps only halve the distance.
+        """
+        size = _size(q)
+        before = residual = self.residual(q)
+        for _ in range(NEARBY_STEPS):
+            if residual <= CONVERGED * size and (residual <= SQUARED * before or before <= CONVERGED * size):
+                return q
+            f, B = self.rows(q)
+            if not _are_finite(f, B):
+                return None
+            q = q + MetricRows(B, self._metric).correction(f)
+            before, residual = residual, self.residual(q)
+        return None
+
+    def nearest(self, q0: Floats) -> Floats:
+        """The point of the surface nearest to q0 in the metric: q - q0 = -M^-1 B^T mu at the point itself.
+
+        Gauss-Newton on that condition from a feasible point; where it does not contract, the feasible point
+        with the smaller distance is kept.
+        """
+        return self.refined(self.feasible(q0), q0)
+
+    def refined(self, q: Floats, q0: Floats, steps: int = REFINEMENTS) -> Floats:
+        """The same from a point q of the surface, in so many steps at most."""
+        best = q
+        size = _size(q0)
+        for _ in range(steps):
+            f, B = self.rows(q)
+            step = MetricRows(B, self._metric).correction(f + Rows(B).times(q0 - q))
+            try:
+                new = self.feasible(q0 + step)
+            except NoConfiguration:
+                break
+            if self._metric.length(new - q0) >= self._metric.length(best - q0) * (1 + 1e-12) + NEAREST * size:
+                break
+            moved = float(np.abs(new - q).max(initial=0.0))
+            best = q = new
+            if moved <= NEAREST * size:
+                break
+        return best
+
+
+def velocity(v: Floats, B: Any, b: Floats, metric: Metric) -> Floats:
+    """The nearest v with B v + b = 0 in the metric. Shapes (n,), (C, n), (C,).
+
+    Where the rows contradict each other the result leaves a residual.
+    """
+    rows = MetricRows(B, metric)
+    for _ in range(2):  # the second pass removes the rounding of the first
+        v = v + rows.correction(Rows(B).times(v) + b)
+    return v
+
+
+def _size(q: Floats) -> float:
+    return float(np.abs(q).max(initial=0.0)) or 1.0
+
+
+def _are_finite(f: Floats, B: Any) -> bool:
+    return bool(np.isfinite(f).all() and np.isfinite(B.nonzeros()).all())

@@ -1,0 +1,133 @@
+"""Points of the constraint surface that are reached from the start.
+
+What holds at generic points (ranks, derived flags) is looked for at them: the start may be special.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.equations.system import System
+from lagcli.linear import metric_rows, rank
+from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.start import assembly, initial, projection
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+
+POINTS = 4  # on the surface, besides the start
+WALK_STEPS = 3
+STEP = 0.2  # of the size of the configuration
+# Shorter steps would be within rounding of a singular surface, where the rank cannot be seen.
+MAX_HALVINGS = 11
+SEED = 20061
+# A gradient that is this part of what it is as far aside, as a part of the size, vanishes: what is left is rounding.
+FLAT, ASIDE = 1e-9, 1e-2
+
+
+def begin(system: System, numeric: NumericSystem) -> State:
+    """The consistent state nearest to the declared one.
+
+    Raises `diagnostics.ModelError` where there is none, and where the inertia has no finite value there.
+    """
+    state = assembly.assemble(system, numeric, initial.declared(system), ()).state
+    if not is_finite(numeric, state):
+        initial.inertia(system, numeric, state)  # says of which coordinate
+    return state
+
+
+def surface(numeric: NumericSystem, state: State) -> projection.Surface:
+    """The surface at the time and parameters of a state, with the metric there."""
+    return projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
+
+
+def along(
+    numeric: NumericSystem, state: State, rows: list[int], later: float = 0.0, points: int = POINTS
+) -> list[State]:
+    """The start, and `points` of the surface that random steps along the kernel of some rows reach, each projected.
+
+    `later`: the time moves on by up to this much at each point, where the surface goes on so long.
+    """
+    random = np.random.default_rng(SEED)
+    found = [state]
+    for _ in range(points):
+        here: State | None = found[-1]
+        for _ in range(WALK_STEPS):
+            here = None if here is None else _tangent_step(numeric, here, rows, random)
+        if here is None:
+            break
+        found.append(_later(numeric, here, later * random.random()) if later else here)
+    return found
+
+
+def _later(numeric: NumericSystem, here: State, step: float) -> State:
+    there = dataclasses.replace(here, t=here.t + step)
+    q = surface(numeric, there).nearby(here.q)
+    if q is not None and is_finite(numeric, dataclasses.replace(there, q=q)):
+        return dataclasses.replace(there, q=q)
+    return here
+
+
+def _tangent_step(
+    numeric: NumericSystem, here: State, rows: list[int], random: np.random.Generator
+) -> State | None:
+    """The point after one random step along the kernel of the rows, as long as the curvature allows."""
+    direction = _tangent(numeric, here, rows, random)
+    largest = float(np.abs(direction).max(initial=0.0))
+    if largest == 0.0:
+        return here
+    step = STEP * size(here.q) * direction / largest
+    reached = surface(numeric, here)
+    for halvings in range(MAX_HALVINGS):
+        there = reached.nearby(here.q + step / 2**halvings)
+        if there is not None and is_finite(numeric, dataclasses.replace(here, q=there)):
+            return dataclasses.replace(here, q=there)
+    return None
+
+
+def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.random.Generator) -> Floats:
+    """A random direction in the kernel of the rows."""
+    B = numeric.rows(here.t, here.q, here.v, here.p)[0][rows, :]
+    if len(rows) > metric_rows.DENSE:
+        u = random.standard_normal(here.q.size)
+        return u + MetricRows(B, initial.metric_at(numeric, here)).correction(Rows(B).times(u))
+    tangent = rank.null_basis(_unit(np.array(B)))
+    return np.asarray(tangent @ random.standard_normal(tangent.shape[1]))
+
+
+def rows(numeric: NumericSystem, point: State) -> MetricRows:
+    """All rows at a point of the surface; one whose gradient vanishes on it is zero, whatever rounding leaves of it."""
+    B = numeric.rows(point.t, point.q, point.v, point.p)[0]
+    direction = np.random.default_rng(SEED).standard_normal(point.q.size)
+    aside = point.q + ASIDE * size(point.q) * direction
+    off = Rows(numeric.rows(point.t, aside, point.v, point.p)[0])
+    here = Rows(B)
+    with np.errstate(invalid="ignore"):  # a row may have no value aside
+        flat = here.norms <= FLAT * off.norms
+    keep = ca.DM(np.where(flat, 0.0, 1.0))
+    return MetricRows(ca.mtimes(ca.diag(keep), B) if flat.any() else B, initial.metric_at(numeric, point))
+
+
+def size(q: Floats) -> float:
+    """How large the configuration is, or 1 where all of it is at zero."""
+    return float(np.abs(q).max(initial=0.0)) or 1.0
+
+
+def is_finite(numeric: NumericSystem, point: State) -> bool:
+    """Whether rows and inertia are finite at a point."""
+    B = numeric.rows(point.t, point.q, point.v, point.p)[0]
+    M = numeric.inertia(point.t, point.q, point.v, point.p)
+    return bool(np.isfinite(B.nonzeros()).all() and np.isfinite(M.nonzeros()).all())
+
+
+def _unit(rows: Floats) -> Floats:
+    """Rows of length one; a row that vanishes stays zero."""
+    largest = np.abs(rows).max(axis=1, initial=0.0)
+    scaled = rows / np.where(largest > 0, largest, 1.0)[:, None]  # squares of large numbers overflow
+    lengths = np.linalg.norm(scaled, axis=1)
+    return np.asarray(scaled / np.where(lengths > 0, lengths, 1.0)[:, None])
