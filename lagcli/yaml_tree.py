@@ -58,7 +58,7 @@ class Text:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Node:
+class YamlNode:
     """A piece of the document: offsets `start` to `end` of the text it came from."""
 
     text: Text = dataclasses.field(repr=False)
@@ -76,7 +76,7 @@ _STYLES: dict[str | None, Style] = {"'": "'", '"': '"', "|": "|", ">": ">"}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Scalar(Node):
+class Scalar(YamlNode):
     """A text, with escapes and folding resolved; `style` is the sign it was written with."""
 
     value: str
@@ -129,14 +129,14 @@ class Scalar(Node):
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Sequence(Node):
+class Sequence(YamlNode):
     """A list of nodes."""
 
     items: tuple[Scalar | Sequence | Mapping, ...]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Mapping(Node):
+class Mapping(YamlNode):
     """Keys and values in the order of the file; a duplicate key has been reported and left out."""
 
     entries: tuple[tuple[Scalar, Scalar | Sequence | Mapping], ...]

@@ -18,7 +18,7 @@ import lagcli
 from lagcli import __main__ as entry
 from lagcli.api import pipeline
 from lagcli.cli import signals
-from lagcli.linear.metric_rows import Rows
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import assembly, conflict, initial
 
 ON = 1e-12
@@ -403,7 +403,7 @@ def test_the_smallest_set_of_velocities_among_few_and_many(count):
         B[i, i], B[i, i - 1] = 1.0, -1.0 if i % (count // 5) == 0 or count == 5 else 0.0
     B = np.vstack([B, B[2] + B[3]])
     b = np.append(np.zeros(count), 0.5)
-    found = conflict.least(Rows(lagcli_matrix(B)), b)
+    found = conflict.least(LocalRows(lagcli_matrix(B)), b)
     assert found == [2, 3, count]
 
 

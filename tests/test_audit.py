@@ -14,9 +14,9 @@ import pytest
 
 import lagcli
 from lagcli.auditing import differences, momenta, table_input
-from lagcli.auditing.audit_report import Audit, Law, judge
-from lagcli.auditing.laws import Laws, start
-from lagcli.auditing.model_values import Cast, Scene
+from lagcli.auditing.audit_report import Audit, CheckedLaw, judge
+from lagcli.auditing.laws import ModelLaws, start
+from lagcli.auditing.model_values import ModelIndex, ModelOnTable
 from lagcli.auditing.tolerances import Evidence, Tolerance
 from lagcli.output.figures import audit_figure
 from lagcli.output.tables import read_table, sinks
@@ -384,7 +384,7 @@ def states(model: lagcli.Model, rows: int) -> tuple[Floats, Floats, Floats]:
 
 def test_gradients_agree_with_differences() -> None:
     """B by differences of B v + b in v, which is linear; pull and forces of V by differences of f and V."""
-    laws = Laws(lagcli.loads(MIXED))
+    laws = ModelLaws(lagcli.loads(MIXED))
     t, q, v = states(laws.model, 4)
     B = laws.matrix(t, q, v)
     _, w = laws.residuals(t, q, v)
@@ -407,7 +407,7 @@ def test_gradients_agree_with_differences() -> None:
 def test_the_equations_of_lagrange_agree_with_those_of_the_solver() -> None:
     """h of the solver, by its own symbols, is what M a leaves of the audit's forces; dL/dq' its momentum."""
     model = lagcli.loads(MIXED.replace("  along: p[1] - p[2] = [0, 0, 0]\n", ""))
-    laws = Laws(model)
+    laws = ModelLaws(model)
     t, q, v = states(model, 5)
     xi = np.random.default_rng(3).standard_normal(q.shape)
     step = 1e-100j
@@ -436,13 +436,13 @@ lagcli: 1
 coordinates: {{x: {{value: 0.7}}, y: {{value: 1.3}}}}
 lagrangian: rate(x)**2 + rate(y)**2 + {text}
 """)
-    cast = Cast(model)
+    cast = ModelIndex(model)
     q = np.array([[0.7, 1.3], [0.4, 0.9]])
 
-    def value(at: npt.NDArray[np.complex128] | Floats) -> tuple[Scene, object]:
+    def value(at: npt.NDArray[np.complex128] | Floats) -> tuple[ModelOnTable, object]:
         from lagcli.expression import evaluate
 
-        scene = Scene(cast, np.zeros((2, 1)), at, np.zeros((2, 2)))
+        scene = ModelOnTable(cast, np.zeros((2, 1)), at, np.zeros((2, 2)))
         assert model.lagrangian is not None
         return scene, evaluate.scalar(model.lagrangian.tree, scene.algebra())
 
@@ -463,7 +463,7 @@ def test_derivatives_and_integrals_know_their_errors(rows: int, even: bool) -> N
     t = np.linspace(0, 4, rows)
     if not even:
         t += 0.3 * (t[1] - t[0]) * np.sin(7 * t)
-    grid = differences.Grid(t)
+    grid = differences.DifferenceGrid(t)
     y = np.stack([np.sin(t), np.exp(-t) * np.cos(2 * t)], axis=1)
     slope = np.stack([np.cos(t), -np.exp(-t) * (np.cos(2 * t) + 2 * np.sin(2 * t))], axis=1)
     found = grid.derivative(y, np.full(2, 1e-15))
@@ -478,7 +478,7 @@ def test_derivatives_and_integrals_know_their_errors(rows: int, even: bool) -> N
 
 def test_what_is_too_fast_is_not_resolved() -> None:
     t = np.linspace(0, 10, 101)
-    grid = differences.Grid(t)
+    grid = differences.DifferenceGrid(t)
     y = np.stack([np.sin(t), np.sin(25 * t)], axis=1)
     resolved = grid.resolved(y, np.full(2, 1e-14))
     assert resolved[:, 0].all()
@@ -488,14 +488,14 @@ def test_what_is_too_fast_is_not_resolved() -> None:
 def test_symmetries_are_found_where_they_are() -> None:
     model = lagcli.load(ROOT / "models" / "spherical-pendulum.yaml")
     run = table(model, duration=1, samples=101)
-    laws = Laws(model)
+    laws = ModelLaws(model)
     found = Evidence(laws, table_input.read(laws, run.columns, run.rows), Tolerance(1e-11, 1e-13))
     names = {one.name for one in momenta.symmetries(found)}
     assert names == {"translation along x", "translation along y", "rotation about z"}
 
 
 def test_a_residual_that_is_no_number_fails() -> None:
-    law = Law("any", "D.0", "0 = 0")
+    law = CheckedLaw("any", "D.0", "0 = 0")
     check = judge(law, ["a"], np.zeros(1), np.full((1, 1), np.nan), np.ones((1, 1)))
     assert check.verdict == "fail"
     open_ = judge(law, ["a"], np.zeros(1), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1), dtype=bool))

@@ -11,8 +11,8 @@ import pytest
 import lagcli
 from lagcli.auditing import all_checks, checks_outputs, checks_steps, table_input
 from lagcli.auditing import checks_motion as motions
-from lagcli.auditing.audit_report import Audit, Law, judge
-from lagcli.auditing.laws import Laws
+from lagcli.auditing.audit_report import Audit, CheckedLaw, judge
+from lagcli.auditing.laws import ModelLaws
 from lagcli.auditing.tolerances import Evidence, Tolerance
 from lagcli.output.tables import sinks
 from lagcli.output.trajectory import Trajectory
@@ -374,7 +374,7 @@ forces: {w: {to: a, force: [0, 0, -9.81*m]}, kick: {to: a, force: ["5*exp(-((t -
 
 
 def test_pass_is_said_of_what_was_judged() -> None:
-    law = Law("any", "D.0", "0 = 0")
+    law = CheckedLaw("any", "D.0", "0 = 0")
     judged = np.zeros((100, 1), dtype=bool)
     for count, verdict in (
         (100, "pass"),
@@ -482,7 +482,9 @@ def test_energy_and_outputs_are_computed_again(with_outputs: tuple[lagcli.Model,
     own = [name for name in own if name not in ("swing", "of_swing")]  # not to be had from r, v, lambda and R
     with np.errstate(all="ignore"):
         e = Evidence(
-            Laws(model), table_input.read(Laws(model), run.columns, run.rows), Tolerance(1e-11, 1e-13)
+            ModelLaws(model),
+            table_input.read(ModelLaws(model), run.columns, run.rows),
+            Tolerance(1e-11, 1e-13),
         )
         energies = motions.energies(e)
     for name in own:
@@ -528,7 +530,7 @@ def test_bounds_of_steps_hold_for_jumps_wherever_they_are(even: bool) -> None:
     t = np.linspace(0, 2, 41)
     if not even:
         t = np.sort(np.concatenate([t, random.uniform(0, 2, 8)]))
-    grid = checks_steps.Steps(t)
+    grid = checks_steps.TableSteps(t)
     for _ in range(40):
         c = random.uniform(0, 2)
         after = np.maximum(0, t - c)

@@ -110,7 +110,7 @@ def ready(
 ) -> pipeline.Running:
     model = lagcli.loads(text)
     return pipeline.Running(
-        model, pipeline.run_settings(model, options), resumed, lambda _: pipeline.Found(found)
+        model, pipeline.run_settings(model, options), resumed, lambda _: pipeline.KnownIntegrals(found)
     )
 
 
@@ -286,13 +286,13 @@ coordinates: {x: {value: -1, rate: 1}, y: {value: -0.5, rate: 0.5}}
 lagrangian: (rate(x)**2 + rate(y)**2)/2 - (x**2 + 3*y**2)
 differential: {row: y*d(x) - x*d(y) = 0}
 """
-GOOD = invariant.Chart("y", "x")
-ROOT = invariant.Chart("sqrt(-x)", "sqrt(-y)")  # ends where the motion passes the origin, at t = 0.62
-LOG = invariant.Chart("log(-x) - log(-y)")
+GOOD = invariant.LevelFunction("y", "x")
+ROOT = invariant.LevelFunction("sqrt(-x)", "sqrt(-y)")  # ends where the motion passes the origin, at t = 0.62
+LOG = invariant.LevelFunction("log(-x) - log(-y)")
 HELD = {"stays": (GOOD,), "for another": (ROOT, LOG, GOOD), "let go": (LOG,)}
 
 
-def line(*charts: invariant.Chart) -> tuple[invariant.FirstIntegral, ...]:
+def line(*charts: invariant.LevelFunction) -> tuple[invariant.FirstIntegral, ...]:
     return (invariant.FirstIntegral("y/x", ("row",), charts),)
 
 
@@ -302,7 +302,7 @@ every_holding = pytest.mark.parametrize("charts", HELD.values(), ids=HELD.keys()
 @every_holding
 @pytest.mark.parametrize("samples", [11, 801])
 def test_a_run_with_an_integral_goes_on_bit_for_bit_before_and_after_a_change_of_charts(
-    charts: tuple[invariant.Chart, ...], samples: int, monkeypatch: pytest.MonkeyPatch
+    charts: tuple[invariant.LevelFunction, ...], samples: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     options: dict[str, Any] = {"found": line(*charts), "duration": 2, "samples": samples}
     whole = ready(LINE, **options)
@@ -327,7 +327,9 @@ def test_a_run_with_an_integral_goes_on_bit_for_bit_before_and_after_a_change_of
 
 
 @every_holding
-def test_the_end_of_a_run_with_an_integral_leaves_no_trace(charts: tuple[invariant.Chart, ...]) -> None:
+def test_the_end_of_a_run_with_an_integral_leaves_no_trace(
+    charts: tuple[invariant.LevelFunction, ...],
+) -> None:
     found = line(*charts)
     whole = ready(LINE, found=found, duration=2, output_step=0.125)
     rows = np.concatenate(list(whole.blocks()))
@@ -351,7 +353,7 @@ def test_a_run_goes_on_with_the_integrals_it_began_with() -> None:
 def test_integrals_that_are_none_of_the_system_are_damage() -> None:
     _, point = cut(LINE, 1, found=line(GOOD), duration=1, samples=3)
     for text in ("x - unknown", "x - (", "x*d(y)"):
-        strange = dataclasses.replace(line(GOOD)[0], charts=(invariant.Chart(text),))
+        strange = dataclasses.replace(line(GOOD)[0], charts=(invariant.LevelFunction(text),))
         with pytest.raises(checkpoint.CheckpointError, match="damaged checkpoint: it holds integrals"):
             ready(LINE, dataclasses.replace(point, integrals=(strange,)), duration=2)
 

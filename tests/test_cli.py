@@ -843,7 +843,7 @@ def test_columns_choose_by_name_where_brackets_are_letters(
     wrong = lagcli("simulate", "model.yaml", "--columns", "lambda.rodd")
     assert "lambda.rod" in wrong.err
     # Names with brackets, as of families: the whole contract of the patterns is tested with the export.
-    wishes = simulate_command.Wishes(None, None, None, "p[1].*", False, False, False)
+    wishes = simulate_command.OutputOptions(None, None, None, "p[1].*", False, False, False)
     assert simulate_command._picked(("t", "p[1].x", "p1.x"), wishes) == [1]
 
 

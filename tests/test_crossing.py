@@ -271,7 +271,7 @@ def test_a_toggle_position_stops_the_run_with_its_rows_and_their_names():
     model = lagcli.loads(DRIVEN)
     running = pipeline.Running(model, model.simulation)
     blocks = []
-    with pytest.raises(loop.Stopped, match=r"`rod`, `drive` become dependent .* toggle") as stopped:
+    with pytest.raises(loop.RunStop, match=r"`rod`, `drive` become dependent .* toggle") as stopped:
         blocks.extend(running.blocks())
     assert stopped.value.stop.t == pytest.approx(1, abs=1e-9)
     rows = np.concatenate(blocks)
@@ -282,7 +282,7 @@ def test_a_toggle_position_stops_the_run_with_its_rows_and_their_names():
 def test_a_cusp_stops_the_run():
     model = lagcli.loads(PLANE.format(1, -1, 1, -1.5, "x**3 = y**2"))
     running = pipeline.Running(model, model.simulation)
-    with pytest.raises(loop.Stopped, match="the gradient of `row` vanishes there"):
+    with pytest.raises(loop.RunStop, match="the gradient of `row` vanishes there"):
         list(running.blocks())
 
 
@@ -341,13 +341,13 @@ def test_a_run_goes_on_bit_for_bit_across_crossings(text, monkeypatch):
 
 @pytest.mark.parametrize("slope", [0.3, 2.0])
 def test_the_instant_is_foreseen_where_the_clearance_goes_to_zero_in_a_line(slope):
-    seen = singularity_monitor.Watch()
+    seen = singularity_monitor.SingularityMonitor()
     found = [seen.foreseen(t, min(1.0, slope * (2 - t)) ** 2, 1.0) for t in (1.0, 1.3, 1.6, 1.8)]
     assert found[0] == singularity_monitor.NEVER
     assert abs(found[-1].instant - 2) < 0.05
     assert found[-1].is_near(1.8, 0.15, 1e-8)
     assert not found[-1].is_near(1.8, 0.05, 1e-6)
-    assert singularity_monitor.Watch(seen.state).again() == found[-1]
+    assert singularity_monitor.SingularityMonitor(seen.state).again() == found[-1]
     # Going apart, or too far to be seen.
     assert seen.foreseen(1.9, 0.5, 1.0) == singularity_monitor.NEVER
 

@@ -124,7 +124,7 @@ def test_pendulum_with_its_tension() -> None:
     assert solved.values[1] == 0
 
 
-def _solved(page: derivation.Derivation) -> closed_form.Solved:
+def _solved(page: derivation.Derivation) -> closed_form.ClosedForm:
     inverted = multiplier_equations.inverse(page.system)
     assert inverted.entries is not None
     return closed_form.solve(page.system, multiplier_equations.equation(page.system, inverted.entries))
@@ -517,9 +517,9 @@ def test_each_part_of_a_formula_is_written_once(writer, kind, monkeypatch):
             case "fraction":
                 node = f.Fraction(f.ONE, node)
             case "power":
-                node = f.Power(node, f.Number("3"))
+                node = f.FormulaPower(node, f.FormulaNumber("3"))
             case _:
-                node = f.Sum(((1, node), (-1, f.ONE)))
+                node = f.FormulaSum(((1, node), (-1, f.ONE)))
     written = []
     inner = dict(writer._WRITERS)
     for each, write in inner.items():

@@ -333,7 +333,7 @@ def test_kinds_are_told_from_one_another_whatever_their_names():
         ["lambda.rod"],
         ["R.a.x", "R.a.y", "R.a.z", "R.theta"],
     ]
-    assert isinstance(ready._paired, reference_run.Paired)
+    assert isinstance(ready._paired, reference_run.RunWithReference)
 
 
 def test_the_sentence_counts_whole_digits():

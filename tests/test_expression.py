@@ -476,7 +476,7 @@ def test_the_depth_of_a_filter_is_bounded(opened: str) -> None:
         parser.parse_filter(opened * 3000 + "i == 1")
     assert caught.value.code == "too-deep"
     node = parser.parse_filter("(" * 40 + "i == 1" + ")" * 40)
-    assert isinstance(node, tree.Comparison)
+    assert isinstance(node, tree.ComparisonNode)
 
 
 def test_a_long_filter_is_no_deeper() -> None:

@@ -30,7 +30,7 @@ def system(variables, rows, parameters=(), surface=()):
     rows = rows.tolist() if isinstance(rows, sympy.MatrixBase) else rows
     entries = tuple(tuple(sympy.sympify(c) for c in row) for row in rows)
     names = tuple(f"row{n}" for n in range(len(entries)))
-    return pfaffian_block.Block(names, tuple(variables), entries, tuple(parameters), tuple(surface))
+    return pfaffian_block.PfaffianBlock(names, tuple(variables), entries, tuple(parameters), tuple(surface))
 
 
 def jacobian(functions, variables):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import derived_flag, function_field
-from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
 REFERENCE = pathlib.Path(__file__).parent / "reference" / "pfaffian.json"
 SYSTEMS = {s["name"]: s for s in json.loads(REFERENCE.read_text(encoding="utf-8"))["systems"]}
@@ -30,7 +30,7 @@ def block(coordinates, forms, surface=()):
     rows = tuple(tuple(read(text) for text in form) for form in forms)
     names = tuple(f"n{i + 1}" for i in range(len(rows)))
     parameters = tuple(p for p in PARAMETERS if p.name not in letters)
-    return Block(names, tuple(letters.values()), rows, parameters, tuple(read(f) for f in surface))
+    return PfaffianBlock(names, tuple(letters.values()), rows, parameters, tuple(read(f) for f in surface))
 
 
 def reference(name):
@@ -169,7 +169,7 @@ def test_the_order_of_rows_and_coordinates_changes_nothing(name, data):
     system = reference(name)
     order = data.draw(st.permutations(range(len(system.variables))))
     rows = data.draw(st.permutations(range(len(system.rows))))
-    moved = Block(
+    moved = PfaffianBlock(
         tuple(system.names[i] for i in rows),
         tuple(system.variables[k] for k in order),
         tuple(tuple(system.rows[i][k] for k in order) for i in rows),
@@ -193,7 +193,7 @@ def test_invertible_combinations_of_rows_change_nothing(name, data):
             if j != i:
                 more = sympy.sympify(data.draw(st.sampled_from(["0", "1", "x", "sin(y)"])), locals=letters)
                 rows[i] = [a + more * b for a, b in zip(rows[i], rows[j], strict=True)]
-    mixed = Block(system.names, system.variables, tuple(map(tuple, rows)))
+    mixed = PfaffianBlock(system.names, system.variables, tuple(map(tuple, rows)))
     one, other = found(system), found(mixed)
     assert (one.dims, one.growth) == (other.dims, other.growth)
     assert spanned(one.integrable, system.variables) == spanned(other.integrable, system.variables)
@@ -215,7 +215,7 @@ def test_a_change_of_coordinates_changes_nothing(name, value):
             else moved[j] + slope * sympy.diff(new, v)
             for j, v in enumerate(system.variables)
         ))  # fmt: skip
-    one, other = found(system), found(Block(system.names, system.variables, tuple(rows)))
+    one, other = found(system), found(PfaffianBlock(system.names, system.variables, tuple(rows)))
     assert (one.dims, one.growth, one.inside) == (other.dims, other.growth, other.inside)
 
 

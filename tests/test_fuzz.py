@@ -322,7 +322,7 @@ def _rows(running: pipeline.Running) -> jets.Floats:
             for block in running.blocks():
                 assert np.isfinite(block).all()
                 blocks.append(block)
-    except loop.Stopped as stopped:
+    except loop.RunStop as stopped:
         event(stopped.stop.reason.partition(": ")[2])
     except Hang:
         # A motion may be as fast as it likes; what may not be is a run that takes no steps.
@@ -431,7 +431,7 @@ def runs_right(spec: jets.Spec) -> bool:
         with prompt(RUN_SECONDS):
             for block in running.blocks():
                 rows.extend(block)
-    except (loop.Stopped, Hang) as stopped:
+    except (loop.RunStop, Hang) as stopped:
         event(type(stopped).__name__)
     event("compared")
     assert np.isfinite(rows).all()

@@ -318,7 +318,7 @@ def test_surfaces_where_a_form_ceases_to_be_nonholonomic_are_named(coefficients,
 
 def test_what_is_found_for_one_member_is_told_of_the_others():
     members = [sympy.symbols(f"p[{n}].x p[{n}].x2 p[{n}].z", real=True) for n in (1, 2)]
-    judge = memo.Judge()
+    judge = memo.VerdictMemo()
     first, second = (
         judge.classify(pfaffian(m, (-abs(m[1]) * m[1] ** 2, 0, 1)), time_limit.after(SECONDS))
         for m in members

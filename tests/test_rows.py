@@ -83,7 +83,7 @@ def killed(monkeypatch):
         monkeypatch.setattr(atomic_file, "sweep", lambda: None)
         monkeypatch.setattr(sinks._FileSink, "discard", lambda sink: None)
         taken = []
-        take = table_output.Table.take
+        take = table_output.TableOutput.take
 
         def counted(self, *arguments):
             take(self, *arguments)
@@ -91,7 +91,7 @@ def killed(monkeypatch):
             if len(taken) == after:
                 raise Killed
 
-        monkeypatch.setattr(table_output.Table, "take", counted)
+        monkeypatch.setattr(table_output.TableOutput, "take", counted)
 
     return arm
 
@@ -178,7 +178,9 @@ def test_the_rows_are_on_the_disk_before_the_checkpoint_is(here, monkeypatch):
     # The rows, their number, then the checkpoint, its file and its name.
     assert order[:3] == ["sync", "sync", "move"]
     assert order[3:] == ["sync", "sync"][: 1 + (os.name == "posix")]
-    assert checkpoint.read("ck").table == checkpoint.Table("run.csv", 0.01, len(block), rows.rows.checksum)
+    assert checkpoint.read("ck").table == checkpoint.CheckpointTable(
+        "run.csv", 0.01, len(block), rows.rows.checksum
+    )
     rows.close()
 
 
@@ -398,7 +400,7 @@ def test_signals_while_the_rows_are_being_written_lose_none(command, here, endin
     monkeypatch.setattr(loop, "PAUSE", 0.0)
     monkeypatch.setattr(loop, "BLOCK_VALUES", 200)
     taken = []
-    take, keep = table_output.Table.take, table_output.Table.keep
+    take, keep = table_output.TableOutput.take, table_output.TableOutput.keep
     rename = os.replace
 
     def raising(*arguments):
@@ -420,8 +422,8 @@ def test_signals_while_the_rows_are_being_written_lose_none(command, here, endin
             signals._handle(number, None)
         rename(*arguments)
 
-    monkeypatch.setattr(table_output.Table, "take", raising)
-    monkeypatch.setattr(table_output.Table, "keep", more_of_them)
+    monkeypatch.setattr(table_output.TableOutput, "take", raising)
+    monkeypatch.setattr(table_output.TableOutput, "keep", more_of_them)
     monkeypatch.setattr(os, "replace", moved)
     _, err, code = command("simulate", "m.yaml", "-q", "-o", f"run.{ending}")
     assert code == 130

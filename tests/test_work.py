@@ -8,7 +8,7 @@ import pytest
 
 import lagcli
 from lagcli.simulation import work_integral
-from lagcli.simulation.work_integral import Integral
+from lagcli.simulation.work_integral import WorkIntegral
 
 MOTOR = """lagcli: 1
 parameters: {om: 10, m: 1, L: 0.3}
@@ -94,7 +94,7 @@ def kink(times: np.ndarray) -> tuple[np.ndarray, float]:
 
 @pytest.mark.parametrize("h", [0.1, 3.0, 1000.0])
 def test_waves_are_integrated_to_every_time(h: float) -> None:
-    found = Integral(waves, 1e-13).over(2.0, h, 5.0)
+    found = WorkIntegral(waves, 1e-13).over(2.0, h, 5.0)
     assert found is not None
     for t in np.linspace(2.0, 2.0 + h, 101):
         assert found.at(t) == pytest.approx(5 + math.sin(t) - math.sin(2), abs=2e-11)
@@ -102,21 +102,21 @@ def test_waves_are_integrated_to_every_time(h: float) -> None:
 
 
 def test_a_kink_is_found() -> None:
-    found = Integral(kink, 1e-13).over(0.0, 1.0, 0.0)
+    found = WorkIntegral(kink, 1e-13).over(0.0, 1.0, 0.0)
     assert found is not None
     assert found.end == pytest.approx(5 / 18, abs=1e-12)
 
 
 def test_what_has_no_value_or_too_many_waves_is_not_integrated() -> None:
-    assert Integral(lambda times: None, 1e-13).over(0.0, 1.0, 0.0) is None
-    assert Integral(waves, 1e-13).over(0.0, 1e7, 0.0) is None
+    assert WorkIntegral(lambda times: None, 1e-13).over(0.0, 1.0, 0.0) is None
+    assert WorkIntegral(waves, 1e-13).over(0.0, 1e7, 0.0) is None
 
 
 def test_the_number_of_panels_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert Integral(waves, 1e-13).over(0.0, 5000.0, 0.0) is not None
-    assert Integral(waves, 1e-13).over(0.0, 40000.0, 0.0) is None
+    assert WorkIntegral(waves, 1e-13).over(0.0, 5000.0, 0.0) is not None
+    assert WorkIntegral(waves, 1e-13).over(0.0, 40000.0, 0.0) is None
     monkeypatch.setattr(work_integral, "MOST_PANELS", 16)
-    assert Integral(waves, 1e-13).over(0.0, 1000.0, 0.0) is None
+    assert WorkIntegral(waves, 1e-13).over(0.0, 1000.0, 0.0) is None
 
 
 def test_rounding_of_the_power_is_no_wave() -> None:
@@ -127,7 +127,7 @@ def test_rounding_of_the_power_is_no_wave() -> None:
         noise = np.random.default_rng(len(calls)).normal(size=times.size)
         return np.cos(times) * (1 + 1e-9 * noise), 1.0
 
-    found = Integral(noisy, 1e-13).over(0.0, 3.0, 0.0)
+    found = WorkIntegral(noisy, 1e-13).over(0.0, 3.0, 0.0)
     assert found is not None
     assert found.end == pytest.approx(math.sin(3.0), abs=1e-8)
     assert len(calls) < 40

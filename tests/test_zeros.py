@@ -101,7 +101,7 @@ def test_the_figure_draws_rounding_as_zero_with_a_note():
     table = np.concatenate(list(ready.blocks()))
     plain = panels.bands(ready.columns, table, ready.model.units)
     assert np.abs(plain[0].panels[0].curves[0].values).max() > 0
-    found = panels.bands(ready.columns, table, ready.model.units, panels.Facts(zeros=zero_columns(BALL)))
+    found = panels.bands(ready.columns, table, ready.model.units, panels.PanelFacts(zeros=zero_columns(BALL)))
     for panel in found[0].panels:
         assert all(not curve.values.any() for curve in panel.curves)
     assert found[0].note == "zero to rounding: roll_x, roll_y"
@@ -158,7 +158,7 @@ class Labels:
 )
 def test_multipliers_of_lengths_are_newtons(powers, label):
     table = np.array([[0, 1, 2], [1, 1, 2.0]])
-    (band,) = panels.bands(["t", "lambda.f", "lambda.g"], table, Labels(), panels.Facts(lengths=powers))
+    (band,) = panels.bands(["t", "lambda.f", "lambda.g"], table, Labels(), panels.PanelFacts(lengths=powers))
     assert " ".join(band.label.split()) == label
 
 

@@ -43,7 +43,7 @@ class ConstraintReport:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Joint:
+class JointReport:
     """The joint part of the verdict; `derived_flag` is empty and `proof` `none` where it is not decided.
 
     combinations: first integrals with the rows whose combination each integrates; unsolved: forms of the integrable
@@ -81,12 +81,12 @@ class Joint:
         }
 
 
-def joint(count: DofCount, found: Classification) -> Joint:
+def joint(count: DofCount, found: Classification) -> JointReport:
     """The joint part: the flag of all rows, df of the holonomic ones included (their rank stays to the end)."""
     unsolved = tuple(form for group in found.groups for form in group.unsolved)
     dimension = count.coordinates + found.depends_on_time
     if count.holonomic is None:
-        return Joint(
+        return JointReport(
             (), found.everything, unsolved, (), dimension, "none", found.remarks, found.depends_on_time
         )
     surface = count.holonomic - found.flag[-1]
@@ -95,7 +95,7 @@ def joint(count: DofCount, found: Classification) -> Joint:
     flag = tuple(dims if dims[-1] == 0 else [*dims, dims[-1]])
     dimension -= surface
     growth = tuple(dimension - found.flag[0] + more for more in found.growth)
-    return Joint(
+    return JointReport(
         flag, found.everything, unsolved, growth, dimension, count.proof, found.remarks, found.depends_on_time
     )
 
@@ -131,7 +131,7 @@ class Report:
     dof: DofCount
     constraints: tuple[ConstraintReport, ...]
     null_vectors: tuple[NullVector, ...]
-    joint: Joint
+    joint: JointReport
     initial: Initial
     warnings: tuple[diagnostics.Diagnostic, ...]
 

@@ -236,7 +236,7 @@ def _undecided_tip(numeric: NumericSystem, state: State, whole: list[int]) -> st
     """Whether gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`)."""
     direction = np.random.default_rng(SEED).standard_normal(state.q.size)
     # Where a gradient vanishes second derivatives have been looked at (`codimension`).
-    gradients = metric_rows.Rows(numeric.whole(state.t, state.q, state.p)[1])
+    gradients = metric_rows.LocalRows(numeric.whole(state.t, state.q, state.p)[1])
     whole = [i for i in whole if gradients.norms[i] > 0]
     here = _normalized_rows(numeric, state).take(whole)
     for side in (-TIP, TIP):

@@ -19,7 +19,7 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows, rank
-from lagcli.simulation.singular_point import Loss
+from lagcli.simulation.singular_point import RankDrop
 from lagcli.start import conflict, initial, sample_points
 from lagcli.start.initial import State
 
@@ -31,7 +31,7 @@ LATER = 0.01  # of the duration: how far other points move on in time
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Begin:
+class StartSelection:
     """The rows a run is stepped with, and whether they are dependent at its very start, a singular configuration."""
 
     selection: Selection
@@ -53,18 +53,18 @@ def begin(
     state: State,
     whole: tuple[System, NumericSystem] | None = None,
     orbits: Sequence[Orbit] = (),
-) -> Begin:
+) -> StartSelection:
     """How a run begins from a consistent state. Raises `diagnostics.ModelError`, by name, where none can.
 
     whole: the system with the hidden conditions of its rows, to whose surface the motion keeps; orbits: where motions
     from the start were followed, which may keep to a place where rows are dependent.
     """
     if not system.rows.rows:
-        return Begin(numeric.selection)
+        return StartSelection(numeric.selection)
     rows = sample_points.rows(numeric, state)
     found = rank.rank(rows)
     if found.value == rows.count:
-        return Begin(numeric.selection)
+        return StartSelection(numeric.selection)
     if found.value is None:
         raise _refusal(system, found)
     whole = whole or (system, numeric)
@@ -89,7 +89,7 @@ def begin(
         for each in around
         if rank.rank(each).value == count
     )
-    return Begin(independent_rows.joined(chosen.selection, generic), count > found.value)
+    return StartSelection(independent_rows.joined(chosen.selection, generic), count > found.value)
 
 
 def _kept_to(numeric: NumericSystem, found: rank.Rank, orbits: Sequence[Orbit]) -> list[State]:
@@ -170,7 +170,7 @@ def notes(system: System, chosen: Selection) -> tuple[str, ...]:
     )
 
 
-def passed(system: System, crossings: Sequence[Loss]) -> tuple[str, ...]:
+def passed(system: System, crossings: Sequence[RankDrop]) -> tuple[str, ...]:
     """A sentence on the singular configurations that were passed."""
     if not crossings:
         return ()

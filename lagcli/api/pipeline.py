@@ -34,7 +34,7 @@ from lagcli.simulation import invariants, loop
 from lagcli.simulation import step_tolerance as tolerances
 from lagcli.simulation.global_error import error_estimate, reference_run
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
-from lagcli.simulation.singular_point import Loss
+from lagcli.simulation.singular_point import RankDrop
 from lagcli.start import assembly, assembly_moves, initial, lipschitz, sample_points, singular_inertia
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ COMPARED_ROWS = 101  # of tables that are compared, where no number of samples i
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Found:
+class KnownIntegrals:
     """First integrals of the differential rows, notes on those that are not known, and the hidden conditions."""
 
     integrals: Integrals = ()
@@ -82,11 +82,11 @@ def loads(text: str, parameters: Mapping[str, object] | None = None, path: str =
 class Compiled:
     """A system with its functions, also with integrals held."""
 
-    def __init__(self, built: system.System, functions: invariants.Functions | None = None) -> None:
+    def __init__(self, built: system.System, functions: invariants.RunFunctions | None = None) -> None:
         self.system = built
-        self.functions = functions or invariants.Functions(compile.NumericSystem(built))
+        self.functions = functions or invariants.RunFunctions(compile.NumericSystem(built))
         self._integrals: dict[Integrals, invariants.Integrals] = {}
-        self._searched: dict[Values, Found] = {}
+        self._searched: dict[Values, KnownIntegrals] = {}
         self._timed: time_functions.TimeFunctions | Literal[False] | None = False  # where nobody has asked
 
     @property
@@ -123,7 +123,7 @@ class Compiled:
             self._timed = time_functions.functions(self.system.model)
         return self._timed
 
-    def searched(self, limit: float) -> Found:
+    def searched(self, limit: float) -> KnownIntegrals:
         """The first integrals as far as they are found in `limit` seconds; another run with the same values asks
         for no other search."""
         start = initial.declared(self.system)
@@ -251,26 +251,26 @@ def _inertia(built: system.System, numeric: compile.NumericSystem) -> tuple[diag
     return ()
 
 
-def first_integrals(ready: Compiled, limit: float = settings.LIMIT) -> Found:
+def first_integrals(ready: Compiled, limit: float = settings.LIMIT) -> KnownIntegrals:
     """The first integrals of the differential rows, as far as they are found in `limit` seconds."""
-    return ready.searched(limit) if ready.system.model.differential else Found()
+    return ready.searched(limit) if ready.system.model.differential else KnownIntegrals()
 
 
-def _searched(ready: Compiled, limit: float) -> Found:
+def _searched(ready: Compiled, limit: float) -> KnownIntegrals:
     """The same by a search. Where numbers show that there are none, no algebra is asked."""
     try:
         case = ready.case()
         if classify.certainly_nonholonomic(case):
-            return Found(orbits=case.orbits)
+            return KnownIntegrals(orbits=case.orbits)
     except diagnostics.ModelError as error:
         if not hidden_conditions.is_conflict(error):
             raise
     whole = hidden_conditions.classified(ready.system, ready.numeric, limit)
     orbits = whole.case.orbits if not whole.conditions else ()
-    return Found(whole.found.integrals, unenforced.notes(whole.found), whole.conditions, orbits)
+    return KnownIntegrals(whole.found.integrals, unenforced.notes(whole.found), whole.conditions, orbits)
 
 
-Find = Callable[[Compiled], Found]
+Find = Callable[[Compiled], KnownIntegrals]
 
 
 def run_settings(model: Model, changes: Mapping[str, Any]) -> Simulation:
@@ -320,7 +320,7 @@ class Running:
         self.warnings = (*model.warnings, *ready.system.warnings)
         columns = ready.system.columns
         self.columns = ("t", *columns, *(error_estimate.COLUMNS if digits else ()))
-        self._paired: reference_run.Paired | None = None
+        self._paired: reference_run.RunWithReference | None = None
         state = initial.declared(ready.system)
         spoken = ready.timed()
         self._conditions: tuple[Condition, ...] = ()
@@ -334,15 +334,15 @@ class Running:
             with_constants = dataclasses.replace(state, p=held.parameters)
             if not begin.is_singular:
                 initial.require_finite(ready.system, held.functions.numeric, with_constants)
-            first = loop.Begin(state.q, state.v, begin.is_singular)
+            first = loop.RunStart(state.q, state.v, begin.is_singular)
             self._run = loop.Run(held, first, chosen, columns, (*notes, *found.notes), spoken)
             if digits:
-                self._paired = reference_run.Paired(ready.system, self._run, held, first, chosen)
+                self._paired = reference_run.RunWithReference(ready.system, self._run, held, first, chosen)
         else:
             self._found = resumed.integrals
             if len(resumed.mark.turns) != (ready.system.cuts.count if ready.system.cuts else 0):
                 raise checkpoints.CheckpointError("it is a damaged checkpoint: its number of angles is wrong")
-            held = invariants.Holding(_resumed(ready, resumed), resumed.mark.levels, state.p)
+            held = invariants.EnforcedInvariants(_resumed(ready, resumed), resumed.mark.levels, state.p)
             self._run = loop.Run(held, resumed.mark, chosen, columns, (), spoken)
         self._start, self._numeric = state, ready.numeric
         self.grid = grids.grid(chosen)
@@ -356,7 +356,7 @@ class Running:
 
     def _begun(
         self, ready: Compiled, state: initial.State, find: Find
-    ) -> tuple[initial.State, Found, tuple[system.System, compile.NumericSystem] | None]:
+    ) -> tuple[initial.State, KnownIntegrals, tuple[system.System, compile.NumericSystem] | None]:
         """The start, on hidden conditions too, what was found, and the system with these conditions where there are
         some. Raises `diagnostics.ModelError`."""
         try:
@@ -364,7 +364,7 @@ class Running:
             found = find(ready)
         except diagnostics.ModelError as error:
             # Off a hidden condition no velocity satisfies the rows.
-            found = find(ready) if hidden_conditions.is_conflict(error) else Found()
+            found = find(ready) if hidden_conditions.is_conflict(error) else KnownIntegrals()
             if not found.conditions:
                 raise
         if not found.conditions:
@@ -395,14 +395,14 @@ class Running:
         return self._run.origin + self._run.t
 
     def blocks(self) -> Iterator[Floats]:
-        """Blocks of rows (k, len(columns)). Raises `driver.Stopped` after the last good one."""
+        """Blocks of rows (k, len(columns)). Raises `loop.RunStop` after the last good one."""
         try:
             for block in (self._paired or self._run).blocks():
                 if self._paired:
                     self._floors.take(block)
                 self.outcome.take(block)
                 yield block
-        except loop.Stopped as stopped:
+        except loop.RunStop as stopped:
             stop = stopped.stop
             if fallen := self._fallen_inertia():
                 stop = dataclasses.replace(stop, reason=f"{stop.reason}; {fallen}")
@@ -410,7 +410,7 @@ class Running:
                 where = stop.reason.partition(": ")[0]
                 stop = dataclasses.replace(stop, reason=f"{where}: {why}", code=loop.NO_SOLUTION)
             self.outcome.stop(stop)
-            raise loop.Stopped(stop) from None
+            raise loop.RunStop(stop) from None
 
     @functools.cached_property
     def _forces(self) -> table_columns.GeneralizedForces:
@@ -522,7 +522,7 @@ class Running:
         )
 
     @property
-    def _crossings(self) -> tuple[Loss, ...]:
+    def _crossings(self) -> tuple[RankDrop, ...]:
         """Singular configurations up to the time reached: the last step may lead farther."""
         return tuple(crossing for crossing in self._run.account.crossings if crossing.t <= self.t)
 
@@ -630,7 +630,7 @@ def simulate(
             blocks.append(ready.taken(block, picked))
             if keeper is not None:
                 keeper.take(ready.checkpoint())
-    except loop.Stopped as stopped:
+    except loop.RunStop as stopped:
         stop = stopped.stop
     finally:
         if keeper is not None:
@@ -704,7 +704,7 @@ def audit(
 
     digits: with an estimate of the error of its rows, from the same run repeated.
     Keywords: the settings of the run, as of `simulate`; of a table that is given `rtol` and `atol` count.
-    Raises `diagnostics.ModelError`, `record.TableError` where the table lacks columns, `OSError` and
+    Raises `diagnostics.ModelError`, `table_input.TableError` where the table lacks columns, `OSError` and
     `read_table.UnreadableTable` for its file, `ValueError` for bad settings.
     """
     # Other commands audit nothing and read no tables.
@@ -757,7 +757,7 @@ def _with_digits(
     table = np.column_stack([rows[:, at[name]] if name in at else nothing for name in wanted])
     try:
         known = again.of_table(table)
-    except loop.Stopped as stopped:
+    except loop.RunStop as stopped:
         raise ValueError(f"digits: the repeated run {stopped.stop.reason}") from None
     if known is None:
         raise ValueError("digits: the rows of the table are not at equal times")
@@ -809,7 +809,7 @@ def _reformulated(ready: Running, first: comparison.Formulation) -> Iterator[com
     if formulation_plan.has_dependent(ready.model):
         free = particle_form.model(ready.built, float(t), q, v)
         _kept[free.fingerprint] = Compiled(particle_form.build(ready.built, free))
-        yield _recorded("freed", Running(free, chosen, None, lambda _: Found()))
+        yield _recorded("freed", Running(free, chosen, None, lambda _: KnownIntegrals()))
     if formulation_plan.is_reducible(first.rows, first.coordinates):
         table, account, stop = reduced_run.run(ready.built, ready.grid, (q, v, ready.parameters), chosen)
         yield dataclasses.replace(
@@ -829,7 +829,7 @@ def _recorded(name: str, ready: Running) -> comparison.Formulation:
     try:
         for block in ready.blocks():
             blocks.append(block)
-    except loop.Stopped as stop:
+    except loop.RunStop as stop:
         stopped = stop.stop.reason
     n, stats = len(ready.model.coordinate_names), ready.stats
     from lagcli.formulations import comparison

@@ -16,15 +16,15 @@ from lagcli.auditing import (
     table_input,
     uniqueness_text,
 )
-from lagcli.auditing.audit_report import Audit, Check, Law, judge
+from lagcli.auditing.audit_report import Audit, Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
 from lagcli.auditing.differences import Estimate
-from lagcli.auditing.laws import Laws, start
+from lagcli.auditing.laws import ModelLaws, start
 from lagcli.auditing.table_input import Record
 from lagcli.auditing.tolerances import RESOLVED, Evidence, Tolerance
 from lagcli.model import model as nouns
 
-NUMBERS = Law("numbers", "", "every entry is a finite number")
+NUMBERS = CheckedLaw("numbers", "", "every entry is a finite number")
 
 
 def audit(
@@ -38,9 +38,9 @@ def audit(
     """The second opinion on a table, rows (T, len(columns)), of a model run to a tolerance.
 
     unread: further columns of the table, which are not at hand.
-    Raises `record.TableError` where columns are missing or times do not increase.
+    Raises `table_input.TableError` where columns are missing or times do not increase.
     """
-    laws = Laws(model, tolerance.jumps)
+    laws = ModelLaws(model, tolerance.jumps)
     known = set(table_input.wanted(laws, columns))
     unread = (*(name for name in columns if name not in known), *unread)
     found = table_input.read(laws, columns, rows)
@@ -69,15 +69,15 @@ def audit(
 
 
 def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
-    """The columns that an audit reads of those of a table. Raises `record.TableError` with what is missing."""
-    return table_input.wanted(Laws(model), columns)
+    """The columns that an audit reads of those of a table. Raises `table_input.TableError` with what is missing."""
+    return table_input.wanted(ModelLaws(model), columns)
 
 
 def _examined(
     e: Evidence, columns: Sequence[str], rows: Array
 ) -> tuple[list[Check], tuple[str, ...], tuple[tuple[str, float], ...]]:
     stepped = checks_steps.steps(e)  # the first: what it finds hidden, no sum of rows holds
-    moved, found = checks_motion.Motion(e), checks_motion.energies(e)
+    moved, found = checks_motion.RecordedMotion(e), checks_motion.energies(e)
     stretches = hamilton.windows(e)
     checks = [
         *checks_pointwise.constraints(e),
@@ -116,7 +116,7 @@ def _known(work: Estimate, column: int) -> float:
     return value if float(work.truncation[-1, column]) <= RESOLVED * size else np.nan
 
 
-def _numbers(laws: Laws, found: Record) -> Check:
+def _numbers(laws: ModelLaws, found: Record) -> Check:
     """Entries that are no numbers; a multiplier may have none at a pole, which is judged with the others."""
     names = table_input.names(laws)
     parts = [(names.q, found.q), (names.v, found.v), (names.x, found.x), (names.u, found.u)]

@@ -20,7 +20,7 @@ MOTION = ("steps", "rates", "newton")  # checks that hold rows against their nei
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Place:
+class TableLocation:
     """One entry that a check looked at: the name of a row, particle or coordinate, the time, value and limit."""
 
     name: str
@@ -40,8 +40,8 @@ class Check:
     law: str
     equation: str
     verdict: Verdict
-    worst: Place | None
-    failing: tuple[Place, ...] = ()
+    worst: TableLocation | None
+    failing: tuple[TableLocation, ...] = ()
     failures: int = 0
     judged: int = 0
     entries: int = 0
@@ -155,7 +155,7 @@ class Audit:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Law:
+class CheckedLaw:
     """What a check is called, the law it is about and its equation."""
 
     name: str
@@ -164,7 +164,12 @@ class Law:
 
 
 def judge(
-    law: Law, names: Sequence[str], t: Array, residual: Array, limit: Array, judged: Array | None = None
+    law: CheckedLaw,
+    names: Sequence[str],
+    t: Array,
+    residual: Array,
+    limit: Array,
+    judged: Array | None = None,
 ) -> Check:
     """Hold residuals (M, k) against limits (M, k) at the times t (M,); `judged` tells which can be decided.
 
@@ -187,8 +192,8 @@ def judge(
         note = "cannot be judged at this spacing of rows"
         return Check(law.name, law.law, law.equation, "not judged", None, entries=residual.size, note=note)
 
-    def place(i: int, j: int) -> Place:
-        return Place(names[j], float(t[i]), float(size[i, j]), float(limit[i, j]))
+    def place(i: int, j: int) -> TableLocation:
+        return TableLocation(names[j], float(t[i]), float(size[i, j]), float(limit[i, j]))
 
     worst = np.unravel_index(int(np.argmax(ratio)), shape)
     rows, highest = np.argmax(ratio, axis=0), ratio.max(axis=0)
@@ -214,7 +219,7 @@ def _curve(t: Array, ratio: Array) -> tuple[tuple[float, float], ...]:
     return tuple(zip(t[known].tolist(), ratio[known].tolist(), strict=True))
 
 
-def _place(place: Place | None) -> dict[str, Any] | None:
+def _place(place: TableLocation | None) -> dict[str, Any] | None:
     if place is None:
         return None
     return {

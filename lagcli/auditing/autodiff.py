@@ -20,23 +20,23 @@ Directions = Mapping[str, Array]
 
 
 @dataclasses.dataclass(slots=True, eq=False)
-class Link:
+class Edge:
     """y[:, into] += partial * parent[:, taken]; the partial of a `rate` is d/dt of the parent instead."""
 
-    parent: Node
+    parent: TapeNode
     partial: Any
     taken: Whole | None = None
     into: slice | None = None
 
 
 @dataclasses.dataclass(slots=True, eq=False)
-class Node:
+class TapeNode:
     """A value (T, K) with what it was made from. A leaf has the kind and the places of its coordinates, (K,)."""
 
     tape: Tape
     number: int
     value: Array
-    links: tuple[Link, ...]
+    links: tuple[Edge, ...]
     kind: str = ""
     places: Whole | None = None
 
@@ -51,7 +51,7 @@ Scalar = Any  # a Node, or an array or number that does not depend on the state
 
 def value(x: Scalar) -> Array:
     """The numbers of a scalar."""
-    return x.value if isinstance(x, Node) else np.asarray(x)
+    return x.value if isinstance(x, TapeNode) else np.asarray(x)
 
 
 class Tape:
@@ -62,12 +62,12 @@ class Tape:
 
     def __init__(self, data: Directions, motion: Directions) -> None:
         self.data = data
-        self.nodes: list[Node] = []
+        self.nodes: list[TapeNode] = []
         self._motion = motion
-        self._leaves: dict[tuple[str, bytes], Node] = {}
+        self._leaves: dict[tuple[str, bytes], TapeNode] = {}
         self._rates: list[Array | None] = []
 
-    def leaf(self, kind: str, places: Whole) -> Node:
+    def leaf(self, kind: str, places: Whole) -> TapeNode:
         """Coordinates of a kind at these places, (T, K)."""
         key = (kind, places.tobytes())
         if key not in self._leaves:
@@ -76,26 +76,26 @@ class Tape:
             self._leaves[key] = node
         return self._leaves[key]
 
-    def node(self, result: Array, links: Sequence[Link]) -> Node:
+    def node(self, result: Array, links: Sequence[Edge]) -> TapeNode:
         """The result of an operation."""
-        found = Node(self, len(self.nodes), result, tuple(links))
+        found = TapeNode(self, len(self.nodes), result, tuple(links))
         self.nodes.append(found)
         return found
 
     def result(self, result: Array, *operands: tuple[Scalar, Any]) -> Scalar:
         """The result of an operation on operands with their partial derivatives; a constant of constants."""
-        links = [Link(x, partial) for x, partial in operands if isinstance(x, Node)]
+        links = [Edge(x, partial) for x, partial in operands if isinstance(x, TapeNode)]
         return self.node(result, links) if links else result
 
     def rate(self, x: Scalar) -> Scalar:
         """d/dt along the motion of a function of coordinates and time (D.5)."""
-        if not isinstance(x, Node):
+        if not isinstance(x, TapeNode):
             return np.zeros((1, 1))
-        found = self.node(self.moved(x), (Link(x, None),))
+        found = self.node(self.moved(x), (Edge(x, None),))
         found.kind = "rate"
         return found
 
-    def moved(self, node: Node) -> Array:
+    def moved(self, node: TapeNode) -> Array:
         """The values (T, K) of d/dt of a function of coordinates and time."""
         for other in self.nodes[len(self._rates) : node.number + 1]:
             self._rates.append(_tangent(other, self._rates, self._motion))
@@ -150,7 +150,7 @@ class Tape:
     def _seeded(self, seeds: Sequence[tuple[Scalar, Array]]) -> list[Array | None]:
         adjoints: list[Array | None] = [None] * len(self.nodes)
         for x, seed in seeds:
-            if isinstance(x, Node):
+            if isinstance(x, TapeNode):
                 _add(adjoints, x, np.broadcast_to(seed, np.broadcast_shapes(np.shape(seed), x.value.shape)))
         return adjoints
 
@@ -167,7 +167,7 @@ class Gradient:
             self._parts[kind] = np.zeros(self._data[kind].shape, dtype=self._data["q"].dtype)
         return self._parts[kind]
 
-    def add(self, node: Node, kind: str, g: Array) -> None:
+    def add(self, node: TapeNode, kind: str, g: Array) -> None:
         """Add the adjoint of a leaf to its coordinates."""
         assert node.places is not None
         scatter(self[kind], node.places, np.broadcast_to(g, node.value.shape))
@@ -187,7 +187,7 @@ def scatter(target: Array, places: Whole, values: Array) -> None:
     target[:, unique] += np.add.reduceat(values[:, order], starts, axis=1)
 
 
-def _tangent(node: Node, known: Sequence[Array | None], directions: Directions) -> Array | None:
+def _tangent(node: TapeNode, known: Sequence[Array | None], directions: Directions) -> Array | None:
     if node.places is not None:
         along = directions.get(node.kind)
         return None if along is None else along[:, node.places]
@@ -210,7 +210,7 @@ def _tangent(node: Node, known: Sequence[Array | None], directions: Directions) 
     return None if total is None else np.broadcast_to(total, node.value.shape)
 
 
-def _pass(link: Link, g: Array, adjoints: list[Array | None]) -> None:
+def _pass(link: Edge, g: Array, adjoints: list[Array | None]) -> None:
     if link.into is not None:
         g = g[:, link.into]
     if link.taken is not None:
@@ -222,7 +222,7 @@ def _pass(link: Link, g: Array, adjoints: list[Array | None]) -> None:
     _add(adjoints, link.parent, g)
 
 
-def _add(adjoints: list[Array | None], node: Node, g: Array) -> None:
+def _add(adjoints: list[Array | None], node: TapeNode, g: Array) -> None:
     """Add to the adjoint of a node, summed over the members that shared its value."""
     rows, members = node.value.shape
     if g.shape[1] != members:

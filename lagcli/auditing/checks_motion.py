@@ -7,18 +7,18 @@ import functools
 
 import numpy as np
 
-from lagcli.auditing.audit_report import Check, Law, judge
+from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
 from lagcli.auditing.differences import Estimate
-from lagcli.auditing.laws import Values
+from lagcli.auditing.laws import LawValues
 from lagcli.auditing.tolerances import RESOLVED, SAFETY, Evidence
 
-RATES = Law("rates", "D.24", "dr_k/dt = v_k")
-PATH = Law("path", "D.24", "r_k(t) - r_k(0) = integral of v_k dt")
-IMPULSE = Law("impulse", "D.23", "m_k v_k(t) - m_k v_k(0) = integral of F_k + R_k dt")
-NEWTON = Law("newton", "D.23, D.53", "m_k a_k = F_k + R_k")
-DALEMBERT = Law("dalembert", "D.26", "sum_k (m_k a_k - F_k) . dr_k = 0 over virtual displacements")
-ENERGY = Law("energy", "D.10, D.35", "d(T + V)/dt = F_nc . v + Q_nc . q' + dV/dt - dL/dt + R . v")
+RATES = CheckedLaw("rates", "D.24", "dr_k/dt = v_k")
+PATH = CheckedLaw("path", "D.24", "r_k(t) - r_k(0) = integral of v_k dt")
+IMPULSE = CheckedLaw("impulse", "D.23", "m_k v_k(t) - m_k v_k(0) = integral of F_k + R_k dt")
+NEWTON = CheckedLaw("newton", "D.23, D.53", "m_k a_k = F_k + R_k")
+DALEMBERT = CheckedLaw("dalembert", "D.26", "sum_k (m_k a_k - F_k) . dr_k = 0 over virtual displacements")
+ENERGY = CheckedLaw("energy", "D.10, D.35", "d(T + V)/dt = F_nc . v + Q_nc . q' + dV/dt - dL/dt + R . v")
 
 
 def rates(e: Evidence) -> Check:
@@ -57,7 +57,7 @@ def impulse(e: Evidence) -> Check:
 
 def _integrated(
     e: Evidence,
-    law: Law,
+    law: CheckedLaw,
     names: tuple[tuple[str, ...], tuple[str, ...]],
     y: tuple[Array, Array],
     rate: tuple[Array, Array],
@@ -110,7 +110,7 @@ class Balance:
     judged_x: Array
 
 
-class Motion:
+class RecordedMotion:
     """The balance of forces along the recorded motion."""
 
     def __init__(self, e: Evidence) -> None:
@@ -211,7 +211,7 @@ class Energies:
     judged: Array
 
 
-def _is_driven(values: Values) -> bool:
+def _is_driven(values: LawValues) -> bool:
     """Whether the `lagrangian` holds particles that time itself moves: how it changes with them at rest is not known
     here, and what they bring to the energy cannot be told."""
     through = (np.abs(slope).max(initial=0.0) > 0 for slope in (values.L_x, values.L_u))
@@ -222,7 +222,7 @@ def energies(e: Evidence) -> Energies:
     """Energy and work along the motion, by the recorded v and R."""
     r, values, cast = e.record, e.values, e.laws.cast
 
-    def total(v: Array, u: Array, at: Values) -> Array:
+    def total(v: Array, u: Array, at: LawValues) -> Array:
         T = (e.masses * v**2).sum(axis=1) / 2 + (e.masses_x * u**2).sum(axis=1) / 2
         return np.asarray(T + at.V + (v * at.L_v).sum(axis=1) + ((u - at.x_t) * at.L_u).sum(axis=1) - at.L)
 

@@ -8,24 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.auditing.audit_report import Check, Law, judge
+from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
 from lagcli.auditing.differences import CLOCK
-from lagcli.auditing.laws import Laws, Values
-from lagcli.auditing.model_values import Reference, Scene
+from lagcli.auditing.laws import LawValues, ModelLaws
+from lagcli.auditing.model_values import ModelOnTable, Reference
 from lagcli.auditing.table_input import ENERGY
 from lagcli.auditing.tolerances import Evidence
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.model import family
-from lagcli.model.family import Roll, Whole
+from lagcli.model.family import MemberIndex, Whole
 
-COLUMNS = Law("columns", "D.10, D.35", "energy and outputs follow from t, r, v, lambda and R of the same row")
+COLUMNS = CheckedLaw(
+    "columns", "D.10, D.35", "energy and outputs follow from t, r, v, lambda and R of the same row"
+)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Results:
+class RecomputedResults:
     """What a run was solved for at T rows: lambda (T, C), R and a of all particles, (T, 3 N); a is nan where it does
     not follow from the row: `lagrangian` of a velocity."""
 
@@ -33,9 +35,9 @@ class Results:
     R: Array
     a: Array
 
-    def part(self, rows: slice) -> Results:
+    def part(self, rows: slice) -> RecomputedResults:
         """Some of the rows."""
-        return Results(self.lam[rows], self.R[rows], self.a[rows])
+        return RecomputedResults(self.lam[rows], self.R[rows], self.a[rows])
 
 
 def columns(e: Evidence, columns: Sequence[str], rows: Array, energy: tuple[Array, Array]) -> Check:
@@ -58,7 +60,7 @@ def columns(e: Evidence, columns: Sequence[str], rows: Array, energy: tuple[Arra
             (one, one + sign * (other - one))
             for one, other in zip(_fields(here), _fields(moved), strict=True)
         )
-        results = Results(*(beside for _, beside in parts))
+        results = RecomputedResults(*(beside for _, beside in parts))
         found.append(np.column_stack([energy[1], evaluated(e.laws, *there, results)[0]]))
     kept = [k for k, name in enumerate(names) if name in at]
     one, *others = (part[:, kept] for part in found)
@@ -72,16 +74,16 @@ def columns(e: Evidence, columns: Sequence[str], rows: Array, energy: tuple[Arra
     )
 
 
-def _fields(results: Results) -> tuple[Array, Array, Array]:
+def _fields(results: RecomputedResults) -> tuple[Array, Array, Array]:
     return results.lam, results.R, results.a
 
 
-def _results(e: Evidence) -> tuple[Results, Results]:
+def _results(e: Evidence) -> tuple[RecomputedResults, RecomputedResults]:
     """Those of the rows, and those of the moved states, with lambda and R off by the tolerance."""
     r, more = e.record, 1 + e.tolerance.rtol
     return (
-        Results(r.lam, _of_all(e.laws, r.R_q, r.R_x), _accelerations(e, e.values, r.R_q, r.R_x)),
-        Results(
+        RecomputedResults(r.lam, _of_all(e.laws, r.R_q, r.R_x), _accelerations(e, e.values, r.R_q, r.R_x)),
+        RecomputedResults(
             r.lam * more,
             _of_all(e.laws, r.R_q, r.R_x) * more,
             _accelerations(e, e.moved_values, r.R_q * more, r.R_x * more),
@@ -89,7 +91,7 @@ def _results(e: Evidence) -> tuple[Results, Results]:
     )
 
 
-def _of_all(laws: Laws, own: Array, dependent: Array) -> Array:
+def _of_all(laws: ModelLaws, own: Array, dependent: Array) -> Array:
     """Components of the particles in their order, (T, 3 N), from those of coordinates and of dependent particles."""
     found = np.zeros((len(own), 3 * len(laws.cast.particles)))
     for numbers, part in ((laws.cast.cartesian, own), (laws.cast.dependent, dependent)):
@@ -98,7 +100,7 @@ def _of_all(laws: Laws, own: Array, dependent: Array) -> Array:
     return found
 
 
-def _accelerations(e: Evidence, values: Values, R_q: Array, R_x: Array) -> Array:
+def _accelerations(e: Evidence, values: LawValues, R_q: Array, R_x: Array) -> Array:
     """(F_k + R_k)/m_k (D.23), (T, 3 N)."""
     cast, own = e.laws.cast, e.laws.cast.first_generalized
     force = _of_all(e.laws, R_q - values.V_q + values.L_q, R_x - values.V_x) + values.F.reshape(len(R_q), -1)
@@ -108,7 +110,9 @@ def _accelerations(e: Evidence, values: Values, R_q: Array, R_x: Array) -> Array
         return np.asarray(np.where(moving, np.nan, force / np.repeat(cast.masses, 3)))
 
 
-def evaluated(laws: Laws, t: Array, q: Array, v: Array, results: Results) -> tuple[Array, list[bool]]:
+def evaluated(
+    laws: ModelLaws, t: Array, q: Array, v: Array, results: RecomputedResults
+) -> tuple[Array, list[bool]]:
     """All outputs at T rows, (T, columns), and which follow from the rows."""
     if not laws.model.outputs:
         return np.zeros((len(t), 0)), []
@@ -128,10 +132,10 @@ class _Outputs:
     """The outputs at the rows of a scene, and what they may use: multipliers, reactions, accelerations, energies,
     earlier outputs. `known`: which columns follow from the rows."""
 
-    def __init__(self, laws: Laws, scene: Scene, results: Results) -> None:
+    def __init__(self, laws: ModelLaws, scene: ModelOnTable, results: RecomputedResults) -> None:
         self._laws, self._scene, self._results = laws, scene, results
         self._rows = {name: i for i, name in enumerate(laws.rows)}
-        self._roll = Roll(output.members for output in laws.model.outputs)
+        self._roll = MemberIndex(output.members for output in laws.model.outputs)
         self._known: list[tuple[Array, ...]] = [()] * len(self._roll)
         self.known: list[bool] = []
 
@@ -217,7 +221,7 @@ class _Outputs:
             raise _UnknownError
         return found["xyz".index(member)] if member else found
 
-    def _numbers(self, node: Reference, roll: Roll, variables: Mapping[str, Whole]) -> Whole:
+    def _numbers(self, node: Reference, roll: MemberIndex, variables: Mapping[str, Whole]) -> Whole:
         indices = self._laws.cast.indices(node, variables) if isinstance(node, tree.Index) else []
         return roll.find(node.name if isinstance(node, tree.Name) else node.owner, indices)
 

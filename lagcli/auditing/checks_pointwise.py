@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from lagcli.auditing.audit_report import Check, Law, judge
+from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
 from lagcli.auditing.differences import widest
 from lagcli.auditing.tolerances import SAFETY, Evidence
 
-POSITIONS = Law("positions", "D.2", "f_i(r, t) = 0")
-VELOCITIES = Law("velocities", "D.6", "sum_k B_ik . v_k + B_it = 0")
-DEPENDENT = Law("dependent", "D.27", "r_k = x_k(q, t), v_k = dx_k/dt")
-DEMAND = Law("accelerations", "D.24", "d/dt (B v + b) = 0 with a_k = (F_k + R_k)/m_k")
-REACTIONS = Law("reactions", "D.22", "R_k = sum_i lambda_i B_ik")
-MULTIPLIERS = Law("multipliers", "D.22", "lambda_i is that of R where it is unique")
-IDEAL = Law("ideal", "D.11", "sum_k R_k . dr_k = 0 over virtual displacements")
-CARRIED = Law("generalized", "D.30", "sum_k R_k . dr_k/dq_j = R_j + what acts on q_j itself")
-POWER = Law("work", "D.6", "sum_k R_k . v_k = - sum_i lambda_i B_it")
+POSITIONS = CheckedLaw("positions", "D.2", "f_i(r, t) = 0")
+VELOCITIES = CheckedLaw("velocities", "D.6", "sum_k B_ik . v_k + B_it = 0")
+DEPENDENT = CheckedLaw("dependent", "D.27", "r_k = x_k(q, t), v_k = dx_k/dt")
+DEMAND = CheckedLaw("accelerations", "D.24", "d/dt (B v + b) = 0 with a_k = (F_k + R_k)/m_k")
+REACTIONS = CheckedLaw("reactions", "D.22", "R_k = sum_i lambda_i B_ik")
+MULTIPLIERS = CheckedLaw("multipliers", "D.22", "lambda_i is that of R where it is unique")
+IDEAL = CheckedLaw("ideal", "D.11", "sum_k R_k . dr_k = 0 over virtual displacements")
+CARRIED = CheckedLaw("generalized", "D.30", "sum_k R_k . dr_k/dq_j = R_j + what acts on q_j itself")
+POWER = CheckedLaw("work", "D.6", "sum_k R_k . v_k = - sum_i lambda_i B_it")
 TINY = 1e-100  # a complex step: its square is nothing
 
 

@@ -14,11 +14,13 @@ import functools
 import numpy as np
 
 from lagcli.auditing import differences, pulses_between
-from lagcli.auditing.audit_report import Check, Law, judge
+from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
 from lagcli.auditing.tolerances import COARSE, OFTEN, REACHED, SAFETY, Evidence
 
-STEPS = Law("steps", "D.23, D.24", "r and m v of a row and the next: integrals of v and F + R over the step")
+STEPS = CheckedLaw(
+    "steps", "D.23, D.24", "r and m v of a row and the next: integrals of v and F + R over the step"
+)
 ORDERS = {2: 2.0, 4: 0.5, 6: 0.125}
 """Rows of the interpolant of the rates with the part of their differences of that order that bounds its error.
 
@@ -54,7 +56,7 @@ class Quantity:
     off_second: Array | None = None
 
 
-class Steps:
+class TableSteps:
     """The T - 1 steps of the times t (T,) and the polynomials through rows around each."""
 
     def __init__(self, t: Array) -> None:
@@ -195,7 +197,7 @@ def _of_triples(y: Array) -> Array:
 
 def steps(e: Evidence) -> Check:
     """Every step of every quantity. Steps with a push that no row shows are kept in `e.hidden`."""
-    grid = Steps(e.record.t)
+    grid = TableSteps(e.record.t)
     rows = np.asarray(e.is_fast.any(axis=1))
     fast = rows[1:] | rows[:-1]
     found = quantities(e)
@@ -219,7 +221,7 @@ def steps(e: Evidence) -> Check:
     return judge(STEPS, names, e.record.t[:-1], residual, limit, judged)
 
 
-def _shown_push(grid: Steps, found: list[Quantity]) -> Array:
+def _shown_push(grid: TableSteps, found: list[Quantity]) -> Array:
     """By how much the forces of the rows bend around each step, divided by the root of the mass, (T - 1,)."""
     if 2 not in grid.orders:
         return np.full(len(grid.h), np.inf)
@@ -234,7 +236,7 @@ def _pushed(h: Array, one: Quantity, push: Array) -> Array:
     return np.asarray((h * h * push)[:, None] / one.root)
 
 
-def _too_far(grid: Steps, one: Quantity) -> Array:
+def _too_far(grid: TableSteps, one: Quantity) -> Array:
     """Where a particle is farther from its last place than it can come, however fast it swings between the rows."""
     if one.second is None:
         return np.zeros((len(grid.h), one.y.shape[1]), dtype=bool)
@@ -244,7 +246,7 @@ def _too_far(grid: Steps, one: Quantity) -> Array:
     )
 
 
-def judged_steps(grid: Steps, one: Quantity, fast: Array) -> tuple[Array, Array, Array]:
+def judged_steps(grid: TableSteps, one: Quantity, fast: Array) -> tuple[Array, Array, Array]:
     """Residuals and limits of the steps of a quantity and what can be judged, (T - 1, k) each.
 
     fast (T - 1,): where particles may swing faster than the rows show, so that a polynomial of high order is none.

@@ -51,7 +51,7 @@ class Estimate:
         return self.noise + self.truncation
 
 
-class Grid:
+class DifferenceGrid:
     """The T times of a table, strictly increasing."""
 
     def __init__(self, t: Array) -> None:

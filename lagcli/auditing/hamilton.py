@@ -7,15 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.auditing.audit_report import Check, Law, judge
+from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
-from lagcli.auditing.differences import Grid
+from lagcli.auditing.differences import DifferenceGrid
 from lagcli.auditing.table_input import Record
 from lagcli.auditing.tolerances import RESOLVED, SAFETY, Evidence
-from lagcli.auditing.virtual_space import Displacements
+from lagcli.auditing.virtual_space import VirtualSpace
 
-HAMILTON = Law("hamilton", "D.49", "integral of dL + Q_nc . dq = 0 over varied paths with fixed ends")
-ACTION = Law("action", "D.49", "S(eps) - S(0) = O(eps^2) on varied paths with f = 0")
+HAMILTON = CheckedLaw("hamilton", "D.49", "integral of dL + Q_nc . dq = 0 over varied paths with fixed ends")
+ACTION = CheckedLaw("action", "D.49", "S(eps) - S(0) = O(eps^2) on varied paths with f = 0")
 LEAST, MOST = 25, 401  # rows of a window
 VECTORS = 6  # directions varied in a window
 BUMP = 4  # c(t) = (4 s (1 - s))**BUMP vanishes at both ends, with its first derivatives
@@ -28,11 +28,11 @@ class Window:
     def __init__(self, e: Evidence, rows: Array) -> None:
         self.e, self.rows = e, rows
         self.record: Record = e.record.part(rows)
-        self.grid = Grid(self.record.t)
+        self.grid = DifferenceGrid(self.record.t)
         if len(e.looked_at) == len(e.record.t):
             self.space = e.displacements.part(slice(int(rows[0]), int(rows[-1]) + 1))
         else:
-            self.space = Displacements(e.laws.matrix(self.record.t, self.record.q, self.record.v))
+            self.space = VirtualSpace(e.laws.matrix(self.record.t, self.record.q, self.record.v))
         t = self.record.t
         s = (t - t[0]) / (t[-1] - t[0])
         self.bump = (4 * s * (1 - s)) ** BUMP
@@ -90,7 +90,7 @@ def hamilton(e: Evidence, found: list[Window]) -> Check:
     return _judged(HAMILTON, varied) if varied else _nothing(e, HAMILTON)
 
 
-def _judged(law: Law, varied: Sequence[tuple[Window, Array, tuple[float, float, bool]]]) -> Check:
+def _judged(law: CheckedLaw, varied: Sequence[tuple[Window, Array, tuple[float, float, bool]]]) -> Check:
     """The check of variations, each with its integral, limit, and whether it can be judged."""
     residuals, limits, judged = (np.array([[answer[k] for _, _, answer in varied]]) for k in range(3))
     names = [window.name(w) for window, w, _ in varied]
@@ -104,7 +104,7 @@ def _judged(law: Law, varied: Sequence[tuple[Window, Array, tuple[float, float, 
     return dataclasses.replace(check, curve=tuple(curve))
 
 
-def _nothing(e: Evidence, law: Law) -> Check:
+def _nothing(e: Evidence, law: CheckedLaw) -> Check:
     """No window: no room to vary, or too few rows."""
     if len(e.record.t) >= LEAST and not e.hidden.any():
         return Check(law.name, law.law, law.equation, "nothing", None, note="nothing is free to vary")

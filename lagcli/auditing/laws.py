@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from lagcli.auditing import row_turns
-from lagcli.auditing.autodiff import Array, Directions, Node, Scalar, scatter
+from lagcli.auditing.autodiff import Array, Directions, Scalar, TapeNode, scatter
 from lagcli.auditing.autodiff_algebra import NumberAlgebra
-from lagcli.auditing.model_values import Cast, Scene, Triple
+from lagcli.auditing.model_values import ModelIndex, ModelOnTable, Triple
 from lagcli.equations import rigid
 from lagcli.expression import evaluate, tree
 from lagcli.model import model as nouns
@@ -26,7 +26,7 @@ CHUNK = 200_000  # values of one array: what a cache holds
 
 
 @dataclasses.dataclass(slots=True)
-class Values:
+class LawValues:
     """What the model says at T rows.
 
     x, u, x_t (T, 3 Nd): positions, velocities and explicit rates of the dependent particles; f (T, s); w = B v + b,
@@ -59,11 +59,11 @@ class Values:
 NOTHING: Mapping[int, tuple[float, ...]] = {}
 
 
-class Laws:
-    """The laws of a model, ready to be evaluated at any rows. jumps: those of `evidence.Tolerance`."""
+class ModelLaws:
+    """The laws of a model, ready to be evaluated at any rows. jumps: those of `tolerances.Tolerance`."""
 
     def __init__(self, model: nouns.Model, jumps: Mapping[int, tuple[float, ...]] = NOTHING) -> None:
-        self.model, self.cast = model, Cast(model)
+        self.model, self.cast = model, ModelIndex(model)
         self.bodies = self._geometries() if model.rigid else ()
         self.holonomic = [name for law in model.holonomic for name in law.rows]
         for body, geometry in zip(model.rigid, self.bodies, strict=True):
@@ -74,11 +74,13 @@ class Laws:
         self._pattern: Array | None = None
         self._jumps = jumps
 
-    def values(self, t: Array, q: Array, v: Array, lam: Array) -> Values:
+    def values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
         """Everything at T rows: t (T,), q and v (T, n), lam (T, C)."""
         chunks = [self._values(t[k][:, None], q[k], v[k], lam[k]) for k in self._chunks(len(t))]
-        fields = [field.name for field in dataclasses.fields(Values)]
-        return Values(**{name: np.concatenate([getattr(part, name) for part in chunks]) for name in fields})
+        fields = [field.name for field in dataclasses.fields(LawValues)]
+        return LawValues(
+            **{name: np.concatenate([getattr(part, name) for part in chunks]) for name in fields}
+        )
 
     def pushed(self, t: Array, q: Array, v: Array, F: Array) -> Array:
         """sum_k F_k . dr_k/dq_j over the dependent particles (D.30): F (T, 3 Nd) to (T, n)."""
@@ -86,7 +88,7 @@ class Laws:
             return np.zeros(q.shape)
         found = []
         for k in self._chunks(len(t)):
-            scene = Scene(self.cast, t[k][:, None], q[k], v[k])
+            scene = ModelOnTable(self.cast, t[k][:, None], q[k], v[k])
             parts = scene.position(self.cast.dependent)
             found.append(scene.tape.gradient([(p, F[k][:, axis::3]) for axis, p in enumerate(parts)])["q"])
         return np.concatenate(found)
@@ -97,7 +99,7 @@ class Laws:
             return np.zeros((len(t), 0))
         found = []
         for k in self._chunks(len(t)):
-            scene = Scene(self.cast, t[k][:, None], q[k], v[k])
+            scene = ModelOnTable(self.cast, t[k][:, None], q[k], v[k])
             parts = scene.position(self.cast.dependent)
             found.append(_changed(scene, parts, {"q": dq[k]}))
         return np.concatenate(found)
@@ -150,13 +152,13 @@ class Laws:
             total = total + sign * free.wide(x, count).sum(axis=1)
         return np.asarray(total)
 
-    def potential(self, scene: Scene) -> Array:
+    def potential(self, scene: ModelOnTable) -> Array:
         """V (T,) of the declared potentials and of constant forces."""
         return np.asarray(
             sum((scene.wide(p, c).sum(axis=1) for p, c in self._potentials(scene)), np.zeros(scene.rows))
         )
 
-    def parts_of_reactions(self, scene: Scene, lam: Array) -> Array:
+    def parts_of_reactions(self, scene: ModelOnTable, lam: Array) -> Array:
         """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); scene: as of `free`."""
         surfaces, laws = self._laid(scene)
         onto = scene.tape.virtual(
@@ -169,7 +171,7 @@ class Laws:
                 found[:, places] = onto[kind][:, : places.size]
         return found
 
-    def free(self, t: Array, q: Array, v: Array) -> Scene:
+    def free(self, t: Array, q: Array, v: Array) -> ModelOnTable:
         """The scene of rows t (T,), q and v (T, n), in which places of dependent particles are numbers."""
         return self._scenes(t[:, None], q, v)[1]
 
@@ -181,18 +183,18 @@ class Laws:
         step = max(8, CHUNK // max(1, self.cast.n, self.C))
         return (slice(start, start + step) for start in range(0, max(rows, 1), step))
 
-    def _scenes(self, t: Array, q: Array, v: Array) -> tuple[Scene, Scene]:
+    def _scenes(self, t: Array, q: Array, v: Array) -> tuple[ModelOnTable, ModelOnTable]:
         """The true one, and the one in which dependent particles are leaves."""
-        true = Scene(self.cast, t, q, v)
+        true = ModelOnTable(self.cast, t, q, v)
         dependent = self.cast.dependent
         if not dependent.size:
             return true, true
         parts = true.position(dependent)
         x = _interleaved(true, parts, _numbers)
         u = _interleaved(true, parts, lambda p: _moved(true, p))
-        return true, Scene(self.cast, t, q, v, (x, u))
+        return true, ModelOnTable(self.cast, t, q, v, (x, u))
 
-    def _values(self, t: Array, q: Array, v: Array, lam: Array) -> Values:
+    def _values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
         true, free = self._scenes(t, q, v)
         dependent = self.cast.dependent
         nothing = np.zeros((len(q), 0))
@@ -210,7 +212,7 @@ class Laws:
         pull_of_L = free.tape.gradient([(p, np.ones((1, 1))) for p in extra])
         F, Q = self._forces(free)
         kinds = dependent.size > 0
-        return Values(
+        return LawValues(
             x=x, u=u, x_t=x_t, f=f, w=w, b=self._still(t, q, v, x, x_t),
             pull=self._pull(true, free, *laid, lam),
             V=V, V_t=slope["t"][:, 0], V_q=slope["q"], V_x=slope["x"] if kinds else nothing,
@@ -224,10 +226,10 @@ class Laws:
         if not self.C:
             return np.zeros((len(q), 0))
         rest = np.zeros_like(v)
-        free = Scene(self.cast, t, q, rest, (x, x_t) if x.shape[1] else None)
+        free = ModelOnTable(self.cast, t, q, rest, (x, x_t) if x.shape[1] else None)
         return self._residuals(free, *self._laid(free))[1]
 
-    def _laid(self, scene: Scene) -> tuple[list[tuple[Scalar, Whole]], list[tuple[Scalar, Whole]]]:
+    def _laid(self, scene: ModelOnTable) -> tuple[list[tuple[Scalar, Whole]], list[tuple[Scalar, Whole]]]:
         """Values of the holonomic and of the differential rows with their places among all rows."""
         surfaces: list[tuple[Scalar, Whole]] = []
         laws: list[tuple[Scalar, Whole]] = []
@@ -244,7 +246,7 @@ class Laws:
         return surfaces, laws
 
     def _residuals(
-        self, scene: Scene, surfaces: list[tuple[Scalar, Whole]], laws: list[tuple[Scalar, Whole]]
+        self, scene: ModelOnTable, surfaces: list[tuple[Scalar, Whole]], laws: list[tuple[Scalar, Whole]]
     ) -> tuple[Array, Array]:
         kind = scene.data["q"].dtype
         f, w = np.zeros((scene.rows, self.s), dtype=kind), np.zeros((scene.rows, self.C), dtype=kind)
@@ -258,8 +260,8 @@ class Laws:
 
     def _pull(
         self,
-        true: Scene,
-        free: Scene,
+        true: ModelOnTable,
+        free: ModelOnTable,
         surfaces: list[tuple[Scalar, Whole]],
         laws: list[tuple[Scalar, Whole]],
         lam: Array,
@@ -272,7 +274,7 @@ class Laws:
         parts, onto = true.position(self.cast.dependent), found["x"]
         return found["q"] + true.tape.gradient([(p, onto[:, axis::3]) for axis, p in enumerate(parts)])["q"]
 
-    def _potentials(self, scene: Scene) -> Iterator[tuple[Scalar, int]]:
+    def _potentials(self, scene: ModelOnTable) -> Iterator[tuple[Scalar, int]]:
         """V in parts with the number of members to sum over: declared ones, and -F . r of constant forces."""
         for force in self.model.forces:
             if isinstance(force, nouns.Potential) and force.members.count:
@@ -282,12 +284,14 @@ class Laws:
             for part, place in zip(F, scene.position(targets), strict=True):
                 yield algebra.negate(SPOT, algebra.multiply(SPOT, part, place)), targets.size
 
-    def _extra(self, scene: Scene) -> Iterator[tuple[Scalar, int, float]]:
+    def _extra(self, scene: ModelOnTable) -> Iterator[tuple[Scalar, int, float]]:
         """The `lagrangian`."""
         if self.model.lagrangian is not None:
             yield evaluate.scalar(self.model.lagrangian.tree, scene.algebra()), 1, 1.0
 
-    def _on_particles(self, scene: Scene, constant: bool) -> Iterator[tuple[Whole, Triple, NumberAlgebra]]:
+    def _on_particles(
+        self, scene: ModelOnTable, constant: bool
+    ) -> Iterator[tuple[Whole, Triple, NumberAlgebra]]:
         for force in self.model.forces:
             if not isinstance(force, nouns.ParticleForce) or force.constant != constant:
                 continue
@@ -302,7 +306,7 @@ class Laws:
             algebra = scene.algebra(force.action.variables(force.members), own)
             yield targets, scene.vector(force.force, algebra), algebra
 
-    def _forces(self, scene: Scene) -> tuple[Array, Array]:
+    def _forces(self, scene: ModelOnTable) -> tuple[Array, Array]:
         """F (T, N, 3) without potential on particles and Q (T, n) on coordinates."""
         cast = self.cast
         F, Q = np.zeros((scene.rows, 3 * len(cast.particles))), np.zeros((scene.rows, cast.n))
@@ -319,7 +323,7 @@ class Laws:
     def _geometries(self) -> tuple[rigid.Geometry, ...]:
         """The geometry of each rigid body at the declared start."""
         t, q, v = start(self.model)
-        scene = Scene(self.cast, np.full((1, 1), t), q[None, :], v[None, :])
+        scene = ModelOnTable(self.cast, np.full((1, 1), t), q[None, :], v[None, :])
         found = []
         for body in self.model.rigid:
             numbers = np.array(body.particles, dtype=np.int64)
@@ -338,7 +342,10 @@ def start(model: nouns.Model) -> tuple[float, Array, Array]:
 
 
 def _lay(
-    scene: Scene, law: nouns.Holonomic | nouns.Differential, into: list[tuple[Scalar, Whole]], first: int
+    scene: ModelOnTable,
+    law: nouns.Holonomic | nouns.Differential,
+    into: list[tuple[Scalar, Whole]],
+    first: int,
 ) -> int:
     """Add the rows of a law, left - right; those of one member stand together. The number of rows so far."""
     if not law.members.count:
@@ -351,7 +358,9 @@ def _lay(
     return first + len(parts) * law.members.count
 
 
-def _rigid_rows(scene: Scene, numbers: Whole, geometry: rigid.Geometry) -> Iterator[tuple[Scalar, Whole]]:
+def _rigid_rows(
+    scene: ModelOnTable, numbers: Whole, geometry: rigid.Geometry
+) -> Iterator[tuple[Scalar, Whole]]:
     """The rows of a rigid body: distances of the base, then each further particle by its coefficients."""
     a, base = scene.algebra(), numbers[list(geometry.base)]
 
@@ -402,25 +411,25 @@ def _colours(pattern: Array) -> list[list[int]]:
 
 
 def _numbers(x: Scalar) -> Array:
-    return x.value if isinstance(x, Node) else np.asarray(x)
+    return x.value if isinstance(x, TapeNode) else np.asarray(x)
 
 
-def _moved(scene: Scene, x: Scalar) -> Array:
-    return scene.tape.moved(x) if isinstance(x, Node) else np.zeros((1, 1))
+def _moved(scene: ModelOnTable, x: Scalar) -> Array:
+    return scene.tape.moved(x) if isinstance(x, TapeNode) else np.zeros((1, 1))
 
 
-def _changed(scene: Scene, parts: Sequence[Scalar], directions: Directions) -> Array:
+def _changed(scene: ModelOnTable, parts: Sequence[Scalar], directions: Directions) -> Array:
     """The change of vectors along directions of the leaves, (T, 3 K)."""
     changes = scene.tape.forward(directions)
 
     def take(x: Scalar) -> Array:
-        found = changes[x.number] if isinstance(x, Node) else None
+        found = changes[x.number] if isinstance(x, TapeNode) else None
         return np.zeros((1, 1)) if found is None else found
 
     return _interleaved(scene, parts, take)
 
 
-def _interleaved(scene: Scene, parts: Sequence[Scalar], take: Callable[[Scalar], Array]) -> Array:
+def _interleaved(scene: ModelOnTable, parts: Sequence[Scalar], take: Callable[[Scalar], Array]) -> Array:
     """x1, y1, z1, x2, ... of vectors of K members, (T, 3 K)."""
     count = scene.cast.dependent.size
     found = [np.broadcast_to(take(part), (scene.rows, count)) for part in parts]

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.auditing.autodiff import Array, Directions, Link, Node, Scalar, Tape
+from lagcli.auditing.autodiff import Array, Directions, Edge, Scalar, Tape, TapeNode
 from lagcli.auditing.autodiff_algebra import NumberAlgebra
 from lagcli.expression import evaluate, integers, tree
 from lagcli.model import model as nouns
-from lagcli.model.family import Roll, Whole
+from lagcli.model.family import MemberIndex, Whole
 
 Triple = tuple[Scalar, Scalar, Scalar]
 Reference = tree.Name | tree.Member | tree.Index
@@ -19,13 +19,13 @@ ACCELERATIONS = ("a", "ax", "ay", "az")
 Results = Callable[[tree.Node, Mapping[str, Whole]], Any]  # what stands in outputs alone, with index vectors
 
 
-class Cast:
+class ModelIndex:
     """Who is who in a model: particles and coordinates by number, their places among the coordinates, masses."""
 
     def __init__(self, model: nouns.Model) -> None:
         self.model = model
-        self.particles = Roll(p.members for p in model.particles)
-        self.coordinates = Roll(c.members for c in model.coordinates)
+        self.particles = MemberIndex(p.members for p in model.particles)
+        self.coordinates = MemberIndex(c.members for c in model.coordinates)
         counts = [p.members.count for p in model.particles]
         self.is_dependent = np.repeat(np.array([p.is_dependent for p in model.particles], dtype=bool), counts)
         self.cartesian, self.dependent = np.flatnonzero(~self.is_dependent), np.flatnonzero(self.is_dependent)
@@ -49,7 +49,7 @@ class Cast:
         return [integers.evaluate(index, lookup) for index in node.indices]
 
 
-class Scene:
+class ModelOnTable:
     """The model over rows of a table: t (T, 1), q and v (T, n).
 
     free: positions and velocities (T, 3 Nd) of the dependent particles, which are then leaves of their own; else
@@ -57,7 +57,7 @@ class Scene:
     """
 
     def __init__(
-        self, cast: Cast, t: Array, q: Array, v: Array, free: tuple[Array, Array] | None = None
+        self, cast: ModelIndex, t: Array, q: Array, v: Array, free: tuple[Array, Array] | None = None
     ) -> None:
         self.cast, self.rows = cast, q.shape[0]
         data: dict[str, Array] = {"t": t, "q": q, "v": v}
@@ -97,7 +97,7 @@ class Scene:
         results: Results | None = None,
     ) -> NumberAlgebra:
         """An algebra with index vectors (K,) of a family, `m`, `r`, `v` of a particle, and results of the run."""
-        names = _Names(self, variables or {}, own or {}, results)
+        names = _ModelNames(self, variables or {}, own or {}, results)
         return NumberAlgebra(self.tape, names.atom, names.special)
 
     def vector(self, vector: nouns.VectorExpression, algebra: NumberAlgebra) -> Triple:
@@ -115,7 +115,7 @@ class Scene:
 
     def wide(self, x: Scalar, count: int) -> Array:
         """The numbers of a scalar, (T, count)."""
-        numbers = x.value if isinstance(x, Node) else np.asarray(x)
+        numbers = x.value if isinstance(x, TapeNode) else np.asarray(x)
         return np.broadcast_to(numbers, (self.rows, count))
 
     def _fill(self) -> None:
@@ -166,12 +166,12 @@ class Scene:
         return found[0], found[1], found[2]
 
     def _taken(self, x: Scalar, rows: Whole) -> Scalar:
-        numbers = x.value if isinstance(x, Node) else np.asarray(x)
+        numbers = x.value if isinstance(x, TapeNode) else np.asarray(x)
         if numbers.ndim < 2 or numbers.shape[1] == 1:
             return x
         return (
-            self.tape.node(numbers[:, rows], (Link(x, 1.0, rows),))
-            if isinstance(x, Node)
+            self.tape.node(numbers[:, rows], (Edge(x, 1.0, rows),))
+            if isinstance(x, TapeNode)
             else numbers[:, rows]
         )
 
@@ -182,20 +182,24 @@ class Scene:
         together = np.concatenate([piece for _, piece in pieces], axis=1)
         links, start = [], 0
         for x, piece in pieces:
-            if isinstance(x, Node):
+            if isinstance(x, TapeNode):
                 column = np.zeros(piece.shape[1], dtype=np.int64)
                 taken = column if x.value.shape[1] == 1 else np.arange(piece.shape[1])
-                links.append(Link(x, 1.0, taken, slice(start, start + piece.shape[1])))
+                links.append(Edge(x, 1.0, taken, slice(start, start + piece.shape[1])))
             start += piece.shape[1]
         joined = self.tape.node(together, links)
-        return self.tape.node(together[:, order], (Link(joined, 1.0, order),))
+        return self.tape.node(together[:, order], (Edge(joined, 1.0, order),))
 
 
-class _Names:
+class _ModelNames:
     """What the leaves of one expression stand for."""
 
     def __init__(
-        self, scene: Scene, variables: Mapping[str, Whole], own: Mapping[str, Any], results: Results | None
+        self,
+        scene: ModelOnTable,
+        variables: Mapping[str, Whole],
+        own: Mapping[str, Any],
+        results: Results | None,
     ) -> None:
         self._scene, self._cast, self._variables, self._own = scene, scene.cast, variables, own
         self._results = results
@@ -240,7 +244,7 @@ class _Names:
     def _differential(self, x: Scalar) -> Scalar:
         return self._scene.tape.rate(x)
 
-    def _numbers(self, node: Reference, roll: Roll) -> Whole:
+    def _numbers(self, node: Reference, roll: MemberIndex) -> Whole:
         if not isinstance(node, tree.Index):
             return roll.find(node.name if isinstance(node, tree.Name) else node.owner, ())
 

@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 
-from lagcli.auditing.audit_report import Check, Law, judge
+from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
 from lagcli.auditing.tolerances import RESOLVED, SAFETY, Evidence
 
-MOMENTA = Law("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
+MOMENTA = CheckedLaw("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
 TINY = 1e-100
 SAMPLES = 48
 SYMMETRIC = 1e-9  # of the size of the terms that would have to cancel

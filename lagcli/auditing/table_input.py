@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lagcli.auditing.autodiff import Array
-from lagcli.auditing.laws import Laws
+from lagcli.auditing.laws import ModelLaws
 from lagcli.model import model as nouns
 
 SHOWN = 8
@@ -39,7 +39,7 @@ class Record:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Names:
+class TableNames:
     """The columns of each part of a `Record`."""
 
     q: tuple[str, ...]
@@ -56,7 +56,7 @@ class Names:
         return ("t", *self.q, *self.v, *self.x, *self.u, *self.lam, *self.R_q, *self.R_x)
 
 
-def names(laws: Laws) -> Names:
+def names(laws: ModelLaws) -> TableNames:
     """The columns that the audit of a model needs."""
     model, cast = laws.model, laws.cast
     cartesian = [cast.particles.names[k] for k in cast.cartesian]
@@ -66,7 +66,7 @@ def names(laws: Laws) -> Names:
     def places(of: Sequence[str], head: str = "", word: str = "") -> tuple[str, ...]:
         return tuple(f"{head}{name}.{word}{axis}" for name in of for axis in "xyz")
 
-    return Names(
+    return TableNames(
         q=(*places(cartesian), *generalized),
         v=(*places(cartesian, word="v"), *(f"rate({name})" for name in generalized)),
         x=places(dependent),
@@ -77,7 +77,7 @@ def names(laws: Laws) -> Names:
     )
 
 
-def wanted(laws: Laws, columns: Sequence[str]) -> tuple[str, ...]:
+def wanted(laws: ModelLaws, columns: Sequence[str]) -> tuple[str, ...]:
     """The columns that an audit reads of those of a table. Raises `TableError` with what is missing."""
     needed, known = names(laws).needed, set(columns)
     missing = [name for name in needed if name not in known]
@@ -87,7 +87,7 @@ def wanted(laws: Laws, columns: Sequence[str]) -> tuple[str, ...]:
     return (*needed, *(name for name in own if name in known))
 
 
-def read(laws: Laws, columns: Sequence[str], rows: Array) -> Record:
+def read(laws: ModelLaws, columns: Sequence[str], rows: Array) -> Record:
     """The record in a table, rows (T, len(columns)). Raises `TableError` with what is missing."""
     wanted(laws, columns)
     known = {name: i for i, name in enumerate(columns)}
@@ -101,7 +101,7 @@ def read(laws: Laws, columns: Sequence[str], rows: Array) -> Record:
         raise TableError(f"the times of the table do not increase: row {k + 1} is at t = {t[k]:.9g}")
     parts = {
         field.name: [known[name] for name in getattr(names(laws), field.name)]
-        for field in dataclasses.fields(Names)
+        for field in dataclasses.fields(TableNames)
     }
     return Record(t=t, **{part: rows[:, places] for part, places in parts.items()})
 

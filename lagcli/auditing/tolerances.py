@@ -15,10 +15,10 @@ import numpy as np
 
 from lagcli.auditing import differences, table_input
 from lagcli.auditing.autodiff import Array
-from lagcli.auditing.differences import Estimate, Grid, widest
-from lagcli.auditing.laws import Laws, Values
-from lagcli.auditing.table_input import Names, Record
-from lagcli.auditing.virtual_space import Displacements
+from lagcli.auditing.differences import DifferenceGrid, Estimate, widest
+from lagcli.auditing.laws import LawValues, ModelLaws
+from lagcli.auditing.table_input import Record, TableNames
+from lagcli.auditing.virtual_space import VirtualSpace
 
 SAFETY = 30.0
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
@@ -45,11 +45,11 @@ class Tolerance:
 class Evidence:
     """The record of a run beside what the model says at its rows. All numbers of the record are finite but lambda."""
 
-    def __init__(self, laws: Laws, found: Record, tolerance: Tolerance) -> None:
+    def __init__(self, laws: ModelLaws, found: Record, tolerance: Tolerance) -> None:
         self.laws, self.record, self.tolerance = laws, found, tolerance
-        self.names: Names = table_input.names(laws)
-        self.grid = Grid(found.t)
-        self.values: Values = laws.values(found.t, found.q, found.v, found.lam)
+        self.names: TableNames = table_input.names(laws)
+        self.grid = DifferenceGrid(found.t)
+        self.values: LawValues = laws.values(found.t, found.q, found.v, found.lam)
         cast = laws.cast
         self.masses = np.zeros(cast.n)
         self.masses[: cast.first_generalized] = np.repeat(cast.masses[cast.cartesian], 3)
@@ -90,7 +90,7 @@ class Evidence:
         return q + parts[0] * self.off_q, v + parts[1] * self.off_v
 
     @functools.cached_property
-    def moved_values(self) -> Values:
+    def moved_values(self) -> LawValues:
         """What the model says at those, at times moved by their rounding: a force may jump at a row."""
         t = self.record.t
         return self.laws.values(t + differences.CLOCK * np.abs(t).max(), *self.moved, self.record.lam)
@@ -268,11 +268,11 @@ class Evidence:
         return np.asarray(np.where(near, shared * factor[:, None], noise))
 
     @functools.cached_property
-    def displacements(self) -> Displacements:
+    def displacements(self) -> VirtualSpace:
         """B and the virtual displacements at the rows looked at."""
         rows = self.looked_at
         r = self.record
-        return Displacements(self.laws.matrix(r.t[rows], r.q[rows], r.v[rows]))
+        return VirtualSpace(self.laws.matrix(r.t[rows], r.q[rows], r.v[rows]))
 
     def pushed(self, F: Array) -> Array:
         """sum_k F_k . dr_k/dq_j of forces on the dependent particles, (T, 3 Nd) to (T, n)."""

@@ -10,7 +10,7 @@ RANK = 1e-9  # a singular value below that part of the largest is none
 NEAR = 1e-6  # a configuration with one between is too near to a singular one
 
 
-class Displacements:
+class VirtualSpace:
     """Of B (M, C, n) at M rows, each row of it divided by its length: singular values and directions.
 
     `rank` (M,); `usual`, the highest of them; `is_singular` (M,): rank lost or almost lost there, or B is not finite;
@@ -32,9 +32,9 @@ class Displacements:
         self._kept = self.sigma > RANK * top
         self._judge()
 
-    def part(self, rows: slice) -> Displacements:
+    def part(self, rows: slice) -> VirtualSpace:
         """Some of the rows."""
-        found = object.__new__(Displacements)
+        found = object.__new__(VirtualSpace)
         found.B, found.lengths, found.sigma = self.B[rows], self.lengths[rows], self.sigma[rows]
         found._left, found._across, found._kept = self._left[rows], self._across[rows], self._kept[rows]
         found._has_none = self._has_none[rows]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="lagcli",
-    cls=command_group.Group,
+    cls=command_group.CommandGroup,
     help="Degrees of freedom, Lagrange multipliers and constraint forces of constrained mechanical systems.",
     epilog="MODEL is a YAML file; - reads it from standard input.",
     add_completion=False,
@@ -235,7 +235,7 @@ def simulate(
     from lagcli.api import pipeline
     from lagcli.cli import simulate_command
 
-    wishes = simulate_command.Wishes(
+    wishes = simulate_command.OutputOptions(
         output, plot, stats, columns, as_json, quiet, verbose, checkpoint, resume, limit, digits
     )
     wishes.check(model)
@@ -296,7 +296,7 @@ def compare(
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
-    wishes = comparing.Wishes(columns, tolerance, as_json, quiet)
+    wishes = comparing.CompareOptions(columns, tolerance, as_json, quiet)
     if verbose:
         exits.say_all(warning.render() for one in read for warning in one.warnings)
     second = read[1] if other is not None else None
@@ -341,7 +341,7 @@ def audit(
     """
     from lagcli.cli import audit_command as auditing
 
-    wishes = auditing.Wishes(run, plot, digits, as_json, quiet, verbose)
+    wishes = auditing.AuditOptions(run, plot, digits, as_json, quiet, verbose)
     wishes.check(model)
     if run is not None and (duration is not None or samples is not None):
         raise exits.UsageError("--run: the table has its own rows; --duration and --samples are of a new run")

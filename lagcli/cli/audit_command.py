@@ -18,7 +18,7 @@ from lagcli.output.tables import read_table
 from lagcli.output.tables.sinks import MissingExtra
 
 if TYPE_CHECKING:
-    from lagcli.auditing.audit_report import Audit, Check, Place
+    from lagcli.auditing.audit_report import Audit, Check, TableLocation
     from lagcli.model.model import Model
 
 SHOWN = 6  # names of a check that fails
@@ -27,7 +27,7 @@ LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Wishes:
+class AuditOptions:
     """What the command line asks for besides the settings of the run."""
 
     table: str | None
@@ -57,7 +57,7 @@ class Wishes:
             exits.check_writable(self.plot)
 
 
-def run(model: Model, given: dict[str, Any], wishes: Wishes) -> None:
+def run(model: Model, given: dict[str, Any], wishes: AuditOptions) -> None:
     """Audit and tell. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before its end."""
     found = _audited(model, given, wishes)
     if wishes.plot is not None:
@@ -77,7 +77,7 @@ def run(model: Model, given: dict[str, Any], wishes: Wishes) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def _audited(model: Model, given: dict[str, Any], wishes: Wishes) -> Audit:
+def _audited(model: Model, given: dict[str, Any], wishes: AuditOptions) -> Audit:
     """The audit. Raises `exits.UsageError` for a table that is none, or not of this model."""
     try:
         return pipeline.audit(model, wishes.table, wishes.digits, **given)
@@ -91,7 +91,7 @@ def _audited(model: Model, given: dict[str, Any], wishes: Wishes) -> Audit:
         raise exits.UsageError(str(error)) from None
 
 
-def _tell(found: Audit, wishes: Wishes) -> None:
+def _tell(found: Audit, wishes: AuditOptions) -> None:
     """The report: a table of checks, what fails by name, and what the rows say about uniqueness."""
     name = found.title or found.path
     console.paragraph(
@@ -139,11 +139,11 @@ def _unread(names: tuple[str, ...]) -> str:
     return f"Columns that no check looks at: {shown}."
 
 
-def _fault(place: Place) -> str:
+def _fault(place: TableLocation) -> str:
     return f"{place.name} at t = {place.t:.9g}: {place.value:.3g}, the limit is {place.limit:.3g}"
 
 
-def _where(place: Place) -> str:
+def _where(place: TableLocation) -> str:
     """The place of an entry; one over a window names its times itself."""
     return place.name if " over t = " in place.name else f"{place.name}, t = {place.t:.6g}"
 

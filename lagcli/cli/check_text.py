@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from lagcli.analysis.check_report import ConstraintReport, Joint, Report
+from lagcli.analysis.check_report import ConstraintReport, JointReport, Report
 from lagcli.analysis.dof import DofCount
 from lagcli.cli import console
 from lagcli.errors import diagnostics
@@ -69,7 +69,7 @@ def _constraints(constraints: tuple[ConstraintReport, ...]) -> None:
         console.paragraph(f"{name}: {sentence}", "    ")
 
 
-def _joint(joint: Joint) -> list[str]:
+def _joint(joint: JointReport) -> list[str]:
     """What all rows are together: derived flag, growth vector, integrals."""
     lines = []
     if joint.derived_flag:

@@ -17,7 +17,7 @@ COLOURS = {"stopped": "red"}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Wishes:
+class CompareOptions:
     """What the command line asks for besides the settings of the runs."""
 
     columns: str | None
@@ -26,7 +26,7 @@ class Wishes:
     quiet: bool
 
 
-def run(model: Model, other: Model | None, settings: Mapping[str, Any], wishes: Wishes) -> None:
+def run(model: Model, other: Model | None, settings: Mapping[str, Any], wishes: CompareOptions) -> None:
     """Compare and tell. Raises `exits.UsageError`, `exits.Exit` where they disagree or a run stopped."""
     try:
         found = pipeline.compare(

@@ -32,7 +32,7 @@ Floats = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Wishes:
+class OutputOptions:
     """What the command line asks for besides the settings of the run."""
 
     output: str | None
@@ -104,7 +104,7 @@ class Wishes:
         yield from file_conflicts.stdout()
 
 
-def ready(model: Model, chosen: Simulation, wishes: Wishes) -> pipeline.Running:
+def ready(model: Model, chosen: Simulation, wishes: OutputOptions) -> pipeline.Running:
     """The run, from its start or from a checkpoint. Raises `exits.UsageError`, `diagnostics.ModelError`."""
     try:
         return pipeline.running(model, chosen, wishes.resume, wishes.limit, wishes.digits, may_be_over=True)
@@ -116,7 +116,7 @@ def ready(model: Model, chosen: Simulation, wishes: Wishes) -> pipeline.Running:
         raise exits.UsageError(f"--resume: cannot read {wishes.resume}: {error.strerror}") from None
 
 
-def run(ready: pipeline.Running, wishes: Wishes) -> None:
+def run(ready: pipeline.Running, wishes: OutputOptions) -> None:
     """Integrate and write. Raises `exits.Exit` with 3 where the run stopped before its end."""
     picked = _picked(ready.columns, wishes, ready.by_name)
     everything = (*ready.columns, *ready.by_name)
@@ -155,14 +155,14 @@ def run(ready: pipeline.Running, wishes: Wishes) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def _require_rows_left(ready: pipeline.Running, wishes: Wishes) -> None:
+def _require_rows_left(ready: pipeline.Running, wishes: OutputOptions) -> None:
     try:
         ready.require_rows_left()
     except checkpoint.CheckpointError as error:
         raise exits.UsageError(f"--resume {wishes.resume}: {error}") from None
 
 
-def _picked(names: tuple[str, ...], wishes: Wishes, by_name: tuple[str, ...] = ()) -> list[int]:
+def _picked(names: tuple[str, ...], wishes: OutputOptions, by_name: tuple[str, ...] = ()) -> list[int]:
     try:
         if wishes.columns is None:
             return list(range(len(names)))
@@ -171,7 +171,7 @@ def _picked(names: tuple[str, ...], wishes: Wishes, by_name: tuple[str, ...] = (
         raise exits.UsageError(f"--columns: {error}") from None
 
 
-def _tell_start(ready: pipeline.Running, wishes: Wishes, first: table_output.Before | None) -> None:
+def _tell_start(ready: pipeline.Running, wishes: OutputOptions, first: table_output.Before | None) -> None:
     if wishes.quiet:
         return
     if first is not None:
@@ -196,17 +196,17 @@ def _tell_start(ready: pipeline.Running, wishes: Wishes, first: table_output.Bef
 
 def _write_rows(
     ready: pipeline.Running,
-    wishes: Wishes,
+    wishes: OutputOptions,
     picked: list[int],
-    written: table_output.Table,
+    written: table_output.TableOutput,
     kept: decimate.Thinned,
     outcome: Outcome,
-) -> loop.Stopped | None:
+) -> loop.RunStop | None:
     """Pass the blocks on as they come; the reason if the run stopped before its end.
 
     A checkpoint is taken when the rows before it have been written, so that they agree.
     """
-    stopped: loop.Stopped | None = None
+    stopped: loop.RunStop | None = None
     try:
         with _progress(ready, wishes) as bar:
             for block in _blocks(ready, bar):
@@ -215,7 +215,7 @@ def _write_rows(
                 outcome.rows, outcome.t_end = ready.outcome.rows, ready.outcome.t_end
                 if wishes.plot is not None:
                     kept.add(block)
-    except loop.Stopped as stop:
+    except loop.RunStop as stop:
         stopped = stop
     except signals.Interrupted:
         if written.t_end == ready.grid.end:
@@ -243,14 +243,16 @@ def _blocks(ready: pipeline.Running, bar: console.Progress) -> Iterator[Floats]:
         yield block
 
 
-def _progress(ready: pipeline.Running, wishes: Wishes) -> contextlib.AbstractContextManager[console.Progress]:
+def _progress(
+    ready: pipeline.Running, wishes: OutputOptions
+) -> contextlib.AbstractContextManager[console.Progress]:
     # Rows and a bar on one terminal would overwrite each other.
     silent = wishes.quiet or (wishes.to_stdout and sys.stdout.isatty())
     return console.progress(ready.grid.start, ready.grid.end, silent)
 
 
 def _account_of_interrupted(
-    ready: pipeline.Running, wishes: Wishes, outcome: Outcome, interrupt: signals.Interrupted
+    ready: pipeline.Running, wishes: OutputOptions, outcome: Outcome, interrupt: signals.Interrupted
 ) -> None:
     """The account of the rows that are kept of an interrupted run; what fails here does not hide the interrupt."""
     outcome.stopped = ready.outcome.stopped
@@ -269,7 +271,7 @@ def _account_of_interrupted(
         pass  # a later signal; the caller raises the first
 
 
-def _write_account(wishes: Wishes, stats: Stats) -> None:
+def _write_account(wishes: OutputOptions, stats: Stats) -> None:
     """What `--stats` and `--json` ask for. A signal waits for it, but not long for a reader who takes nothing."""
     account = stats.as_json()
     with signals.shielded(signals.PATIENCE):
@@ -280,7 +282,7 @@ def _write_account(wishes: Wishes, stats: Stats) -> None:
             print(json_output.text(account), flush=True)
 
 
-def _draw(ready: pipeline.Running, wishes: Wishes, kept: decimate.Thinned) -> None:
+def _draw(ready: pipeline.Running, wishes: OutputOptions, kept: decimate.Thinned) -> None:
     """The figure, where one is asked for."""
     rows = kept.rows()
     if wishes.plot is not None and len(rows):
@@ -298,7 +300,7 @@ def _draw(ready: pipeline.Running, wishes: Wishes, kept: decimate.Thinned) -> No
                 drawn,
                 title=title,
                 units=ready.model.units,
-                facts=panels.Facts(
+                facts=panels.PanelFacts(
                     ready.stats.indeterminate,
                     _zeros(ready, rows),
                     row_lengths.lengths(ready.model),
@@ -308,7 +310,7 @@ def _draw(ready: pipeline.Running, wishes: Wishes, kept: decimate.Thinned) -> No
 
 
 def _drawn(
-    names: tuple[str, ...], rows: Floats, wishes: Wishes, by_name: tuple[str, ...]
+    names: tuple[str, ...], rows: Floats, wishes: OutputOptions, by_name: tuple[str, ...]
 ) -> tuple[tuple[str, ...], Floats]:
     """The columns of the figure: those of multipliers and reactions that `--columns` names, all where it names none."""
     if wishes.columns is None:

@@ -28,7 +28,7 @@ class Before:
     """Rows of the run that is resumed, which the same table begins with: their file, and the time of the last one."""
 
     path: pathlib.Path
-    rows: row_file.Rows
+    rows: row_file.SafeRows
     t_end: float
 
     @property
@@ -60,7 +60,7 @@ def before(
             f"--output {file}: the run before wrote rows {record.step:.9g} apart into it, and this one {own:.9g};"
             f" {instead}"
         )
-    rows = row_file.Rows(record.count, record.checksum)
+    rows = row_file.SafeRows(record.count, record.checksum)
     try:
         with contextlib.closing(row_file.read(path, names, rows)) as blocks:
             for _ in blocks:
@@ -99,7 +99,7 @@ def elsewhere(ready: pipeline.Running, resume: str | None) -> str:
     return f"the {count} rows up to t = {t:.9g} of the run before are in {path}; `-o {table}` writes one table of all"
 
 
-class Table:
+class TableOutput:
     """Takes the rows of a run. Everything that ends it is called where interrupts are held back."""
 
     def __init__(self, sink: sinks.Sink | None, file: str | None) -> None:
@@ -186,7 +186,7 @@ class Table:
 @contextlib.contextmanager
 def opened(
     ready: pipeline.Running, file: str | None, to_stdout: bool, names: Sequence[str]
-) -> Iterator[Table]:
+) -> Iterator[TableOutput]:
     """The table in a file, on standard output, or nowhere; trouble with it is told with its name.
 
     Interrupts are held back inside but in `signals.window`.
@@ -206,4 +206,4 @@ def opened(
                         sink = stack.enter_context(sinks.open_sink(target, names, provenance=whence))
                 except sinks.MissingExtra as error:
                     raise exits.UsageError(str(error)) from None
-            yield Table(sink, file)
+            yield TableOutput(sink, file)

@@ -25,7 +25,7 @@ def _layout(function: Any) -> _Layout:
     return known
 
 
-class Call:
+class BoundFunction:
     """A CasADi function bound to arrays: set the `arguments`, `trigger`, read `results`.
 
     The first results may be `given`, for calls that share them; of a function with more results only `wanted`

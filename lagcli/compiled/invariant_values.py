@@ -7,11 +7,11 @@ from typing import Any
 
 import casadi as ca
 
-from lagcli.equations.level_functions import Chart
+from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
 
-def function(system: System, charts: Sequence[Chart]) -> Any:
+def function(system: System, charts: Sequence[LevelExpression]) -> Any:
     """levels(t, q, p) -> above and below of K charts (K, 2), their gradients by q (K, n) and (K, n), and periods
     (K,), 0 where there is none."""
     s = system.symbols

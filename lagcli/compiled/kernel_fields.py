@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from lagcli.compiled.row_block import Block
+from lagcli.compiled.row_block import RowBlock
 
 # An entry may be a pivot if it is no smaller than this part of the largest of its row.
 PIVOT = 0.1
@@ -72,7 +72,7 @@ def _eliminate(row: dict[int, Any], pivot: dict[int, Any], j: int, factor: Any, 
             row[k] = row.get(k, nothing) - factor * value
 
 
-def expanded(block: Block, independent: Sequence[int], order: Sequence[tuple[int, int]]) -> Any:
+def expanded(block: RowBlock, independent: Sequence[int], order: Sequence[tuple[int, int]]) -> Any:
     """field(x, p, u, w) -> Y with A_I Y = (0, w) and Y = u beside the pivots: written out, operation by operation.
 
     independent: the rows I, in their order; order: `pivots` of A_I; u (N,), of which the entries at pivots do not
@@ -102,7 +102,7 @@ def expanded(block: Block, independent: Sequence[int], order: Sequence[tuple[int
     return ca.Function("field", [block.x, block.p, u, w], [ca.cse(ca.densify(ca.vertcat(*Y)))])
 
 
-def factored(block: Block, independent: Sequence[int]) -> Any:
+def factored(block: RowBlock, independent: Sequence[int]) -> Any:
     """field(x, p, u, w) -> the Y nearest to u with A_I Y = (0, w), its equations solved numerically at each call."""
     s = len(block.holonomic)
     count = sum(i >= s for i in independent)

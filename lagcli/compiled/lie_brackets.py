@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 
 from lagcli.compiled import kernel_fields
-from lagcli.compiled.row_block import Block
+from lagcli.compiled.row_block import RowBlock
 
 Shape = tuple[Any, ...]  # () or (Shape, Shape)
 
@@ -30,7 +30,7 @@ def leaves(shape: Shape) -> int:
 class Brackets:
     """Values of nested brackets on the independent differential rows in doubles, each shape built once."""
 
-    def __init__(self, block: Block, independent: Sequence[int]) -> None:
+    def __init__(self, block: RowBlock, independent: Sequence[int]) -> None:
         self._block, self._field = block, kernel_fields.factored(block, independent)
         s = len(block.holonomic)
         self._kept = [i - s for i in independent if i >= s]

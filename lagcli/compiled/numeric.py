@@ -24,7 +24,7 @@ from lagcli.compiled import parts as shared
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.factored import Factored
 from lagcli.compiled.selection import Selection
-from lagcli.equations.level_functions import Chart
+from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
 # Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
@@ -48,7 +48,7 @@ class NumericSystem:
         self._parts = parts or shared.parts(system)
         self.n: int = system.symbols.q.numel()
 
-    def holding(self, charts: Sequence[Chart]) -> NumericSystem:
+    def holding(self, charts: Sequence[LevelExpression]) -> NumericSystem:
         """The same with first integrals held in these charts; its p goes on with the two constants of each."""
         return NumericSystem(self._system, self._parts.holding(charts))
 

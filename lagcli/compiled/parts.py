@@ -14,7 +14,7 @@ from lagcli.compiled import selection as choice
 from lagcli.compiled import solvers
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics
-from lagcli.equations.level_functions import Chart
+from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
 # Below this a norm is taken as zero where it divides; B has no row without entries.
@@ -154,7 +154,7 @@ class Parts:
         t, y, p, given = inputs = [ca.MX.sym(name, x.numel()) for name, x in sizes]
         return ca.Function("multipliers", inputs, [choice.split(self.selection, gram(t, y, p), given)])
 
-    def holding(self, charts: Sequence[Chart]) -> Parts:
+    def holding(self, charts: Sequence[LevelExpression]) -> Parts:
         """The same with integrals held in these charts; p goes on with two constants for each, above and below.
 
         With a, b the constants, above and below at the start over their hypotenuse, g = above b - below a; with
@@ -191,7 +191,7 @@ def parts(system: System) -> Parts:
     return Parts(t, y, system.p, v, *equations, is_small, nothing, no_rows, everything, cartesian)
 
 
-def _level(chart: Chart, a: Any, b: Any) -> Any:
+def _level(chart: LevelExpression, a: Any, b: Any) -> Any:
     if chart.period is None:
         return chart.above * b - chart.below * a
     turned = chart.above - a

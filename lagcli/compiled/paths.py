@@ -86,7 +86,7 @@ def projected(z: Any, A: Any) -> Any:
     return ca.Function("field", [z, w], [_short(ca.densify(ca.vertcat(dq, dt)))])
 
 
-class Steps:
+class PathSteps:
     """Steps of a scheme along a field, for many points and controls."""
 
     def __init__(self, field: Any, scheme: Scheme) -> None:

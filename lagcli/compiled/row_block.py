@@ -18,7 +18,7 @@ from lagcli.equations.system import System
 KINKS = {"fabs", "sign", "fmin", "fmax", "lt", "le", "eq", "ne", "if_else_zero"}
 
 
-class Block:
+class RowBlock:
     """The rows of a block over the variables x (N,) they touch or depend on, time last where it enters.
 
     `holonomic` (s) and `differential` (m): indices of the rows of the system; columns: the coordinates in x; kinds

@@ -19,7 +19,7 @@ MAX_OPERATIONS = 120
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Solved:
+class ClosedForm:
     """lambda by number of row, or the `reason` why not; `on`: what the rows themselves say, put in."""
 
     values: dict[int, Any]
@@ -27,7 +27,7 @@ class Solved:
     on: dict[Any, Any]
 
 
-def solve(system: Symbolic, equation: Equation) -> Solved:
+def solve(system: Symbolic, equation: Equation) -> ClosedForm:
     """lambda = S^-1 (gamma - B M^-1 h) on the constraint surface."""
     count = len(system.rows)
     on = surface(system)
@@ -41,13 +41,13 @@ def solve(system: Symbolic, equation: Equation) -> Solved:
     blocks = components(neighbours)
     if (largest := max(map(len, blocks))) > MAX_ROWS:
         message = f"B M⁻¹ Bᵀ couples {largest} rows, and a closed form is tried for up to {MAX_ROWS}"
-        return Solved({}, message, on)
+        return ClosedForm({}, message, on)
     for block in blocks:
         matrix = sympy.Matrix([[S.get((r, other), ZERO) for other in block] for r in block])
         determinant = tidy(matrix.det(method="berkowitz"))
         if determinant == 0:
             names = ", ".join(system.rows[r].name for r in block)
-            return Solved({}, f"B M⁻¹ Bᵀ is singular: the rows {names} are not independent", on)
+            return ClosedForm({}, f"B M⁻¹ Bᵀ is singular: the rows {names} are not independent", on)
         right = sympy.Matrix([put(system, equation.right[r], on) for r in block])
         above = matrix.adjugate() * right
         for r, value in zip(block, above, strict=True):
@@ -57,7 +57,7 @@ def solve(system: Symbolic, equation: Equation) -> Solved:
                 reason += f", and {MAX_OPERATIONS} are still read"
             else:
                 values[r] = found
-    return Solved(values, reason, on)
+    return ClosedForm(values, reason, on)
 
 
 def _shortest(above: Any, below: Any, rates: tuple[Any, ...]) -> Any:

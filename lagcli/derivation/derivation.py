@@ -109,13 +109,13 @@ def _constants(system: Symbolic, signs: Signs) -> list[Line]:
     """Parameters that stand as numbers, and the constants of rigid bodies."""
     found = []
     for name, value in system.world.substituted.items():
-        left = f.Words(name)
+        left = f.FormulaWords(name)
         right = f.Triple(tuple(map(signs.node, value))) if isinstance(value, tuple) else signs.node(value)
         found.append(Line(sides=(left, right), kind="value"))
     for symbol, number in system.constants.items():
         body = symbol.name.split(" ")[1]
         found.append(
-            Line(sides=(signs.node(symbol), f.Number(f"{number:.10g}")), kind="constant", family=body)
+            Line(sides=(signs.node(symbol), f.FormulaNumber(f"{number:.10g}")), kind="constant", family=body)
         )
     return found
 
@@ -179,14 +179,14 @@ def _without_rows(system: Symbolic, parts: Sections) -> Iterator[Line]:
         yield Line(note=f"Accelerations in closed form are not written out: {inverted.reason}.")
         return
     yield Line(note="There is no constraint row, and so no multiplier.")
-    yield from _accelerations(system, parts, inverted, closed_form.Solved({}, "", {}), {})
+    yield from _accelerations(system, parts, inverted, closed_form.ClosedForm({}, "", {}), {})
 
 
 def _accelerations(
     system: Symbolic,
     parts: Sections,
     inverted: multiplier_equations.Inverse,
-    solved: closed_form.Solved,
+    solved: closed_form.ClosedForm,
     put: dict[Any, Any],
 ) -> Iterator[Line]:
     """Accelerations, with lambda put in where that stays short."""
@@ -254,11 +254,11 @@ def _cut(lines: list[Line], options: Options) -> Iterator[Line]:
             yield dataclasses.replace(line, sides=tuple(map(_shortened, line.sides)))
 
 
-def _shortened(node: f.Node) -> f.Node:
+def _shortened(node: f.FormulaNode) -> f.FormulaNode:
     """A long sum with its first terms and its last one."""
-    if isinstance(node, f.Product):
-        return f.Product(tuple(map(_shortened, node.factors)))
-    if not isinstance(node, f.Sum) or len(node.terms) <= TERMS:
+    if isinstance(node, f.FormulaProduct):
+        return f.FormulaProduct(tuple(map(_shortened, node.factors)))
+    if not isinstance(node, f.FormulaSum) or len(node.terms) <= TERMS:
         return node
     gone = len(node.terms) - 4
-    return f.Sum((*node.terms[:3], (1, f.Words(f"… ({gone} terms left out)")), node.terms[-1]))
+    return f.FormulaSum((*node.terms[:3], (1, f.FormulaWords(f"… ({gone} terms left out)")), node.terms[-1]))

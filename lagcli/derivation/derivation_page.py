@@ -41,7 +41,7 @@ class Line:
     """
 
     number: str = ""
-    sides: tuple[f.Node, ...] = ()
+    sides: tuple[f.FormulaNode, ...] = ()
     note: str = ""
     kind: str = ""
     family: str = ""
@@ -236,11 +236,11 @@ def _folded(words: str, width: int) -> list[str]:
     return rows
 
 
-def _chunks(node: f.Node) -> list[f.Node]:
+def _chunks(node: f.FormulaNode) -> list[f.FormulaNode]:
     """A long sum in pieces of a line each."""
-    if not isinstance(node, f.Sum) or render_text.width(render_text.text(node)) <= LONG:
+    if not isinstance(node, f.FormulaSum) or render_text.width(render_text.text(node)) <= LONG:
         return [node]
-    found: list[list[tuple[int, f.Node]]] = [[]]
+    found: list[list[tuple[int, f.FormulaNode]]] = [[]]
     used = 0
     for sign, term in node.terms:
         own = render_text.width(render_text.text(term)) + 3
@@ -249,7 +249,7 @@ def _chunks(node: f.Node) -> list[f.Node]:
             used = 0
         found[-1].append((sign, term))
         used += own
-    return [f.Sum(tuple(part)) for part in found]
+    return [f.FormulaSum(tuple(part)) for part in found]
 
 
 def _latex(line: Line) -> str:
@@ -289,7 +289,7 @@ def _html(line: Line) -> list[str]:
     return [f'<tr><td class="left">{left}</td><td>{rows}{note}</td>{tail}']
 
 
-def _equated(sides: tuple[f.Node, ...], first: int) -> list[str]:
+def _equated(sides: tuple[f.FormulaNode, ...], first: int) -> list[str]:
     """Sides with equals signs before all but the very first, in rows of bearable length."""
     rows: list[str] = []
     used = LONG
@@ -306,8 +306,8 @@ def _equated(sides: tuple[f.Node, ...], first: int) -> list[str]:
     return [_math(f"<mrow>{row}</mrow>") for row in rows]
 
 
-def _leads_negative(node: f.Node) -> bool:
-    return isinstance(node, f.Sum) and node.terms[0][0] < 0
+def _leads_negative(node: f.FormulaNode) -> bool:
+    return isinstance(node, f.FormulaSum) and node.terms[0][0] < 0
 
 
 def _math(inner: str) -> str:

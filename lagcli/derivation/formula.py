@@ -6,12 +6,12 @@ import dataclasses
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Node:
+class FormulaNode:
     """Anything that can stand on paper."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Sign(Node):
+class Sign(FormulaNode):
     """A letter or word with `sub`scripts and `dots` above it; `vector` is printed bold where there is bold type."""
 
     base: str
@@ -21,107 +21,107 @@ class Sign(Node):
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Number(Node):
+class FormulaNumber(FormulaNode):
     """Digits as they are printed."""
 
     text: str
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Words(Node):
+class FormulaWords(FormulaNode):
     """Plain words in a formula."""
 
     text: str
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Sum(Node):
+class FormulaSum(FormulaNode):
     """Terms with their signs, +1 or -1."""
 
-    terms: tuple[tuple[int, Node], ...]
+    terms: tuple[tuple[int, FormulaNode], ...]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Product(Node):
+class FormulaProduct(FormulaNode):
     """Factors side by side; sums among them get parentheses."""
 
-    factors: tuple[Node, ...]
+    factors: tuple[FormulaNode, ...]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Fraction(Node):
+class Fraction(FormulaNode):
     """above / below."""
 
-    above: Node
-    below: Node
+    above: FormulaNode
+    below: FormulaNode
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Power(Node):
+class FormulaPower(FormulaNode):
     """base to the exponent."""
 
-    base: Node
-    exponent: Node
+    base: FormulaNode
+    exponent: FormulaNode
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Root(Node):
+class Root(FormulaNode):
     """A square root."""
 
-    inner: Node
+    inner: FormulaNode
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Bars(Node):
+class Bars(FormulaNode):
     """|inner|, an absolute value or the length of a vector."""
 
-    inner: Node
+    inner: FormulaNode
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Apply(Node):
+class Apply(FormulaNode):
     """name(arguments); `power` as in sin^2."""
 
     name: str
-    arguments: tuple[Node, ...]
-    power: Node | None = None
+    arguments: tuple[FormulaNode, ...]
+    power: FormulaNode | None = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Triple(Node):
+class Triple(FormulaNode):
     """(x, y, z), or any other list in parentheses."""
 
-    parts: tuple[Node, ...]
+    parts: tuple[FormulaNode, ...]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Dot(Node):
+class Dot(FormulaNode):
     """left . right, of vectors."""
 
-    left: Node
-    right: Node
+    left: FormulaNode
+    right: FormulaNode
 
 
-ZERO, ONE = Number("0"), Number("1")
+ZERO, ONE = FormulaNumber("0"), FormulaNumber("1")
 
 
-def negative(node: Node) -> Node:
+def negative(node: FormulaNode) -> FormulaNode:
     """-node."""
-    if isinstance(node, Sum):
-        return Sum(tuple((-sign, term) for sign, term in node.terms))
-    return Sum(((-1, node),))
+    if isinstance(node, FormulaSum):
+        return FormulaSum(tuple((-sign, term) for sign, term in node.terms))
+    return FormulaSum(((-1, node),))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Slope(Node):
+class Slope(FormulaNode):
     """d above / d below, partial or (`total`) the whole rate."""
 
-    above: Node | None
-    below: Node
+    above: FormulaNode | None
+    below: FormulaNode
     total: bool = False
 
 
-def lagrange(letter: Sign, q: Sign, q_dot: Sign) -> Node:
+def lagrange(letter: Sign, q: Sign, q_dot: Sign) -> FormulaNode:
     """d/dt dL/dq' - dL/dq, for L or T."""
-    rate = Product((Slope(None, Sign("t"), total=True), Slope(letter, q_dot)))
-    return Sum(((1, rate), (-1, Slope(letter, q))))
+    rate = FormulaProduct((Slope(None, Sign("t"), total=True), Slope(letter, q_dot)))
+    return FormulaSum(((1, rate), (-1, Slope(letter, q))))

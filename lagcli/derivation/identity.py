@@ -22,7 +22,7 @@ AGREED = sympy.Float("1e-20", DIGITS)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Verdict:
+class IdentityVerdict:
     """For coordinate number `coordinate`: whether the identity `holds`, and how that is known."""
 
     coordinate: int
@@ -30,7 +30,7 @@ class Verdict:
     method: str
 
 
-def verify(system: Symbolic) -> Iterator[Verdict]:
+def verify(system: Symbolic) -> Iterator[IdentityVerdict]:
     """The identity for every generalized coordinate that dependent particles move with."""
     left: dict[int, Any] = {}
     for number in range(len(system.world.particles)):
@@ -40,10 +40,10 @@ def verify(system: Symbolic) -> Iterator[Verdict]:
     for j in sorted(left):
         difference = system.world.calculus.expanded(left[j] - _of_energy(system, j))
         if difference.count_ops() <= MAX_OPERATIONS and _vanishes(difference):
-            yield Verdict(j, True, "identically")
+            yield IdentityVerdict(j, True, "identically")
             continue
         holds = _agrees(system, j, left[j])
-        yield Verdict(j, holds, f"at {POINTS} random points, to 20 digits")
+        yield IdentityVerdict(j, holds, f"at {POINTS} random points, to 20 digits")
 
 
 def _of_particle(system: Symbolic, number: int) -> Iterator[tuple[int, Any]]:

@@ -38,10 +38,10 @@ _SIMPLE = {(1, 2), (1, 3), (2, 3), (1, 4), (3, 4)}
 class Layout:
     """Formulas with the signs of symbols: `shown` (symbol -> node) and `kinds` (symbol -> (kind, place))."""
 
-    def __init__(self, shown: Mapping[Any, f.Node], kinds: Mapping[Any, tuple[int, int]]) -> None:
+    def __init__(self, shown: Mapping[Any, f.FormulaNode], kinds: Mapping[Any, tuple[int, int]]) -> None:
         self._shown, self._kinds = shown, kinds
 
-    def node(self, value: Any) -> f.Node:
+    def node(self, value: Any) -> f.FormulaNode:
         """The formula of an expression."""
         if value in self._shown:
             return self._shown[value]
@@ -56,7 +56,7 @@ class Layout:
             return self._power(value)
         return self._other(value)
 
-    def _other(self, value: Any) -> f.Node:
+    def _other(self, value: Any) -> f.FormulaNode:
         if value == sympy.pi:
             return f.Sign("π")
         if isinstance(value, sympy.Abs):
@@ -66,13 +66,13 @@ class Layout:
             return f.Apply(_NAMES[type(value)], tuple(self.node(a) for a in arguments))
         if value == sympy.E:
             return f.Apply("exp", (f.ONE,))
-        return f.Words(str(value))
+        return f.FormulaWords(str(value))
 
-    def _sum(self, value: Any) -> f.Node:
+    def _sum(self, value: Any) -> f.FormulaNode:
         terms = sorted(sympy.Add.make_args(value), key=self._term_key)
         signed = [self._signed(term) for term in terms]
         first = next((i for i, (sign, _) in enumerate(signed) if sign > 0), 0)
-        return f.Sum((signed[first], *signed[:first], *signed[first + 1 :]))
+        return f.FormulaSum((signed[first], *signed[:first], *signed[first + 1 :]))
 
     def _term_key(self, term: Any) -> tuple[Any, ...]:
         """Accelerations first, then rates, then positions; each as they are declared."""
@@ -91,7 +91,7 @@ class Layout:
         )
         return leading, -power, leads, sorted(found), sympy.default_sort_key(term)
 
-    def _signed(self, term: Any) -> tuple[int, f.Node]:
+    def _signed(self, term: Any) -> tuple[int, f.FormulaNode]:
         """The sign of a term and the term without it."""
         coefficient, rest = term.as_coeff_Mul()
         if not coefficient.is_Rational:
@@ -99,7 +99,7 @@ class Layout:
         sign = -1 if coefficient < 0 else 1
         return sign, self._product(rest, abs(coefficient))
 
-    def _product(self, value: Any, coefficient: Any) -> f.Node:
+    def _product(self, value: Any, coefficient: Any) -> f.FormulaNode:
         above: list[Any] = []
         below: list[Any] = []
         for factor in sympy.Mul.make_args(value):
@@ -114,20 +114,20 @@ class Layout:
         top = [self._factor(x) for x in above]
         bottom = [self._factor(x) for x in below]
         if not bottom and (p, q) in _SIMPLE and value.free_symbols:
-            return f.Product((f.Fraction(f.Number(str(p)), f.Number(str(q))), *top))
+            return f.FormulaProduct((f.Fraction(f.FormulaNumber(str(p)), f.FormulaNumber(str(q))), *top))
         if q != 1 and ((decimal := _decimal(p, q)) is not None) and (p, q) not in _SIMPLE:
-            top.insert(0, f.Number(decimal))
+            top.insert(0, f.FormulaNumber(decimal))
         else:
             if p != 1 or not top:
-                top.insert(0, f.Number(_whole(p)))
+                top.insert(0, f.FormulaNumber(_whole(p)))
             if q != 1:
-                bottom.insert(0, f.Number(str(q)))
-        upper = top[0] if len(top) == 1 else f.Product(tuple(top))
+                bottom.insert(0, f.FormulaNumber(str(q)))
+        upper = top[0] if len(top) == 1 else f.FormulaProduct(tuple(top))
         if not bottom:
             return upper
-        return f.Fraction(upper, bottom[0] if len(bottom) == 1 else f.Product(tuple(bottom)))
+        return f.Fraction(upper, bottom[0] if len(bottom) == 1 else f.FormulaProduct(tuple(bottom)))
 
-    def _factor(self, value: Any) -> f.Node:
+    def _factor(self, value: Any) -> f.FormulaNode:
         return self.node(value)
 
     def _factor_key(self, factor: Any) -> tuple[Any, ...]:
@@ -144,7 +144,7 @@ class Layout:
             return kind, inner[0][1] if inner else 0, str(base)
         return APPLIED, 0, inner, isinstance(base, sympy.cos), str(base)
 
-    def _power(self, value: Any) -> f.Node:
+    def _power(self, value: Any) -> f.FormulaNode:
         base, exponent = value.as_base_exp()
         if exponent.could_extract_minus_sign():
             return self._product(value, sympy.Integer(1))
@@ -154,19 +154,19 @@ class Layout:
         power = self.node(exponent)
         if isinstance(shown, f.Apply) and shown.power is None and len(shown.arguments) == 1:
             return f.Apply(shown.name, shown.arguments, power)
-        return f.Power(shown, power)
+        return f.FormulaPower(shown, power)
 
 
-def _rational(value: Any) -> f.Node:
+def _rational(value: Any) -> f.FormulaNode:
     p, q = int(value.p), int(value.q)
     if p < 0:
         return f.negative(_rational(-value))
     decimal = None if (p, q) in _SIMPLE else _decimal(p, q)
     if q == 1:
-        return f.Number(_whole(p))
+        return f.FormulaNumber(_whole(p))
     if decimal is not None:
-        return f.Number(decimal)
-    return f.Fraction(f.Number(str(p)), f.Number(str(q)))
+        return f.FormulaNumber(decimal)
+    return f.Fraction(f.FormulaNumber(str(p)), f.FormulaNumber(str(q)))
 
 
 def scientific(digits: int, exponent: int) -> str:

@@ -10,7 +10,7 @@ import sympy
 from lagcli.derivation.calculus import ZERO
 from lagcli.derivation.symbolic_system import Symbolic
 from lagcli.derivation.tidy import tidy
-from lagcli.derivation.vectors import Key, Triple, Vector, pieces
+from lagcli.derivation.vectors import Key, RecognizedVector, Triple, pieces
 
 # The largest block of M that is inverted in symbols, and the most operations its inverse may have.
 MAX_BLOCK, MAX_OPERATIONS = 3, 400
@@ -113,7 +113,7 @@ class Products:
 
     def _pieces(self, triple: Triple) -> list[tuple[Any, Key]] | None:
         if triple not in self._known:
-            vector: Vector | None = self._world.collapse.vector(triple)
+            vector: RecognizedVector | None = self._world.collapse.vector(triple)
             self._known[triple] = None if vector is None else pieces(vector)
         return self._known[triple]
 

@@ -13,7 +13,7 @@ from lagcli.derivation.calculus import ZERO
 from lagcli.derivation.derivation_page import Line
 from lagcli.derivation.multiplier_equations import part
 from lagcli.derivation.signs import Signs
-from lagcli.derivation.symbolic_system import Row, Symbolic
+from lagcli.derivation.symbolic_system import Symbolic, SymbolicRow
 from lagcli.derivation.tidy import polynomial, shorter, tidy
 from lagcli.derivation.vectors import NOTHING, Key, Triple
 from lagcli.model import model as nouns
@@ -45,15 +45,15 @@ class Sections:
             family = self._families[number]
             r = signs.of_particle("r", name)
             yield Line("D.27", (r, signs.vector(position)), kind="r", family=family)
-            terms: list[tuple[int, f.Node]] = []
+            terms: list[tuple[int, f.FormulaNode]] = []
             present = frozenset().union(*(calculus.symbols(x) for x in position))
             for i, q in enumerate(self._system.q):
                 if q in present:
                     slope = tuple(tidy(calculus.partial(x, q)) for x in position)
                     vector = signs.vector((slope[0], slope[1], slope[2]))
                     if vector != NIL:
-                        terms.append((1, f.Product((vector, signs.variation(i)))))
-            variation = f.Sum(tuple(terms)) if len(terms) > 1 else terms[0][1] if terms else NIL
+                        terms.append((1, f.FormulaProduct((vector, signs.variation(i)))))
+            variation = f.FormulaSum(tuple(terms)) if len(terms) > 1 else terms[0][1] if terms else NIL
             delta = f.Sign("δr", r.sub, vector=True)
             yield Line("D.28", (delta, variation), kind="δr", family=family)
 
@@ -75,19 +75,19 @@ class Sections:
         for symbol, meaning in self.signs.definitions():
             yield Line(sides=(symbol, meaning), kind="where", family="lengths")
 
-    def _velocity(self, row: Row) -> f.Node:
+    def _velocity(self, row: SymbolicRow) -> f.FormulaNode:
         """B v + b."""
         slopes = (slope * self._system.v[i] for i, slope in row.B.items())
         return self.signs.node(polynomial(sum(slopes, row.b), self._system.v))
 
-    def _form(self, row: Row) -> f.Node:
+    def _form(self, row: SymbolicRow) -> f.FormulaNode:
         """sum of A_in dq_n + A_it dt."""
-        terms: list[tuple[int, f.Node]] = []
+        terms: list[tuple[int, f.FormulaNode]] = []
         for i, slope in row.B.items():
             terms.append(_times(self.signs.node(slope), self.signs.differential(i)))
         if row.b != 0:
             terms.append(_times(self.signs.node(row.b), f.Sign("dt")))
-        return f.Sum(tuple(terms))
+        return f.FormulaSum(tuple(terms))
 
     def rows(self) -> Iterator[Line]:
         """B_ik and B_it (D.7), and the rows in velocities (D.6)."""
@@ -115,7 +115,7 @@ class Sections:
                 yield Line("D.6", (left, signs.node(rate), NIL), kind="rate", family=row.family)
 
     @staticmethod
-    def _of_row(number: str, sides: tuple[f.Node, ...], row: Row) -> Line:
+    def _of_row(number: str, sides: tuple[f.FormulaNode, ...], row: SymbolicRow) -> Line:
         return Line(number, sides, kind="B", family=row.family)
 
     def reactions(self) -> Iterator[Line]:
@@ -132,12 +132,12 @@ class Sections:
 
     def reaction(
         self, first: int, factors: Sequence[Any], lengths: Mapping[Any, Any] | None = None
-    ) -> list[tuple[int, f.Node]]:
+    ) -> list[tuple[int, f.FormulaNode]]:
         """The terms of sum_i factor_i B_ik on the particle whose x is coordinate number `first`.
 
         `lengths`: values of lengths that rows hold, to be put in.
         """
-        terms: list[tuple[int, f.Node]] = []
+        terms: list[tuple[int, f.FormulaNode]] = []
         for row, factor in zip(self._system.rows, factors, strict=True):
             slopes = part(row.B, first)
             if lengths:
@@ -168,9 +168,9 @@ class Sections:
         if system.potentials:
             yield Line("D.35", (letters["V"], signs.node(V)), kind="V")
         if system.lagrange:
-            sides: list[f.Node] = [letters["L"]]
+            sides: list[f.FormulaNode] = [letters["L"]]
             if len(self._world.particles) and system.extra == 0 and V != 0:
-                sides.append(f.Sum(((1, letters["T"]), (-1, letters["V"]))))
+                sides.append(f.FormulaSum(((1, letters["T"]), (-1, letters["V"]))))
             whole = sympy.Add(*(polynomial(term, system.v) for term in (T + system.extra,))) - V
             yield Line("D.38", (*sides, signs.node(whole)), kind="L")
 
@@ -196,7 +196,7 @@ class Sections:
             name = world.particles.names[number]
             m = signs.node(world.mass(number))
             a = signs.of_particle("r", name, dots=2)
-            left = a if world.mass(number) == 1 else f.Product((m, a))
+            left = a if world.mass(number) == 1 else f.FormulaProduct((m, a))
             F = signs.vector(triple(self._system.h, first))
             terms = ([] if F == NIL else _terms(F)) + self.reaction(first, self._system.lam)
             yield Line("D.23", (left, joined(terms)), kind="newton", family=self._families[number])
@@ -238,7 +238,7 @@ class Sections:
             assert isinstance(q_dot, f.Sign)
             r = f.Sign("r", ("k",), vector=True)
             work = f.Dot(f.Sign("r", ("k",), 2, vector=True), f.Slope(r, q))
-            left = f.Product((f.Sign("Σ", ("k",)), f.Sign("m", ("k",)), work))
+            left = f.FormulaProduct((f.Sign("Σ", ("k",)), f.Sign("m", ("k",)), work))
             note = f"holds {verdict.method}" if verdict.holds else f"DOES NOT HOLD {verdict.method}"
             yield Line(
                 "D.31", (left, f.lagrange(signs.energies["T"], q, q_dot)), note, "identity", self._kin(i)
@@ -282,24 +282,24 @@ def _grouped(T: Any) -> Any:
     return sympy.Add(*(c * sympy.Add(*members) for c, members in groups.items()))
 
 
-def _times(coefficient: f.Node, factor: f.Node) -> tuple[int, f.Node]:
+def _times(coefficient: f.FormulaNode, factor: f.FormulaNode) -> tuple[int, f.FormulaNode]:
     """A term of a form: its sign, and coefficient and factor without it."""
     sign = 1
-    if isinstance(coefficient, f.Sum) and len(coefficient.terms) == 1:
+    if isinstance(coefficient, f.FormulaSum) and len(coefficient.terms) == 1:
         sign, coefficient = coefficient.terms[0]
     if coefficient == f.ONE:
         return sign, factor
-    if isinstance(coefficient, f.Product):
-        return sign, f.Product((*coefficient.factors, factor))
-    return sign, f.Product((coefficient, factor))
+    if isinstance(coefficient, f.FormulaProduct):
+        return sign, f.FormulaProduct((*coefficient.factors, factor))
+    return sign, f.FormulaProduct((coefficient, factor))
 
 
-def _terms(node: f.Node) -> list[tuple[int, f.Node]]:
-    return list(node.terms) if isinstance(node, f.Sum) else [(1, node)]
+def _terms(node: f.FormulaNode) -> list[tuple[int, f.FormulaNode]]:
+    return list(node.terms) if isinstance(node, f.FormulaSum) else [(1, node)]
 
 
-def joined(terms: list[tuple[int, f.Node]]) -> f.Node:
+def joined(terms: list[tuple[int, f.FormulaNode]]) -> f.FormulaNode:
     """A sum of terms; 0 where there are none."""
     if not terms:
         return NIL
-    return terms[0][1] if len(terms) == 1 and terms[0][0] > 0 else f.Sum(tuple(terms))
+    return terms[0][1] if len(terms) == 1 and terms[0][0] > 0 else f.FormulaSum(tuple(terms))

@@ -25,7 +25,7 @@ _SPECIAL = {
 }
 
 
-def latex(node: f.Node) -> str:
+def latex(node: f.FormulaNode) -> str:
     """The formula in LaTeX's math mode."""
     return _WRITERS[type(node)](node)
 
@@ -69,10 +69,10 @@ def sign(node: f.Sign) -> str:
     return base + (rf"_{{{','.join(word(part) for part in node.sub)}}}" if node.sub else "")
 
 
-def _sum(terms: tuple[tuple[int, f.Node], ...]) -> str:
+def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
     parts = []
     for place, (sign_, term) in enumerate(terms):
-        written = _closed(latex(term)) if isinstance(term, f.Sum) else latex(term)
+        written = _closed(latex(term)) if isinstance(term, f.FormulaSum) else latex(term)
         plus = "" if place == 0 else " + "
         minus = "-" if place == 0 else " - "
         parts.append((minus if sign_ < 0 else plus) + written)
@@ -83,12 +83,12 @@ def _closed(text: str) -> str:
     return rf"\left({text}\right)"
 
 
-def _factor(node: f.Node) -> str:
-    return _closed(latex(node)) if isinstance(node, (f.Sum, f.Dot)) else latex(node)
+def _factor(node: f.FormulaNode) -> str:
+    return _closed(latex(node)) if isinstance(node, (f.FormulaSum, f.Dot)) else latex(node)
 
 
-def _held(node: f.Node) -> str:
-    loose = (f.Sum, f.Product, f.Fraction, f.Power, f.Apply, f.Dot)
+def _held(node: f.FormulaNode) -> str:
+    loose = (f.FormulaSum, f.FormulaProduct, f.Fraction, f.FormulaPower, f.Apply, f.Dot)
     return _closed(latex(node)) if isinstance(node, loose) else latex(node)
 
 
@@ -96,7 +96,7 @@ def _apply(node: f.Apply) -> str:
     name = "\\" + node.name if node.name in _KNOWN else rf"\operatorname{{{escaped(node.name)}}}"
     if node.power is not None:
         name += f"^{{{latex(node.power)}}}"
-    if len(node.arguments) == 1 and isinstance(node.arguments[0], (f.Sign, f.Number)):
+    if len(node.arguments) == 1 and isinstance(node.arguments[0], (f.Sign, f.FormulaNumber)):
         return f"{name} {{{latex(node.arguments[0])}}}"
     return name + _closed(", ".join(map(latex, node.arguments)))
 
@@ -122,7 +122,7 @@ _IN_WORDS = {
 }
 
 
-def _number(node: f.Number) -> str:
+def _number(node: f.FormulaNumber) -> str:
     digits, letter, exponent = node.text.partition("e")
     return rf"{digits} \cdot 10^{{{exponent}}}" if letter else digits
 
@@ -133,20 +133,20 @@ def _slope(node: f.Slope) -> str:
     return rf"\frac{{{letter}{above}}}{{{letter}{latex(node.below)}}}"
 
 
-def _power(node: f.Power) -> str:
+def _power(node: f.FormulaPower) -> str:
     base = node.base
     held = sign(base) if isinstance(base, f.Sign) and not base.dots else _held(base)
     return f"{{{held}}}^{{{latex(node.exponent)}}}"
 
 
-_WRITERS: dict[type[f.Node], Callable[[Any], str]] = {
+_WRITERS: dict[type[f.FormulaNode], Callable[[Any], str]] = {
     f.Sign: sign,
-    f.Number: _number,
-    f.Words: lambda node: rf"\text{{{escaped(node.text)}}}",
-    f.Sum: lambda node: _sum(node.terms),
-    f.Product: lambda node: r" \, ".join(map(_factor, node.factors)),
+    f.FormulaNumber: _number,
+    f.FormulaWords: lambda node: rf"\text{{{escaped(node.text)}}}",
+    f.FormulaSum: lambda node: _sum(node.terms),
+    f.FormulaProduct: lambda node: r" \, ".join(map(_factor, node.factors)),
     f.Fraction: lambda node: rf"\frac{{{latex(node.above)}}}{{{latex(node.below)}}}",
-    f.Power: _power,
+    f.FormulaPower: _power,
     f.Root: lambda node: rf"\sqrt{{{latex(node.inner)}}}",
     f.Bars: lambda node: rf"\left|{latex(node.inner)}\right|",
     f.Apply: _apply,

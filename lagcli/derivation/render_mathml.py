@@ -11,7 +11,7 @@ from lagcli.derivation import formula as f
 _DOTS = {1: "˙", 2: "¨"}
 
 
-def mathml(node: f.Node) -> str:
+def mathml(node: f.FormulaNode) -> str:
     """The formula as one MathML element."""
     return _WRITERS[type(node)](node)
 
@@ -41,35 +41,35 @@ def _closed(*parts: str) -> str:
     return _row(_operator("("), *parts, _operator(")"))
 
 
-def _listed(parts: tuple[f.Node, ...]) -> list[str]:
+def _listed(parts: tuple[f.FormulaNode, ...]) -> list[str]:
     found: list[str] = []
     for part in parts:
         found += [_operator(","), mathml(part)] if found else [mathml(part)]
     return found
 
 
-def _sum(terms: tuple[tuple[int, f.Node], ...]) -> str:
+def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
     parts = []
     for place, (sign_, term) in enumerate(terms):
         if place or sign_ < 0:
             parts.append(_operator("−" if sign_ < 0 else "+"))
-        parts.append(_closed(mathml(term)) if isinstance(term, f.Sum) else mathml(term))
+        parts.append(_closed(mathml(term)) if isinstance(term, f.FormulaSum) else mathml(term))
     return _row(*parts)
 
 
-def _spaced(factors: tuple[f.Node, ...]) -> list[str]:
+def _spaced(factors: tuple[f.FormulaNode, ...]) -> list[str]:
     found: list[str] = []
     for factor in factors:
         found += ['<mspace width="0.17em"/>', _factor(factor)] if found else [_factor(factor)]
     return found
 
 
-def _factor(node: f.Node) -> str:
-    return _closed(mathml(node)) if isinstance(node, (f.Sum, f.Dot)) else mathml(node)
+def _factor(node: f.FormulaNode) -> str:
+    return _closed(mathml(node)) if isinstance(node, (f.FormulaSum, f.Dot)) else mathml(node)
 
 
-def _held(node: f.Node) -> str:
-    loose = (f.Sum, f.Product, f.Fraction, f.Power, f.Apply, f.Dot)
+def _held(node: f.FormulaNode) -> str:
+    loose = (f.FormulaSum, f.FormulaProduct, f.Fraction, f.FormulaPower, f.Apply, f.Dot)
     return _closed(mathml(node)) if isinstance(node, loose) else mathml(node)
 
 
@@ -77,12 +77,12 @@ def _apply(node: f.Apply) -> str:
     name = f'<mi mathvariant="normal">{html.escape(node.name)}</mi>'
     if node.power is not None:
         name = f"<msup>{name}{mathml(node.power)}</msup>"
-    if len(node.arguments) == 1 and isinstance(node.arguments[0], (f.Sign, f.Number)):
+    if len(node.arguments) == 1 and isinstance(node.arguments[0], (f.Sign, f.FormulaNumber)):
         return _row(name, "<mo>&#x2061;</mo>", '<mspace width="0.17em"/>', mathml(node.arguments[0]))
     return _row(name, "<mo>&#x2061;</mo>", _closed(*_listed(node.arguments)))
 
 
-def _number(node: f.Number) -> str:
+def _number(node: f.FormulaNumber) -> str:
     digits, letter, exponent = node.text.partition("e")
     written = f"<mn>{html.escape(digits)}</mn>"
     if not letter:
@@ -96,14 +96,14 @@ def _slope(node: f.Slope) -> str:
     return f"<mfrac>{top}{_row(letter, mathml(node.below))}</mfrac>"
 
 
-_WRITERS: dict[type[f.Node], Callable[[Any], str]] = {
+_WRITERS: dict[type[f.FormulaNode], Callable[[Any], str]] = {
     f.Sign: sign,
-    f.Number: _number,
-    f.Words: lambda node: f"<mtext>{html.escape(node.text)}</mtext>",
-    f.Sum: lambda node: _sum(node.terms),
-    f.Product: lambda node: _row(*_spaced(node.factors)),
+    f.FormulaNumber: _number,
+    f.FormulaWords: lambda node: f"<mtext>{html.escape(node.text)}</mtext>",
+    f.FormulaSum: lambda node: _sum(node.terms),
+    f.FormulaProduct: lambda node: _row(*_spaced(node.factors)),
     f.Fraction: lambda node: f"<mfrac>{mathml(node.above)}{mathml(node.below)}</mfrac>",
-    f.Power: lambda node: f"<msup>{_held(node.base)}{mathml(node.exponent)}</msup>",
+    f.FormulaPower: lambda node: f"<msup>{_held(node.base)}{mathml(node.exponent)}</msup>",
     f.Root: lambda node: f"<msqrt>{mathml(node.inner)}</msqrt>",
     f.Bars: lambda node: _row(_operator("|"), mathml(node.inner), _operator("|")),
     f.Apply: _apply,

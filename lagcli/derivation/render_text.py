@@ -22,7 +22,7 @@ def width(text: str) -> int:
     return sum(1 for letter in text if not unicodedata.combining(letter))
 
 
-def text(node: f.Node) -> str:
+def text(node: f.FormulaNode) -> str:
     """The formula on one line."""
     return _write(node)[0]
 
@@ -44,18 +44,18 @@ def sign(node: f.Sign) -> str:
     return f"{base}_{sub}"
 
 
-def _write(node: f.Node) -> tuple[str, int]:
+def _write(node: f.FormulaNode) -> tuple[str, int]:
     """The text and how tightly it holds together."""
     return _WRITERS[type(node)](node)
 
 
-def _held(node: f.Node, least: int) -> str:
+def _held(node: f.FormulaNode, least: int) -> str:
     """In parentheses where it holds together less than that."""
     written, hold = _write(node)
     return written if hold >= least else f"({written})"
 
 
-def _sum(terms: tuple[tuple[int, f.Node], ...]) -> str:
+def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
     parts = []
     for place, (sign_, term) in enumerate(terms):
         written = _held(term, PRODUCT)
@@ -66,7 +66,7 @@ def _sum(terms: tuple[tuple[int, f.Node], ...]) -> str:
     return "".join(parts)
 
 
-def _product(factors: tuple[f.Node, ...]) -> str:
+def _product(factors: tuple[f.FormulaNode, ...]) -> str:
     parts = []
     for place, factor in enumerate(factors):
         last = place == len(factors) - 1
@@ -81,14 +81,14 @@ def _product(factors: tuple[f.Node, ...]) -> str:
     return " ".join(parts)
 
 
-def _moves(node: f.Node | None) -> bool:
+def _moves(node: f.FormulaNode | None) -> bool:
     """Whether this is a differential: sin θ dφ is read right."""
     return isinstance(node, f.Sign) and len(node.base) == 2 and node.base[0] in "dδ"
 
 
 def _small(node: f.Fraction) -> str | None:
     """The single letter for a half and the like, or None."""
-    if isinstance(node.above, f.Number) and isinstance(node.below, f.Number):
+    if isinstance(node.above, f.FormulaNumber) and isinstance(node.below, f.FormulaNumber):
         return _HALVES.get((node.above.text, node.below.text))
     return None
 
@@ -98,7 +98,7 @@ def _fraction(node: f.Fraction) -> str:
     return _small(node) or f"{_held(node.above, PRODUCT)}/{_held(node.below, APPLIED)}"
 
 
-def _power(base: f.Node, exponent: f.Node) -> str:
+def _power(base: f.FormulaNode, exponent: f.FormulaNode) -> str:
     held = _held(base, ATOM)
     digits = text(exponent).replace("−", "-")
     if digits.lstrip("-").isdecimal() and digits.isascii():
@@ -111,14 +111,14 @@ def _apply(node: f.Apply, closed: bool = False) -> tuple[str, int]:
     if node.power is not None:
         digits = text(node.power).replace("−", "-")
         name += digits.translate(_SUPER) if digits.lstrip("-").isdecimal() else f"^{digits}"
-    if len(node.arguments) == 1 and not closed and isinstance(node.arguments[0], (f.Sign, f.Number)):
+    if len(node.arguments) == 1 and not closed and isinstance(node.arguments[0], (f.Sign, f.FormulaNumber)):
         inner, hold = _write(node.arguments[0])
         if hold == ATOM:
             return f"{name} {inner}", APPLIED
     return f"{name}({', '.join(map(text, node.arguments))})", APPLIED
 
 
-def _number(node: f.Number) -> tuple[str, int]:
+def _number(node: f.FormulaNumber) -> tuple[str, int]:
     digits, letter, exponent = node.text.partition("e")
     return (f"{digits}·10{exponent.translate(_SUPER)}", APPLIED) if letter else (digits, ATOM)
 
@@ -128,14 +128,14 @@ def _slope(node: f.Slope) -> tuple[str, int]:
     return f"{letter}{text(node.above) if node.above else ''}/{letter}{text(node.below)}", APPLIED
 
 
-_WRITERS: dict[type[f.Node], Callable[[Any], tuple[str, int]]] = {
+_WRITERS: dict[type[f.FormulaNode], Callable[[Any], tuple[str, int]]] = {
     f.Sign: lambda node: (sign(node), ATOM),
-    f.Number: _number,
-    f.Words: lambda node: (node.text, ATOM),
-    f.Sum: lambda node: (_sum(node.terms), SUM),
-    f.Product: lambda node: (_product(node.factors), PRODUCT),
+    f.FormulaNumber: _number,
+    f.FormulaWords: lambda node: (node.text, ATOM),
+    f.FormulaSum: lambda node: (_sum(node.terms), SUM),
+    f.FormulaProduct: lambda node: (_product(node.factors), PRODUCT),
     f.Fraction: lambda node: (_fraction(node), PRODUCT),
-    f.Power: lambda node: (_power(node.base, node.exponent), ATOM),
+    f.FormulaPower: lambda node: (_power(node.base, node.exponent), ATOM),
     f.Root: lambda node: (f"√{_held(node.inner, ATOM)}", ATOM),
     f.Bars: lambda node: (f"|{text(node.inner)}|", ATOM),
     f.Apply: _apply,

@@ -27,7 +27,7 @@ class Signs:
     def __init__(self, system: Symbolic) -> None:
         self._system = system
         self._register = paper_names.Register()
-        self._shown: dict[Any, f.Node] = {}
+        self._shown: dict[Any, f.FormulaNode] = {}
         self._kinds: dict[Any, tuple[int, int]] = {}
         self._vectors: dict[str, Any] = {}
         self._layout = Layout(self._shown, self._kinds)
@@ -52,12 +52,12 @@ class Signs:
         """T, V or L; a script letter where the model calls something else so."""
         return self._register.take_first((f.Sign(letter), f.Sign(_SCRIPT[letter])), letter)
 
-    def node(self, value: Any) -> f.Node:
+    def node(self, value: Any) -> f.FormulaNode:
         """The formula of an expression."""
         self._abbreviations()
         return self._layout.node(value)
 
-    def vector(self, triple: Triple) -> f.Node:
+    def vector(self, triple: Triple) -> f.FormulaNode:
         """Three components as the vector they are, or as a triple."""
         self._abbreviations()
         vector = self._system.world.collapse.vector(triple)
@@ -69,20 +69,20 @@ class Signs:
             total += self._times(merged(tidy(factor)), key)
         return self._layout.node(total)
 
-    def scaled(self, factor: Any, triple: Triple) -> list[tuple[int, f.Node]]:
+    def scaled(self, factor: Any, triple: Triple) -> list[tuple[int, f.FormulaNode]]:
         """The terms of factor * vector; the factor may hold components of vectors, and stays a factor."""
         vector = self._system.world.collapse.vector(triple)
         if vector is None or (not vector.parts and sum(1 for part in triple if part != 0) > 1):
             if factor == 1:
                 return [(1, self.vector(triple))]
             sign, node = 1, self.node(factor)
-            if isinstance(node, f.Sum) and len(node.terms) == 1:
+            if isinstance(node, f.FormulaSum) and len(node.terms) == 1:
                 sign, node = node.terms[0]
-            return [(sign, f.Product((node, self.vector(triple))))]
-        found: list[tuple[int, f.Node]] = []
+            return [(sign, f.FormulaProduct((node, self.vector(triple))))]
+        found: list[tuple[int, f.FormulaNode]] = []
         for own, key in pieces(vector):
             node = self._layout.node(self._times(shorter(tidy(factor * own), factor * own), key))
-            found += node.terms if isinstance(node, f.Sum) else [(1, node)]
+            found += node.terms if isinstance(node, f.FormulaSum) else [(1, node)]
         return found
 
     def _times(self, factor: Any, key: Key) -> Any:
@@ -92,7 +92,7 @@ class Signs:
             return -factor * -combination
         return factor * combination
 
-    def key(self, key: Key) -> f.Node:
+    def key(self, key: Key) -> f.FormulaNode:
         """The formula of a combination of vectors."""
         return self._layout.node(self._combination(key))
 
@@ -142,11 +142,11 @@ class Signs:
         assert isinstance(sign, f.Sign)
         return sign.base + "".join(sign.sub)
 
-    def definitions(self) -> list[tuple[f.Node, f.Node]]:
+    def definitions(self) -> list[tuple[f.FormulaNode, f.FormulaNode]]:
         """The abbreviations for lengths with what they stand for."""
         self._abbreviations()
         known = self._system.world.calculus.known
-        found: list[tuple[f.Node, f.Node]] = []
+        found: list[tuple[f.FormulaNode, f.FormulaNode]] = []
         for symbol, abbreviation in known.items():
             if abbreviation.is_root and abbreviation.left is not None:
                 found.append((self._shown[symbol], f.Bars(self.key(abbreviation.left))))
@@ -212,7 +212,7 @@ class Signs:
             self._kinds[symbol] = layout.PRODUCT, number
             left, right = self.key(abbreviation.left), self.key(abbreviation.right)
             if abbreviation.left == abbreviation.right:
-                self._shown[symbol] = f.Power(f.Bars(left), f.Number("2"))
+                self._shown[symbol] = f.FormulaPower(f.Bars(left), f.FormulaNumber("2"))
             else:
                 self._shown[symbol] = f.Dot(left, right)
 

@@ -23,7 +23,7 @@ MAX_EXPANDED = 20_000
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Row:
+class SymbolicRow:
     """A scalar row: f (None for a differential one), B by number of coordinate, b, gamma = -(B' v + b')."""
 
     name: str
@@ -59,7 +59,7 @@ class Symbolic:
     Q: dict[int, Any]
     M: dict[tuple[int, int], Any]
     h: tuple[Any, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[SymbolicRow, ...]
     lam: tuple[Any, ...]
     constants: dict[Any, float]
 
@@ -265,9 +265,11 @@ def _lagrange(
     return M, h
 
 
-def _rows(world: World, bodies: tuple[rigid.Geometry, ...]) -> tuple[tuple[Row, ...], dict[Any, float]]:
+def _rows(
+    world: World, bodies: tuple[rigid.Geometry, ...]
+) -> tuple[tuple[SymbolicRow, ...], dict[Any, float]]:
     """All rows in the order of the multipliers, and the numbers of the constants of rigid bodies."""
-    rows: list[Row] = []
+    rows: list[SymbolicRow] = []
     constants: dict[Any, float] = {}
     index = {x: i for i, x in enumerate(world.coordinates.values())}
     rates = {v: i for i, v in enumerate(world.rates.values())}
@@ -290,22 +292,22 @@ def _values(world: World, law: nouns.Holonomic | nouns.Differential) -> Iterator
         yield from zip(law.rows[place * each : (place + 1) * each], parts, strict=True)
 
 
-def _holonomic(world: World, name: str, family: str, f: Any, index: dict[Any, int]) -> Row:
+def _holonomic(world: World, name: str, family: str, f: Any, index: dict[Any, int]) -> SymbolicRow:
     calculus = world.calculus
     present = calculus.symbols(f)
     slopes = ((i, calculus.partial(f, x)) for x, i in index.items() if x in present)
     B = {i: tidy(slope) for i, slope in slopes if slope != 0}
     rate = calculus.rate(f)
     b = _at_rest(world, rate)
-    return Row(name, family, f, B, tidy(b), tidy(-calculus.rate(rate)))
+    return SymbolicRow(name, family, f, B, tidy(b), tidy(-calculus.rate(rate)))
 
 
-def _differential(world: World, name: str, family: str, value: Any, rates: dict[Any, int]) -> Row:
+def _differential(world: World, name: str, family: str, value: Any, rates: dict[Any, int]) -> SymbolicRow:
     calculus = world.calculus
     present = calculus.symbols(value)
     slopes = ((i, calculus.partial(value, v)) for v, i in rates.items() if v in present)
     B = {i: tidy(slope) for i, slope in slopes if slope != 0}
-    return Row(name, family, None, B, tidy(_at_rest(world, value)), tidy(-calculus.rate(value)))
+    return SymbolicRow(name, family, None, B, tidy(_at_rest(world, value)), tidy(-calculus.rate(value)))
 
 
 def _at_rest(world: World, value: Any) -> Any:

@@ -18,7 +18,7 @@ NOTHING: Triple = (ZERO, ZERO, ZERO)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Vector:
+class RecognizedVector:
     """sum of coefficient * vector, plus `rest` along x, y, z."""
 
     parts: Mapping[str, Any]
@@ -33,7 +33,7 @@ class Collapse:
         self._components: set[Any] = set()
         self.triples: dict[str, Triple] = {}
         self._order: dict[str, int] = {}
-        self._found: dict[Triple, Vector | None] = {}
+        self._found: dict[Triple, RecognizedVector | None] = {}
 
     def know(self, name: str, triple: Sequence[Any]) -> None:
         """These three symbols are the components of the vector of this name."""
@@ -43,13 +43,13 @@ class Collapse:
             known[symbol] = name
             self._components.add(symbol)
 
-    def vector(self, triple: Triple) -> Vector | None:
+    def vector(self, triple: Triple) -> RecognizedVector | None:
         """The vector, or None where the components are no such combination."""
         if triple not in self._found:
             self._found[triple] = self._vector(triple)
         return self._found[triple]
 
-    def _vector(self, triple: Triple) -> Vector | None:
+    def _vector(self, triple: Triple) -> RecognizedVector | None:
         found: list[dict[str, Any]] = []
         rest = []
         for value, names in zip(triple, self._axes, strict=True):
@@ -68,7 +68,7 @@ class Collapse:
         if any(not _same(x[n], y[n]) or not _same(x[n], z[n]) for n in x):
             return None
         order = sorted(x, key=self._order.__getitem__)
-        return Vector({n: x[n] for n in order}, (rest[0], rest[1], rest[2]))
+        return RecognizedVector({n: x[n] for n in order}, (rest[0], rest[1], rest[2]))
 
     def components(self, key: Key) -> Triple:
         """The components of a combination."""
@@ -81,7 +81,7 @@ def _same(one: Any, other: Any) -> bool:
     return bool(one == other or sympy.expand(one - other) == 0)
 
 
-def pieces(vector: Vector) -> list[tuple[Any, Key]]:
+def pieces(vector: RecognizedVector) -> list[tuple[Any, Key]]:
     """The vector as a sum of scalar * (plain combination): forces along differences of positions are such sums.
 
     The rest along the axes, where there is one, is the last piece.

@@ -12,12 +12,12 @@ import numpy as np
 import sympy
 
 from lagcli.derivation.calculus import TIME, ZERO, Abbreviation, Calculus
-from lagcli.derivation.vectors import Collapse, Key, Triple, Vector
+from lagcli.derivation.vectors import Collapse, Key, RecognizedVector, Triple
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, integers, tree
 from lagcli.expression.operators import Operators
 from lagcli.model import model as nouns
-from lagcli.model.family import Members, Roll
+from lagcli.model.family import Family, MemberIndex
 from lagcli.pfaffian.translate import FUNCTIONS, constants
 
 # Beyond these an expression is no longer one a person could read, and SymPy needs minutes for it.
@@ -44,8 +44,8 @@ class World:
         self.accelerations = {n: sympy.Symbol(f"rate(rate({n}))", real=True) for n in self.coordinates}
         self.calculus = Calculus(list(self.coordinates.values()), list(self.rates.values()))
         self.collapse = Collapse()
-        self.particles = Roll(p.members for p in model.particles)
-        self.generalized = Roll(c.members for c in model.coordinates)
+        self.particles = MemberIndex(p.members for p in model.particles)
+        self.generalized = MemberIndex(c.members for c in model.coordinates)
         self.numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
         self.constants = constants(model)
         self.parameter_values: dict[Any, float] = {}
@@ -110,7 +110,7 @@ class World:
         """A scalar or a triple. Raises `diagnostics.ModelError` for what is too large."""
         with _located(expression):
             _require_short(expression.tree)
-            return _require_small(evaluate.evaluate(expression.tree, Algebra(self, view or View())))
+            return _require_small(evaluate.evaluate(expression.tree, SympyAlgebra(self, view or View())))
 
     def triple(self, vector: nouns.VectorExpression, view: View) -> Triple:
         """A vector expression, or three scalar ones."""
@@ -125,7 +125,7 @@ class World:
         assert isinstance(equation.tree, tree.Relation)
         with _located(equation):
             _require_short(equation.tree)
-            parts = evaluate.difference(equation.tree, Algebra(self, view))
+            parts = evaluate.difference(equation.tree, SympyAlgebra(self, view))
             return tuple(_require_small(part) for part in parts)
 
     def definition(self, name: str) -> Any:
@@ -179,7 +179,7 @@ class World:
         return self._length(self.normal(vector))
 
     @staticmethod
-    def normal(vector: Vector) -> Key:
+    def normal(vector: RecognizedVector) -> Key:
         """The same up to its sign, the first vector positive."""
         first = next(iter(vector.parts.values()))
         sign = -1 if first.is_negative else 1
@@ -232,12 +232,12 @@ class View:
     own: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
 
-def view(members: Members, place: int, own: Mapping[str, Any] | None = None) -> View:
+def view(members: Family, place: int, own: Mapping[str, Any] | None = None) -> View:
     """The view of a member."""
     return View({n: int(values[place]) for n, values in members.variables.items()}, own or {})
 
 
-class Algebra(Operators):
+class SympyAlgebra(Operators):
     """SymPy scalars as an algebra for `expression.evaluate`."""
 
     def __init__(self, world: World, there: View) -> None:
@@ -298,7 +298,7 @@ class Algebra(Operators):
         rate = world.calculus.rate
         return tuple(map(rate, value)) if isinstance(value, tuple) else rate(value)
 
-    def _number_of(self, node: tree.Name | tree.Member | tree.Index, roll: Roll) -> int:
+    def _number_of(self, node: tree.Name | tree.Member | tree.Index, roll: MemberIndex) -> int:
         def lookup(name: tree.Name) -> Any:
             indices = self._view.indices
             return indices[name.name] if name.name in indices else self._world.numbers[name.name]

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import operation_graph
-from lagcli.equations.rows import Rows
+from lagcli.equations.rows import ConstraintRows
 from lagcli.equations.symbols import Symbols
 from lagcli.model import model as nouns
 
@@ -96,7 +96,7 @@ class Cuts:
 
 
 def find(
-    model: nouns.Model, s: Symbols, p: Any, laid: Rows, start: tuple[float, Floats, Floats]
+    model: nouns.Model, s: Symbols, p: Any, laid: ConstraintRows, start: tuple[float, Floats, Floats]
 ) -> Cuts | None:
     """The cuts of the holonomic rows of a model, judged at its start t, q, p; None where they have none."""
     if not laid.f.numel() or not _speaks_of_angles(model):

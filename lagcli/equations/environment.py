@@ -10,7 +10,7 @@ import numpy as np
 
 from lagcli.equations.casadi_algebra import SymbolicAlgebra
 from lagcli.equations.family_columns import Columns, Triple, column, interleaved, rate, taken
-from lagcli.equations.leaves import Atoms, Leaves, Names, Results
+from lagcli.equations.leaves import Atoms, LeafNames, Leaves, Results
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.expression import evaluate, tree
 from lagcli.model import model as nouns
@@ -35,7 +35,7 @@ class Environment:
         self._model = model
         self.symbols = symbols
         self._fixed = fixed
-        self.names = Names(model, symbols)
+        self.names = LeafNames(model, symbols)
         self.particles, self.coordinates = self.names.particles, self.names.coordinates
         self._values: dict[str, Any] = {}
         self._positions, self._velocities = Columns(len(self.particles)), Columns(len(self.particles))

@@ -49,7 +49,7 @@ class _Gradient:
     B: Any
 
 
-class Forces:
+class DependentForces:
     """Gradients of constraints along dependent particles, each law differentiated when it is first asked for."""
 
     def __init__(

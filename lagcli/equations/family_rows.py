@@ -47,7 +47,7 @@ class NotAlike(Exception):
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Block:
+class FamilyBlock:
     """Rows of one law, those of one member after another: f (C,) or nothing, B (C, n), b (C,), gamma (C,)."""
 
     f: Any
@@ -56,11 +56,11 @@ class Block:
     gamma: Any
 
 
-def block(law: nouns.Holonomic | nouns.Differential, environment: Environment) -> Block | None:
+def block(law: nouns.Holonomic | nouns.Differential, environment: Environment) -> FamilyBlock | None:
     """The rows of a law, or None where they are better laid down over columns."""
     if law.members.count < WORTH or _has_index_in_exponent(law):
         return None
-    leaves = Leaves(environment)
+    leaves = MemberLeaves(environment)
     try:
         values = evaluate.difference(
             _relation(law), environment.algebra(law.members.variables, leaves=leaves)
@@ -72,20 +72,20 @@ def block(law: nouns.Holonomic | nouns.Differential, environment: Environment) -
     count = law.members.count
     mapped = leaves.mapped([one.f, ca.vertcat(ca.SX(0, 1), *one.B.nonzeros()), one.b, one.gamma], count)
     f, entries, b, gamma = (ca.vec(output) for output in mapped)
-    return Block(f, _placed(one.B.sparsity(), entries, leaves.table(count), environment), b, gamma)
+    return FamilyBlock(f, _placed(one.B.sparsity(), entries, leaves.table(count), environment), b, gamma)
 
 
-def holonomic(f: Any, leaves: Rates) -> Block:
+def holonomic(f: Any, leaves: Rates) -> FamilyBlock:
     """Rows f = 0 (D.2), differentiated: B = df/dq, b = df/dt (D.6, D.7)."""
     B, b = ca.jacobian(f, leaves.q), ca.jtimes(f, leaves.t, ca.SX(1))
-    return Block(f, B, ca.densify(b), ca.densify(-leaves.rate(leaves.rate(f))))
+    return FamilyBlock(f, B, ca.densify(b), ca.densify(-leaves.rate(leaves.rate(f))))
 
 
-def differential(value: Any, leaves: Rates) -> Block:
+def differential(value: Any, leaves: Rates) -> FamilyBlock:
     """Rows B v + b = 0 given as they are, `value` = B v + b (D.3, D.4)."""
     v = leaves.v
     B, b = ca.jacobian(value, v), ca.substitute(value, v, ca.SX.zeros(v.shape))
-    return Block(ca.SX(0, 1), B, ca.densify(b), ca.densify(-leaves.rate(value)))
+    return FamilyBlock(ca.SX(0, 1), B, ca.densify(b), ca.densify(-leaves.rate(value)))
 
 
 def _relation(law: nouns.Holonomic | nouns.Differential) -> tree.Relation:
@@ -118,7 +118,7 @@ def _placed(pattern: Any, entries: Any, table: Whole, environment: Environment) 
     return ca.SX(sparsity, values)
 
 
-class Leaves:
+class MemberLeaves:
     """The leaves of one law as symbols of a single member. Raises `NotAlike` for dependent particles."""
 
     def __init__(self, environment: Environment) -> None:

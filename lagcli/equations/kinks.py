@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import operation_graph
-from lagcli.equations.rows import Row, Rows
+from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
@@ -88,7 +88,7 @@ class Kinks:
         return np.array(self.slopes(t, q, p)).reshape(len(self.rows), -1)
 
 
-def find(model: nouns.Model, s: Symbols, p: Any, laid: Rows) -> Kinks | None:
+def find(model: nouns.Model, s: Symbols, p: Any, laid: ConstraintRows) -> Kinks | None:
     """The switches of the constraints of a model; None where they have none. `p`: all parameters."""
     if not _speaks_of_switches(model):
         return None

@@ -12,7 +12,7 @@ from lagcli.equations.family_columns import Triple
 from lagcli.equations.symbols import Symbols
 from lagcli.expression import evaluate, integers, tree
 from lagcli.model import model as nouns
-from lagcli.model.family import Roll, Whole
+from lagcli.model.family import MemberIndex, Whole
 
 Results = Callable[[tree.Node, Mapping[str, Whole]], Any]
 Reference = tree.Name | tree.Member | tree.Index
@@ -30,12 +30,12 @@ def _is_two(order: tree.Node) -> bool:
     return isinstance(order, tree.Number) and float(order.text) == 2.0
 
 
-class Names:
+class LeafNames:
     """The names of a model: who is a member of what, and what definitions mean."""
 
     def __init__(self, model: nouns.Model, symbols: Symbols) -> None:
-        self.particles = Roll(particle.members for particle in model.particles)
-        self.coordinates = Roll(coordinate.members for coordinate in model.coordinates)
+        self.particles = MemberIndex(particle.members for particle in model.particles)
+        self.coordinates = MemberIndex(coordinate.members for coordinate in model.coordinates)
         self.constants: dict[str, Any] = {"t": symbols.t, "dt": ca.SX(1)}
         self.constants |= {name: ca.SX(value) for name, value in model.constants.items()}
         self.constants |= symbols.parameters
@@ -50,7 +50,7 @@ class Names:
         """The expression of a definition."""
         return self._definitions[name]
 
-    def numbers(self, node: Reference, roll: Roll, variables: Mapping[str, Whole]) -> Whole:
+    def numbers(self, node: Reference, roll: MemberIndex, variables: Mapping[str, Whole]) -> Whole:
         """The numbers of the members a reference stands for, (1,) or (K,)."""
         if isinstance(node, tree.Index):
             return roll.find(node.owner, self._index_values(node, variables))
@@ -95,7 +95,7 @@ class Atoms:
 
     def __init__(
         self,
-        names: Names,
+        names: LeafNames,
         leaves: Leaves,
         variables: Mapping[str, Whole],
         own: Mapping[str, Any],

@@ -16,7 +16,7 @@ from lagcli.model import family, invariant
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Chart:
+class LevelExpression:
     """A chart of `conserved`, as scalar SX of `System.symbols`; period None where there is none."""
 
     above: Any
@@ -28,7 +28,7 @@ class Chart:
 class Charts:
     """Charts with the parameters that stand in exponents, whose values are built in."""
 
-    charts: tuple[Chart, ...]
+    charts: tuple[LevelExpression, ...]
     built_in: tuple[tuple[str, float], ...]
 
     def hold_for(self, system: System) -> bool:
@@ -37,31 +37,31 @@ class Charts:
         return all(fixed.value(name) == value for name, value in self.built_in)
 
 
-def charts(system: System, written: Iterable[invariant.Chart]) -> Charts:
+def charts(system: System, written: Iterable[invariant.LevelFunction]) -> Charts:
     """The expressions of charts. Their names are coordinates, parameters, `t` and `pi`.
 
     Raises `expression.ExpressionError` for a text that is no expression, `KeyError` for another name.
     """
     fixed = FixedExponents(system.model)
-    names = _Names(system)
+    names = _LevelNames(system)
     algebra = SymbolicAlgebra(names.atom, names.special, fixed)
 
     def scalar(text: str) -> Any:
         return evaluate.scalar(parser.parse(text), algebra)
 
     found = tuple(
-        Chart(scalar(c.above), scalar(c.below), None if c.period is None else scalar(c.period))
+        LevelExpression(scalar(c.above), scalar(c.below), None if c.period is None else scalar(c.period))
         for c in written
     )
     return Charts(found, fixed.used())
 
 
-def has_time(system: System, chart: Chart) -> bool:
+def has_time(system: System, chart: LevelExpression) -> bool:
     """Whether t occurs in a chart."""
     return any(ca.depends_on(ca.SX(each), system.symbols.t) for each in (chart.above, chart.below))
 
 
-class _Names:
+class _LevelNames:
     """What the names in a chart stand for. Dependent particles and definitions do not occur in them."""
 
     def __init__(self, system: System) -> None:

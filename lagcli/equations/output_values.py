@@ -21,25 +21,29 @@ from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.model import family
 from lagcli.model import model as nouns
-from lagcli.model.family import Roll, Whole
+from lagcli.model.family import MemberIndex, Whole
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Solved:
+class SolvedValues:
     """The rows of a system and what is solved for: lam (C,), a (n,), a_k and R_k of all particles."""
 
-    rows: rows.Rows
+    rows: rows.ConstraintRows
     lam: Any
     a: Any
     accelerations: Columns
     R: Columns
 
 
-class Results:
+class OutputValues:
     """What `multiplier`, `reaction`, accelerations, `kinetic`, `potential` and earlier outputs stand for."""
 
     def __init__(
-        self, env: Environment, dynamics: energy.Dynamics, solved: Solved, forces: explicit_gradient.Forces
+        self,
+        env: Environment,
+        dynamics: energy.Dynamics,
+        solved: SolvedValues,
+        forces: explicit_gradient.DependentForces,
     ) -> None:
         self._environment, self._solved, self._forces = env, solved, forces
         self._energies = {"kinetic": dynamics.kinetic, "potential": dynamics.potential}
@@ -47,12 +51,12 @@ class Results:
         self._of_constraint: dict[str, list[int]] = {}
         for i, row in enumerate(solved.rows.rows):
             self._of_constraint.setdefault(row.constraint, []).append(i)
-        self._roll = Roll()
+        self._roll = MemberIndex()
         self._outputs = Columns(0)
 
     def number(self, outputs: Sequence[nouns.Output]) -> None:
         """Number the outputs, which are kept one after another."""
-        self._roll = Roll(output.members for output in outputs)
+        self._roll = MemberIndex(output.members for output in outputs)
         self._outputs = Columns(len(self._roll))
 
     def keep(self, entry: int, count: int, parts: Sequence[Any]) -> None:
@@ -169,7 +173,7 @@ class Results:
             raise ExpressionError("unknown-row", message, node.start, node.end, hint)
 
 
-def outputs(model: nouns.Model, env: Environment, named: Results) -> Any:
+def outputs(model: nouns.Model, env: Environment, named: OutputValues) -> Any:
     """All outputs, flattened. Raises `diagnostics.ModelError` for a row that does not exist."""
     values: list[Any] = []
     named.number(model.outputs)

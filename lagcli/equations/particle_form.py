@@ -60,8 +60,8 @@ def build(built: system.System, freed: nouns.Model) -> system.System:
     """The system of a model that `model` made of the one of `built`."""
 
     def tied(
-        env: Environment, laid: rows.Rows, dynamics: energy.Dynamics
-    ) -> tuple[rows.Rows, energy.Dynamics]:
+        env: Environment, laid: rows.ConstraintRows, dynamics: energy.Dynamics
+    ) -> tuple[rows.ConstraintRows, energy.Dynamics]:
         numbers = _dependent(built.model)
         places = (3 * numbers[:, None] + np.arange(3)).ravel()
         block = family_rows.holonomic(_gap(built, env, places), env)
@@ -111,10 +111,12 @@ def _names(declared: nouns.Model) -> tuple[rows.Row, ...]:
     )
 
 
-def _inserted(laid: rows.Rows, names: tuple[rows.Row, ...], block: family_rows.Block) -> rows.Rows:
+def _inserted(
+    laid: rows.ConstraintRows, names: tuple[rows.Row, ...], block: family_rows.FamilyBlock
+) -> rows.ConstraintRows:
     """Holonomic rows, those that tie after them, then the differential ones."""
     s = laid.f.numel()
-    return rows.Rows(
+    return rows.ConstraintRows(
         (*laid.rows[:s], *names, *laid.rows[s:]),
         ca.vertcat(laid.f, block.f),
         ca.sparsify(ca.vertcat(laid.B[:s, :], block.B, laid.B[s:, :])),

@@ -26,7 +26,7 @@ class Row:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Rows:
+class ConstraintRows:
     """f (s): holonomic and rigid rows; w (C): all rows as B v + b (D.6), the holonomic ones differentiated."""
 
     rows: tuple[Row, ...]
@@ -38,7 +38,7 @@ class Rows:
 
 def lay_down(
     model: nouns.Model, environment: Environment, bodies: Sequence[tuple[rigid.Geometry, Sequence[Any]]]
-) -> Rows:
+) -> ConstraintRows:
     """All rows. `bodies`: for each rigid body its geometry and the symbols of its constants.
 
     B (C, n), b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b').
@@ -60,7 +60,7 @@ def lay_down(
     B = ca.sparsify(ca.vertcat(ca.SX(0, n), *(block.B for block in blocks)))
     b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("b", "gamma"))
     _refuse_empty(names, B, f, b[f.numel() :], environment.symbols.q)
-    return Rows(names, f, B, b, gamma)
+    return ConstraintRows(names, f, B, b, gamma)
 
 
 class _Pile:
@@ -69,7 +69,7 @@ class _Pile:
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
         self.names: list[Row] = []
-        self._parts: list[family_rows.Block | list[Any]] = []
+        self._parts: list[family_rows.FamilyBlock | list[Any]] = []
 
     def add(self, law: nouns.Holonomic | nouns.Differential) -> None:
         """The rows of a law."""
@@ -91,7 +91,9 @@ class _Pile:
             self._parts.append([values])
         self.names += names
 
-    def blocks(self, lay: Callable[[Any, Environment], family_rows.Block]) -> list[family_rows.Block]:
+    def blocks(
+        self, lay: Callable[[Any, Environment], family_rows.FamilyBlock]
+    ) -> list[family_rows.FamilyBlock]:
         """All rows; `lay` makes a block of values."""
         return [
             lay(_stack(part), self._environment) if isinstance(part, list) else part for part in self._parts

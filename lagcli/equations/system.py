@@ -53,7 +53,7 @@ class System:
     lam: Any
     a: Any
     dynamics: energy.Dynamics
-    rows: rows.Rows
+    rows: rows.ConstraintRows
     Q_R: Any
     R: Any
     r: Any
@@ -90,7 +90,9 @@ class System:
 
 
 # Other rows and dynamics of the same coordinates, in place of those a model declares.
-Restated = Callable[[Environment, rows.Rows, energy.Dynamics], tuple[rows.Rows, energy.Dynamics]]
+Restated = Callable[
+    [Environment, rows.ConstraintRows, energy.Dynamics], tuple[rows.ConstraintRows, energy.Dynamics]
+]
 
 
 def build(model: nouns.Model, restated: Restated | None = None) -> System:
@@ -111,9 +113,9 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     everyone = np.arange(len(env.particles))
     accelerations = _accelerations(env, a)
     R = _reactions(env, dynamics, Q_R, accelerations)
-    solved = output_values.Solved(laid, lam, a, accelerations, R)
-    named = output_values.Results(
-        env, dynamics, solved, explicit_gradient.Forces(model, env, bodies, constants)
+    solved = output_values.SolvedValues(laid, lam, a, accelerations, R)
+    named = output_values.OutputValues(
+        env, dynamics, solved, explicit_gradient.DependentForces(model, env, bodies, constants)
     )
     p = ca.vertcat(s.p, *constants)
     switching = kinks.find(model, s, p, laid)

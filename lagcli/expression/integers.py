@@ -60,7 +60,7 @@ def holds(node: tree.Node, lookup: Lookup) -> Truth:
             return _all([holds(part, lookup) for part in node.parts])
         case tree.Or():
             return _not(_all([_not(holds(part, lookup)) for part in node.parts]))
-        case tree.Comparison():
+        case tree.ComparisonNode():
             values = [_fraction(operand, lookup) for operand in node.operands]
             pairs = zip(values, node.relations, values[1:], strict=False)
             return _all([_RELATIONS[relation](_order(node, u, w)) for u, relation, w in pairs])

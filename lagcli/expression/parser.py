@@ -365,7 +365,7 @@ class _Parser:
 
 _COMPARISONS = ("==", "!=", "<", "<=", ">", ">=")
 _JOINTS = ("and", "or", "not")
-_TRUTHS = (tree.Comparison, tree.Not, tree.And, tree.Or)
+_TRUTHS = (tree.ComparisonNode, tree.Not, tree.And, tree.Or)
 
 
 class _FilterParser(_Parser):
@@ -425,7 +425,7 @@ class _FilterParser(_Parser):
             operands.append(self._sum())
         if not relations:
             return operands[0]
-        return tree.Comparison(start, self._end(), tuple(operands), tuple(relations))
+        return tree.ComparisonNode(start, self._end(), tuple(operands), tuple(relations))
 
     def _grouped(self) -> tree.Node:
         return self._either()

@@ -131,7 +131,7 @@ class Range(Node):
 
 
 @dataclasses.dataclass(slots=True, unsafe_hash=True)
-class Comparison(Node):
+class ComparisonNode(Node):
     """`a < b <= c`: operands with a relation between each two; only in a filter, as all that follow."""
 
     operands: tuple[Node, ...]
@@ -169,7 +169,7 @@ _CHILDREN: dict[type[Node], Callable[[Any], tuple[Node, ...]]] = {
     Relation: lambda node: (node.left, node.right),
     Index: lambda node: node.indices,
     Range: lambda node: (node.low, node.high),
-    Comparison: lambda node: node.operands,
+    ComparisonNode: lambda node: node.operands,
     Not: lambda node: (node.inner,),
     And: lambda node: node.parts,
     Or: lambda node: node.parts,

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import output_row, parts
-from lagcli.compiled.bound_function import Call
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations import time_functions
 from lagcli.equations.system import System
 from lagcli.simulation.angle_turns import Turns
@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Place:
+class DensePoint:
     """What depends on t and q: f (s,), B (C, n) and b (C,); the arrays are the caller's own."""
 
     f: Floats
@@ -28,7 +28,7 @@ class Place:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Forces:
+class DenseForces:
     """What depends on the velocities too: M (n, n), h (n,), gamma (C,)."""
 
     M: Floats
@@ -41,7 +41,7 @@ class Forces:
         return np.asarray((self.M.diagonal() * X.T).T if self.is_diagonal else self.M @ X)
 
 
-class Functions:
+class DenseFunctions:
     """Compiled functions of a system at one set of parameters p. Nothing in them knows of multipliers."""
 
     def __init__(self, system: System, p: Floats) -> None:
@@ -52,10 +52,10 @@ class Functions:
         inputs = [symbols.t, symbols.q, system.p]
         place = [system.f, ca.densify(rows.B), rows.b]
         self._turns, self._last = Turns(system), np.array(p)
-        self._place = Call(_function("place", inputs, place), [*own, self._last])
+        self._place = BoundFunction(_function("place", inputs, place), [*own, self._last])
         forces = [ca.densify(dynamics.M), dynamics.h, rows.gamma]
         inputs = [symbols.t, symbols.q, symbols.v, system.p]
-        self._forces = Call(_function("forces", inputs, forces), [*own, self._v, np.array(p)])
+        self._forces = BoundFunction(_function("forces", inputs, forces), [*own, self._v, np.array(p)])
         self._is_diagonal = bool(dynamics.M.sparsity().is_diag())
         self._record = output_row.table(system, parts.parts(system))
         self._p = p
@@ -66,20 +66,20 @@ class Functions:
         """Angles with a cut are counted on from where they are at t, q (n,), a state of the motion."""
         self._turns.settle(t, q, self._last)
 
-    def place(self, t: float, q: Floats) -> Place:
+    def place(self, t: float, q: Floats) -> DensePoint:
         """The rows at t, q (n,)."""
         self._t[0], self._q[:] = t, q
         self._place.trigger()
         f, B, b = self._place.results
-        return Place(f.copy(), B.reshape(self.rows, self.n).copy(), b.copy())
+        return DensePoint(f.copy(), B.reshape(self.rows, self.n).copy(), b.copy())
 
-    def forces(self, t: float, q: Floats, v: Floats) -> Forces:
+    def forces(self, t: float, q: Floats, v: Floats) -> DenseForces:
         """Inertia, forces and bias at t, q, v (n,)."""
         self._t[0], self._q[:], self._v[:] = t, q, v
         self._forces.trigger()
         self.calls += 1
         M, h, gamma = self._forces.results
-        return Forces(M.reshape(self.n, self.n).copy(), h.copy(), gamma.copy(), self._is_diagonal)
+        return DenseForces(M.reshape(self.n, self.n).copy(), h.copy(), gamma.copy(), self._is_diagonal)
 
     def row(self, t: float, state: tuple[Floats, Floats, Floats], lam: Floats) -> Floats:
         """One row of the table, t first, of q, v, a (n,) and lambda (C,)."""

@@ -21,7 +21,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.formulations.dense_functions import Functions, Place
+from lagcli.formulations.dense_functions import DenseFunctions, DensePoint
 
 Floats = npt.NDArray[np.float64]
 
@@ -33,12 +33,12 @@ ITERATIONS, ARRIVED = 16, 4e-16
 SLOW, HALF, STALLED = 0.1, 0.5, 1e-12
 
 
-class Lost(Exception):
+class ChartError(Exception):
     """The chart ends here: no configuration is found, or the rows are dependent."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Motion:
+class ReducedMotion:
     """A point of the chart in full: q, v, a (n,), with (xi', u'), and how far the null space has turned (1: not)."""
 
     q: Floats
@@ -51,14 +51,14 @@ class Motion:
 class Chart:
     """Independent quantities y = (xi, u) around a reference t, q, v. Raises `Lost`."""
 
-    def __init__(self, functions: Functions, t: float, q: Floats, v: Floats) -> None:
+    def __init__(self, functions: DenseFunctions, t: float, q: Floats, v: Floats) -> None:
         self._functions, self._q_ref = functions, q
         here = functions.place(t, q)
         M = functions.forces(t, q, v).M
         try:
             lower: Floats = np.asarray(np.linalg.cholesky(M))
         except np.linalg.LinAlgError:
-            raise Lost("the inertia is not positive definite") from None
+            raise ChartError("the inertia is not positive definite") from None
         self._lower = lower
         s = functions.holonomic
         self._mix, self._G = _split(here.B, lower)
@@ -71,7 +71,7 @@ class Chart:
         lengths = np.concatenate([lower.T @ q, [1e-300]])
         self.sizes = np.concatenate([np.full(len(self._G_h), np.abs(lengths).max()), np.zeros(len(self._G))])
 
-    def at(self, t: float, y: Floats) -> Motion:
+    def at(self, t: float, y: Floats) -> ReducedMotion:
         """The motion at y (n - s + n - rank,). Raises `Lost`."""
         d = len(self._G_h)
         q, here = self._position(t, y[:d])
@@ -86,14 +86,14 @@ class Chart:
         try:
             w = np.linalg.solve(reduced, N.T @ (forces.h - forces.times(a_p)))
         except np.linalg.LinAlgError:
-            raise Lost("the inertia of the independent motions is singular") from None
+            raise ChartError("the inertia of the independent motions is singular") from None
         a = N @ w + a_p
         turned = float(np.linalg.norm(self._lower.T @ N)) / np.sqrt(max(1, self.freedoms))
         if not np.isfinite(a).all():
-            raise Lost("the accelerations are not finite")
-        return Motion(q, v, a, np.concatenate([self._G_h @ v, w]), turned)
+            raise ChartError("the accelerations are not finite")
+        return ReducedMotion(q, v, a, np.concatenate([self._G_h @ v, w]), turned)
 
-    def _position(self, t: float, xi: Floats) -> tuple[Floats, Place]:
+    def _position(self, t: float, xi: Floats) -> tuple[Floats, DensePoint]:
         """The configuration on f = 0 with these xi, and the rows there.
 
         By Newton's method from the last one, with the derivatives of an earlier point as long as they serve.
@@ -117,14 +117,14 @@ class Chart:
                 return q, functions.place(t, q)
             before = moved
         self._guess = self._q_ref
-        raise Lost("no configuration with these independent coordinates is near")
+        raise ChartError("no configuration with these independent coordinates is near")
 
     def _part(self, step: Floats) -> float:
         """The largest entry of a step as a part of the size of the configuration."""
         return float(np.abs(step).max(initial=0.0)) / self._size
 
 
-def multipliers(functions: Functions, t: float, motion: Motion) -> Floats:
+def multipliers(functions: DenseFunctions, t: float, motion: ReducedMotion) -> Floats:
     """lambda (C,) with B^T lambda = M a - h (D.24); of dependent rows those with the least sum of
     lambda_i^2 B_i M^-1 B_i^T."""
     if not functions.rows:
@@ -139,7 +139,7 @@ def multipliers(functions: Functions, t: float, motion: Motion) -> Floats:
     return np.asarray(np.linalg.lstsq(white / lengths, right, rcond=DEPENDENT)[0] / lengths)
 
 
-def reaction(functions: Functions, t: float, motion: Motion) -> Floats:
+def reaction(functions: DenseFunctions, t: float, motion: ReducedMotion) -> Floats:
     """R = M a - h (n,), the forces of constraint without multipliers (D.23)."""
     forces = functions.forces(t, motion.q, motion.v)
     return forces.times(motion.a) - forces.h
@@ -161,4 +161,4 @@ def _inverse(matrix: Floats) -> Floats:
     try:
         return np.asarray(np.linalg.inv(matrix))
     except np.linalg.LinAlgError:
-        raise Lost("the rows are dependent") from None
+        raise ChartError("the rows are dependent") from None

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lagcli.equations.system import System
 from lagcli.formulations import maggi, reduced_steps
-from lagcli.formulations.dense_functions import Functions
+from lagcli.formulations.dense_functions import DenseFunctions
 from lagcli.model.model import Simulation
 from lagcli.simulation.grid import Grid
 
@@ -16,10 +16,10 @@ Floats = npt.NDArray[np.float64]
 
 def run(
     system: System, grid: Grid, begin: tuple[Floats, Floats, Floats], settings: Simulation
-) -> tuple[Floats, reduced_steps.Account, reduced_steps.Stopped | None]:
+) -> tuple[Floats, reduced_steps.ReducedStatistics, reduced_steps.ReducedStop | None]:
     """Rows (k, 1 + columns) of a system from q, v (n,) with parameters p; why it stopped, where it did."""
     q, v, p = begin
-    functions, account = Functions(system, p), reduced_steps.Account()
+    functions, account = DenseFunctions(system, p), reduced_steps.ReducedStatistics()
     places = _reactions(system)
     found: list[Floats] = []
     stopped = None
@@ -29,7 +29,7 @@ def run(
             row = functions.row(t, (motion.q, motion.v, motion.a), lam)
             row[places] = maggi.reaction(functions, t, motion)
             found.append(row)
-    except reduced_steps.Stopped as stop:
+    except reduced_steps.ReducedStop as stop:
         stopped = stop
     table = np.array(found) if found else np.zeros((0, 1 + len(system.columns)))
     return table + 0.0, account, stopped

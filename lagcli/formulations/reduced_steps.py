@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.formulations.dense_functions import Functions
-from lagcli.formulations.maggi import Chart, Lost, Motion
+from lagcli.formulations.dense_functions import DenseFunctions
+from lagcli.formulations.maggi import Chart, ChartError, ReducedMotion
 from lagcli.model.model import Simulation
 from lagcli.simulation import dop853, dop853_tableau, loop, step_tolerance
 from lagcli.simulation.grid import Grid
@@ -29,7 +29,7 @@ B, E5 = np.array(dop853_tableau.B), np.array(dop853_tableau.E5)
 E3 = np.array(dop853_tableau.E3)
 
 
-class Stopped(Exception):
+class ReducedStop(Exception):
     """No step leads on; `t` is the time reached."""
 
     def __init__(self, t: float, reason: str) -> None:
@@ -38,7 +38,7 @@ class Stopped(Exception):
 
 
 @dataclasses.dataclass
-class Account:
+class ReducedStatistics:
     """Accepted steps, those rejected, charts, and seconds."""
 
     steps: int = 0
@@ -48,16 +48,20 @@ class Account:
 
 
 def rows(
-    functions: Functions, grid: Grid, begin: tuple[Floats, Floats], settings: Simulation, account: Account
-) -> Iterator[tuple[float, Motion]]:
+    functions: DenseFunctions,
+    grid: Grid,
+    begin: tuple[Floats, Floats],
+    settings: Simulation,
+    account: ReducedStatistics,
+) -> Iterator[tuple[float, ReducedMotion]]:
     """The motion at each time of the grid, from q and v at its start. Raises `Stopped`."""
     began = time.perf_counter()
     t = grid.start
     try:
         chart = Chart(functions, t, *begin)
         motion = chart.at(t, chart.y)
-    except Lost as lost:
-        raise Stopped(t, str(lost)) from None
+    except ChartError as lost:
+        raise ReducedStop(t, str(lost)) from None
     account.charts += 1
     functions.settle(t, motion.q)
     y = chart.y
@@ -86,7 +90,7 @@ def rows(
                 account.rejected += 1
                 h = taken * (max(SHRINK, SAFETY * error ** (-1 / dop853.ORDER)) if error < np.inf else 0.25)
                 if t + h / 64 == t:
-                    raise Stopped(
+                    raise ReducedStop(
                         t, "the steps become too small: the rows are dependent, or the forces too steep"
                     )
                 continue
@@ -96,7 +100,7 @@ def rows(
             if account.steps % loop.PACE == 0:
                 pace_from, advanced = t, t - pace_from
                 if (grid.end - t) * loop.PACE > loop.HOPELESS * advanced:
-                    raise Stopped(
+                    raise ReducedStop(
                         t, f"the last {loop.PACE} steps advanced by {advanced:.2g}: the run is too long"
                     )
             functions.settle(t, motion.q)
@@ -107,26 +111,26 @@ def rows(
 
 
 def _renewed(
-    functions: Functions, t: float, motion: Motion, account: Account
-) -> tuple[Chart, Floats, Motion]:
+    functions: DenseFunctions, t: float, motion: ReducedMotion, account: ReducedStatistics
+) -> tuple[Chart, Floats, ReducedMotion]:
     """The same motion in a chart around it."""
     account.charts += 1
     try:
         chart = Chart(functions, t, motion.q, motion.v)
         return chart, chart.y, chart.at(t, chart.y)
-    except Lost as lost:
-        raise Stopped(t, str(lost)) from None
+    except ChartError as lost:
+        raise ReducedStop(t, str(lost)) from None
 
 
-def _again(chart: Chart, t: float, y: Floats) -> Motion:
+def _again(chart: Chart, t: float, y: Floats) -> ReducedMotion:
     """The motion at another time with the same y."""
     try:
         return chart.at(t, y)
-    except Lost as lost:
-        raise Stopped(t, str(lost)) from None
+    except ChartError as lost:
+        raise ReducedStop(t, str(lost)) from None
 
 
-def _first(motion: Motion, grid: Grid) -> float:
+def _first(motion: ReducedMotion, grid: Grid) -> float:
     speed = float(np.abs(motion.v).max(initial=0.0))
     size = float(np.abs(motion.q).max(initial=0.0)) or 1.0
     push = float(np.abs(motion.a).max(initial=0.0))
@@ -136,7 +140,7 @@ def _first(motion: Motion, grid: Grid) -> float:
 
 def _step(
     chart: Chart, t: float, h: float, begin: tuple[Floats, Floats], held_to: Floats
-) -> tuple[float, tuple[Floats, Motion] | None]:
+) -> tuple[float, tuple[Floats, ReducedMotion] | None]:
     """A step from (y, y'): its error as a part of the tolerance, and where it leads; infinite where the chart ends.
 
     Hairer's estimate, over the largest component of each kind.
@@ -149,7 +153,7 @@ def _step(
             stages[s] = chart.at(t + dop853_tableau.C[s] * h, y + h * (A[s] @ stages[:s])).rate
         new = y + h * (B @ stages)
         motion = chart.at(t + h, new)
-    except Lost:
+    except ChartError:
         return np.inf, None
     d = y.size - chart.freedoms
     sizes = chart.sizes.copy()

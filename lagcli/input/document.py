@@ -30,7 +30,7 @@ from lagcli.input import (
 )
 from lagcli.input.scalars import Formulas
 from lagcli.model import family, model, settings
-from lagcli.model.family import Members
+from lagcli.model.family import Family
 
 T = TypeVar("T")
 Law = TypeVar("Law", model.Holonomic, model.Differential)
@@ -76,7 +76,7 @@ class _Document:
         self._scope = scope.Scope()
         self._formulas = Formulas(self._scope, self._found)
         self._defined: dict[str, model.Expression] = {}
-        self._members: dict[tuple[str, str], Members | None] = {}  # of a section and a key; None where broken
+        self._members: dict[tuple[str, str], Family | None] = {}  # of a section and a key; None where broken
 
     def read(self, of_members: Sequence[overrides.OfMember]) -> model.Model:
         """The model, with the changes to single members made."""
@@ -257,7 +257,7 @@ class _Document:
         elif not self._scope.names.is_broken(base):
             self._refuse_repeated(name, found, self._scope.names.number(name.value, found))
 
-    def _refuse_repeated(self, name: yaml_tree.Scalar, found: Members, repeated: str) -> None:
+    def _refuse_repeated(self, name: yaml_tree.Scalar, found: Family, repeated: str) -> None:
         """Report two members of one name."""
         if repeated and len(found.base) < len(repeated):
             hint = "different indices need different names; an index that is not in the name makes copies"

@@ -12,7 +12,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input.scalars import Formulas
 from lagcli.model import family
-from lagcli.model.family import Members, Whole
+from lagcli.model.family import Family, Whole
 
 # Members of all families of a model together, counted before `if:` filters them.
 MAX_MEMBERS = 1_000_000
@@ -44,7 +44,7 @@ class Reader:
         self._budget = budget
         self._closed = closed
 
-    def read(self, name: yaml_tree.Scalar, entry: yaml_tree.AnyNode) -> Members | None:
+    def read(self, name: yaml_tree.Scalar, entry: yaml_tree.AnyNode) -> Family | None:
         """The members of an entry, or None with the error reported."""
         key = self._key(name)
         loop = entry.get("for") if isinstance(entry, yaml_tree.Mapping) else None
@@ -164,7 +164,7 @@ class Reader:
 
     def _named(
         self, name: yaml_tree.Scalar, key: tree.Index, variables: dict[str, Whole], count: int
-    ) -> Members | None:
+    ) -> Family | None:
         try:
             lookup = self._formulas.scope.indexed.whole(variables)
             if not self._formulas.affords(name, key, count):

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from lagcli.expression import integers, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
-from lagcli.input.namespace import Names
+from lagcli.input.namespace import Namespace
 from lagcli.model import family
-from lagcli.model.family import MissingMember, Roll, Whole
+from lagcli.model.family import MemberIndex, MissingMember, Whole
 
 
 class Indexed:
@@ -19,7 +19,7 @@ class Indexed:
     which of them an expression speaks of.
     """
 
-    def __init__(self, names: Names) -> None:
+    def __init__(self, names: Namespace) -> None:
         self._names = names
         self.structure: dict[str, float] = {}
 
@@ -61,7 +61,9 @@ class Indexed:
             return self._names.rolls[kind].find(base, ())
         return self.find(node, self._names.rolls[kind], self._names.is_family(base), variables)
 
-    def find(self, node: tree.Index, roll: Roll, is_family: bool, variables: Mapping[str, Whole]) -> Whole:
+    def find(
+        self, node: tree.Index, roll: MemberIndex, is_family: bool, variables: Mapping[str, Whole]
+    ) -> Whole:
         """The numbers in `roll` of the members an index stands for. Raises `ExpressionError`."""
         base = node.owner
         if not is_family:

@@ -12,8 +12,8 @@ from lagcli.expression.facts import Facts
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input.indexed_references import Indexed
-from lagcli.input.namespace import Names
-from lagcli.model.family import Members, Roll, Whole
+from lagcli.input.namespace import Namespace
+from lagcli.model.family import Family, MemberIndex, Whole
 
 Shape = Literal["scalar", "vector", "body"]
 
@@ -21,7 +21,7 @@ RESULT = Facts(None, frozenset(("result",)))
 
 
 @dataclasses.dataclass(slots=True)
-class Law:
+class LawShape:
     """The entries of a constraint name: what each is, and that none of them is broken."""
 
     is_family: bool
@@ -29,13 +29,13 @@ class Law:
     is_broken: bool = False
 
 
-class Laws:
+class LawNames:
     """The constraints of one model, which have a namespace of their own."""
 
-    def __init__(self, names: Names, indexed: Indexed) -> None:
+    def __init__(self, names: Namespace, indexed: Indexed) -> None:
         self._names, self._indexed = names, indexed
-        self._laws: dict[str, Law] = {}
-        self._roll = Roll()
+        self._laws: dict[str, LawShape] = {}
+        self._roll = MemberIndex()
         self._shapes: list[Shape] = []  # of the entries of the roll
 
     def __contains__(self, base: str) -> bool:
@@ -43,10 +43,10 @@ class Laws:
 
     def take(self, base: str, is_family: bool) -> None:
         """Take the name of a constraint."""
-        self._laws.setdefault(base, Law(is_family))
+        self._laws.setdefault(base, LawShape(is_family))
         self._names.laws.add(base)
 
-    def number(self, members: Members, shape: Shape | None) -> str:
+    def number(self, members: Family, shape: Shape | None) -> str:
         """Number the members of a constraint, None for a broken one; the name of one that is there already."""
         law = self._laws[members.base]
         if shape is None:

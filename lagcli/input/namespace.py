@@ -15,7 +15,7 @@ from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, hints, messages, tokens, tree
 from lagcli.expression.facts import Facts
 from lagcli.expression.tree import ExpressionError
-from lagcli.model.family import Members, Roll
+from lagcli.model.family import Family, MemberIndex
 
 Kind = Literal["parameter", "coordinate", "particle", "definition", "output"]
 
@@ -47,7 +47,7 @@ class Entry:
         return self.find is not None or self.value is not None
 
 
-class Names:
+class Namespace:
     """The namespace of one model. The `key` of an entry is its name as written, `p[i]`; its base name is `p`."""
 
     def __init__(self) -> None:
@@ -56,7 +56,7 @@ class Names:
         self._families: set[str] = set()
         self._hints: dict[str, str] = {}
         self.laws: set[str] = set()  # names of constraints, for hints
-        self.rolls: dict[Kind, Roll] = {kind: Roll() for kind in NUMBERED}
+        self.rolls: dict[Kind, MemberIndex] = {kind: MemberIndex() for kind in NUMBERED}
         self._numbered: dict[Kind, list[str]] = {kind: [] for kind in NUMBERED}  # keys, as in the roll
 
     def __contains__(self, base: str) -> bool:
@@ -89,7 +89,7 @@ class Names:
         for each in keys:
             self._entries.setdefault(each, Entry(kind)).value = BROKEN
 
-    def number(self, key: str, members: Members) -> str:
+    def number(self, key: str, members: Family) -> str:
         """Number the members of a particle, coordinate or output entry; the name of one that is there already."""
         kind = self._entries[key].kind
         self._numbered[kind].append(key)

@@ -17,7 +17,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input import scope as scopes
 from lagcli.model import family
-from lagcli.model.family import Members
+from lagcli.model.family import Family
 from lagcli.model.model import Expression, Floats, VectorExpression
 
 Lookup = Callable[[tree.Node], Any]
@@ -52,7 +52,7 @@ class Formulas:
         self,
         scope: scopes.Scope,
         found: diagnostics.Collector,
-        members: Members | None = None,
+        members: Family | None = None,
         reading: Reading | None = None,
     ) -> None:
         self.scope = scope
@@ -66,7 +66,7 @@ class Formulas:
         """The lookup with `m`, `r`, `v` of a particle open."""
         return self.scope.lookup_in(self.members, own=True)
 
-    def within(self, members: Members) -> Formulas:
+    def within(self, members: Family) -> Formulas:
         """The same for expressions of an entry with these members."""
         return Formulas(self.scope, self.found, members, self._reading)
 

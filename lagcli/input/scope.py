@@ -10,9 +10,9 @@ from lagcli.expression.facts import Facts
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input.indexed_references import Indexed
-from lagcli.input.multiplier_names import RESULT, Laws
-from lagcli.input.namespace import Kind, Names
-from lagcli.model.family import Members, Whole
+from lagcli.input.multiplier_names import RESULT, LawNames
+from lagcli.input.namespace import Kind, Namespace
+from lagcli.model.family import Family, Whole
 from lagcli.model.model import CONSTANTS
 
 Lookup = Callable[[tree.Node], Any]
@@ -35,11 +35,11 @@ class Scope:
     """The names of one model and of its constraints, and the members their indices speak of."""
 
     def __init__(self) -> None:
-        self.names = Names()
+        self.names = Namespace()
         self.indexed = Indexed(self.names)
-        self.laws = Laws(self.names, self.indexed)
+        self.laws = LawNames(self.names, self.indexed)
 
-    def lookup_in(self, members: Members, own: bool = False) -> Lookup:
+    def lookup_in(self, members: Family, own: bool = False) -> Lookup:
         """The lookup for an expression of an entry; `own` opens `m`, `r`, `v` of a particle."""
         return lambda node: self._lookup(node, members.variables, own)
 

@@ -116,7 +116,7 @@ class _Entries:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _Block:
+class _MassBlock:
     """Free coordinates that are coupled, by their places (k,), and the lower factor of M over them (k, k)."""
 
     places: Places
@@ -138,13 +138,13 @@ def _require_finite(M: Any) -> None:
         raise NotDefiniteError(int(rows[~np.isfinite(values)].min()), float("nan"))
 
 
-def _blocks(M: Any, free: Flags, place: Places) -> list[_Block]:
+def _blocks(M: Any, free: Flags, place: Places) -> list[_MassBlock]:
     """Coordinates that are coupled with others, set by set: a model of many bodies has as many small sets.
 
     Raises `NotDefiniteError` for the set that shows it most.
     """
     count, order, ends = M.sparsity().scc()
-    found: list[_Block] = []
+    found: list[_MassBlock] = []
     worst: NotDefiniteError | None = None
     for i in range(count):
         if ends[i + 1] - ends[i] == 1:
@@ -159,7 +159,7 @@ def _blocks(M: Any, free: Flags, place: Places) -> list[_Block]:
             continue
         kept = free[among]
         if kept.any():
-            found.append(_Block(place[among[kept]], np.linalg.cholesky(whole[np.ix_(kept, kept)])))
+            found.append(_MassBlock(place[among[kept]], np.linalg.cholesky(whole[np.ix_(kept, kept)])))
     if worst is not None:
         raise worst
     return found

@@ -37,7 +37,7 @@ FEW = 40
 HANGING = 1e-2
 
 
-class Rows:
+class LocalRows:
     """Rows B (C, n), a sparse CasADi matrix of numbers, by their entries."""
 
     def __init__(self, B: Any) -> None:
@@ -48,19 +48,21 @@ class Rows:
         self.values = np.array(B.nonzeros(), dtype=float)
 
     @classmethod
-    def difference(cls, one: Rows, other: Rows) -> Rows:
+    def difference(cls, one: LocalRows, other: LocalRows) -> LocalRows:
         """The rows one - other, of one pattern."""
         return cls(one.B - other.B)
 
-    def finite(self) -> Rows:
+    def finite(self) -> LocalRows:
         """The same rows with 0 for entries that are not finite."""
         if np.isfinite(self.values).all():
             return self
-        return Rows(ca.DM(self.B.sparsity(), ca.DM(np.where(np.isfinite(self.values), self.values, 0.0))))
+        return LocalRows(
+            ca.DM(self.B.sparsity(), ca.DM(np.where(np.isfinite(self.values), self.values, 0.0)))
+        )
 
-    def columns(self, numbers: list[int]) -> Rows:
+    def columns(self, numbers: list[int]) -> LocalRows:
         """The same rows on some of the coordinates."""
-        return Rows(self.B[:, numbers])
+        return LocalRows(self.B[:, numbers])
 
     @property
     def count(self) -> int:
@@ -107,7 +109,7 @@ class MetricRows:
 
     def __init__(self, B: Any, metric: Metric) -> None:
         self._metric, self._B = metric, B
-        rows = Rows(metric.whitened(B))
+        rows = LocalRows(metric.whitened(B))
         self._lengths = rows.divisors
         self._unit = ca.DM(rows.B.sparsity(), ca.DM(rows.values / self._lengths[rows.row]))
         self.count = rows.count
@@ -130,7 +132,7 @@ class MetricRows:
 
     def turned_from(self, other: MetricRows) -> float:
         """The largest change of an entry between these unit rows and others of one pattern."""
-        change = Rows(self._unit - other._unit).values
+        change = LocalRows(self._unit - other._unit).values
         return float(np.abs(change).max(initial=0.0))
 
     @property
@@ -170,7 +172,7 @@ class MetricRows:
         With P the entries at own coordinates, X the others of these rows and R the rest, the inverse of
         [[P, X], [0, R]] is [[1/P, -X/(P R)], [0, 1/R]].
         """
-        rows = Rows(self._unit)
+        rows = LocalRows(self._unit)
         holds = rows.values != 0
         alone = holds & (np.bincount(rows.column[holds], minlength=self._unit.shape[1])[rows.column] == 1)
         own = np.sqrt(np.bincount(rows.row[alone], rows.values[alone] ** 2, minlength=self.count))
@@ -181,7 +183,7 @@ class MetricRows:
         least = 1.0
         if rest.size:
             others = self.take(rest.tolist())
-            touched = np.unique(Rows(others.unit).column)
+            touched = np.unique(LocalRows(others.unit).column)
             least = float(np.linalg.svd(np.array(others.unit[:, touched.tolist()]), compute_uv=False)[-1])
             if touched.size < rest.size or least == 0.0:
                 return 0.0
@@ -255,7 +257,7 @@ class MetricRows:
         return are_many(self.count, self._unit.shape[1])
 
     def _norms_of_units(self) -> Floats:
-        return Rows(self._unit).norms
+        return LocalRows(self._unit).norms
 
     def correction(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The smallest step (n,) in the metric that solves B step = -residual, by least squares if it must.

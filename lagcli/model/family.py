@@ -13,7 +13,7 @@ Indices = tuple[int, ...]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Members:
+class Family:
     """The K members of an entry: `names` (`p[1][2]`, or the bare name of what is no family), their `indices`, and
     the value of each index variable at each member, (K,)."""
 
@@ -39,14 +39,14 @@ class Members:
         return ", ".join(f"{name} = {values[place]}" for name, values in self.variables.items())
 
 
-def one(name: str) -> Members:
+def one(name: str) -> Family:
     """An entry that is no family."""
-    return Members(name, (name,), ((),), {})
+    return Family(name, (name,), ((),), {})
 
 
-def family(base: str, indices: Sequence[Indices], variables: Mapping[str, Whole]) -> Members:
+def family(base: str, indices: Sequence[Indices], variables: Mapping[str, Whole]) -> Family:
     """The members with these indices."""
-    return Members(base, tuple(name(base, place) for place in indices), tuple(indices), variables)
+    return Family(base, tuple(name(base, place) for place in indices), tuple(indices), variables)
 
 
 def name(base: str, indices: Iterable[int]) -> str:
@@ -62,10 +62,10 @@ class MissingMember(LookupError):
         self.indices, self.place = indices, place
 
 
-class Roll:
+class MemberIndex:
     """Members of many entries numbered in the order of the file, found by their base name and indices."""
 
-    def __init__(self, entries: Iterable[Members] = ()) -> None:
+    def __init__(self, entries: Iterable[Family] = ()) -> None:
         self._numbers: dict[str, dict[Indices, int]] = {}
         self._ends: list[int] = []
         self._extremes: dict[str, tuple[Indices, Indices]] = {}
@@ -79,7 +79,7 @@ class Roll:
     def __contains__(self, base: str) -> bool:
         return base in self._numbers
 
-    def add(self, members: Members) -> str:
+    def add(self, members: Family) -> str:
         """Number the members of a further entry; the name of the first that is there already, or nothing."""
         known = self._numbers.setdefault(members.base, {})
         first, repeated = len(self), ""

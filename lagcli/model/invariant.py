@@ -6,7 +6,7 @@ import dataclasses
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Chart:
+class LevelFunction:
     """A way to hold an integral without a pole or a jump: above/below is phi or a monotone function of it.
 
     Both are finite wherever the chart serves, so that above * below(0) - below * above(0) stays zero, also where
@@ -28,4 +28,4 @@ class FirstIntegral:
 
     text: str
     rows: tuple[str, ...]
-    charts: tuple[Chart, ...] = ()
+    charts: tuple[LevelFunction, ...] = ()

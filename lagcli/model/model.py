@@ -19,7 +19,7 @@ import numpy.typing as npt
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
 from lagcli.expression import tree
-from lagcli.model.family import Members
+from lagcli.model.family import Family
 
 Vector3 = tuple[float, float, float]
 Floats = npt.NDArray[np.float64]
@@ -81,7 +81,7 @@ class Parameter:
 class Coordinate:
     """Generalized coordinates q with their initial values and initial rates, (K,) each."""
 
-    members: Members
+    members: Family
     value: Floats
     rate: Floats
     location: diagnostics.Location
@@ -95,7 +95,7 @@ class Particle:
     `start_velocity` (K, 3) their initial values. Otherwise dependent, x_n = x_n(q, t) (D.27), with `position`.
     """
 
-    members: Members
+    members: Family
     mass: Expression
     mass_values: Floats
     position: VectorExpression
@@ -125,7 +125,7 @@ class Action:
     targets: Whole
     acting: Whole
 
-    def variables(self, members: Members) -> dict[str, Whole]:
+    def variables(self, members: Family) -> dict[str, Whole]:
         """The index variables of the force at each pair."""
         return {name: values[self.acting] for name, values in members.variables.items()}
 
@@ -137,7 +137,7 @@ class ParticleForce:
     A `constant` force (parameters, indices and `m` only) counts as the potential -F.r.
     """
 
-    members: Members
+    members: Family
     action: Action
     force: VectorExpression
     constant: bool
@@ -147,7 +147,7 @@ class ParticleForce:
 class GeneralizedForce:
     """A force Q_j on generalized coordinates (D.30)."""
 
-    members: Members
+    members: Family
     action: Action
     force: Expression
 
@@ -156,7 +156,7 @@ class GeneralizedForce:
 class Potential:
     """A potential V(r, q, t) (D.35); of a family the sum of all members."""
 
-    members: Members
+    members: Family
     expression: Expression
 
 
@@ -167,7 +167,7 @@ Force = ParticleForce | GeneralizedForce | Potential
 class Holonomic:
     """f(r, q, t) = left - right = 0 (D.2); three rows where it is a vector equation."""
 
-    members: Members
+    members: Family
     equation: Expression
     is_vector: bool
 
@@ -181,7 +181,7 @@ class Holonomic:
 class Differential:
     """A law linear in differentials or in velocities (D.3, D.4)."""
 
-    members: Members
+    members: Family
     equation: Expression
     is_vector: bool
     form: Literal["differentials", "velocities"]
@@ -192,7 +192,7 @@ class Differential:
         return _with_axes(self.members, self.is_vector)
 
 
-def _with_axes(members: Members, is_vector: bool) -> tuple[str, ...]:
+def _with_axes(members: Family, is_vector: bool) -> tuple[str, ...]:
     if not is_vector:
         return members.names
     return tuple(f"{name}.{axis}" for name in members.names for axis in "xyz")
@@ -211,7 +211,7 @@ class RigidBody:
 class Output:
     """An extra recorded quantity."""
 
-    members: Members
+    members: Family
     expression: Expression
     is_vector: bool
 

@@ -37,7 +37,7 @@ class Keeper:
         """The run has come to a point. Raises OSError where the first one cannot be written."""
         if self._rows is not None:
             written = self._rows.rows
-            table = checkpoint.Table(self._table, self._step, written.count, written.checksum)
+            table = checkpoint.CheckpointTable(self._table, self._step, written.count, written.checksum)
             point = dataclasses.replace(point, table=table)
         is_first, self._last = self._due is None, point
         now = time.monotonic()

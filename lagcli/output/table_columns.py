@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.linear.metric_rows import Rows
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -91,8 +91,8 @@ class Floors:
     def _look(self, row: Floats) -> None:
         (t,), (q,), (v,) = self._states(row[None])
         at = t, q, v, self._p
-        h, M = np.array(self._numeric.force(*at)[0]).ravel(), Rows(self._numeric.inertia(*at))
-        B, lam = Rows(self._numeric.rows(*at)[0]), row[self._lam]
+        h, M = np.array(self._numeric.force(*at)[0]).ravel(), LocalRows(self._numeric.inertia(*at))
+        B, lam = LocalRows(self._numeric.rows(*at)[0]), row[self._lam]
         m = np.bincount(M.row, weights=M.values * (M.row == M.column), minlength=q.size)
         if not (m > 0).all() or not np.isfinite([*h, *m, *lam, *B.values]).all():
             return

@@ -32,7 +32,7 @@ SECONDS = 2.0
 _REGULAR = (sympy.sin, sympy.cos, sympy.exp, sympy.sinh, sympy.cosh)
 
 
-def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[invariant.Chart, ...]:
+def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[invariant.LevelFunction, ...]:
     """Charts of an integral, the best first; none where no form without jumps is known.
 
     constants: the parameters; all other symbols are coordinates and time.
@@ -44,16 +44,16 @@ def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[inv
         pass
     if not _is_continuous(phi, variables):
         return ()
-    return (invariant.Chart(printing.written(phi)),)
+    return (invariant.LevelFunction(printing.written(phi)),)
 
 
-def _charts(phi: sympy.Expr, variables: Variables) -> tuple[invariant.Chart, ...]:
+def _charts(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFunction, ...]:
     if _has_angles(phi, variables):
         return _of_angles(phi, variables)
     quotients = _quotients(phi, variables)
     quotients = [q for q in quotients if all(_is_continuous(part, variables) for part in q)]
     quotients.sort(key=lambda q: not all(_is_regular(part, variables) for part in q))  # stable
-    found = (invariant.Chart(printing.written(a), printing.written(b)) for a, b in quotients)
+    found = (invariant.LevelFunction(printing.written(a), printing.written(b)) for a, b in quotients)
     return tuple(dict.fromkeys(found))
 
 
@@ -75,7 +75,7 @@ def _fraction(expression: sympy.Expr) -> Quotient:
 # Angles.
 
 
-def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.Chart, ...]:
+def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFunction, ...]:
     """Charts of phi = sum c_i theta_i + u, or of exp(phi), with commensurate c_i."""
     angles, rest = _angles(phi, variables)
     if not angles or any(isinstance(e, (sympy.atan2, sympy.atan)) for e in _jumping(rest, variables)):
@@ -92,11 +92,11 @@ def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.Chart, 
     turns = sum(abs(n) for n in numbers)
     if turns <= MOST_TURNS and _is_regular(u, variables):
         found.append(_product([(x, y, n) for n, (_, x, y) in zip(numbers, angles, strict=True)], u))
-    result = [invariant.Chart(printing.written(a), printing.written(b)) for a, b in found]
+    result = [invariant.LevelFunction(printing.written(a), printing.written(b)) for a, b in found]
     if _is_continuous(rest, variables):
         phi = sum((c * sympy.atan2(y, x) for c, x, y in angles), rest)
         period = printing.written(2 * sympy.pi * unit)
-        result.append(invariant.Chart(printing.written(phi), period=period))
+        result.append(invariant.LevelFunction(printing.written(phi), period=period))
     return tuple(result)
 
 

@@ -17,7 +17,7 @@ Coefficients = tuple[sympy.Expr, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class PfaffianBlock:
     """C forms omega_i = sum_k rows[i][k] d(variables[k]) on the surface where every f of `surface` vanishes.
 
     names (C,): of the forms; variables (n,): coordinates, and time last where it occurs in any row; rows (C, n);
@@ -34,7 +34,9 @@ class Block:
         """The form of row i."""
         return Form(self.names[i], self.variables, self.rows[i], self.parameters)
 
-    def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> Block:
+    def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> PfaffianBlock:
         """The same for given values of all parameters."""
         rows = tuple(tuple(a.xreplace(values) for a in row) for row in self.rows)
-        return Block(self.names, self.variables, rows, (), tuple(f.xreplace(values) for f in self.surface))
+        return PfaffianBlock(
+            self.names, self.variables, rows, (), tuple(f.xreplace(values) for f in self.surface)
+        )

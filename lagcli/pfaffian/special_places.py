@@ -12,7 +12,7 @@ from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import printing
 from lagcli.pfaffian.exact import normal_form, zero_at_point
 from lagcli.pfaffian.flag import elimination
-from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
 # A coordinate stands still where it differs by less than this part of its size; a value that is so near to a multiple
 # of pi/12 is one.
@@ -42,7 +42,7 @@ def product(factors: Iterable[Any]) -> Any:
     return sympy.Mul(*factors)
 
 
-def sheets(block: Block, points: Sequence[Point]) -> list[Any]:
+def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[Any]:
     """Of each holonomic row that has several factors those that vanish on all points."""
     found = []
     for f in block.surface:
@@ -63,7 +63,7 @@ def of(divisors: Iterable[Any], points: Sequence[Point]) -> list[Any]:
     return found
 
 
-def still(block: Block, points: Sequence[Point]) -> list[Any]:
+def still(block: PfaffianBlock, points: Sequence[Point]) -> list[Any]:
     """Equations of coordinates that have one value on all points."""
     found = []
     for x in block.variables:
@@ -82,7 +82,7 @@ def distinct(*several: Iterable[Any]) -> list[Any]:
     return list(found)
 
 
-def told(block: Block, equations: Iterable[Any], here: Point) -> list[str]:
+def told(block: PfaffianBlock, equations: Iterable[Any], here: Point) -> list[str]:
     """Equations as texts, and on which side of the kinks of |u| a point lies."""
     kinks = sorted({e for row in block.rows for a in row for e in forms.plain(a).atoms(sympy.Abs)}, key=str)
     found = [f"{printing.written(e)} = 0" for e in equations if not e.has(sympy.Abs)]

@@ -19,11 +19,11 @@ from lagcli.expression import evaluate, integers, tree
 from lagcli.expression.operators import Operators
 from lagcli.model import family
 from lagcli.model import model as nouns
-from lagcli.model.family import Members, Roll
+from lagcli.model.family import Family, MemberIndex
 from lagcli.model.invariant import FirstIntegral
 from lagcli.pfaffian import level_charts, printing
 from lagcli.pfaffian.form import Form
-from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{
@@ -59,7 +59,7 @@ class Translation:
 
     def __init__(self, model: nouns.Model) -> None:
         self._model = model
-        self._names = _Names(model)
+        self._names = _FormNames(model)
 
     def forms(self) -> dict[str, Form | TooLarge]:
         """The form of every differential row, by row name; `TooLarge` in place of one that is not attempted."""
@@ -80,7 +80,7 @@ class Translation:
             if row in rows
         }
 
-    def block(self, forms: Sequence[Form], surface: Sequence[Any]) -> Block:
+    def block(self, forms: Sequence[Form], surface: Sequence[Any]) -> PfaffianBlock:
         """Forms over all coordinates that they and the f of the surface hold, time last."""
         used = set().union(*(f.free_symbols for f in surface), *(form.variables for form in forms))
         variables = self._names.ordered(used)
@@ -90,7 +90,9 @@ class Translation:
             coefficients = dict(zip(form.variables, form.coefficients, strict=True))
             rows.append(tuple(coefficients.get(x, sympy.Integer(0)) for x in variables))
         parameters = tuple(p for p in self._names.parameters if p in used)
-        return Block(tuple(form.name for form in forms), variables, tuple(rows), parameters, tuple(surface))
+        return PfaffianBlock(
+            tuple(form.name for form in forms), variables, tuple(rows), parameters, tuple(surface)
+        )
 
     def vanishes(self, expression: Any, coordinates: Sequence[float] = (), t: float = 0.0) -> bool:
         """Whether an expression is zero, but for rounding, for the values of parameters, coordinates and time."""
@@ -147,7 +149,7 @@ class Translation:
                     yield from dict.fromkeys(rows, failure).items()
 
 
-def _form(names: _Names, row: str, value: Any) -> Form:
+def _form(names: _FormNames, row: str, value: Any) -> Form:
     _require_small(value)
     present = value.free_symbols
     coefficients = {x: sympy.diff(value, names.differentials[x]) for x in names.moved(present)}
@@ -180,7 +182,7 @@ def _is_large(exponent: Any) -> bool:
     return bool(exponent.is_Rational and abs(exponent) > MAX_EXPONENT)
 
 
-class _Names(Operators):
+class _FormNames(Operators):
     """SymPy scalars as an algebra for `expression.evaluate`."""
 
     def __init__(self, model: nouns.Model) -> None:
@@ -192,8 +194,8 @@ class _Names(Operators):
         self._parameters = {p.name: _parameter(p) for p in model.parameters}
         self._constants = constants(model)
         self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
-        self._particles = Roll(p.members for p in model.particles)
-        self._generalized = Roll(c.members for c in model.coordinates)
+        self._particles = MemberIndex(p.members for p in model.particles)
+        self._generalized = MemberIndex(c.members for c in model.coordinates)
         self._definitions = {d.name: d.expression.tree for d in model.definitions}
         self._values: dict[str, Any] = {}
         self._positions: dict[int, Any] = {}
@@ -225,7 +227,7 @@ class _Names(Operators):
         """The coordinates and time among these symbols, in their order, time last."""
         return tuple(sorted((x for x in symbols if x in self._rank), key=self._rank.__getitem__))
 
-    def at(self, members: Members, place: int) -> _Names:
+    def at(self, members: Family, place: int) -> _FormNames:
         """The same for one member of a family: its indices are numbers."""
         if not members.variables and not self._indices:
             return self
@@ -273,7 +275,7 @@ class _Names(Operators):
         owner = self._named(node.owner)
         return evaluate.component(node, owner, node.member, node.owner)
 
-    def _number(self, node: tree.Member | tree.Index, roll: Roll) -> int:
+    def _number(self, node: tree.Member | tree.Index, roll: MemberIndex) -> int:
         """The number of the particle or generalized coordinate a reference stands for."""
 
         def lookup(name: tree.Name) -> float:

@@ -21,10 +21,10 @@ from lagcli import __version__
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system
 from lagcli.errors.diagnostics import printable
-from lagcli.model.invariant import Chart, FirstIntegral
+from lagcli.model.invariant import FirstIntegral, LevelFunction
 from lagcli.model.model import Model, Vector3
 from lagcli.simulation.invariants import Level, Levels
-from lagcli.simulation.singular_point import Loss
+from lagcli.simulation.singular_point import RankDrop
 from lagcli.simulation.statistics import Figures
 
 Floats = npt.NDArray[np.float64]
@@ -41,7 +41,7 @@ class CheckpointError(ValueError):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Mark:
+class RunState:
     """A run between two steps, and what it has handed out.
 
     t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
@@ -66,7 +66,7 @@ class Mark:
     levels: Levels = ()
     notes: tuple[str, ...] = ()
     watch: tuple[float, ...] = ()
-    crossings: tuple[Loss, ...] = ()
+    crossings: tuple[RankDrop, ...] = ()
     origin: float = 0.0
     turns: tuple[float, ...] = ()
 
@@ -90,7 +90,7 @@ class Identity:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Table:
+class CheckpointTable:
     """The table a run was writing into a file: where it is, seen from the folder of the checkpoint; step: between its
     rows; count, checksum: of those that were written."""
 
@@ -106,9 +106,9 @@ class Checkpoint:
     went, where that is a file."""
 
     identity: Identity
-    mark: Mark
+    mark: RunState
     integrals: tuple[FirstIntegral, ...]
-    table: Table | None = None
+    table: CheckpointTable | None = None
 
 
 def identity(model: Model) -> Identity:
@@ -168,7 +168,7 @@ def encoded(point: Checkpoint) -> bytes:
 
 
 def _parts(point: Checkpoint) -> dict[str, Any]:
-    mark = {field.name: getattr(point.mark, field.name) for field in dataclasses.fields(Mark)}
+    mark = {field.name: getattr(point.mark, field.name) for field in dataclasses.fields(RunState)}
     mark |= {"y": point.mark.y.tolist(), "k": point.mark.k.tolist()}
     mark["figures"] = dataclasses.asdict(point.mark.figures)
     mark["selection"] = dataclasses.asdict(point.mark.selection)
@@ -245,8 +245,8 @@ def _require_version(form: object, version: object) -> None:
         )
 
 
-def _table(file: object, step: object, count: object, checksum: object) -> Table:
-    return Table(_text(file), _number(step), _count(count), _count(checksum))
+def _table(file: object, step: object, count: object, checksum: object) -> CheckpointTable:
+    return CheckpointTable(_text(file), _number(step), _count(count), _count(checksum))
 
 
 def _identity(value: dict[str, Any]) -> Identity:
@@ -263,9 +263,9 @@ def _identity(value: dict[str, Any]) -> Identity:
     )
 
 
-def _mark(value: dict[str, Any], integrals: tuple[FirstIntegral, ...]) -> Mark:
+def _mark(value: dict[str, Any], integrals: tuple[FirstIntegral, ...]) -> RunState:
     figures = value["figures"]
-    mark = Mark(
+    mark = RunState(
         _number(value["t"]),
         _numbers(value["y"]),
         _numbers(value["k"]),
@@ -302,8 +302,8 @@ def _selection(kept: list[object], circuits: list[list[object]]) -> Selection:
     return found
 
 
-def _loss(t: object, number: object, participants: list[object]) -> Loss:
-    return Loss(_number(t), _count(number), tuple(map(_count, participants)))
+def _loss(t: object, number: object, participants: list[object]) -> RankDrop:
+    return RankDrop(_number(t), _count(number), tuple(map(_count, participants)))
 
 
 def _level(charts: int, chart: object, above: object, below: object) -> Level:
@@ -317,8 +317,8 @@ def _integral(text: object, rows: list[object], charts: list[dict[str, object]])
     return FirstIntegral(_text(text), tuple(map(_text, rows)), tuple(_chart(**chart) for chart in charts))
 
 
-def _chart(above: object, below: object, period: object) -> Chart:
-    return Chart(_text(above), _text(below), None if period is None else _text(period))
+def _chart(above: object, below: object, period: object) -> LevelFunction:
+    return LevelFunction(_text(above), _text(below), None if period is None else _text(period))
 
 
 def _number(value: object) -> float:

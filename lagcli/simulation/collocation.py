@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import legendre
 
-from lagcli.compiled.bound_function import Call
+from lagcli.compiled.bound_function import BoundFunction
 
 Floats = npt.NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def rising(t: float, y: Floats, h: float, slope: Floats) -> Step:
     return Step(t, h, y, slope[None])
 
 
-def improved(land: Call, guess: Step, h: float, count: int, rtol: float) -> Step | None:
+def improved(land: BoundFunction, guess: Step, h: float, count: int, rtol: float) -> Step | None:
     """The step from the begin of another, of length h with `count` nodes.
 
     None where the iteration does not converge or a state does not land. land: `NumericSystem.land` on arrays
@@ -110,7 +110,7 @@ class _Mixing:
         return np.asarray(mixed * self._sizes)
 
 
-def _sizes(land: Call, t: float, y: Floats) -> Floats:
+def _sizes(land: BoundFunction, t: float, y: Floats) -> Floats:
     """Sizes (2n + 1,) by which changes of y are judged: those of positions, of velocities and of an energy."""
     at, state = land.arguments[:2]
     at[0], state[:] = t, y
@@ -131,7 +131,7 @@ def sizes_of(packed: Floats) -> Floats:
     return np.concatenate([(q or 1.0) * units, (speed or 1.0) * units, [speed**2 or 1.0]])
 
 
-def landed(land: Call, t: float, y: Floats) -> Floats | None:
+def landed(land: BoundFunction, t: float, y: Floats) -> Floats | None:
     """y' where a state lands on the constraints, or None where it does not."""
     at, state = land.arguments[:2]
     at[0], state[:] = t, y

@@ -49,7 +49,7 @@ class Scheme:
     dense(t, h, y, y new, k new, p, k, stages 2 to 12) -> coefficients (2n + 1, 7)
     line_at(t, y, p) -> t, the row of the table, the figures of `account`, W and a sum of them all
     line_inside(t, x, y, coefficients, p) -> the same at the fraction x of a step from y
-    with k = y'(t, y) and `tolerance.of_steps`. A step may be accepted where error < 1, the estimate of the scheme,
+    with k = y'(t, y) and `step_tolerance.of_steps`. A step may be accepted where error < 1, the estimate of the scheme,
     and moved < 1: how far the projection moved the state, as a part of what it may. Where hidden < 0 rows have become
     dependent and independent again within the step. The error of W is a part of what rtol allows; it does not steer.
     """
@@ -142,7 +142,7 @@ def _judge(size: int) -> Any:
 
 def _scales(states: Sequence[Any], h: Any, sizes: Any, tolerance: Any) -> Any:
     """What the errors of (q, v) are compared with (2n,): expressions of the states (2n + 1,) at both ends of a step of
-    length h, of `parts.Sizes.packed` at its end, and of `tolerance.of_steps`."""
+    length h, of `parts.Sizes.packed` at its end, and of `step_tolerance.of_steps`."""
     n = (states[0].numel() - 1) // 2
     rtol, atol, part, rounding = (tolerance[i] for i in range(4))
     units, (q, v, a) = sizes[:n], (sizes[n + i] for i in range(3))

@@ -10,7 +10,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled.bound_function import Call
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.simulation import dop853
 
 Floats = npt.NDArray[np.float64]
@@ -27,7 +27,7 @@ SLOW = 1e-8
 PART = 0.01
 
 
-def first_step(rhs: Call, k: Floats, sizes: Floats, rtol: float) -> float:
+def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, rtol: float) -> float:
     """The length of the first step from where `rhs` stands on its arrays (t, y, p), with k = y'(t, y) (2n + 1,),
     `parts.Sizes.packed` there (n + 3,) and the relative tolerance of a step.
 
@@ -59,7 +59,7 @@ def _ratio(size: float, rate: float) -> float:
     return size / rate if rate > 0.0 else math.inf
 
 
-def _ahead(rhs: Call, k: Floats, h: float) -> Floats:
+def _ahead(rhs: BoundFunction, k: Floats, h: float) -> Floats:
     """y' (2n + 1,) after a step of Euler's."""
     t_cell, y_cells, _ = rhs.arguments
     t, y = float(t_cell[0]), y_cells.copy()

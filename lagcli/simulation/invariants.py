@@ -23,7 +23,7 @@ from lagcli.equations import level_functions
 from lagcli.equations.system import System
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.model.invariant import FirstIntegral
 from lagcli.simulation import dop853
 from lagcli.start import initial, projection
@@ -56,7 +56,7 @@ Levels = tuple[Level | None, ...]
 Tried = frozenset[tuple[int, int]]  # integrals and their charts
 
 
-class Functions:
+class RunFunctions:
     """Compiled functions of a system, with its scheme built when a run first asks for it."""
 
     def __init__(self, numeric: NumericSystem) -> None:
@@ -77,15 +77,15 @@ class Integrals:
     """The integrals of one system, and its functions with any choice of their charts.
 
     selection: the independent rows that the system is stepped with.
-    Raises as `integrals.charts` where a chart is no expression of the system.
+    Raises as `level_functions.charts` where a chart is no expression of the system.
     """
 
-    def __init__(self, system: System, plain: Functions, found: tuple[FirstIntegral, ...]) -> None:
+    def __init__(self, system: System, plain: RunFunctions, found: tuple[FirstIntegral, ...]) -> None:
         self.found = found
         self._system, self._plain = system, plain
         self._first = np.cumsum([0, *(len(f.charts) for f in found)]).tolist()
         self._charts = level_functions.charts(system, (chart for f in found for chart in f.charts))
-        self._built: dict[tuple[int | None, ...], Functions] = {}
+        self._built: dict[tuple[int | None, ...], RunFunctions] = {}
         self.selection = plain.numeric.selection
         self._kept: dict[Selection, Integrals] = {self.selection: self}
 
@@ -102,7 +102,7 @@ class Integrals:
         """The same with a system stepped with other independent rows."""
         if selection not in self._kept:
             other = copy.copy(self)
-            other._plain = Functions(self._plain.numeric.keeping(selection))
+            other._plain = RunFunctions(self._plain.numeric.keeping(selection))
             other._built, other.selection = {}, selection
             self._kept[selection] = other
         return self._kept[selection]
@@ -115,14 +115,14 @@ class Integrals:
             level_functions.has_time(self._system, each) for each in charts
         )
 
-    def functions(self, levels: Levels) -> Functions:
+    def functions(self, levels: Levels) -> RunFunctions:
         """The functions of the system with these levels held."""
         choice = tuple(None if level is None else level.chart for level in levels)
         taken = [self._charts.charts[self._first[i] + c] for i, c in enumerate(choice) if c is not None]
         if not taken:
             return self._plain
         if choice not in self._built:
-            self._built[choice] = Functions(self._plain.numeric.holding(taken))
+            self._built[choice] = RunFunctions(self._plain.numeric.holding(taken))
         return self._built[choice]
 
     def at(self, state: State) -> _Forms:
@@ -174,7 +174,7 @@ class _Forms:
         if not np.isfinite(numbers).all():
             return "it has no finite form"
         beside = self._gradient(self._beside, k, level)
-        size, change = (float(np.linalg.norm(Rows(row).values)) for row in (here, beside - here))
+        size, change = (float(np.linalg.norm(LocalRows(row).values)) for row in (here, beside - here))
         return "" if change < BENT * size else "its gradient vanishes"
 
     @cached_property
@@ -207,7 +207,7 @@ class _Forms:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Holding:
+class EnforcedInvariants:
     """What a run holds: a level of each of the integrals, or None where its velocity row alone keeps it.
 
     p: the parameters of the system.
@@ -218,11 +218,11 @@ class Holding:
     p: Floats
 
     @property
-    def functions(self) -> Functions:
+    def functions(self) -> RunFunctions:
         """The functions of the system with these levels held."""
         return self.integrals.functions(self.levels)
 
-    def keeping(self, selection: Selection) -> Holding:
+    def keeping(self, selection: Selection) -> EnforcedInvariants:
         """The same with a system stepped with other independent rows."""
         return dataclasses.replace(self, integrals=self.integrals.keeping(selection))
 
@@ -232,7 +232,7 @@ class Holding:
         return self.integrals.has_time
 
     @property
-    def plain(self) -> Holding:
+    def plain(self) -> EnforcedInvariants:
         """The same with none held."""
         return dataclasses.replace(self, levels=(None,) * len(self.levels))
 
@@ -248,7 +248,7 @@ class Holding:
         return np.concatenate([self.p, constants])
 
 
-def begin(found: Integrals, state: State) -> tuple[Holding, tuple[str, ...]]:
+def begin(found: Integrals, state: State) -> tuple[EnforcedInvariants, tuple[str, ...]]:
     """The integrals that can be held from a start, each in the best chart that serves there; notes on the others."""
     number = len(found.found)
     chosen = _Choice(found, [state], (None,) * number, range(number))
@@ -257,10 +257,12 @@ def begin(found: Integrals, state: State) -> tuple[Holding, tuple[str, ...]]:
         for integral, why in zip(found.found, chosen.reasons, strict=True)
         if why
     )
-    return Holding(found, chosen.levels, state.p), notes
+    return EnforcedInvariants(found, chosen.levels, state.p), notes
 
 
-def let_go(held: Holding, state: State, ahead: State, tried: Tried) -> tuple[Holding, tuple[str, ...], Tried]:
+def let_go(
+    held: EnforcedInvariants, state: State, ahead: State, tried: Tried
+) -> tuple[EnforcedInvariants, tuple[str, ...], Tried]:
     """The same without the levels that do not lead from a state to one ahead; other charts where they do.
 
     `ahead` is where the system without integrals would go, in a step in which the levels held failed. `tried`:

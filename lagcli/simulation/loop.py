@@ -14,7 +14,7 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled.bound_function import Call, cells
+from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.compiled.selection import Selection
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
@@ -34,10 +34,10 @@ from lagcli.simulation import (
 )
 from lagcli.simulation import grid as grids
 from lagcli.simulation.angle_turns import Turns
-from lagcli.simulation.checkpoint import CheckpointError, Mark
-from lagcli.simulation.invariants import Holding
-from lagcli.simulation.singularity_monitor import BACK, CLOSE_START, NEVER, Watch
-from lagcli.simulation.statistics import Account, Figures
+from lagcli.simulation.checkpoint import CheckpointError, RunState
+from lagcli.simulation.invariants import EnforcedInvariants
+from lagcli.simulation.singularity_monitor import BACK, CLOSE_START, NEVER, SingularityMonitor
+from lagcli.simulation.statistics import Figures, RunStatistics
 from lagcli.simulation.timetable import Timetable
 from lagcli.simulation.witness_times import Witnesses
 from lagcli.simulation.work_integral import COARSE, Work, within
@@ -93,7 +93,7 @@ class Stop:
     code: str
 
 
-class Stopped(Exception):
+class RunStop(Exception):
     """The integration cannot go on; rows given so far are complete and right."""
 
     def __init__(self, stop: Stop) -> None:
@@ -102,7 +102,7 @@ class Stopped(Exception):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Begin:
+class RunStart:
     """A consistent start, q and v (n,); is_singular: the rows are dependent there and not nearby; part: of the usual
     first step, with which the run begins; is_again: it repeats another run and must not miss what that one may."""
 
@@ -123,45 +123,45 @@ class Run:
 
     def __init__(
         self,
-        held: Holding,
-        begin: Begin | Mark,
+        held: EnforcedInvariants,
+        begin: RunStart | RunState,
         settings: Simulation,
         columns: tuple[str, ...],
         notes: tuple[str, ...] = (),
         timed: TimeFunctions | None = None,
     ) -> None:
-        self.origin = begin.origin if isinstance(begin, Mark) else grids.origin(settings, held.has_time)
+        self.origin = begin.origin if isinstance(begin, RunState) else grids.origin(settings, held.has_time)
         self.grid = grid = grids.grid(dataclasses.replace(settings, start=settings.start - self.origin))
         spoken = timed if held.has_time else None
-        is_again = isinstance(begin, Begin) and begin.is_again
+        is_again = isinstance(begin, RunStart) and begin.is_again
         longest = settings.max_step or math.inf
         self._timetable = Timetable(spoken, grid.start, grid.step, longest, 0 if is_again else 1)
         self._witnesses = Witnesses(grid, spoken, is_again)
         # What steps need not be asked about at all.
         self._is_timed, self._is_witnessed = self._timetable.is_any, self._witnesses.is_any
         self._columns = columns
-        self.account = Account(notes=notes)
-        self._resumed = begin if isinstance(begin, Mark) else None
-        state = begin.y if isinstance(begin, Mark) else np.concatenate([begin.q, begin.v, [0.0]])
-        self._is_singular = isinstance(begin, Begin) and begin.is_singular
-        self._part = begin.part if isinstance(begin, Begin) else 1.0
+        self.account = RunStatistics(notes=notes)
+        self._resumed = begin if isinstance(begin, RunState) else None
+        state = begin.y if isinstance(begin, RunState) else np.concatenate([begin.q, begin.v, [0.0]])
+        self._is_singular = isinstance(begin, RunStart) and begin.is_singular
+        self._part = begin.part if isinstance(begin, RunStart) else 1.0
         self._tolerance = step_tolerance.of_steps(settings)
         # A run counts its turns in numbers of its own.
         held = dataclasses.replace(held, p=held.p.copy())
         self._turns = Turns(held.integrals.system)
-        if isinstance(begin, Mark):
+        if isinstance(begin, RunState):
             self._turns.resume(held.p, begin.turns)
         self._bind(held, np.array(state, dtype=float))
         self.t = self._reached = self._pace_from = self._t_cell[0] = grid.start
         self._step_size = self._taken = self._proposed = 0.0
-        self._watch = Watch()
+        self._watch = SingularityMonitor()
         self._foreseen = NEVER
-        self._passage: singularity_step.Passage | None = None
+        self._passage: singularity_step.SingularStep | None = None
         # W in the step just found, where its stages were too few for it.
         self._work: Work | None = None
         self._in_step = self._has_dense = self._is_still = False
         # The state before the last step that is what a longer run would have taken; None where that is the last.
-        self._undisturbed: Mark | None = None
+        self._undisturbed: RunState | None = None
         self._next_row = self.passed_over = 0
         if self._resumed is not None:
             self._resume(self._resumed)
@@ -169,7 +169,7 @@ class Run:
         self._row = -math.inf if self._resumed is None else self._resumed.row
         self._settle()
 
-    def _bind(self, held: Holding, y: Floats) -> None:
+    def _bind(self, held: EnforcedInvariants, y: Floats) -> None:
         """The compiled functions on their arrays: y and k at the begin of a step, new and k_new at its end."""
         self._held = held
         numeric, scheme, p = held.functions.numeric, held.functions.scheme, held.parameters
@@ -177,26 +177,26 @@ class Run:
         t, h, at, x = (np.zeros(1) for _ in range(4))
         k = np.zeros(y.size)
         self._y, self._k = y, k
-        self._rhs = Call(numeric.rhs, [t, y, p])
-        self._land = Call(numeric.land, [t, y, p])
+        self._rhs = BoundFunction(numeric.rhs, [t, y, p])
+        self._land = BoundFunction(numeric.land, [t, y, p])
         aside = np.zeros(1)
-        self._land_aside = Call(numeric.land, [aside, np.zeros(y.size), p])
+        self._land_aside = BoundFunction(numeric.land, [aside, np.zeros(y.size), p])
         arguments = [t, h, y, k, self._tolerance, p]
-        self._step = Call(scheme.step, arguments, wanted=3)
+        self._step = BoundFunction(scheme.step, arguments, wanted=3)
         new, k_new, outcome = self._step.results
         # The same step with its stages, for the dense output of one that holds rows.
-        self._staged_step = Call(scheme.step, arguments, given=self._step.results)
+        self._staged_step = BoundFunction(scheme.step, arguments, given=self._step.results)
         stages = self._staged_step.results[3:]
-        self._dense = Call(scheme.dense, [t, h, y, new, k_new, p, k, *stages])
+        self._dense = BoundFunction(scheme.dense, [t, h, y, new, k_new, p, k, *stages])
         coefficients = self._dense.results[0]
         if self._is_witnessed:
             inputs = [at, x, h, y, coefficients.T, self._tolerance, p]
-            self._defect = Call(held.functions.defect, inputs)
-        self._line_inside = Call(scheme.line_inside, [at, x, y, coefficients.T, p])
+            self._defect = BoundFunction(held.functions.defect, inputs)
+        self._line_inside = BoundFunction(scheme.line_inside, [at, x, y, coefficients.T, p])
         line = self._line_inside.results
-        self._line_begin = Call(scheme.line_at, [at, y, p], given=line)
-        self._line_aside = Call(scheme.line_at, [at, np.zeros(y.size), p], given=line)
-        self._line_end = Call(scheme.line_at, [at, new, p], given=line)
+        self._line_begin = BoundFunction(scheme.line_at, [at, y, p], given=line)
+        self._line_aside = BoundFunction(scheme.line_at, [at, np.zeros(y.size), p], given=line)
+        self._line_end = BoundFunction(scheme.line_at, [at, new, p], given=line)
         self._line = line[0]
         self._new, self._k_new = new, k_new
         # What every step and every row reads and writes.
@@ -204,14 +204,14 @@ class Run:
         self._land_cells = cells(aside)
         self._outcome, self._line_cells = cells(outcome), cells(self._line)
 
-    def _resume(self, mark: Mark) -> None:
+    def _resume(self, mark: RunState) -> None:
         grid = self.grid
         self.t = self._reached = self._t_cell[0] = mark.t
         self._k[:] = mark.k
         self._step_size, self._pace_from = mark.step, mark.pace_from
         counted = mark.steps, mark.rejected, mark.evaluations
-        self.account = Account(*counted, 0.0, mark.figures, mark.notes, mark.crossings)
-        self._watch = Watch(mark.watch)
+        self.account = RunStatistics(*counted, 0.0, mark.figures, mark.notes, mark.crossings)
+        self._watch = SingularityMonitor(mark.watch)
         self._foreseen = self._watch.again()
         # The rows that another grid has between the last one handed out and the mark are lost.
         after = grid.after(mark.row)
@@ -233,7 +233,7 @@ class Run:
         """The state reached, (2n + 1,)."""
         return self._y.copy()
 
-    def mark(self) -> Mark:
+    def mark(self) -> RunState:
         """Where to go on from, with all rows handed out so far; for the time between two blocks."""
         figures = self.account.figures
         assert figures is not None, "the first block holds the first row"
@@ -250,11 +250,11 @@ class Run:
         """The independent rows it is stepped with."""
         return self._held.integrals.selection
 
-    def _here(self, figures: Figures) -> Mark:
+    def _here(self, figures: Figures) -> RunState:
         state = self._t_cell[0], self._y.copy(), self._k.copy(), self._step_size, self._pace_from
         held = self._settled
         chosen = held.integrals.selection, held.levels
-        base = Mark(*state, *self._counted, self._row, figures, *chosen, self._notes)
+        base = RunState(*state, *self._counted, self._row, figures, *chosen, self._notes)
         watched = dataclasses.replace(base, watch=self._watched, crossings=self._crossings)
         return dataclasses.replace(watched, origin=self.origin, turns=self._turns.of(self._held.p))
 
@@ -273,7 +273,7 @@ class Run:
         """
         width = self._line.size
         capacity = max(1, min(self.grid.count, BLOCK_VALUES // width))
-        stop: Stopped | None = None
+        stop: RunStop | None = None
         going = True
         while going:
             began = time.perf_counter()
@@ -281,7 +281,7 @@ class Run:
             self._lines, self._filled = np.empty((capacity, width)), 0
             try:
                 going = not self._fill(began + PAUSE)
-            except Stopped as stopped:
+            except RunStop as stopped:
                 stop, going = stopped, False
             block = self._lines[: self._filled]
             if 2 * self._filled < capacity:
@@ -519,7 +519,7 @@ class Run:
         self._count_aside()
         if isinstance(found, Selection):
             self._rebind(self._held.keeping(found))
-            self._watch, self._foreseen = Watch(), NEVER
+            self._watch, self._foreseen = SingularityMonitor(), NEVER
         elif found is not None:
             self._cross(found)
         elif self._held.is_any:
@@ -539,7 +539,7 @@ class Run:
 
         return rank_dip.is_dip(square, self._watch.state[place], self._foreseen.instant - self.t)
 
-    def _rebind(self, held: Holding) -> None:
+    def _rebind(self, held: EnforcedInvariants) -> None:
         y, k = self._y.copy(), self._k.copy()
         self._bind(held, y)
         self._t_cell[0], self._k[:] = self.t, k
@@ -550,7 +550,7 @@ class Run:
         Those that hold beyond it are kept, else they are let go.
         """
         plain = self._held.plain.functions.numeric
-        land = Call(plain.land, [np.zeros(1), np.zeros(self._y.size), self._held.p])
+        land = BoundFunction(plain.land, [np.zeros(1), np.zeros(self._y.size), self._held.p])
         found = singularity_step.across(plain, land, self._point, self._foreseen)
         self.account.evaluations += land.used
         if not isinstance(found, singularity_step.Crossing):
@@ -609,7 +609,7 @@ class Run:
         """After a step that did not land though it is right: leave the integrals that are the reason, if any."""
         t, y, k, h = self.t, self._y, self._k, self._h_cell[0]
         arguments = [np.array([t]), np.array([h]), y, k, self._tolerance, self._held.p]
-        step = Call(self._held.plain.functions.scheme.step, arguments, wanted=3)
+        step = BoundFunction(self._held.plain.functions.scheme.step, arguments, wanted=3)
         step.trigger()
         self.account.evaluations += dop853_tableau.STAGES
         new, _, (error, moved, _, residual, _, _, everything, _) = step.results
@@ -670,7 +670,7 @@ class Run:
             self._put_line()
         return True
 
-    def _across(self, across: singularity_step.Passage, at: float) -> None:
+    def _across(self, across: singularity_step.SingularStep, at: float) -> None:
         """The line of a row within a step across a singular configuration."""
         step, tau = across.step, at - across.instant
         if abs(tau) > interpolate_rows.WINDOW * across.width:
@@ -798,4 +798,4 @@ class Run:
         row = self._next_row
         t = self.origin + self.t
         where = f"stopped at t = {t:.9g} (after row {row} of {self.grid.count})"
-        raise Stopped(Stop(t, f"{where}: {reason}", code))
+        raise RunStop(Stop(t, f"{where}: {reason}", code))

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.linear.rank import WEIGHT
 from lagcli.start.initial import State, metric_at
 
@@ -32,7 +32,7 @@ INDEPENDENT = 0.1
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Loss:
+class RankDrop:
     """At a time t the rank of the rows drops by `number`; participants: the rows that become dependent."""
 
     t: float
@@ -40,7 +40,7 @@ class Loss:
     participants: tuple[int, ...]
 
 
-def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> Loss | None:
+def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> RankDrop | None:
     """What the independent rows lose at a state; None where they lose nothing, or where the branches do not meet.
 
     before: a state of the same motion at which rows have their lengths; rtol: relative error of positions.
@@ -48,9 +48,9 @@ def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> Lo
     kept = list(numeric.selection.kept)
     whole = [i for i in kept if i < numeric.whole.size1_out(0)]
     if len(kept) > MOST_ROWS:
-        return Loss(there.t, 1, tuple(kept))
+        return RankDrop(there.t, 1, tuple(kept))
     metric = metric_at(numeric, before)
-    lengths = Rows(metric.whitened(_rows(numeric, before)[kept, :])).divisors
+    lengths = LocalRows(metric.whitened(_rows(numeric, before)[kept, :])).divisors
     q = there.q.copy()
     # f over the lengths of rows in the metric is a length in it.
     size = metric.length(q) or 1.0
@@ -70,7 +70,7 @@ def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> Lo
         return None
     weights = np.abs(lost).max(axis=1)
     taking_part = np.flatnonzero(weights > max(WEIGHT, LOST) * weights.max())
-    return Loss(there.t, int(lost.shape[1]), tuple(kept[i] for i in taking_part))
+    return RankDrop(there.t, int(lost.shape[1]), tuple(kept[i] for i in taking_part))
 
 
 def closest(numeric: NumericSystem, state: State, is_alone: bool) -> tuple[int, ...]:
@@ -93,7 +93,7 @@ def apart(numeric: NumericSystem, state: State) -> float | None:
     if len(kept) > MOST_ROWS:
         return None
     rows = _rows(numeric, state)[kept, :]
-    unit = np.array(ca.densify(rows)) / Rows(rows).divisors[:, None]
+    unit = np.array(ca.densify(rows)) / LocalRows(rows).divisors[:, None]
     inertias = np.array(numeric.inertia(state.t, state.q, state.v, state.p)).diagonal()
     if not (np.isfinite(unit).all() and np.isfinite(inertias).all() and inertias.min() > 0):
         return None
@@ -106,7 +106,7 @@ def departed(numeric: NumericSystem, state: State, limit: float) -> tuple[int, .
     """A row left out that a state violates by more than this part of its sizes, after the rows it followed from;
     none where all of them still follow."""
     B, b = numeric.rows(state.t, state.q, state.v, state.p)
-    rows, f = Rows(B), np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
+    rows, f = LocalRows(B), np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
     off = (
         np.abs(rows.times(state.v) + np.array(b).ravel())
         / rows.divisors

@@ -25,7 +25,7 @@ CLEARANCE, LEAST = 1, 2
 STANDING = -1  # in place of them, at a start at which rows are dependent
 
 
-class Foreseen(NamedTuple):
+class Prediction(NamedTuple):
     """An instant, which number of the outcome of `land` goes to zero there, how large its root was, the angle (or the
     part of that) that is left, and the length of the last step."""
 
@@ -64,10 +64,10 @@ class Foreseen(NamedTuple):
         return self.instant - t < h * steps
 
 
-NEVER = Foreseen(math.inf, 0)
+NEVER = Prediction(math.inf, 0)
 
 
-class Watch:
+class SingularityMonitor:
     """Foresees when rows become dependent: where the clearance, or the least row, goes to zero in a line."""
 
     def __init__(self, state: tuple[float, ...] = ()) -> None:
@@ -75,14 +75,14 @@ class Watch:
         # instant, place, most, angle, step.
         self.state = state
 
-    def again(self) -> Foreseen:
+    def again(self) -> Prediction:
         """What was foreseen last."""
         instant, place, *rest = self.state[4:] or NEVER
-        return Foreseen(instant, int(place), *rest)
+        return Prediction(instant, int(place), *rest)
 
-    def stand(self, t: float) -> Foreseen:
+    def stand(self, t: float) -> Prediction:
         """A start at which rows are dependent."""
-        found = Foreseen(t, STANDING, 1.0, 0.0, 0.0)
+        found = Prediction(t, STANDING, 1.0, 0.0, 0.0)
         self.state = (t, 0.0, 0.0, 0.0, *map(float, found))
         return found
 
@@ -96,7 +96,7 @@ class Watch:
         alone = math.sqrt(least / largest) if largest > 0 else 1.0
         return min(math.sqrt(clearance), alone), alone < math.sqrt(clearance)
 
-    def foreseen(self, t: float, clearance: float, least: float) -> Foreseen:
+    def foreseen(self, t: float, clearance: float, least: float) -> Prediction:
         """The instant, or infinity. To be asked once after each step."""
         if not (clearance >= 0.0 <= least < math.inf):
             return NEVER
@@ -116,10 +116,10 @@ class Watch:
         return found
 
 
-def _instant(before: tuple[float, ...], t: float, square: float, place: int, most: float) -> Foreseen:
+def _instant(before: tuple[float, ...], t: float, square: float, place: int, most: float) -> Prediction:
     """When a number goes to zero, the square of a sine: the angle between rows goes to zero in a line from afar."""
     now, last = math.asin(math.sqrt(square / most)), math.asin(min(1.0, math.sqrt(before[place] / most)))
     step = t - before[0]
     if last <= now:
         return NEVER
-    return Foreseen(t + now * step / (last - now), place, math.sqrt(most), now, step)
+    return Prediction(t + now * step / (last - now), place, math.sqrt(most), now, step)

@@ -16,13 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.compiled.bound_function import Call
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.simulation import collocation, singular_point
-from lagcli.simulation.singular_point import Loss
-from lagcli.simulation.singularity_monitor import CLEARANCE, Foreseen
+from lagcli.simulation.singular_point import RankDrop
+from lagcli.simulation.singularity_monitor import CLEARANCE, Prediction
 from lagcli.start.initial import State, metric_at
 
 Floats = npt.NDArray[np.float64]
@@ -48,7 +48,7 @@ HALVINGS, ALONG = 30, 1e-5
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Point:
-    """Where a step begins: t, y and y' (2n + 1,), the parameters p, and `tolerance.of_steps`."""
+    """Where a step begins: t, y and y' (2n + 1,), the parameters p, and `step_tolerance.of_steps`."""
 
     t: float
     y: Floats
@@ -63,7 +63,7 @@ class Point:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Passage:
+class SingularStep:
     """A step across an instant at which rows are dependent."""
 
     step: collocation.Step
@@ -90,12 +90,12 @@ class Passage:
 class Crossing:
     """A step across, and what the rows lose at the instant."""
 
-    passage: Passage
-    loss: Loss
+    passage: SingularStep
+    loss: RankDrop
 
 
 def across(
-    numeric: NumericSystem, land: Call, here: Point, foreseen: Foreseen
+    numeric: NumericSystem, land: BoundFunction, here: Point, foreseen: Prediction
 ) -> Crossing | Selection | None:
     """The step across what is foreseen, or other independent rows to go on with, or None: an ordinary step goes on.
 
@@ -113,7 +113,7 @@ def across(
     return Crossing(found, loss) if loss is not None else None
 
 
-def away(numeric: NumericSystem, land: Call, here: Point, h: float) -> Crossing | None:
+def away(numeric: NumericSystem, land: BoundFunction, here: Point, h: float) -> Crossing | None:
     """The first step, of length h or shorter, from a singular configuration along the branch that the velocities
     choose; None where no smooth motion has them."""
     start = here.state(here.t, here.y)
@@ -139,7 +139,7 @@ def _others(numeric: NumericSystem, state: State) -> Selection | None:
     return independent_rows.elsewhere(numeric.selection, rows, numeric.whole.size1_out(0))
 
 
-def _passage(land: Call, here: Point, foreseen: Foreseen) -> Passage | None:
+def _passage(land: BoundFunction, here: Point, foreseen: Prediction) -> SingularStep | None:
     """The step across the instant, or None where there is none that is right to the tolerance.
 
     A step that begins close to the instant is long beyond it, for rounding is amplified close to it.
@@ -151,7 +151,7 @@ def _passage(land: Call, here: Point, foreseen: Foreseen) -> Passage | None:
     return None
 
 
-def _placed(land: Call, here: Point, foreseen: Foreseen, part: float) -> Passage | None:
+def _placed(land: BoundFunction, here: Point, foreseen: Prediction, part: float) -> SingularStep | None:
     """The same with the instant at this part of the step, where no node is near."""
     t, y, k, tolerance = here.t, here.y, here.k, here.tolerance
     instant, rtol = foreseen.instant, tolerance[0]
@@ -173,12 +173,12 @@ def _placed(land: Call, here: Point, foreseen: Foreseen, part: float) -> Passage
             fewer = collocation.improved(land, step, h, FEWER, rtol)
             delta = found[1] * h * collocation.closest(NODES, part) / foreseen.most
             agree = fewer is not None and _agree(land, (step, fewer), tolerance, delta)
-            return Passage(step, found[0]) if agree else None
+            return SingularStep(step, found[0]) if agree else None
         instant = found[0]
     return None
 
 
-def _start(land: Call, here: Point, h: float) -> Passage | None:
+def _start(land: BoundFunction, here: Point, h: float) -> SingularStep | None:
     """A step from a start at which rows are dependent, or None where h is too long or no motion goes on smoothly."""
     t, y, tolerance = here.t, here.y, here.tolerance
     n = y.size // 2
@@ -187,11 +187,11 @@ def _start(land: Call, here: Point, h: float) -> Passage | None:
     if step is None or fewer is None:
         return None
     delta = _root(land, step, CLEARANCE, t + h * collocation.first(NODES))
-    return Passage(step, t) if delta > 0 and _agree(land, (step, fewer), tolerance, delta) else None
+    return SingularStep(step, t) if delta > 0 and _agree(land, (step, fewer), tolerance, delta) else None
 
 
 def _agree(
-    land: Call, steps: tuple[collocation.Step, collocation.Step], tolerance: Floats, delta: float
+    land: BoundFunction, steps: tuple[collocation.Step, collocation.Step], tolerance: Floats, delta: float
 ) -> bool:
     """Whether two steps agree to the tolerance, or to rounding at a distance delta from dependent rows."""
     step = steps[0]
@@ -208,7 +208,9 @@ def _agree(
     return bool((np.abs(new - other) <= allowed).all())
 
 
-def _instant(land: Call, step: collocation.Step, guess: Foreseen, width: float) -> tuple[float, float] | None:
+def _instant(
+    land: BoundFunction, step: collocation.Step, guess: Prediction, width: float
+) -> tuple[float, float] | None:
     """The instant at which the clearance vanishes within a width around a guess, and the slope of its root there; None
     where it does not vanish in a line."""
     instant = guess.instant
@@ -253,7 +255,7 @@ def _zero(x: Floats, y: Floats) -> tuple[float, float]:
     return zero, slope
 
 
-def _is_only_one(land: Call, step: collocation.Step, place: int, instant: float) -> bool:
+def _is_only_one(land: BoundFunction, step: collocation.Step, place: int, instant: float) -> bool:
     """Whether the clearance falls to the instant all the way and rises all the way after it: there is no other."""
     for begin, end in ((step.t, instant), (step.t + step.h, instant)):
         roots = [_root(land, step, place, begin + x * (end - begin)) for x in ALONG_STEP]
@@ -262,7 +264,7 @@ def _is_only_one(land: Call, step: collocation.Step, place: int, instant: float)
     return True
 
 
-def _root(land: Call, step: collocation.Step, place: int, at: float) -> float:
+def _root(land: BoundFunction, step: collocation.Step, place: int, at: float) -> float:
     """The root of the clearance on the surface at a time in a step."""
     if collocation.landed(land, at, step.state((at - step.t) / step.h)) is None:
         return math.nan

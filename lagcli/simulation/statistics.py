@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.singular_point import Loss
+from lagcli.simulation.singular_point import RankDrop
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def _size(values: Floats) -> float:
 
 
 @dataclasses.dataclass(slots=True)
-class Account:
+class RunStatistics:
     """The account of a run; `figures` is None before its first row.
 
     steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time; notes: what there
@@ -73,7 +73,7 @@ class Account:
     solve_seconds: float = 0.0
     figures: Figures | None = None
     notes: tuple[str, ...] = ()
-    crossings: tuple[Loss, ...] = ()
+    crossings: tuple[RankDrop, ...] = ()
     is_balanced: bool = dataclasses.field(default=True, init=False)
 
     def __post_init__(self) -> None:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.equations import edge_functions
 from lagcli.equations.system import System
-from lagcli.linear.metric_rows import Rows
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -129,7 +129,7 @@ def _along(state: State, reach: float, duration: float) -> tuple[State, ...]:
 def _rows(numeric: NumericSystem, place: State) -> Floats:
     """f (C,), zero of differential rows, then B u of two directions u, and b: (4 C,)."""
     B, b = numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)
-    f, rows = np.array(numeric.whole(place.t, place.q, place.p)[0]).ravel(), Rows(B)
+    f, rows = np.array(numeric.whole(place.t, place.q, place.p)[0]).ravel(), LocalRows(B)
     random = np.random.default_rng(0)
     ways = [rows.times(random.standard_normal(place.q.size)) for _ in range(2)]
     return np.concatenate([f, np.zeros(rows.count - f.size), *ways, np.array(b).ravel()])
@@ -137,7 +137,7 @@ def _rows(numeric: NumericSystem, place: State) -> Floats:
 
 def _rounding(numeric: NumericSystem, place: State) -> Floats:
     """What rounding may leave of f, and nothing for the gradients, (4 C,)."""
-    norms = Rows(numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)[0]).norms
+    norms = LocalRows(numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)[0]).norms
     s, size = numeric.whole.size1_out(0), float(np.abs(place.q).max(initial=0.0))
     floor = np.zeros((4, norms.size))
     floor[0, :s] = ROUNDED * np.nan_to_num(norms[:s], posinf=0.0) * size

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.linear.metric_rows import Rows
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -45,6 +45,6 @@ def is_pole(rates: Sequence[Floats]) -> bool:
 def violated(numeric: NumericSystem, state: State) -> tuple[int, ...]:
     """The rows that a state violates most: B v + b = 0, as a part of the largest there."""
     B, b = numeric.rows(state.t, state.q, state.v, state.p)
-    rows = Rows(B)
+    rows = LocalRows(B)
     off = np.abs(rows.times(state.v) + np.array(b).ravel()) / rows.divisors
     return tuple(np.flatnonzero(off > 0.5 * off.max(initial=0.0)).tolist())

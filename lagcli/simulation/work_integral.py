@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled.bound_function import Call
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.simulation import collocation, dop853
 from lagcli.simulation.collocation import Step
 
@@ -69,7 +69,9 @@ class Work:
         return float(self._panels[-1].state(1.0)[0])
 
 
-def within(land: Call, span: tuple[float, float, float], y: Floats, coefficients: Floats) -> Work | None:
+def within(
+    land: BoundFunction, span: tuple[float, float, float], y: Floats, coefficients: Floats
+) -> Work | None:
     """W within an ordinary step from its dense output (2n + 1, 7), beginning at y[-1]; None where it is not found.
 
     land: `NumericSystem.land` on arrays (t, y, p) of its own; span: t, h and the relative tolerance of a step.
@@ -88,10 +90,10 @@ def within(land: Call, span: tuple[float, float, float], y: Floats, coefficients
             energy = max(energy, float(land.results[3][n + 1]) ** 2)
         return found, energy
 
-    return Integral(powers, rtol).over(t, h, float(y[-1]))
+    return WorkIntegral(powers, rtol).over(t, h, float(y[-1]))
 
 
-class Integral:
+class WorkIntegral:
     """The integral of a power over a step, to a relative tolerance of the energies at hand.
 
     powers(times (k,)) -> the power at each (k,), and an energy, such as the largest of the motion there; None where

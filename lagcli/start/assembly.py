@@ -13,7 +13,7 @@ from lagcli.compiled import NumericSystem, nearest
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import rank
-from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import conflict, initial, projection
 from lagcli.start.configuration_search import FEW, MANY, Search, tangential
 from lagcli.start.initial import Residuals, State
@@ -98,7 +98,7 @@ def require_consistent(system: System, numeric: NumericSystem, state: State, fou
 
 def _stuck(moving: MetricRows, whole: MetricRows) -> Flags:
     """Rows that hardly act along the coordinates that may move, and do along the others."""
-    norms = Rows(moving.unit).norms * moving.lengths
+    norms = LocalRows(moving.unit).norms * moving.lengths
     return (norms < STUCK * whole.lengths) & (norms > 0)
 
 
@@ -140,7 +140,7 @@ def _lengths(search: Search, parts: npt.NDArray[np.intp], q: Floats) -> Floats:
     """The squared distance of q from the declared configuration, (n,): of each part, at its number."""
     step = q - search.state.q
     return np.asarray(
-        np.bincount(parts, weights=step * Rows(search.M).times(step), minlength=step.size), dtype=float
+        np.bincount(parts, weights=step * LocalRows(search.M).times(step), minlength=step.size), dtype=float
     )
 
 
@@ -178,7 +178,7 @@ def _feasible(search: Search) -> Floats:
 def _beside_poles(search: Search, labels: npt.NDArray[np.intp]) -> Floats:
     """The declared configuration, a little aside where a gradient is not finite: of rods of no length."""
     q = search.state.q
-    B = Rows(search.numeric.whole(search.state.t, q, search.state.p)[1])
+    B = LocalRows(search.numeric.whole(search.state.t, q, search.state.p)[1])
     poles = np.flatnonzero(~B.are_finite())
     return next(search.asides(q, poles.tolist())) if poles.size else q
 
@@ -219,9 +219,9 @@ def _conditions(search: Search, q: Floats) -> tuple[Any, Any, Floats, Floats]:
     f, B = search.surface(kept).rows(q)
     lines = MetricRows(B, search.metric)
     mu = np.zeros(search.system.holonomic_count)
-    mu[kept] = -lines.weights(Rows(B).times(step)) / lines.lengths
+    mu[kept] = -lines.weights(LocalRows(B).times(step)) / lines.lengths
     H = search.M + search.numeric.hessian(state.t, q, mu, state.p)
-    return H, B, Rows(search.M).times(step), f
+    return H, B, LocalRows(search.M).times(step), f
 
 
 def _polished(search: Search, q: Floats) -> Floats:
@@ -252,7 +252,7 @@ def _nothing_left(system: System, rows: list[int]) -> diagnostics.ModelError:
     return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location, hint)])
 
 
-def _no_velocity(search: Search, there: State, rows: Rows, b: Floats) -> diagnostics.ModelError:
+def _no_velocity(search: Search, there: State, rows: LocalRows, b: Floats) -> diagnostics.ModelError:
     """The error for rows that no velocity satisfies at the nearest configuration, or none with the rates kept."""
     system = search.system
     parting = conflict.least(rows, b)

@@ -17,7 +17,7 @@ from lagcli.compiled import NumericSystem, nearest
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows, rank
 from lagcli.linear.metric import Metric, NotDefiniteError
-from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start.initial import State
 from lagcli.start.projection import Reached, Surface
 
@@ -35,7 +35,7 @@ SEED = 20061
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Found:
+class ConfigurationResult:
     """The best that a search for some rows has reached, and from how many starts it went out."""
 
     rows: tuple[int, ...]
@@ -78,7 +78,7 @@ class Search:
 
     def touched(self, rows: Sequence[int]) -> Flags:
         """Which coordinates (n,) some rows hold and may move, by structure."""
-        B = Rows(self.numeric.whole(self.state.t, self.state.q, self.state.p)[1])
+        B = LocalRows(self.numeric.whole(self.state.t, self.state.q, self.state.p)[1])
         flags = np.zeros(self.fixed.size, dtype=bool)
         flags[B.column[np.isin(B.row, list(rows))]] = True
         return flags & ~self.fixed
@@ -105,7 +105,7 @@ class Search:
             for _ in range(each):
                 yield q + np.where(touched, part * size, 0.0) * random.standard_normal(q.size)
 
-    def reach(self, rows: Sequence[int], begins: Sequence[Floats]) -> Found:
+    def reach(self, rows: Sequence[int], begins: Sequence[Floats]) -> ConfigurationResult:
         """A configuration that satisfies some rows, or the best there is: from `begins`, and from beside the first."""
         surface = self.surface(rows)
         best, starts, asked = surface.descend(begins[0]), 1, 0
@@ -119,12 +119,12 @@ class Search:
                     best = _better(best, surface.descend(found))
             if best.is_on:
                 break
-        return Found(tuple(rows), best, starts, asked)
+        return ConfigurationResult(tuple(rows), best, starts, asked)
 
     def independent(self, rows: Sequence[int], q: Floats) -> tuple[list[int], Floats] | None:
         """Independent ones of some rows at a place, and 1 / |B_i| of each; None where they are not finite."""
         B = self.numeric.whole(self.state.t, q, self.state.p)[1][list(rows), :]
-        if not Rows(B).are_finite().all():
+        if not LocalRows(B).are_finite().all():
             return None
         lines = MetricRows(B, self.metric)
         chosen = independent_rows.dependence(lines, rank.rank(lines).low)
@@ -147,7 +147,7 @@ class Search:
     def components(self) -> tuple[Numbers, Numbers]:
         """Numbers of the parts that share no free coordinate and no inertia: of the rows (s,), of coordinates (n,)."""
         _, B = self.numeric.whole(self.state.t, self.state.q, self.state.p)
-        rows, among = Rows(B), Rows(self.M)
+        rows, among = LocalRows(B), LocalRows(self.M)
         label = np.arange(self.fixed.size)
         free = ~self.fixed[rows.column]
         first = np.full(rows.count, self.fixed.size, dtype=np.intp)
@@ -173,5 +173,5 @@ def tangential(rows: Any, metric: Metric, step: Floats) -> float:
         return 0.0
     lines = MetricRows(rows, metric)
     for _ in range(2):  # the second pass removes the rounding of the first
-        step = step + lines.correction(Rows(rows).times(step))
+        step = step + lines.correction(LocalRows(rows).times(step))
     return metric.length(step) / length

@@ -16,9 +16,9 @@ from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial, projection
-from lagcli.start.configuration_search import Found, Search
+from lagcli.start.configuration_search import ConfigurationResult, Search
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -35,7 +35,7 @@ BUDGET = 1500
 LATER = (0.001, 0.01, 0.1)
 
 
-def least(rows: Rows, b: Floats) -> list[int]:
+def least(rows: LocalRows, b: Floats) -> list[int]:
     """Rows of B v + b = 0 without a solution, of which none can be left out; empty where there is a solution.
 
     Where more rows take part than are looked at densely all of them are given.
@@ -54,7 +54,7 @@ def least(rows: Rows, b: Floats) -> list[int]:
     return [kept[i] for i in among]
 
 
-def _taking_part(rows: Rows, b: Floats, lengths: Floats) -> list[int]:
+def _taking_part(rows: LocalRows, b: Floats, lengths: Floats) -> list[int]:
     """The rows in which something is left after the best velocity."""
     scaled = b / lengths
     scale = float(np.abs(scaled).max(initial=0.0)) or 1.0
@@ -74,7 +74,7 @@ def _rest(B: Floats, b: Floats) -> Floats:
     return np.asarray(b - B @ np.linalg.lstsq(B, b, rcond=1e-10)[0]) if len(b) else b
 
 
-def position(search: Search, failed: Found) -> diagnostics.Diagnostic:
+def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnostic:
     """What to say where no configuration was found for some rows: the smallest set found that has none."""
     found = smallest(search, failed)
     system, rows = search.system, list(found.rows)
@@ -106,7 +106,7 @@ def position(search: Search, failed: Found) -> diagnostics.Diagnostic:
     return diagnostics.Diagnostic("no-consistent-start", message, location, hint)
 
 
-def smallest(search: Search, failed: Found) -> Found:
+def smallest(search: Search, failed: ConfigurationResult) -> ConfigurationResult:
     """A set of rows without a configuration, as far as searches tell, of which none can be left out."""
     found, left = _violated(search, failed), BUDGET
     begins = (search.state.q, found.best.q)
@@ -125,7 +125,7 @@ def smallest(search: Search, failed: Found) -> Found:
         length = max(1, min(length // 2, len(found.rows) // 2))
 
 
-def _violated(search: Search, failed: Found) -> Found:
+def _violated(search: Search, failed: ConfigurationResult) -> ConfigurationResult:
     """The rows that are violated where the sum of squares is least, if they have no configuration either."""
     ended = search.surface(failed.rows).descend(failed.best.q, to_the_end=True)
     begins = (search.state.q, ended.q)
@@ -153,7 +153,7 @@ def _follow_each_other(search: Search, rows: list[int]) -> bool:
     state = search.state
     for q in search.asides(state.q, rows):
         B = search.numeric.whole(state.t, q, state.p)[1][rows, :]
-        if Rows(B).are_finite().all() and rank.rank(MetricRows(B, search.whole)).high == len(rows):
+        if LocalRows(B).are_finite().all() and rank.rank(MetricRows(B, search.whole)).high == len(rows):
             return False
     return True
 
@@ -209,7 +209,7 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
     there = dataclasses.replace(later, q=reached.q, v=v)
     if initial.residuals(system, numeric, there).consistent:
         return []  # what is left is rounding
-    parting = least(Rows(B), b)
+    parting = least(LocalRows(B), b)
     return parting if parting and _are_dependent(numeric, state, parting) else []
 
 

@@ -12,7 +12,7 @@ from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear.metric import Metric, NotDefiniteError
-from lagcli.linear.metric_rows import Rows
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.model import model as nouns
 from lagcli.start import singular_inertia
 
@@ -170,7 +170,7 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
 
 def finite_rows(
     system: System, numeric: NumericSystem, state: State, forgiving: bool = False
-) -> tuple[Floats, Rows, Floats]:
+) -> tuple[Floats, LocalRows, Floats]:
     """f (s,), B and b (C,) at a state. Raises `diagnostics.ModelError` naming a row that is not finite.
 
     forgiving: where a row is violated a gradient that has no value, as of the length of a rod whose ends coincide,
@@ -178,7 +178,7 @@ def finite_rows(
     """
     f = np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
     B, b = numeric.rows(state.t, state.q, state.v, state.p)
-    rows, b = Rows(B), np.array(b).ravel()
+    rows, b = LocalRows(B), np.array(b).ravel()
     s = f.size
     good = rows.are_finite() & np.isfinite(b)
     good[:s] &= np.isfinite(f)
@@ -197,7 +197,7 @@ def finite_rows(
     return f, rows, b
 
 
-def _explained(numeric: NumericSystem, state: State, rows: Rows) -> Floats:
+def _explained(numeric: NumericSystem, state: State, rows: LocalRows) -> Floats:
     """What the rounding of declared decimals explains: a part of the size of each row.
 
     The size of a row is that of its coordinates, but no more than its radius of curvature |B_i| / |dB_i/dq|: a
@@ -209,14 +209,14 @@ def _explained(numeric: NumericSystem, state: State, rows: Rows) -> Floats:
     radius = np.full(rows.count, np.inf)
     for k in range(PROBES):
         step = largest * 10.0**-k
-        there = Rows(numeric.rows(state.t, state.q + step * direction, state.v, state.p)[0])
+        there = LocalRows(numeric.rows(state.t, state.q + step * direction, state.v, state.p)[0])
         with np.errstate(all="ignore"):  # a row may have no value there, or not change
-            estimate = step * rows.norms / Rows.difference(rows, there).norms
+            estimate = step * rows.norms / LocalRows.difference(rows, there).norms
         radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))
     return np.asarray(CONSISTENT * np.minimum(sizes, radius))
 
 
-def _sizes(rows: Rows, values: Floats) -> Floats:
+def _sizes(rows: LocalRows, values: Floats) -> Floats:
     """The largest |value| a row touches, but no less than a small part of the largest of all: a coordinate near
     zero carries the rounding of what it was computed from."""
     sizes = np.abs(values)

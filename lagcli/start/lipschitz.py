@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.compiled.bound_function import Call
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations import cut_warnings
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -71,7 +71,7 @@ def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
     t, y, p = np.array([state.t]), np.concatenate([state.q, state.v]), np.array(state.p, dtype=float)
     q, v = y[:n], y[n:]
     calls = [
-        Call(function, [t, q, v, p], wanted=wanted, is_sparse=True)
+        BoundFunction(function, [t, q, v, p], wanted=wanted, is_sparse=True)
         for function, wanted in ((numeric.force, 1), (numeric.inertia, 1), (numeric.rows, 2))
     ]
 

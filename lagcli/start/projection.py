@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 
 Floats = npt.NDArray[np.float64]
 
@@ -113,7 +113,7 @@ class Surface:
     def _reached(self, q: Floats, f: Floats, B: Any) -> Reached:
         if not _are_finite(f, B):
             return Reached(q, np.full(f.size, np.inf), False)
-        residuals = np.abs(f) / Rows(B).divisors
+        residuals = np.abs(f) / LocalRows(B).divisors
         return Reached(q, residuals, bool(np.max(residuals, initial=0.0) <= ARRIVED * _size(q)))
 
     def residual(self, q: Floats) -> float:
@@ -121,7 +121,7 @@ class Surface:
         f, B = self.rows(q)
         if not _are_finite(f, B):
             return float("inf")
-        return float(np.max(np.abs(f) / Rows(B).divisors, initial=0.0))
+        return float(np.max(np.abs(f) / LocalRows(B).divisors, initial=0.0))
 
     def feasible(self, q: Floats) -> Floats:
         """A point of the surface by `descend`. Raises `NoConfiguration`."""
@@ -162,7 +162,7 @@ class Surface:
         size = _size(q0)
         for _ in range(steps):
             f, B = self.rows(q)
-            step = MetricRows(B, self._metric).correction(f + Rows(B).times(q0 - q))
+            step = MetricRows(B, self._metric).correction(f + LocalRows(B).times(q0 - q))
             try:
                 new = self.feasible(q0 + step)
             except NoConfiguration:
@@ -183,7 +183,7 @@ def velocity(v: Floats, B: Any, b: Floats, metric: Metric) -> Floats:
     """
     rows = MetricRows(B, metric)
     for _ in range(2):  # the second pass removes the rounding of the first
-        v = v + rows.correction(Rows(B).times(v) + b)
+        v = v + rows.correction(LocalRows(B).times(v) + b)
     return v
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import metric_rows, rank
-from lagcli.linear.metric_rows import MetricRows, Rows
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import assembly, initial, projection
 from lagcli.start.initial import State
 
@@ -95,7 +95,7 @@ def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.ra
     B = numeric.rows(here.t, here.q, here.v, here.p)[0][rows, :]
     if len(rows) > metric_rows.DENSE:
         u = random.standard_normal(here.q.size)
-        return u + MetricRows(B, initial.metric_at(numeric, here)).correction(Rows(B).times(u))
+        return u + MetricRows(B, initial.metric_at(numeric, here)).correction(LocalRows(B).times(u))
     tangent = rank.null_basis(_unit(np.array(B)))
     return np.asarray(tangent @ random.standard_normal(tangent.shape[1]))
 
@@ -105,8 +105,8 @@ def rows(numeric: NumericSystem, point: State) -> MetricRows:
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
     direction = np.random.default_rng(SEED).standard_normal(point.q.size)
     aside = point.q + ASIDE * size(point.q) * direction
-    off = Rows(numeric.rows(point.t, aside, point.v, point.p)[0])
-    here = Rows(B)
+    off = LocalRows(numeric.rows(point.t, aside, point.v, point.p)[0])
+    here = LocalRows(B)
     with np.errstate(invalid="ignore"):  # a row may have no value aside
         flat = here.norms <= FLAT * off.norms
     keep = ca.DM(np.where(flat, 0.0, 1.0))

@@ -75,16 +75,16 @@ def _best(trigger: Callable[[], object], count: int) -> float:
     return (time.perf_counter() - began) / count
 
 
-def _bound_step(model: Any, h: float) -> bound_function.Call:
+def _bound_step(model: Any, h: float) -> bound_function.BoundFunction:
     """The compiled step of lagcli at the start, bound as its driver binds it."""
     ready = pipeline.compiled(model)
     start = initial.declared(ready.system)
     t, y = np.zeros(1), np.concatenate([start.q, start.v, [0.0]])
     p = np.ascontiguousarray(start.p, dtype=float)
-    rate = bound_function.Call(ready.numeric.rhs, [t, y, p])
+    rate = bound_function.BoundFunction(ready.numeric.rhs, [t, y, p])
     rate.trigger()
     allowed = step_tolerance.of_steps(Simulation(rtol=ASKED, atol=ASKED))
-    return bound_function.Call(
+    return bound_function.BoundFunction(
         ready.functions.scheme.step, [t, np.array([h]), y, rate.results[0], allowed, p]
     )
 

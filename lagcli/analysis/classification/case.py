@@ -6,7 +6,7 @@ from functools import cached_property
 
 from lagcli.analysis import numeric_flag
 from lagcli.analysis.classification import coupling
-from lagcli.analysis.classification.coupling import Group
+from lagcli.analysis.classification.coupling import CoupledGroup
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.analysis.redundancy import Orbit
 from lagcli.compiled import NumericSystem, pattern
@@ -19,10 +19,10 @@ class Case:
 
     def __init__(self, system: System, numeric: NumericSystem, begin: State) -> None:
         self.system, self.numeric, self.begin = system, numeric, begin
-        self._flags: dict[Group, NumericFlag] = {}
+        self._flags: dict[CoupledGroup, NumericFlag] = {}
 
     @cached_property
-    def groups(self) -> tuple[Group, ...]:
+    def groups(self) -> tuple[CoupledGroup, ...]:
         """The groups that hold differential rows."""
         return coupling.groups(self.system)
 
@@ -40,7 +40,7 @@ class Case:
             if found.is_certain and len(found.places) > 1
         )
 
-    def flag(self, group: Group, deadline: float) -> NumericFlag:
+    def flag(self, group: CoupledGroup, deadline: float) -> NumericFlag:
         """The flag of a group by numbers; `deadline`: a value of `time.monotonic`."""
         known = self._flags.get(group)
         if known is None or not known.is_certain:

@@ -15,7 +15,7 @@ from lagcli.analysis.classification.case import Case
 from lagcli.analysis.classification.verdict import (
     Condition,
     HiddenConditionsError,
-    Joint,
+    JointVerdict,
     Kind,
     Proof,
     Verdict,
@@ -25,7 +25,7 @@ from lagcli.model.invariant import FirstIntegral
 from lagcli.pfaffian import printing, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
 from lagcli.pfaffian.flag import function_field, joint
-from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius, memo
 from lagcli.start import initial
 
@@ -41,17 +41,17 @@ EXCEPTIONAL = (
 )
 
 
-class Judge:
+class Classifier:
     """Judges the groups of one model, each kind of them once."""
 
     def __init__(self, case: Case, deadline: float) -> None:
         self._case, self._deadline = case, deadline
         self._translation = translate.Translation(case.system.model)
         self._forms = self._translation.forms()
-        self._alike, self._joint = memo.Judge(), joint.Judge()
+        self._alike, self._joint = memo.VerdictMemo(), joint.JointClassifier()
         self._locality = locality.Locality(case, self._translation, deadline)
 
-    def judge(self, group: coupling.Group) -> tuple[tuple[Verdict, ...], Joint]:
+    def judge(self, group: coupling.CoupledGroup) -> tuple[tuple[Verdict, ...], JointVerdict]:
         """The verdicts of the rows of a group, and their joint one."""
         names, declared = self._names(group.differential), self._block(group)
         block, flagged = self._flagged(group, declared, PROMPT)
@@ -80,7 +80,7 @@ class Judge:
             together = dataclasses.replace(together, notes=(EXCEPTIONAL, *together.notes))
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
 
-    def _is_local(self, block: Block, flagged: joint.Flagged | None, numbers: NumericFlag) -> bool:
+    def _is_local(self, block: PfaffianBlock, flagged: joint.Flagged | None, numbers: NumericFlag) -> bool:
         """Whether what numbers found need not hold elsewhere: exact algebra differs, or there are other pieces."""
         if not numbers.is_certain:
             return False
@@ -88,7 +88,7 @@ class Judge:
             return True
         return numbers.extra[-1] > 0 and self._locality.has_sheets(block, numbers)
 
-    def _alone(self, name: str) -> frobenius.Verdict | None:
+    def _alone(self, name: str) -> frobenius.FormVerdict | None:
         """The verdict of a row by itself, for the values of the parameters; None where it is too large."""
         form = self._forms[name]
         if isinstance(form, translate.TooLarge):
@@ -99,14 +99,14 @@ class Judge:
             return self._alike.classify(form.with_values(self._translation.values), self._deadline)
         return found
 
-    def _has_unreal_root(self, found: frobenius.Verdict) -> bool:
+    def _has_unreal_root(self, found: frobenius.FormVerdict) -> bool:
         """Whether the integral holds a root of a parameter that is negative."""
         values = self._translation.values
         below = () if found.integral is None else {p.base for p in translate.roots(found.integral)}
         constant = (e for e in below if e.free_symbols and e.free_symbols <= values.keys())
         return any(not e.xreplace(values).evalf() >= 0 for e in constant)
 
-    def _is_unseen(self, found: frobenius.Verdict) -> bool:
+    def _is_unseen(self, found: frobenius.FormVerdict) -> bool:
         """Whether the witness that no integrating factor exists may be nothing for the values of the parameters."""
         if (
             found.witness is None
@@ -119,7 +119,7 @@ class Judge:
     def _names(self, rows: Iterable[int]) -> tuple[str, ...]:
         return tuple(self._case.system.rows.rows[i].name for i in rows)
 
-    def _block(self, group: coupling.Group) -> Block | None:
+    def _block(self, group: coupling.CoupledGroup) -> PfaffianBlock | None:
         """The group in symbols; None where a row is too large for exact algebra, or has no text."""
         if len(group.holonomic) > MOST_ROWS:
             return None
@@ -132,8 +132,8 @@ class Judge:
         return self._translation.block(parts[: len(names)], parts[len(names) :])
 
     def _flagged(
-        self, group: coupling.Group, block: Block | None, effort: float
-    ) -> tuple[Block | None, joint.Flagged | None]:
+        self, group: coupling.CoupledGroup, block: PfaffianBlock | None, effort: float
+    ) -> tuple[PfaffianBlock | None, joint.Flagged | None]:
         """The flag of exact algebra, None where `effort` (seconds of processor time) is too little for it.
 
         Where the parameters have values for which the flag may be another than in general, the block is given back
@@ -159,7 +159,7 @@ class Judge:
             self._demand(group, found)
         return block, found
 
-    def _demand(self, group: coupling.Group, found: joint.Flagged) -> None:
+    def _demand(self, group: coupling.CoupledGroup, found: joint.Flagged) -> None:
         """Raise what rows demand of which a combination is g dt: that g = 0, or the impossible."""
         place = group.differential
         if not all(one.factors for one in found.flag.conditions):
@@ -174,7 +174,9 @@ class Judge:
             )
         )
 
-    def _exact(self, block: Block, flagged: joint.Flagged, single: list[frobenius.Verdict | None]) -> Joint:
+    def _exact(
+        self, block: PfaffianBlock, flagged: joint.Flagged, single: list[frobenius.FormVerdict | None]
+    ) -> JointVerdict:
         """The joint verdict of exact algebra."""
         found, names = flagged.flag, block.names
         integrals: tuple[FirstIntegral, ...] = ()
@@ -201,7 +203,7 @@ class Judge:
         proof: Proof = "symbolic" if found.is_exact else "numeric"
         idle = frozenset(names[i] for i in found.vanishing)
         inside = _picked(names, found.inside)
-        return Joint(
+        return JointVerdict(
             names,
             found.dims,
             found.growth,
@@ -216,7 +218,7 @@ class Judge:
         )
 
     def _without_flag(
-        self, block: Block, numbers: NumericFlag, single: list[frobenius.Verdict | None]
+        self, block: PfaffianBlock, numbers: NumericFlag, single: list[frobenius.FormVerdict | None]
     ) -> tuple[FirstIntegral, ...]:
         """All integrals of rows whose flag is known by numbers, or none where not all were found."""
         wanted = numbers.extra[-1]
@@ -238,12 +240,12 @@ class Judge:
         self,
         names: tuple[str, ...],
         numbers: NumericFlag,
-        single: list[frobenius.Verdict | None],
+        single: list[frobenius.FormVerdict | None],
         solved: tuple[FirstIntegral, ...],
-    ) -> Joint:
+    ) -> JointVerdict:
         """The joint verdict of numbers, with the integrals `solved`, or else those of rows alone."""
         if not numbers.is_certain:
-            return Joint(names, (), (), frozenset(), (), (), "none", reason=numbers.reason)
+            return JointVerdict(names, (), (), frozenset(), (), (), "none", reason=numbers.reason)
         inside = _picked(names, numbers.inside)
         integrals = solved or tuple(
             translate.first_integral(one.integral, (name,), self._translation.values)
@@ -256,7 +258,7 @@ class Judge:
         )
         if numbers.least < math.inf:
             remark += f", all else above {numbers.least:.0e}"
-        return Joint(
+        return JointVerdict(
             names, numbers.extra, numbers.growth, inside, integrals, (), "numeric", remarks=(remark,)
         )
 
@@ -265,7 +267,7 @@ def _picked(names: tuple[str, ...], flags: tuple[bool, ...]) -> frozenset[str]:
     return frozenset(name for name, flag in zip(names, flags, strict=True) if flag)
 
 
-def _verdict(name: str, one: frobenius.Verdict | None, together: Joint) -> Verdict:
+def _verdict(name: str, one: frobenius.FormVerdict | None, together: JointVerdict) -> Verdict:
     """The verdict of a row from what it is alone and what all are together."""
     kind: Kind = "undecided" if one is None else one.kind
     method = "the form is too large for exact algebra" if one is None else one.method
@@ -301,7 +303,7 @@ def _verdict(name: str, one: frobenius.Verdict | None, together: Joint) -> Verdi
     return Verdict(name, "differential", "nonholonomic", None, None, method, proof)
 
 
-def _integral_of(name: str, together: Joint) -> str | None:
+def _integral_of(name: str, together: JointVerdict) -> str | None:
     """An integral in which the row takes part, one of as few rows as there are."""
     own = [one for one in (*together.integrals, *together.passing) if name in one.rows]
     return min(own, key=lambda one: len(one.rows)).text if own else None

@@ -26,7 +26,7 @@ def classify(case: Case, limit: float = settings.LIMIT) -> Classification:
     # Loaded here and not above: SymPy costs half a second that holonomic models need not spend.
     from lagcli.analysis.classification import classifier
 
-    court = classifier.Judge(case, time.monotonic() + limit)
+    court = classifier.Classifier(case, time.monotonic() + limit)
     found = [court.judge(group) for group in case.groups]
     verdicts = {v.row: v for rows, _ in found for v in rows}
     names = [row.name for row in case.system.rows.rows[case.system.holonomic_count :]]

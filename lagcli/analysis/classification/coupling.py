@@ -13,7 +13,7 @@ from lagcli.equations.system import System
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Group:
+class CoupledGroup:
     """Numbers of coupled rows: the differential ones, and the holonomic ones that share coordinates with them."""
 
     differential: tuple[int, ...]
@@ -25,7 +25,7 @@ class Group:
         return (*self.holonomic, *self.differential)
 
 
-def groups(system: System) -> tuple[Group, ...]:
+def groups(system: System) -> tuple[CoupledGroup, ...]:
     """The groups that hold differential rows, in the order of their first ones."""
     count, s = len(system.rows.rows), system.holonomic_count
     if s == count:
@@ -39,7 +39,7 @@ def groups(system: System) -> tuple[Group, ...]:
         if _find(leader, row) in together:
             together[_find(leader, row)].append(row)
     return tuple(
-        Group(tuple(row for row in rows if row >= s), tuple(row for row in rows if row < s))
+        CoupledGroup(tuple(row for row in rows if row >= s), tuple(row for row in rows if row < s))
         for rows in together.values()
     )
 

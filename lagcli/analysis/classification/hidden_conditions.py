@@ -13,7 +13,12 @@ from collections.abc import Sequence
 from lagcli import compiled, progress
 from lagcli.analysis.classification import classify
 from lagcli.analysis.classification.case import Case
-from lagcli.analysis.classification.verdict import Classification, Condition, HiddenConditionsError, Joint
+from lagcli.analysis.classification.verdict import (
+    Classification,
+    Condition,
+    HiddenConditionsError,
+    JointVerdict,
+)
 from lagcli.compiled import NumericSystem
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
@@ -74,7 +79,7 @@ def classified(system: System, numeric: NumericSystem, limit: float = settings.L
             raise conflict
         return Classified(case, found, conditions)
     names = tuple(row.name for row in system.rows.rows[system.holonomic_count :])
-    nothing = Joint(names, (), (), frozenset(), (), (), "none", reason=AGAIN)
+    nothing = JointVerdict(names, (), (), frozenset(), (), (), "none", reason=AGAIN)
     return Classified(case, Classification((), (nothing,), True), conditions)
 
 

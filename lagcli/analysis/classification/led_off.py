@@ -11,7 +11,7 @@ from lagcli.analysis.classification import hidden_conditions
 from lagcli.analysis.classification.verdict import Condition
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.linear.metric_rows import Rows
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -29,7 +29,7 @@ def reason(system: System, conditions: Sequence[Condition], state: State, a: Flo
     numeric = NumericSystem(whole)
     place = {row.name: i for i, row in enumerate(whole.rows.rows)}
     own = [place[hidden_conditions.equation(one)] for one in conditions]
-    rows = Rows(numeric.rows(state.t, state.q, state.v, state.p)[0][own, :])
+    rows = LocalRows(numeric.rows(state.t, state.q, state.v, state.p)[0][own, :])
     gamma = np.array(numeric.force(state.t, state.q, state.v, state.p)[1]).ravel()[own]
     off, size = np.abs(rows.times(a) - gamma), rows.divisors * np.abs(a).max(initial=0.0) + np.abs(gamma)
     part = off / np.where(size > 0, size, 1.0)

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from lagcli.analysis.classification.case import Case
-from lagcli.analysis.classification.verdict import Joint
+from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.pfaffian import special_places, translate
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import function_field, joint
-from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.start.initial import State
 
@@ -46,7 +46,7 @@ class Locality:
         here = self._point(self._case.begin)
         return not any(e is None or special_places.vanishes(e, [here]) for e in flagged.flag.divisors)
 
-    def has_sheets(self, block: Block, numbers: NumericFlag) -> bool:
+    def has_sheets(self, block: PfaffianBlock, numbers: NumericFlag) -> bool:
         """Whether a holonomic row has other factors than those that vanish along the motions from the start."""
         points = [self._point(state) for state in numbers.places]
         try:
@@ -60,7 +60,9 @@ class Locality:
         own = [e for e in factors if special_places.vanishes(e, [here])]
         return own[0] if len(own) == 1 else special_places.product(factors)
 
-    def without_idle(self, together: Joint, block: Block, numbers: NumericFlag) -> Joint:
+    def without_idle(
+        self, together: JointVerdict, block: PfaffianBlock, numbers: NumericFlag
+    ) -> JointVerdict:
         """The verdict of numbers, in which rows that vanish along the motions from the start have no integrals."""
         points = [self._point(state) for state in numbers.places]
         idle = _idle(block, points) if len(points) > 1 else frozenset()  # the start alone may be special
@@ -69,12 +71,12 @@ class Locality:
 
     def told(
         self,
-        together: Joint,
-        block: Block,
+        together: JointVerdict,
+        block: PfaffianBlock,
         flagged: joint.Flagged | None,
         numbers: NumericFlag,
-        single: Sequence[frobenius.Verdict | None],
-    ) -> Joint:
+        single: Sequence[frobenius.FormVerdict | None],
+    ) -> JointVerdict:
         """The verdict of numbers with the set that motions from the start keep to, and integrals on it."""
         points = [self._point(state) for state in numbers.places]
         idle = _idle(block, points)
@@ -98,11 +100,11 @@ class Locality:
 
     def _set(
         self,
-        block: Block,
+        block: PfaffianBlock,
         candidates: Sequence[Sequence[Any]],
         numbers: NumericFlag,
-        single: Sequence[frobenius.Verdict | None],
-    ) -> tuple[Sequence[Any], Sequence[joint.Integral]]:
+        single: Sequence[frobenius.FormVerdict | None],
+    ) -> tuple[Sequence[Any], Sequence[joint.JointIntegral]]:
         """Equations of the set on which the flag is that of numbers, as few as there are, and the integrals there."""
         for equations in candidates:
             found = self._fewest(block, equations, numbers)
@@ -120,7 +122,7 @@ class Locality:
         return (), ()
 
     def _fewest(
-        self, block: Block, equations: Sequence[Any], numbers: NumericFlag
+        self, block: PfaffianBlock, equations: Sequence[Any], numbers: NumericFlag
     ) -> tuple[Sequence[Any], joint.Flagged] | None:
         """The equations without those that the flag does not need, and it; None where it is another than of numbers."""
         found = self._on(block, equations, numbers)
@@ -138,7 +140,7 @@ class Locality:
         return special_places.point(names, state.q, state.t, self._translation.numbers)
 
     def _candidates(
-        self, block: Block, flagged: joint.Flagged | None, points: Sequence[special_places.Point]
+        self, block: PfaffianBlock, flagged: joint.Flagged | None, points: Sequence[special_places.Point]
     ) -> list[list[Any]]:
         """Equations that hold on all points: those of sheets and places, and with those of what stands still."""
 
@@ -154,7 +156,9 @@ class Locality:
             own = []
         return [own, [*own, *special_places.still(block, points)]]
 
-    def _on(self, block: Block, equations: Sequence[Any], numbers: NumericFlag) -> joint.Flagged | None:
+    def _on(
+        self, block: PfaffianBlock, equations: Sequence[Any], numbers: NumericFlag
+    ) -> joint.Flagged | None:
         """The block with some more equations, if its flag is that of numbers."""
         if not equations:
             return None
@@ -174,8 +178,8 @@ class Locality:
         return found if is_same else None
 
     def _integrals(
-        self, found: joint.Flagged, single: Sequence[frobenius.Verdict | None]
-    ) -> Sequence[joint.Integral]:
+        self, found: joint.Flagged, single: Sequence[frobenius.FormVerdict | None]
+    ) -> Sequence[joint.JointIntegral]:
         if not found.flag.dims[-1]:
             return ()
         try:
@@ -186,7 +190,7 @@ class Locality:
             return ()
 
 
-def _idle(block: Block, points: Sequence[special_places.Point]) -> frozenset[str]:
+def _idle(block: PfaffianBlock, points: Sequence[special_places.Point]) -> frozenset[str]:
     """The rows that vanish at all points."""
     return frozenset(
         name

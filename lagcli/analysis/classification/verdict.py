@@ -42,7 +42,7 @@ class HiddenConditionsError(Exception):
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Joint:
+class JointVerdict:
     """The derived flag of coupled differential rows, beyond the df of the holonomic rows they meet.
 
     flag: dim I, I', I'', ... without the df, to the one that stays; empty where it is not decided, and then
@@ -79,11 +79,11 @@ class Classification:
     """Verdicts of the differential rows in their order, and of the groups they fall into."""
 
     verdicts: tuple[Verdict, ...]
-    groups: tuple[Joint, ...]
+    groups: tuple[JointVerdict, ...]
     depends_on_time: bool
 
     @property
-    def undecided(self) -> tuple[Joint, ...]:
+    def undecided(self) -> tuple[JointVerdict, ...]:
         """The groups whose flag is not known."""
         return tuple(group for group in self.groups if not group.is_decided)
 

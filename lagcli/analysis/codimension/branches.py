@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.codimension import regular_point
-from lagcli.analysis.codimension.scaled_equations import Part
+from lagcli.analysis.codimension.scaled_equations import ScaledPart
 from lagcli.linear import rank
 
 Floats = npt.NDArray[np.float64]
@@ -28,7 +28,7 @@ class _Creeping(Exception):
     """Newton's method comes to the surface, but slowly: what is there is not regular."""
 
 
-def codimensions(part: Part, times: Sequence[float]) -> set[int | None]:
+def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
     """The codimensions at points of the surface that random steps reach from the begin; None where one is not
     proved, as where several branches meet of which one is not regular anywhere, or where most steps come nowhere.
     Where time enters they are at later times: the start may be special for its time too."""
@@ -52,7 +52,7 @@ def codimensions(part: Part, times: Sequence[float]) -> set[int | None]:
     return found
 
 
-def _at(part: Part, times: Sequence[float]) -> int | None:
+def _at(part: ScaledPart, times: Sequence[float]) -> int | None:
     """The codimension at a point, or None."""
     _, J = part.at(part.begin, part.state.t)
     sigma = np.linalg.svd(_unit_rows(J), compute_uv=False)
@@ -62,7 +62,7 @@ def _at(part: Part, times: Sequence[float]) -> int | None:
     return large if large == len(part.rows) or regular_point.is_regular(part, large, times) else None
 
 
-def _step(part: Part, z: Floats, t: float, random: np.random.Generator, size: float) -> Floats | None:
+def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, size: float) -> Floats | None:
     """A random step along the kernel of B, back to the surface where Newton's method squares the residual.
 
     Raises `_Creeping`.
@@ -80,7 +80,7 @@ def _step(part: Part, z: Floats, t: float, random: np.random.Generator, size: fl
     return None
 
 
-def _nearby(part: Part, z: Floats, t: float) -> Floats | None:
+def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
     """The point that a few Newton steps reach, each squaring a small residual, or None. Raises `_Creeping`."""
     before = residual = np.inf
     limit = SOLVED + 4 * part.rounding

@@ -69,7 +69,7 @@ class _Case:
     state: State
     times: Sequence[float]
 
-    def part(self, rows: Rows) -> scaled_equations.Part:
+    def part(self, rows: Rows) -> scaled_equations.ScaledPart:
         """The part of some rows."""
         return scaled_equations.part(self.system, self.numeric, self.state, rows)
 
@@ -117,7 +117,7 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
 
 def _around(B: Any, without: set[int]) -> list[Rows]:
     """Rows that share coordinates, one set for each connected part."""
-    rows = metric_rows.Rows(B)
+    rows = metric_rows.LocalRows(B)
     pairs = [(i, rows.count + j) for i, j in zip(rows.row.tolist(), rows.column.tolist(), strict=True)]
     alone = [(i,) for i in range(rows.count) if i not in without]
     parts = _connected([*alone, *(pair for pair in pairs if pair[0] not in without)])
@@ -172,7 +172,7 @@ def _followed(case: _Case, groups: list[Rows], kept: set[int]) -> tuple[Rows, li
     return sorted(follow), failing
 
 
-def _is_regular(part: scaled_equations.Part, held: int, times: Sequence[float]) -> bool:
+def _is_regular(part: scaled_equations.ScaledPart, held: int, times: Sequence[float]) -> bool:
     return scaled_equations.is_smooth(part) and regular_point.is_regular(part, held, times)
 
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lagcli.analysis.codimension import manifold
-from lagcli.analysis.codimension.scaled_equations import Part
+from lagcli.analysis.codimension.scaled_equations import ScaledPart
 
 
-def is_regular(part: Part, rank: int, times: Sequence[float]) -> bool:
+def is_regular(part: ScaledPart, rank: int, times: Sequence[float]) -> bool:
     """Whether rows of this rank at their begin cut out a surface of that codimension, and do so at other times."""
     t = part.state.t
     if not part.coordinates:  # 0 = 0, the empty component of a vector equation

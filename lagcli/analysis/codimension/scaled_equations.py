@@ -44,7 +44,7 @@ class Equations(Protocol):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class ScaledPart:
     """Rows of f by their numbers, over the coordinates they hold; x = (q - begin) / unit, F = f / weight.
 
     unit (m,) of each coordinate, weight (k,) of each row.
@@ -76,7 +76,7 @@ class Part:
         q[self.coordinates] += self.unit * z
         return q
 
-    def moved(self, z: Floats, t: float) -> Part:
+    def moved(self, z: Floats, t: float) -> ScaledPart:
         """The same about another point."""
         return dataclasses.replace(self, state=dataclasses.replace(self.state, q=self.place(z), t=t))
 
@@ -114,7 +114,7 @@ class _Second:
         return np.sqrt(np.bincount(self.row, scaled**2, minlength=self.shape[0]))
 
 
-def _second(plain: Part) -> _Second:
+def _second(plain: ScaledPart) -> _Second:
     k, m = len(plain.rows), len(plain.coordinates)
     places, sizes = [], []
     for row, chosen in enumerate(np.eye(k)):
@@ -126,12 +126,12 @@ def _second(plain: Part) -> _Second:
     return _Second(row, one, other, np.concatenate(sizes), (k, m))
 
 
-def part(system: System, numeric: NumericSystem, state: State, rows: Indices) -> Part:
+def part(system: System, numeric: NumericSystem, state: State, rows: Indices) -> ScaledPart:
     """The part of some rows at a state."""
     sparse = numeric.whole(state.t, state.q, state.p)[1][rows, :]
     coordinates = sorted(set(sparse.sparsity().get_col()))
     B = np.array(sparse[:, coordinates])
-    plain = Part(numeric, state, rows, coordinates, np.ones(len(coordinates)), np.ones(len(rows)))
+    plain = ScaledPart(numeric, state, rows, coordinates, np.ones(len(coordinates)), np.ones(len(rows)))
     second = _second(plain)
     unit = _units(system, state, coordinates, B, second)
     steep, bent = np.linalg.norm(B * unit, axis=1), second.norms(unit)
@@ -144,7 +144,7 @@ def part(system: System, numeric: NumericSystem, state: State, rows: Indices) ->
     return dataclasses.replace(plain, unit=unit * radius, weight=np.where(weight > 0, weight, 1.0))
 
 
-def is_smooth(part: Part) -> bool:
+def is_smooth(part: ScaledPart) -> bool:
     """Whether the gradient of f changes near the state as second derivatives say: that of |x| jumps."""
     if not part.coordinates:
         return True

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.codimension import definite, manifold
-from lagcli.analysis.codimension.scaled_equations import Part
+from lagcli.analysis.codimension.scaled_equations import ScaledPart
 from lagcli.linear import rank as rank_limits
 
 Floats = npt.NDArray[np.float64]
@@ -39,7 +39,7 @@ BALANCED = 1e-13
 class Deflated:
     """G(z), z = (x, w) in scaled coordinates (m + k,), about a stress; `stresses` W (k, d)."""
 
-    part: Part
+    part: ScaledPart
     stress: Floats
     stresses: Floats
 
@@ -64,7 +64,7 @@ class Deflated:
         return self.part.rounding
 
 
-def dimension(part: Part, rank: int, times: Sequence[float]) -> int | None:
+def dimension(part: ScaledPart, rank: int, times: Sequence[float]) -> int | None:
     """The dimension of f = 0 at the begin of the part, whose rows have this rank there, or None if not proved."""
     t = part.state.t
     _, B = part.at(part.begin, t)
@@ -94,7 +94,7 @@ def _shift(found: manifold.Manifold, deflated: Deflated, t: float) -> float:
     return float(np.abs((there - begin)[: len(deflated.part.coordinates)]).max(initial=0.0))
 
 
-def _held(part: Part, stresses: Floats, tangent: Floats) -> tuple[Floats, int] | None:
+def _held(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[Floats, int] | None:
     """A stress whose second derivatives are positive on ker B but for a kernel, and the dimension of that, or None.
 
     The kernel is the one that all stresses have in common: along Y stresses go on, and all vanish.

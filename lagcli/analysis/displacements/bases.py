@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric, NotDefiniteError
-from lagcli.linear.metric_rows import Rows
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
 
@@ -56,7 +56,7 @@ def bases(numeric: NumericSystem, state: State) -> Bases:
     virtual = np.array([metric.unwhitened(z) for z in whole[len(right) :]]).reshape(-1, state.q.size).T
     b = np.array(b).ravel()
     allowed = rows.correction(b) if rows.count and b.any() else np.zeros(state.q.size)
-    plain = Rows(B)
+    plain = LocalRows(B)
     lengths = np.linalg.norm(virtual, axis=0)
     residual = max(
         (
@@ -80,7 +80,7 @@ def bases(numeric: NumericSystem, state: State) -> Bases:
 
 
 def _metric(numeric: NumericSystem, state: State) -> tuple[Metric, str]:
-    """The metric of `walk.rows`, and its name."""
+    """The metric of `sample_points.rows`, and its name."""
     try:
         return Metric(numeric.inertia(state.t, state.q, state.v, state.p)), "mass"
     except NotDefiniteError:

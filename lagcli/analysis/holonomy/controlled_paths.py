@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.holonomy.local_system import Part
+from lagcli.analysis.holonomy.local_system import LocalPart
 from lagcli.compiled import paths
 from lagcli.simulation import dop853_tableau
 
@@ -25,15 +25,15 @@ SHARED = 50  # paths among which common beginnings are looked for
 SCHEME = (dop853_tableau.A[: dop853_tableau.STAGES], dop853_tableau.B)
 
 
-class Frame(Protocol):
+class ControlledFrame(Protocol):
     """Fields that span the kernel of A."""
 
     @property
-    def part(self) -> Part:
+    def part(self) -> LocalPart:
         """Whose rows are kept."""
 
     @property
-    def steps(self) -> paths.Steps:
+    def steps(self) -> paths.PathSteps:
         """Steps along the fields of the part."""
 
     @property
@@ -49,19 +49,19 @@ class Axes:
     a loop is one that a person can draw.
     """
 
-    part: Part
+    part: LocalPart
     chosen: Numbers
     led: Numbers
     free: Numbers
 
     @cached_property
-    def steps(self) -> paths.Steps:
+    def steps(self) -> paths.PathSteps:
         """As `Frame`."""
         part = self.part
 
-        def build() -> paths.Steps:
+        def build() -> paths.PathSteps:
             z, A = part.expressions
-            return paths.Steps(paths.axes(z, A[self.chosen.tolist(), :], self.led, self.free), SCHEME)
+            return paths.PathSteps(paths.axes(z, A[self.chosen.tolist(), :], self.led, self.free), SCHEME)
 
         return part.once((*self.chosen, -1, *self.led, -1, *self.free), build)
 
@@ -78,13 +78,13 @@ class Projected:
     dq = E u - B^T (B B^T)^-1 (B E u + b dt).
     """
 
-    part: Part
+    part: LocalPart
     directions: Floats
 
     @cached_property
-    def steps(self) -> paths.Steps:
+    def steps(self) -> paths.PathSteps:
         """As `Frame`; U (N, m + 1)."""
-        return self.part.once((), lambda: paths.Steps(paths.projected(*self.part.expressions), SCHEME))
+        return self.part.once((), lambda: paths.PathSteps(paths.projected(*self.part.expressions), SCHEME))
 
     @cached_property
     def controls(self) -> Floats:
@@ -95,13 +95,13 @@ class Projected:
         return found
 
 
-def velocity(frame: Frame, Z: Floats, U: Floats) -> Floats:
+def velocity(frame: ControlledFrame, Z: Floats, U: Floats) -> Floats:
     """X(z) u (N, k + 1) for points Z (N, k + 1) and controls U (N, m); not finite at a pole."""
     frame.part.wait()
     return frame.steps.rate(Z, U @ frame.controls.T)
 
 
-def ends(frame: Frame, start: Floats, controls: Floats, steps: int) -> Floats:
+def ends(frame: ControlledFrame, start: Floats, controls: Floats, steps: int) -> Floats:
     """Where paths end, (N, k + 1): controls (N, S, m), `steps` in each segment, start (k + 1,) or (N, k + 1)."""
     Z = np.broadcast_to(start, (len(controls), start.shape[-1])).copy()
     is_shared = start.ndim == 1
@@ -122,7 +122,9 @@ def ends(frame: Frame, start: Floats, controls: Floats, steps: int) -> Floats:
     return Z
 
 
-def turned(frame: Frame, start: Floats, controls: Floats, basis: Floats, steps: int) -> tuple[Floats, Floats]:
+def turned(
+    frame: ControlledFrame, start: Floats, controls: Floats, basis: Floats, steps: int
+) -> tuple[Floats, Floats]:
     """Where paths from start (k + 1,) end, (N, k + 1), and the derivatives by lengths x, (N, k + 1, q).
 
     controls (N, S, m) change with x by basis (S, m, q).
@@ -139,7 +141,7 @@ def turned(frame: Frame, start: Floats, controls: Floats, basis: Floats, steps: 
     return Z, D
 
 
-def knots(frame: Frame, start: Floats, controls: Floats, steps: int) -> Floats:
+def knots(frame: ControlledFrame, start: Floats, controls: Floats, steps: int) -> Floats:
     """The points of one path, (S steps + 1, k + 1): controls (S, m)."""
     points = [start]
     with np.errstate(all="ignore"):

@@ -30,12 +30,12 @@ SAMPLES, SEED = 5, 1909
 TURNED, STEEPEST = 1e-6, 1e5  # of a difference quotient; units between 1 / STEEPEST and STEEPEST
 
 
-class TimeUpError(Exception):
+class LoopTimeUpError(Exception):
     """The time for a search is over."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Part:
+class LocalPart:
     """`rows` (c,) and `coordinates` (k,) are numbers in the whole system; `row` is the one in question, in `rows`.
 
     After `deadline` (monotonic clock, s) it answers with `TimeUpError`.
@@ -103,7 +103,7 @@ class Part:
     def wait(self) -> None:
         """Raises `TimeUpError` after the deadline."""
         if time.monotonic() > self.deadline:
-            raise TimeUpError
+            raise LoopTimeUpError
 
     @cached_property
     def expressions(self) -> tuple[Any, Any]:
@@ -111,14 +111,14 @@ class Part:
         held = paths.Held(self.state.q, self.state.v, self.state.p, self.scale)
         return paths.rows(self.system, self.rows, self.coordinates, held)
 
-    def once(self, key: tuple[int, ...], build: Callable[[], paths.Steps]) -> paths.Steps:
+    def once(self, key: tuple[int, ...], build: Callable[[], paths.PathSteps]) -> paths.PathSteps:
         """Steps built when they are first asked for."""
         if key not in self._built:
             self._built[key] = build()
         return self._built[key]
 
     @cached_property
-    def _built(self) -> dict[tuple[int, ...], paths.Steps]:
+    def _built(self) -> dict[tuple[int, ...], paths.PathSteps]:
         return {}
 
     def residual(self, Z: Floats) -> float:
@@ -174,7 +174,7 @@ class Part:
 
 def around(
     system: System, numeric: NumericSystem, state: State, row: int, deadline: float = math.inf
-) -> list[Part]:
+) -> list[LocalPart]:
     """Parts that hold one row of the system, each larger than the one before, up to a size."""
     differentials = _pairs(numeric.rows.sparsity_out(0), system.rows.B.shape[0])
     coefficients = _pairs(numeric.rows.jac_sparsity(0, 1), system.rows.B.shape[0])
@@ -183,12 +183,12 @@ def around(
     n = system.symbols.q.numel()
     coordinates = np.zeros(n, dtype=bool)
     coordinates[touching[touching[:, 0] == row, 1]] = True
-    found: list[Part] = []
+    found: list[LocalPart] = []
     while True:
         # A row whose coefficients alone change with what moves still holds where its own coordinates rest.
         rows = np.unique(differentials[coordinates[differentials[:, 1]], 0])
         here = np.flatnonzero(coordinates)
-        found.append(Part(system, numeric, state, int(np.searchsorted(rows, row)), rows, here, deadline))
+        found.append(LocalPart(system, numeric, state, int(np.searchsorted(rows, row)), rows, here, deadline))
         wider = coordinates.copy()
         wider[touching[np.isin(touching[:, 0], rows), 1]] = True
         if (wider == coordinates).all() or len(here) > LARGEST:

@@ -45,13 +45,13 @@ class Goal:
 
 
 @dataclasses.dataclass(frozen=True)
-class Words:
+class LoopWords:
     """Paths of one kind: `basis` (S, m, q) makes controls of the lengths x (q,); `fixed` (S, m) is added.
 
     `rest`: the controls of the path they are compared with, or None for closed loops.
     """
 
-    frame: controlled_paths.Frame
+    frame: controlled_paths.ControlledFrame
     basis: Floats
     fixed: Floats
     rest: Floats | None = None
@@ -73,8 +73,8 @@ class Words:
 
 
 def loops(
-    frame: controlled_paths.Frame, m: int, pair: tuple[int, int], units: Floats, extra: int
-) -> tuple[Words, Floats]:
+    frame: controlled_paths.ControlledFrame, m: int, pair: tuple[int, int], units: Floats, extra: int
+) -> tuple[LoopWords, Floats]:
     """Words a b a b ... in two of m free coordinates, with trial lengths (N, q), for `extra` conditions."""
     letters = (2 + extra) * 2 + 1
     first, second = pair
@@ -96,12 +96,12 @@ def loops(
         values = [(0.0, *HALVES), *[(*HALVES, 4.0, -4.0)] * (count_a - 2)]
         others = [(1.0,), *[(0.0, *HALVES)] * (count_b - 2)]
         grid = np.array(list(itertools.product(*values, *others)))
-    return Words(frame, basis, np.zeros((letters, m))), grid * scale
+    return LoopWords(frame, basis, np.zeros((letters, m))), grid * scale
 
 
 def journeys(
-    frame: controlled_paths.Frame, m: int, axis: int, units: Floats, extra: int
-) -> tuple[Words, Floats]:
+    frame: controlled_paths.ControlledFrame, m: int, axis: int, units: Floats, extra: int
+) -> tuple[LoopWords, Floats]:
     """Words in time: one free coordinate forth and back, the last of the m controls being dt."""
     letters = 2 + 2 * extra
     basis = np.zeros((letters, m, letters - 1))
@@ -114,12 +114,12 @@ def journeys(
     else:
         values = [HALVES, *[(0.0, *HALVES)] * (letters - 2)]
         grid = np.array(list(itertools.product(*values)))
-    return Words(frame, basis, fixed, fixed), grid * units[axis]
+    return LoopWords(frame, basis, fixed, fixed), grid * units[axis]
 
 
 def free_paths(
     frame: controlled_paths.Projected, size: float, timed: bool, segments: int
-) -> tuple[Words, Floats]:
+) -> tuple[LoopWords, Floats]:
     """Paths of any shape: random controls (N, q) in some segments, to be solved for."""
     m = frame.directions.shape[1]
     random = np.random.default_rng(segments)
@@ -129,10 +129,10 @@ def free_paths(
     fixed = np.zeros((segments, m + 1))
     fixed[:, -1] = size if timed else 0.0
     lengths = size * random.standard_normal((STARTS, count)) / np.sqrt(m)
-    return Words(frame, basis, fixed, fixed if timed else None), lengths
+    return LoopWords(frame, basis, fixed, fixed if timed else None), lengths
 
 
-def solved(words: Words, goal: Goal, X: Floats, varied: Flags, enough: int | None = None) -> Floats:
+def solved(words: LoopWords, goal: Goal, X: Floats, varied: Flags, enough: int | None = None) -> Floats:
     """Lengths (K, q), K <= M, of paths that close, by Gauss-Newton from X (M, q) on the lengths `varied` (M, q).
 
     Rough paths with their derivatives come near, then those derivatives serve fine paths. Starts that do not
@@ -163,7 +163,7 @@ def solved(words: Words, goal: Goal, X: Floats, varied: Flags, enough: int | Non
     return _polished(words, goal, near)
 
 
-def _polished(words: Words, goal: Goal, near: list[tuple[Floats, Floats]]) -> Floats:
+def _polished(words: LoopWords, goal: Goal, near: list[tuple[Floats, Floats]]) -> Floats:
     """Lengths of fine paths that close, from those of rough ones with the inverse of their derivatives (q, e)."""
     done: list[Floats] = []
     if not near:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from numpy.linalg import LinAlgError
 
 from lagcli.analysis.holonomy import controlled_paths
-from lagcli.analysis.holonomy.local_system import Part
+from lagcli.analysis.holonomy.local_system import LocalPart
 
 Floats = npt.NDArray[np.float64]
 
@@ -25,7 +25,7 @@ NUDGE, SURE, SEEN = 1e-4, 1e-6, 1e-5  # of a difference quotient; its error is N
 
 
 @dataclasses.dataclass(frozen=True)
-class Orbit:
+class PathOrbit:
     """`tangent` (k + 1, a): an orthonormal basis; `kernel` (k, m): directions of the rows with t held.
 
     `timed`: paths in time; otherwise t is held. `is_explored`: most random paths came back, so that a smaller
@@ -47,7 +47,7 @@ class Orbit:
         return np.asarray(np.where(np.abs(found) < SEEN, 0.0, found))
 
 
-def through(part: Part, point: Floats, size: float, timed: bool) -> Orbit | None:
+def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrbit | None:
     """The orbit of a point (k + 1,), explored over the distance `size`; None where the rows are not finite."""
     kernel = _kernel(part, point)
     if kernel is None:
@@ -65,10 +65,10 @@ def through(part: Part, point: Floats, size: float, timed: bool) -> Orbit | None
     vectors = vectors[:, (lengths > 1e-9) & (lengths < 1e6)]
     left, sigma, _ = np.linalg.svd(vectors / np.linalg.norm(vectors, axis=0), full_matrices=False)
     rank = int((sigma > SEEN * sigma.max(initial=0.0)).sum())
-    return Orbit(left[:, :rank], kernel, timed, is_explored)
+    return PathOrbit(left[:, :rank], kernel, timed, is_explored)
 
 
-def is_singular(part: Part, point: Floats) -> bool:
+def is_singular(part: LocalPart, point: Floats) -> bool:
     """Whether the rows are dependent at a point (k + 1,) and not beside it on their surface, or not finite.
 
     Such a point, a chain drawn straight between two ends, has directions of the rows that no path takes.
@@ -84,7 +84,7 @@ def is_singular(part: Part, point: Floats) -> bool:
     return any(other is not None and other.shape[1] < kernel.shape[1] for other in kernels)
 
 
-def _kernel(part: Part, point: Floats) -> Floats | None:
+def _kernel(part: LocalPart, point: Floats) -> Floats | None:
     """An orthonormal basis (k, m) of the displacements with t held; None where the rows are not finite."""
     B = part.forms(point[None])[0][:, :-1]
     if not np.isfinite(B).all():

@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.holonomy import controlled_paths, loop_words, path_orbit
-from lagcli.analysis.holonomy.local_system import LARGEST, Part, TimeUpError, around
-from lagcli.analysis.holonomy.loop_words import Goal, Words
-from lagcli.analysis.holonomy.path_orbit import Orbit
+from lagcli.analysis.holonomy.local_system import LARGEST, LocalPart, LoopTimeUpError, around
+from lagcli.analysis.holonomy.loop_words import Goal, LoopWords
+from lagcli.analysis.holonomy.path_orbit import PathOrbit
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.start import assembly, initial, projection
@@ -125,7 +125,7 @@ def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> W
             if found is not None:
                 is_bent = state is not declared
                 return dataclasses.replace(found, is_shifted=shift > 0 or is_bent, is_bent=is_bent)
-    except TimeUpError:
+    except LoopTimeUpError:
         pass
     return None
 
@@ -169,7 +169,7 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
         return None
 
 
-def _found(parts: list[Part], is_whole: bool, shift: int) -> Witness | None:
+def _found(parts: list[LocalPart], is_whole: bool, shift: int) -> Witness | None:
     """The first witness, in few parts at a time, the smaller ones first."""
     for first in range(0, len(parts), TOGETHER):
         group = parts[first : first + TOGETHER]
@@ -178,11 +178,11 @@ def _found(parts: list[Part], is_whole: bool, shift: int) -> Witness | None:
         # far from one come last: few systems need them.
         usual, far = SIZES[:USUAL], SIZES[USUAL:]
         stages = (
-            (_Search.closing, usual),
-            (_Search.solved, usual),
-            (_Search.shaped, usual),
-            (_Search.freely, usual[:2]),
-            (_Search.closing, far),
+            (_WitnessSearch.closing, usual),
+            (_WitnessSearch.solved, usual),
+            (_WitnessSearch.shaped, usual),
+            (_WitnessSearch.freely, usual[:2]),
+            (_WitnessSearch.closing, far),
         )
         for stage, sizes in stages:
             for search in searches:
@@ -192,24 +192,24 @@ def _found(parts: list[Part], is_whole: bool, shift: int) -> Witness | None:
     return None
 
 
-def _searches(parts: list[Part], shift: int, is_whole: bool) -> Iterator[_Search]:
+def _searches(parts: list[LocalPart], shift: int, is_whole: bool) -> Iterator[_WitnessSearch]:
     if shift == 0:
         parts = [part for part in parts if not path_orbit.is_singular(part, part.start)]
-    orbits: dict[tuple[int, bool, bytes], Orbit] = {}
+    orbits: dict[tuple[int, bool, bytes], PathOrbit] = {}
     for size, (part, timed) in itertools.product(SIZES, _kinds(parts, is_whole)):
         base = _base(part, size, shift)
         if base is not None:
-            yield _Search(part, base, size, timed, orbits)
+            yield _WitnessSearch(part, base, size, timed, orbits)
 
 
-def _kinds(parts: list[Part], is_whole: bool) -> Iterator[tuple[Part, bool]]:
+def _kinds(parts: list[LocalPart], is_whole: bool) -> Iterator[tuple[LocalPart, bool]]:
     """Closed loops first; in time all rows must be kept, so that only a part with all that matters serves."""
     yield from ((part, False) for part in parts)
     if parts and is_whole and _knows_time(parts[-1]):
         yield parts[-1], True
 
 
-def _knows_time(part: Part) -> bool:
+def _knows_time(part: LocalPart) -> bool:
     """Whether t or dt stands in the rows of a part."""
     random = np.random.default_rng(SEED)
     Z = part.start + 0.1 * random.standard_normal((3, part.k + 1))
@@ -218,7 +218,7 @@ def _knows_time(part: Part) -> bool:
     return bool(A[:, :, -1].any() or (part.forms(later) != A).any())
 
 
-def _base(part: Part, size: float, shift: int) -> Floats | None:
+def _base(part: LocalPart, size: float, shift: int) -> Floats | None:
     """The start, or a point beside it that satisfies the holonomic rows too."""
     start = part.start
     if shift == 0:
@@ -246,14 +246,14 @@ class _Aim:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Search:
+class _WitnessSearch:
     """The search from one base, at one size, with t held or not."""
 
-    part: Part
+    part: LocalPart
     base: Floats
     size: float
     timed: bool
-    orbits: dict[tuple[int, bool, bytes], Orbit]
+    orbits: dict[tuple[int, bool, bytes], PathOrbit]
 
     def closing(self) -> Witness | None:
         """A word of moves along axes, of round lengths."""
@@ -280,7 +280,7 @@ class _Search:
         return None
 
     @cached_property
-    def _orbit(self) -> Orbit | None:
+    def _orbit(self) -> PathOrbit | None:
         key = (self.part.k, self.timed, self.base.tobytes())
         if key not in self.orbits:
             found = path_orbit.through(self.part, self.base, self.size, self.timed)
@@ -312,7 +312,7 @@ class _Search:
         form = self.part.forms(z[None])[0, self.part.row]
         return np.asarray(form / (np.linalg.norm(form) or 1.0))
 
-    def _aims(self, found: Orbit, along: int, free: Numbers) -> Iterator[_Aim]:
+    def _aims(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[_Aim]:
         """Which coordinates to close besides the free ones; those with the fewest that follow first."""
         missing = found.tangent.shape[1] - free.size - 1
         others = [i for i in range(self.part.k) if i != along and i not in free]
@@ -344,7 +344,7 @@ class _Search:
                     tries = [loop_words.loops(axes, m, pair, units[axes.free], extra) for pair in pairs]
                 yield from (_Trial(self, aim, words, grid) for words, grid in tries)
 
-    def _frames(self, found: Orbit, along: int) -> list[controlled_paths.Axes]:
+    def _frames(self, found: PathOrbit, along: int) -> list[controlled_paths.Axes]:
         """Choices of free coordinates, `along` being led; those that steer best first."""
         part = self.part
         frame = controlled_paths.Projected(part, found.kernel)
@@ -389,7 +389,7 @@ class _Search:
         for aim, segments in itertools.product(self._any_aims(found, along, free), SEGMENTS):
             yield _Trial(self, aim, *loop_words.free_paths(frame, self.size, self.timed, segments))
 
-    def _any_aims(self, found: Orbit, along: int, free: Numbers) -> Iterator[_Aim]:
+    def _any_aims(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[_Aim]:
         """As `_aims`, and where those are too many the coordinates that tell the orbit's points apart best."""
         if math.comb(self.part.k - 1, max(0, found.tangent.shape[1] - free.size - 1)) <= COMBINATIONS:
             yield from self._aims(found, along, free)
@@ -401,7 +401,7 @@ class _Search:
             follow = [i for i in np.flatnonzero(lift[:, -1]) if i != along]
             yield _Aim(along, closed, np.array(follow, dtype=np.int64))
 
-    def proved(self, words: Words, x: Floats, aim: _Aim, is_drawn: bool) -> Witness | None:
+    def proved(self, words: LoopWords, x: Floats, aim: _Aim, is_drawn: bool) -> Witness | None:
         """The path integrated ever finer until its end stands, and everything about it measured; None if not so."""
         controls = words.controls(x[None])[0]
         paths = [controls[np.abs(controls).max(axis=1) > NOTHING * self.size]]
@@ -460,9 +460,9 @@ class _Search:
 class _Trial:
     """Words of one kind with trial lengths (N, q), for one aim."""
 
-    search: _Search
+    search: _WitnessSearch
     aim: _Aim
-    words: Words
+    words: LoopWords
     lengths: Floats
 
     @property
@@ -538,7 +538,9 @@ class _Trial:
         return None
 
 
-def _laid(frame: controlled_paths.Frame, base: Floats, controls: Floats) -> tuple[Floats, Floats] | None:
+def _laid(
+    frame: controlled_paths.ControlledFrame, base: Floats, controls: Floats
+) -> tuple[Floats, Floats] | None:
     """Points of a path and the error of its end (k + 1,), from steps halved until nothing changes."""
     steps = SHOWN // 2
     points = controlled_paths.knots(frame, base, controls, steps)
@@ -556,7 +558,7 @@ def _laid(frame: controlled_paths.Frame, base: Floats, controls: Floats) -> tupl
     return points, changed
 
 
-def _row_residual(frame: controlled_paths.Frame, points: Floats, controls: Floats) -> float:
+def _row_residual(frame: controlled_paths.ControlledFrame, points: Floats, controls: Floats) -> float:
     """The largest |A_i dz| / (|A_i| |dz|) over rows and points."""
     steps = (len(points) - 1) // len(controls)
     before, U = points[:-1], np.repeat(controls, steps, axis=0)
@@ -568,11 +570,11 @@ def _row_residual(frame: controlled_paths.Frame, points: Floats, controls: Float
     return float(found.max(initial=0.0))
 
 
-def _free_names(frame: controlled_paths.Frame, names: tuple[str, ...]) -> tuple[str, ...]:
+def _free_names(frame: controlled_paths.ControlledFrame, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(names[i] for i in frame.free) if isinstance(frame, controlled_paths.Axes) else ()
 
 
-def _effort(words: Words, x: Floats, amount: float, size: float) -> tuple[float, ...]:
+def _effort(words: LoopWords, x: Floats, amount: float, size: float) -> tuple[float, ...]:
     """How hard a word is to redo by hand: its moves, an amount that is not round, lengths, an unclear amount."""
     controls = words.controls(x[None])[0]
     count = int((np.abs(controls).max(axis=1) > 0).sum())

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.numeric_flag import multiprecision, precise_brackets, undecided
-from lagcli.analysis.numeric_flag.evaluation_point import OFF, Place
+from lagcli.analysis.numeric_flag.evaluation_point import OFF, EvaluationPoint
 from lagcli.analysis.numeric_flag.precise_brackets import Exact
-from lagcli.analysis.numeric_flag.span import Limits, Sample, Span
+from lagcli.analysis.numeric_flag.span import DigitSample, Limits, Span
 from lagcli.compiled import kernel_fields, lie_brackets
 from lagcli.compiled.lie_brackets import LEAF, Shape
 
@@ -32,13 +32,15 @@ SLOW = 5.0
 SEED = 20062
 
 
-class Values:
+class BracketValues:
     """Random values of brackets on the independent differential rows of a place.
 
-    is_spelled: as in `Exact`. limits: other ones than those of the digits. Raises `doubt.Undecided`.
+    is_spelled: as in `Exact`. limits: other ones than those of the digits. Raises `undecided.Undecided`.
     """
 
-    def __init__(self, place: Place, deadline: float, is_spelled: bool, limits: Limits | None = None) -> None:
+    def __init__(
+        self, place: EvaluationPoint, deadline: float, is_spelled: bool, limits: Limits | None = None
+    ) -> None:
         if place.all.low != len(place.independent):
             raise undecided.Undecided("which of so many rows depend on others is not known")
         self.place, self._deadline, self._is_spelled = place, deadline, is_spelled
@@ -54,17 +56,17 @@ class Values:
         )
         self._limits = _beyond(limits or usual, OFF * place.error)
 
-    def at(self, place: Place, limits: Limits) -> Values:
+    def at(self, place: EvaluationPoint, limits: Limits) -> BracketValues:
         """The same at another place."""
-        return Values(place, self._deadline, self._is_spelled, limits)
+        return BracketValues(place, self._deadline, self._is_spelled, limits)
 
     def span(self) -> Span:
         """An empty span for them."""
         return Span(self.count, self._limits)
 
-    def extend(self, span: Span, shape: Shape, end: int) -> list[Sample]:
+    def extend(self, span: Span, shape: Shape, end: int) -> list[DigitSample]:
         """Random brackets of a shape into a span, until one brings nothing new or the rank is `end`."""
-        added: list[Sample] = []
+        added: list[DigitSample] = []
         while span.rank < end:
             undecided.require_time(self._deadline)
             work = _work(shape)
@@ -78,7 +80,7 @@ class Values:
             added.append(sample)
         return added
 
-    def _sample(self, shape: Shape) -> Sample:
+    def _sample(self, shape: Shape) -> DigitSample:
         U = self._random.integers(-LETTERS, LETTERS, (self.place.block.size, lie_brackets.leaves(shape)))
         if self.exact is None:
             return self._rough(shape, U / LETTERS * self.place.sizes[:, None])
@@ -88,7 +90,7 @@ class Values:
     def _brackets(self) -> lie_brackets.Brackets:
         return lie_brackets.Brackets(self.place.block, self.place.independent)
 
-    def _rough(self, shape: Shape, U: Floats) -> Sample:
+    def _rough(self, shape: Shape, U: Floats) -> DigitSample:
         """The same in doubles: at x moved by rounding the size is seen, but where all is rounding."""
         place, function = self.place, self._brackets.values(shape)
         aside = place.x + NUDGE * place.sizes * self._random.standard_normal(place.x.size)
@@ -98,7 +100,7 @@ class Values:
         sizes = np.maximum(np.maximum(np.abs(here), np.abs(there - here) / NUDGE), terms)
         if not np.isfinite(sizes).all():
             raise undecided.Undecided("a bracket is not finite")
-        return Sample([Decimal(a) for a in here.tolist()], [Decimal(a) for a in sizes.tolist()])
+        return DigitSample([Decimal(a) for a in here.tolist()], [Decimal(a) for a in sizes.tolist()])
 
 
 def _beyond(limits: Limits, off: float) -> Limits:
@@ -106,7 +108,7 @@ def _beyond(limits: Limits, off: float) -> Limits:
     return Limits(limits.zero, max(limits.sure, Decimal(off)))
 
 
-def in_digits(place: Place, is_spelled: bool) -> Exact | None:
+def in_digits(place: EvaluationPoint, is_spelled: bool) -> Exact | None:
     """The rows in many digits, or None where they are too large for it or a function is not known in them."""
     try:
         return Exact(place, is_spelled)

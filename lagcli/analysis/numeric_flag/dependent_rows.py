@@ -11,7 +11,7 @@ from decimal import Decimal
 import numpy as np
 
 from lagcli.analysis.numeric_flag import span, undecided
-from lagcli.analysis.numeric_flag.evaluation_point import Place
+from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.precise_brackets import Exact
 
 # Constants of the rows are doubles: what is smaller is their rounding.
@@ -22,10 +22,10 @@ SEED = 20063
 NEARLY = "whether rows depend on each other or only nearly do is not certain"
 
 
-def weights(place: Place, exact: Exact | None) -> list[list[Decimal]]:
+def weights(place: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]:
     """The differential rows (m,) at a place as combinations of the independent ones among them.
 
-    What holonomic rows add does not matter. Raises `doubt.Undecided` where a row only nearly depends on others.
+    What holonomic rows add does not matter. Raises `undecided.Undecided` where a row only nearly depends on others.
     """
     kept, s = place.kept, len(place.block.holonomic)
     m = len(place.block.differential)
@@ -47,15 +47,15 @@ def weights(place: Place, exact: Exact | None) -> list[list[Decimal]]:
     return [found[i] for i in range(m)]
 
 
-def _require_dependence(exact: Exact, others: list[int], place: Place) -> None:
-    """Raise `doubt.Undecided` where a row does not vanish on the kernel of the independent ones."""
+def _require_dependence(exact: Exact, others: list[int], place: EvaluationPoint) -> None:
+    """Raise `undecided.Undecided` where a row does not vanish on the kernel of the independent ones."""
     u = np.random.default_rng(SEED).integers(-(10**6), 10**6, place.block.size).tolist()
     along = exact.rows_along(u, [Decimal(0)] * len(place.kept))
     if any(along.relative[i] > ROUNDING for i in others):
         raise undecided.Undecided(NEARLY)
 
 
-def _by_doubles(place: Place, row: int) -> list[Decimal]:
+def _by_doubles(place: EvaluationPoint, row: int) -> list[Decimal]:
     """The weights of a row by least squares."""
     dense, kept = place.rows.dense, len(place.kept)
     lengths = place.rows.lengths

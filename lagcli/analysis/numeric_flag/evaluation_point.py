@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lagcli.analysis.numeric_flag import multiprecision
 from lagcli.analysis.numeric_flag.point_ranks import Ranks
 from lagcli.compiled import program
-from lagcli.compiled.row_block import Block
+from lagcli.compiled.row_block import RowBlock
 
 Floats = npt.NDArray[np.float64]
 
@@ -30,13 +30,13 @@ LOOKED_AT, FEWER = 3, 30
 SEED = 20062
 
 
-class Place(Ranks):
+class EvaluationPoint(Ranks):
     """The rows at one point, and their brackets of two random fields.
 
     error: how far the point may lie off the orbit of the start, in parts of the way to it.
     """
 
-    def __init__(self, block: Block, x: Floats, p: Floats, error: float = 0.0) -> None:
+    def __init__(self, block: RowBlock, x: Floats, p: Floats, error: float = 0.0) -> None:
         super().__init__(block, x, p)
         self.error = error
 

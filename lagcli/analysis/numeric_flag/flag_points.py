@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.numeric_flag import undecided
-from lagcli.analysis.numeric_flag.evaluation_point import Place
-from lagcli.analysis.numeric_flag.reachable import Orbit
-from lagcli.compiled.row_block import Block
+from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
+from lagcli.analysis.numeric_flag.reachable import ReachablePlaces
+from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
 from lagcli.start.initial import State
 
@@ -27,25 +27,25 @@ ON_KINK = 1e-9
 class Points:
     """The start and other points of its orbit, as places of one block; `places` that were met, the start first.
 
-    Raises `doubt.Undecided` where the rows are not finite at the start.
+    Raises `undecided.Undecided` where the rows are not finite at the start.
     """
 
-    def __init__(self, block: Block, system: System, begin: State, deadline: float) -> None:
+    def __init__(self, block: RowBlock, system: System, begin: State, deadline: float) -> None:
         self._block, self._begin, self._system = block, begin, system
-        self.start = Place(block, variables(block, begin), begin.p)
+        self.start = EvaluationPoint(block, variables(block, begin), begin.p)
         if not self.start.is_finite:
             raise undecided.Undecided("the rows are not finite at the start")
         self.places = [self.start]
-        self._orbit = Orbit(block, system.model.simulation.duration or 1.0, deadline)
+        self._orbit = ReachablePlaces(block, system.model.simulation.duration or 1.0, deadline)
 
-    def generic(self) -> Place:
+    def generic(self) -> EvaluationPoint:
         """The place with the highest ranks; among equals the last, which is no special choice of anyone."""
         count = len(self._block.holonomic) + len(self._block.differential)
         if self.start.all.low < count or self.start.first < len(self.start.kept):
             self.walk()
         return max(enumerate(self.places), key=lambda one: (*one[1].ranks, one[1].first, one[0]))[1]
 
-    def walk(self) -> list[Place]:
+    def walk(self) -> list[EvaluationPoint]:
         """The start, and places on its orbit as far as flows lead."""
         count = 1 if self.start.rows.is_large else FLOWS
         while len(self.places) <= count:
@@ -55,7 +55,7 @@ class Points:
             self.places.append(there)
         return self.places
 
-    def state(self, place: Place) -> State:
+    def state(self, place: EvaluationPoint) -> State:
         """The state at a place; coordinates that are none of the block stay where they are."""
         n = len(self._block.columns)
         q = self._begin.q.copy()
@@ -63,7 +63,7 @@ class Points:
         t = float(place.x[n]) if self._block.has_time else self._begin.t
         return dataclasses.replace(self._begin, t=t, q=q)
 
-    def are_on_one_piece(self, place: Place) -> bool:
+    def are_on_one_piece(self, place: EvaluationPoint) -> bool:
         """Whether the start lies on no kink, and a place on the same side of all of them."""
         kinks = self._system.kinks
         if kinks is None:
@@ -75,6 +75,6 @@ class Points:
         return bool(((np.abs(here) > ON_KINK * size) & (np.sign(here) == np.sign(there))).all())
 
 
-def variables(block: Block, point: State) -> Floats:
+def variables(block: RowBlock, point: State) -> Floats:
     """x (N,) of a state."""
     return np.append(point.q[block.columns], [point.t] if block.has_time else [])

@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.numeric_flag import bracket_values, dependent_rows, growth, precise_brackets, undecided
-from lagcli.analysis.numeric_flag.bracket_values import Values
-from lagcli.analysis.numeric_flag.evaluation_point import Place
+from lagcli.analysis.numeric_flag.bracket_values import BracketValues
+from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.flag_answer import NumericFlag
 from lagcli.analysis.numeric_flag.flag_points import Points
 from lagcli.analysis.numeric_flag.growth import Growth
 from lagcli.analysis.numeric_flag.span import Limits, Span
-from lagcli.compiled.row_block import Block
+from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
 from lagcli.start.initial import State
 
@@ -39,7 +39,7 @@ def flag(system: System, begin: State, rows: Sequence[int], deadline: float = ma
     begin: a start on the surface; the flag is that of the motions from it. deadline: a value of `time.monotonic` at
     which the search is given up.
     """
-    block = Block(system, sorted(rows))
+    block = RowBlock(system, sorted(rows))
     nothing = NumericFlag(block.differential, block.has_time)
     try:
         with decimal.localcontext(prec=precise_brackets.DIGITS):
@@ -71,14 +71,14 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
         raise undecided.Undecided("no other point of the surface was found, and the start may be special")
     for is_spelled, limits in ATTEMPTS:
         try:
-            given = Values(generic, deadline, is_spelled, limits)
+            given = BracketValues(generic, deadline, is_spelled, limits)
             return _on_piece(_searched(known, start, given), points, generic)
-        except undecided.NoGap as why:
+        except undecided.AmbiguousRank as why:
             failed = why
     raise failed
 
 
-def _on_piece(found: NumericFlag, points: Points, place: Place) -> NumericFlag:
+def _on_piece(found: NumericFlag, points: Points, place: EvaluationPoint) -> NumericFlag:
     """The flag, with what kinks (abs, sign, min, max) mean for combinations that stay."""
     if not found.is_certain or not found.extra[-1] or not place.block.has_kinks:
         return found
@@ -87,7 +87,7 @@ def _on_piece(found: NumericFlag, points: Points, place: Place) -> NumericFlag:
     return dataclasses.replace(found, on_piece=True)
 
 
-def _open(known: NumericFlag, start: Place, place: Place) -> NumericFlag:
+def _open(known: NumericFlag, start: EvaluationPoint, place: EvaluationPoint) -> NumericFlag:
     """The flag where brackets of two fields, in doubles, certainly show that no combination stays."""
     m = len(place.kept)
     whole = None if place.are_independent else bracket_values.in_digits(place, is_spelled=True)
@@ -102,7 +102,7 @@ def _open(known: NumericFlag, start: Place, place: Place) -> NumericFlag:
     )
 
 
-def _searched(known: NumericFlag, start: Place, given: Values) -> NumericFlag:
+def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) -> NumericFlag:
     """The flag by brackets."""
     place = given.place
     grown = growth.of(given) if place.dimension > 1 else Growth(given.span())
@@ -122,7 +122,7 @@ def _searched(known: NumericFlag, start: Place, given: Values) -> NumericFlag:
             told = dataclasses.replace(told, combinations=_staying(there.span, start))
     try:
         extra, span = growth.derived(given, grown)
-    except undecided.NoGap:
+    except undecided.AmbiguousRank:
         raise
     except undecided.Undecided as why:
         return dataclasses.replace(told, is_certain=False, reason=str(why))
@@ -130,13 +130,13 @@ def _searched(known: NumericFlag, start: Place, given: Values) -> NumericFlag:
     return dataclasses.replace(told, extra=extra, error=error, least=least)
 
 
-def _require_one_branch(place: Place, start: Place) -> None:
-    """Raise `doubt.Undecided` where what holds at a place need not hold elsewhere around the start."""
+def _require_one_branch(place: EvaluationPoint, start: EvaluationPoint) -> None:
+    """Raise `undecided.Undecided` where what holds at a place need not hold elsewhere around the start."""
     if start.surface.low < place.surface.low:
         raise undecided.Undecided("the surface is singular at the start, and its branches may differ")
 
 
-def _at_start(start: Place, grown: Growth, given: Values) -> Growth | None:
+def _at_start(start: EvaluationPoint, grown: Growth, given: BracketValues) -> Growth | None:
     """Brackets at the start, of as many fields, or None where they are not known."""
     try:
         there = growth.of(given.at(start, AT_START), len(grown.levels))
@@ -147,7 +147,7 @@ def _at_start(start: Place, grown: Growth, given: Values) -> Growth | None:
     return there
 
 
-def _staying(span: Span, place: Place) -> Floats:
+def _staying(span: Span, place: EvaluationPoint) -> Floats:
     """The combinations (k, m) of the differential rows that vanish on a span, the largest weight 1."""
     found = np.zeros((span.count - span.rank, len(place.block.differential)))
     for row, weights in zip(found, span.annihilators(), strict=True):

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from lagcli.analysis.numeric_flag.bracket_values import Values
-from lagcli.analysis.numeric_flag.span import Sample, Span
+from lagcli.analysis.numeric_flag.bracket_values import BracketValues
+from lagcli.analysis.numeric_flag.span import DigitSample, Span
 from lagcli.compiled import lie_brackets
 from lagcli.compiled.lie_brackets import LEAF, Shape
 
@@ -18,7 +18,7 @@ class Growth:
     """Brackets [X, [X, ...]]: the span of all, and the samples that each level added."""
 
     span: Span
-    levels: tuple[list[Sample], ...] = ()
+    levels: tuple[list[DigitSample], ...] = ()
 
     @property
     def ranks(self) -> tuple[int, ...]:
@@ -29,9 +29,9 @@ class Growth:
         return tuple(ranks)
 
 
-def of(values: Values, count: int | None = None) -> Growth:
+def of(values: BracketValues, count: int | None = None) -> Growth:
     """Brackets of 2, 3, ... fields until a level brings nothing new, or of so many levels."""
-    span, levels, shape = values.span(), list[list[Sample]](), LEAF
+    span, levels, shape = values.span(), list[list[DigitSample]](), LEAF
     while span.rank < values.count and (count is None or len(levels) < count):
         shape = (LEAF, shape)
         added = values.extend(span, shape, values.count)
@@ -41,7 +41,7 @@ def of(values: Values, count: int | None = None) -> Growth:
     return Growth(span, tuple(levels))
 
 
-def derived(values: Values, growth: Growth) -> tuple[tuple[int, ...], Span]:
+def derived(values: BracketValues, growth: Growth) -> tuple[tuple[int, ...], Span]:
     """The dimensions of I, I', ... to zero or to the first that repeats, and the span that showed them.
 
     They fall by brackets of all fields found so far, until the rank is that of the end.

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import variable_sizes
-from lagcli.compiled.row_block import Block
+from lagcli.compiled.row_block import RowBlock
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
@@ -26,7 +26,7 @@ SEED = 20064
 class Ranks:
     """The rows at one point x (N,): scaled, their ranks, and which of them are independent of those before."""
 
-    def __init__(self, block: Block, x: Floats, p: Floats) -> None:
+    def __init__(self, block: RowBlock, x: Floats, p: Floats) -> None:
         self.block, self.x, self.p = block, x, p
         A, _ = block.rows(x, p)
         self.is_finite = bool(np.isfinite(A.nonzeros()).all())
@@ -85,7 +85,7 @@ class Ranks:
         return u
 
 
-def _without_rounding(block: Block, A: Any, x: Floats, p: Floats) -> Any:
+def _without_rounding(block: RowBlock, A: Any, x: Floats, p: Floats) -> Any:
     """The rows A (s + m, N), with zeros in place of differential ones that are rounding alone."""
     s, row = len(block.holonomic), np.asarray(A.sparsity().row(), dtype=np.intp)
     size = float(np.abs(x).max(initial=0.0)) or 1.0

@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from lagcli.analysis.numeric_flag import multiprecision, undecided
-from lagcli.analysis.numeric_flag.evaluation_point import Place
+from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.multiprecision import Number
-from lagcli.analysis.numeric_flag.span import Sample
+from lagcli.analysis.numeric_flag.span import DigitSample
 from lagcli.compiled import kernel_fields, lie_brackets, program
 from lagcli.compiled.lie_brackets import LEAF, Shape
 from lagcli.compiled.program import Program
@@ -37,10 +37,10 @@ class Exact:
     """The rows at one place as written-out programs.
 
     is_spelled: a parameter 0.1 is a tenth, as it was written, and not the double next to it.
-    Raises `kernel_fields.TooMuchFill`, `digits.Unknown`, and `doubt.Undecided`.
+    Raises `kernel_fields.TooMuchFill`, `multiprecision.Unknown`, and `undecided.Undecided`.
     """
 
-    def __init__(self, place: Place, is_spelled: bool) -> None:
+    def __init__(self, place: EvaluationPoint, is_spelled: bool) -> None:
         if place.rows.is_large:
             raise kernel_fields.TooMuchFill
         block, self._place = place.block, place
@@ -57,12 +57,12 @@ class Exact:
         self._still = [Decimal(0)] * block.size
         self._x = self._refined([self._read(a) for a in place.x.tolist()], surface)
 
-    def bracket(self, shape: Shape, U: list[list[int]]) -> Sample:
+    def bracket(self, shape: Shape, U: list[list[int]]) -> DigitSample:
         """Values on the independent differential rows, of a bracket of fields of scaled components U (leaves, N)."""
         columns = [self._plain(column) for column in U]
         return self._sampled(lambda one: one._value(shape, one._x, columns, 1))
 
-    def rows_along(self, u: list[int], w: list[Decimal]) -> Sample:
+    def rows_along(self, u: list[int], w: list[Decimal]) -> DigitSample:
         """All rows (s + m,) along the field of scaled components u (N,) and of values w."""
         return self._sampled(lambda one: one._rows(self._plain(u), w))
 
@@ -79,18 +79,18 @@ class Exact:
         other._x = [multiprecision.shaken(a) for a in self._x]
         return other
 
-    def _sampled(self, values: Callable[[Exact], list[Decimal]]) -> Sample:
+    def _sampled(self, values: Callable[[Exact], list[Decimal]]) -> DigitSample:
         """Values in many digits, with the sizes that fewer digits and shaken numbers show."""
         exact = values(self)
         others = [
             (values(self._shaken), 1 / multiprecision.SHAKE),
             *_in_contexts(lambda: values(self), CONTEXTS),
         ]
-        sample = Sample(exact, _sizes(exact, others))
+        sample = DigitSample(exact, _sizes(exact, others))
         # Where the coarser one happens to be exact, rounding in other directions is not.
         if any(ZERO < a < SURE for a in sample.relative):
             others += _in_contexts(lambda: values(self), MORE_CONTEXTS)
-            return Sample(exact, _sizes(exact, others))
+            return DigitSample(exact, _sizes(exact, others))
         return sample
 
     def _plain(self, column: list[int]) -> list[Decimal]:

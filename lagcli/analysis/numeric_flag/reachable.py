@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.numeric_flag import undecided
-from lagcli.analysis.numeric_flag.evaluation_point import Place
+from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.compiled import variable_sizes
-from lagcli.compiled.row_block import Block
+from lagcli.compiled.row_block import RowBlock
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
 
@@ -36,14 +36,14 @@ STEPS, CONTRACTS, MET, STALLED = 10, 0.9, 1e-13, 1e-9
 SEED = 20062
 
 
-class Orbit:
+class ReachablePlaces:
     """Places on the way from a start, of one block; duration: of the run, which bounds how far time goes on."""
 
-    def __init__(self, block: Block, duration: float, deadline: float) -> None:
+    def __init__(self, block: RowBlock, duration: float, deadline: float) -> None:
         self._block, self._deadline, self._duration = block, deadline, duration
         self._random = np.random.default_rng(SEED)
 
-    def from_place(self, place: Place) -> Place | None:
+    def from_place(self, place: EvaluationPoint) -> EvaluationPoint | None:
         """The place at the end of a flow along a random field of the kernel of the rows, or None.
 
         Where the rank is lower at the place than beside it the field is one of the rows that are independent there.
@@ -65,23 +65,23 @@ class Orbit:
             return None
         # Time goes on.
         sign = -1.0 if self._block.has_time and first[-1] < 0 else 1.0
-        best = Place(self._block, place.x, place.p, math.inf)
+        best = EvaluationPoint(self._block, place.x, place.p, math.inf)
         for k in range(SHORTER):
             undecided.require_time(self._deadline)
             x, error = _flow(along, place.x, sign * ranges / largest / FACTOR**k)
             there = met(self._block, x, place.p, size) if error <= ROUGHLY and error < best.error else None
             if there is not None and there.is_finite:
-                best = Place(self._block, there.x, place.p, error)
+                best = EvaluationPoint(self._block, there.x, place.p, error)
             if best.error <= CONVERGED:
                 break
         # The rounding of large terms may allow no more.
         return (
-            Place(self._block, best.x, place.p, max(best.error, place.error))
+            EvaluationPoint(self._block, best.x, place.p, max(best.error, place.error))
             if best.error <= ROUGHLY
             else None
         )
 
-    def _ranges(self, place: Place) -> Floats:
+    def _ranges(self, place: EvaluationPoint) -> Floats:
         """How far each variable may go (N,): as far as its kind is large, and angles less than one."""
         n = len(self._block.columns)
         found = np.full(self._block.size, LATER * self._duration)
@@ -140,7 +140,7 @@ def _midpoint(
     return None if slope is None else 0.5 * (here + before + h * scale * slope)
 
 
-def met(block: Block, x: Floats, p: Floats, size: float) -> Place | None:
+def met(block: RowBlock, x: Floats, p: Floats, size: float) -> EvaluationPoint | None:
     """The place on f = 0 that a few Newton steps in the coordinates reach from x, or None; size: that of x."""
     n, s = len(block.columns), len(block.holonomic)
     before = math.inf
@@ -152,7 +152,7 @@ def met(block: Block, x: Floats, p: Floats, size: float) -> Place | None:
         length = float(np.abs(step).max(initial=0.0))
         # Of many rows the last steps end at a rounding of their own.
         if length <= MET * size or before <= length <= STALLED * size:
-            return Place(block, x, p)
+            return EvaluationPoint(block, x, p)
         if not length < before * CONTRACTS:
             return None
         x, before = np.append(x[:n] + step, x[n:]), length

@@ -24,7 +24,7 @@ class Limits:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Sample:
+class DigitSample:
     """Values (m,) of one bracket, and the sizes (m,) of what they are made of."""
 
     values: list[Decimal]
@@ -35,19 +35,19 @@ class Sample:
         """|values| in parts of their sizes."""
         return [abs(a) / size if size else NOTHING for a, size in zip(self.values, self.sizes, strict=True)]
 
-    def without(self, other: Sample, place: int) -> Sample:
+    def without(self, other: DigitSample, place: int) -> DigitSample:
         """The part that is zero at a place, where the other is one."""
         part, size = self.values[place], self.sizes[place]
         mine = zip(self.values, self.sizes, other.values, other.sizes, strict=True)
-        return Sample(
+        return DigitSample(
             [a - part * b for a, b in zip(self.values, other.values, strict=True)],
             [s + abs(part) * t + size * abs(b) for _, s, b, t in mine],
         )
 
-    def over(self, place: int) -> Sample:
+    def over(self, place: int) -> DigitSample:
         """The multiple that is one at a place."""
         pivot, loss = self.values[place], self.relative[place]
-        return Sample(
+        return DigitSample(
             [a / pivot for a in self.values],
             [(size + abs(a) / loss) / abs(pivot) for a, size in zip(self.values, self.sizes, strict=True)],
         )
@@ -62,15 +62,15 @@ class Span:
     def __init__(self, count: int, limits: Limits) -> None:
         self.count, self.limits = count, limits
         self.error, self.least = NOTHING, Decimal("inf")
-        self._vectors: dict[int, Sample] = {}
+        self._vectors: dict[int, DigitSample] = {}
 
     @property
     def rank(self) -> int:
         """The dimension."""
         return len(self._vectors)
 
-    def add(self, sample: Sample) -> bool:
-        """Whether a sample brings something new. Raises `doubt.NoGap`."""
+    def add(self, sample: DigitSample) -> bool:
+        """Whether a sample brings something new. Raises `undecided.AmbiguousRank`."""
         rest = sample
         for place, vector in self._vectors.items():
             rest = rest.without(vector, place)
@@ -84,11 +84,11 @@ class Span:
         return True
 
     def touches(self, weights: Sequence[Decimal]) -> bool:
-        """Whether a combination with weights (m,) is other than zero on the span. Raises `doubt.NoGap`."""
+        """Whether a combination with weights (m,) is other than zero on the span. Raises `undecided.AmbiguousRank`."""
         return any(not self._is_zero(_relative(weights, vector)) for vector in self._vectors.values())
 
     def annihilators(self) -> list[list[Decimal]]:
-        """A basis of the combinations (m,) that vanish on the span. Raises `doubt.NoGap`."""
+        """A basis of the combinations (m,) that vanish on the span. Raises `undecided.AmbiguousRank`."""
         found = []
         for i in range(self.count):
             if i not in self._vectors:
@@ -103,7 +103,7 @@ class Span:
             self.error = max(self.error, relative)
             return True
         if relative < self.limits.sure:
-            raise undecided.NoGap(float(relative))
+            raise undecided.AmbiguousRank(float(relative))
         return False
 
 
@@ -112,7 +112,7 @@ def unit(count: int, i: int) -> list[Decimal]:
     return [Decimal(int(i == j)) for j in range(count)]
 
 
-def _relative(weights: Sequence[Decimal], vector: Sample) -> Decimal:
+def _relative(weights: Sequence[Decimal], vector: DigitSample) -> Decimal:
     """A combination of the values of a vector, in parts of the largest size."""
     size = max((abs(w) * s for w, s in zip(weights, vector.sizes, strict=True)), default=NOTHING)
     value = sum((w * a for w, a in zip(weights, vector.values, strict=True)), NOTHING)

@@ -9,7 +9,7 @@ class Undecided(Exception):
     """The search cannot go on; the text says why."""
 
 
-class NoGap(Undecided):
+class AmbiguousRank(Undecided):
     """A value that counts neither as zero nor as certainly not zero."""
 
     def __init__(self, size: float) -> None:

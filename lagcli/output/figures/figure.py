@@ -89,8 +89,8 @@ def draw(
     rows: NDArray[np.float64],
     *,
     title: str,
-    units: panels.Units,
-    facts: panels.Facts = panels.NOTHING,
+    units: panels.PanelUnits,
+    facts: panels.PanelFacts = panels.NOTHING,
 ) -> None:
     """Draw the multipliers and constraint forces of a run to ``path``: png, svg or pdf.
 
@@ -122,8 +122,8 @@ def compose(
     rows: NDArray[np.float64],
     *,
     title: str,
-    units: panels.Units,
-    facts: panels.Facts = panels.NOTHING,
+    units: panels.PanelUnits,
+    facts: panels.PanelFacts = panels.NOTHING,
 ) -> figure.Figure:
     """The figure that ``draw`` writes; arguments and errors are those of ``draw``."""
     title = labels.shortened(title, labels.TITLE)
@@ -240,7 +240,7 @@ def _high(text: str, size: float) -> float:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class _Block:
+class _FigureBlock:
     """Something as wide as the page; ``draw`` gets the page and the block's distance from its upper edge."""
 
     height: float
@@ -249,17 +249,17 @@ class _Block:
 
 def _text(
     ruler: _Ruler, text: str, size: float, *, weight: str = "normal", gap: float = 0.0, colour: str = _INK
-) -> _Block:
+) -> _FigureBlock:
     """A paragraph with ``gap`` above it."""
     wrapped = ruler.wrap(text, _WIDTH - 2 * _MARGIN, size, weight)
 
     def draw(page: _Page, top: float) -> None:
         page.text(_MARGIN, top + gap, wrapped, size, weight=weight, color=colour)
 
-    return _Block(gap + _high(wrapped, size), draw)
+    return _FigureBlock(gap + _high(wrapped, size), draw)
 
 
-def _band(ruler: _Ruler, band: panels.Band, time: str) -> list[_Block]:
+def _band(ruler: _Ruler, band: panels.Band, time: str) -> list[_FigureBlock]:
     blocks = [_text(ruler, band.heading, 9, weight="bold", gap=0.1)]
     if band.panels:
         labels = [curve.label for curve in band.panels[0].curves]
@@ -275,16 +275,16 @@ def _band(ruler: _Ruler, band: panels.Band, time: str) -> list[_Block]:
     return blocks
 
 
-def _time_label(ruler: _Ruler, time: str) -> _Block:
+def _time_label(ruler: _Ruler, time: str) -> _FigureBlock:
     wrapped = ruler.wrap(time, _WIDTH - 2 * _MARGIN, 8)
 
     def draw(page: _Page, top: float) -> None:
         page.text(_WIDTH / 2, top, wrapped, 8, ha="center")
 
-    return _Block(_high(wrapped, 8), draw)
+    return _FigureBlock(_high(wrapped, 8), draw)
 
 
-def _legend(ruler: _Ruler, labels: Sequence[str]) -> _Block:
+def _legend(ruler: _Ruler, labels: Sequence[str]) -> _FigureBlock:
     """Samples of the lines with their names, from left to right in as many lines as it takes."""
     size, sample, space = 8, 0.32, 0.2
     places: list[tuple[float, float, str]] = []
@@ -304,7 +304,7 @@ def _legend(ruler: _Ruler, labels: Sequence[str]) -> _Block:
             page.line(x, x + sample - 0.07, middle, **_look(place))
             page.text(x + sample, start + y, text, size)
 
-    return _Block(below + 0.04, draw)
+    return _FigureBlock(below + 0.04, draw)
 
 
 def _look(place: int) -> dict[str, Any]:
@@ -315,7 +315,7 @@ def _look(place: int) -> dict[str, Any]:
     }
 
 
-def _grid(ruler: _Ruler, band: panels.Band) -> _Block:
+def _grid(ruler: _Ruler, band: panels.Band) -> _FigureBlock:
     """Small axes side by side, each under its title and with its own scale, all with the same times."""
     count = len(band.panels)
     usual = {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(count, 4 if count <= 12 else 5)
@@ -354,10 +354,10 @@ def _grid(ruler: _Ruler, band: panels.Band) -> _Block:
                 marker = "o" if len(curve.t) == 1 else None
                 plot.plot(curve.t, curve.values, marker=marker, markersize=3, **_look(number))
 
-    return _Block(tops[-1] + 0.14, draw)
+    return _FigureBlock(tops[-1] + 0.14, draw)
 
 
-def _family(ruler: _Ruler, band: panels.Band) -> _Block:
+def _family(ruler: _Ruler, band: panels.Band) -> _FigureBlock:
     """Many curves on common axes, coloured by their order, with names along the bar of colours."""
     (panel,) = band.panels
     count, size = len(panel.curves), 7.0
@@ -401,7 +401,7 @@ def _family(ruler: _Ruler, band: panels.Band) -> _Block:
         bar.get_yticklabels()[-1].set_verticalalignment("bottom")
         bar.spines[:].set_visible(False)
 
-    return _Block(0.06 + high + 0.22, draw)
+    return _FigureBlock(0.06 + high + 0.22, draw)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

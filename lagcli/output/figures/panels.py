@@ -26,7 +26,7 @@ _NOT_UNIQUE = (
 ROUND_OFF = 1e-12
 
 
-class Units(Protocol):
+class PanelUnits(Protocol):
     """Labels of the units of length, mass and time."""
 
     @property
@@ -38,7 +38,7 @@ class Units(Protocol):
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Facts:
+class PanelFacts:
     """What is known of the columns of a run.
 
     indeterminate: constraints of which lambda is not unique, by name; zeros: columns that are zero to rounding and are
@@ -52,7 +52,7 @@ class Facts:
     is_choice: bool = False
 
 
-NOTHING = Facts()
+NOTHING = PanelFacts()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -100,8 +100,8 @@ class _Table:
 def bands(
     columns: Sequence[str],
     rows: NDArray[np.float64],
-    units: Units,
-    facts: Facts = NOTHING,
+    units: PanelUnits,
+    facts: PanelFacts = NOTHING,
 ) -> list[Band]:
     """The bands of the figure of a run, from top to bottom.
 
@@ -154,7 +154,7 @@ def thinned(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([lowest, highest, np.flatnonzero(none), [0, count - 1]]))
 
 
-def force_unit(units: Units, length_power: int = 1) -> str:
+def force_unit(units: PanelUnits, length_power: int = 1) -> str:
     """The label of mass length^p / time^2: a force for ``length_power`` 1, a force times a length for 2.
 
     Newton where the labels are kg, m, s; empty where all labels are empty or "1".
@@ -176,7 +176,7 @@ def with_unit(quantity: str, unit: str) -> str:
     return f"{quantity}  ({unit})" if unit not in ("", "1") else quantity
 
 
-def _multipliers(table: _Table, names: list[str], units: Units, facts: Facts) -> Band:
+def _multipliers(table: _Table, names: list[str], units: PanelUnits, facts: PanelFacts) -> Band:
     heading = "Multipliers λᵢ of the constraints"
     indeterminate = facts.indeterminate
     label = _multiplier_label(names, units, facts)
@@ -196,7 +196,7 @@ def _multipliers(table: _Table, names: list[str], units: Units, facts: Facts) ->
     return Band(heading, label, tuple(Panel(curve.label, (curve,)) for curve in curves), note=note)
 
 
-def _multiplier_label(names: list[str], units: Units, facts: Facts) -> str:
+def _multiplier_label(names: list[str], units: PanelUnits, facts: PanelFacts) -> str:
     """The axis of lambda: of rows that are lengths a force, of others what their equations say."""
     powers = {facts.lengths.get(name.removeprefix("lambda.")) for name in names}
     power = powers.pop() if len(powers) == 1 else None
@@ -206,7 +206,7 @@ def _multiplier_label(names: list[str], units: Units, facts: Facts) -> str:
     return with_unit("λᵢ", f"{unit or '1'} / unit of fᵢ")
 
 
-def _particle_forces(table: _Table, particles: list[str], units: Units) -> Band:
+def _particle_forces(table: _Table, particles: list[str], units: PanelUnits) -> Band:
     heading = "Constraint forces Rₖ on the particles"
     forces = {
         name: np.stack([table.column(f"R.{name}.{axis}") for axis in "xyz"], axis=1) for name in particles
@@ -229,7 +229,7 @@ def _particle_forces(table: _Table, particles: list[str], units: Units) -> Band:
     return Band(heading, with_unit("Rₖ", unit), tuple(panels), note=note)
 
 
-def _coordinate_forces(table: _Table, coordinates: list[str], units: Units) -> Band:
+def _coordinate_forces(table: _Table, coordinates: list[str], units: PanelUnits) -> Band:
     heading = "Generalized constraint forces Qʹⱼ on the coordinates"
     unit = force_unit(units, length_power=2)
     label = with_unit("Qʹⱼ", f"{unit or '1'} / unit of qⱼ")

@@ -36,7 +36,7 @@ class UnreadableTable(ValueError):
     """The file is no table in the format that its ending names, or too large."""
 
 
-class Table(Protocol):
+class ReadTable(Protocol):
     """An open table: the names of its columns, and the columns themselves when they are asked for."""
 
     columns: tuple[str, ...]
@@ -45,14 +45,14 @@ class Table(Protocol):
         """The rows (T, len(names)) of columns; what has no value is nan. Raises `UnreadableTable`, OSError."""
 
 
-def opened(path: str | os.PathLike[str]) -> Table:
+def opened(path: str | os.PathLike[str]) -> ReadTable:
     """A table of which the names are known; nothing else of it is in memory, but of a JSON file.
 
     Raises ``endings.UnknownFormat``, ``MissingExtra``, ``UnreadableTable``, OSError.
     """
     target = Path(path)
     fmt = endings.of(target, endings.TABLES)
-    kinds: dict[str, Callable[[Path], Table]] = {
+    kinds: dict[str, Callable[[Path], ReadTable]] = {
         "csv": _Csv,
         "tsv": _Tsv,
         "json": _Json,

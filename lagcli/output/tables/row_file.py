@@ -27,7 +27,7 @@ class UnfitRows(ValueError):
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Rows:
+class SafeRows:
     """The first rows of a file: how many, and their checksum."""
 
     count: int
@@ -59,9 +59,9 @@ class RowFile:
         except BaseException:
             place.discard()
             raise
-        self._open(path, columns, Rows(0, _begin(columns)))
+        self._open(path, columns, SafeRows(0, _begin(columns)))
 
-    def _open(self, path: Path, columns: Sequence[str], rows: Rows) -> None:
+    def _open(self, path: Path, columns: Sequence[str], rows: SafeRows) -> None:
         self.path, self._columns = path, tuple(columns)
         self._head = len(_header(columns, 0))
         self._count, self._checksum = rows.count, rows.checksum
@@ -69,16 +69,16 @@ class RowFile:
         self._file.truncate(self._end)
 
     @classmethod
-    def going_on(cls, path: Path, columns: Sequence[str], rows: Rows) -> Self:
+    def going_on(cls, path: Path, columns: Sequence[str], rows: SafeRows) -> Self:
         """The file of the run before, after its first ``rows``, which have been read."""
         file = cls.__new__(cls)
         file._open(path, columns, rows)
         return file
 
     @property
-    def rows(self) -> Rows:
+    def rows(self) -> SafeRows:
         """Those that were written."""
-        return Rows(self._count, self._checksum)
+        return SafeRows(self._count, self._checksum)
 
     @property
     def _end(self) -> int:
@@ -113,7 +113,7 @@ class RowFile:
             rest = rest[self._file.write(rest) :]
 
 
-def read(path: Path, columns: Sequence[str], rows: Rows) -> Generator[NDArray[np.float64], None, None]:
+def read(path: Path, columns: Sequence[str], rows: SafeRows) -> Generator[NDArray[np.float64], None, None]:
     """The first rows of a file, in blocks (k, columns).
 
     Raises `UnfitRows`, before the first block where the file has other columns or less rows and after the last where

@@ -43,7 +43,7 @@ def null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[
     all e.
 
     Found by comparing coefficients in the normal form. The last entry of a vector that is not zero is 1.
-    Raises `tower.NoNormalFormError`.
+    Raises `normal_form.NoNormalFormError`.
     """
     kept = _involved(columns, parameters)
     size, vectors = len(columns), _null_vectors([columns[n] for n in kept], parameters)

@@ -341,5 +341,5 @@ def _log_of_primes(e: sympy.Expr) -> sympy.Expr:
 
 
 def elements(tower: Tower, expressions: Sequence[sympy.Expr]) -> list[Any]:
-    """`tower.element` of each expression."""
+    """`normal_form.element` of each expression."""
     return [tower.element(e) for e in expressions]

@@ -23,8 +23,15 @@ from typing import Any
 import sympy
 
 from lagcli.pfaffian.exact import normal_form, real_bounds, time_limit
-from lagcli.pfaffian.flag.function_field import Field, NotDecidedError, Row, Solved, Values, may_vanish
-from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.flag.function_field import (
+    FunctionField,
+    NotDecidedError,
+    Row,
+    SolvedForms,
+    Values,
+    may_vanish,
+)
+from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +52,7 @@ class Flag:
     is a multiple of dt, or empty; special: expressions at whose zeros I' is larger than elsewhere; is_exact: no
     value was proved not zero by its digits at points of the surface alone; exceptional: expressions of the
     parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; held: rank of the df;
-    divisors: as those of `field.Field`; conditions: what combinations of rows demand that are g dt.
+    divisors: as those of `function_field.FunctionField`; conditions: what combinations of rows demand that are g dt.
     """
 
     dims: tuple[int, ...]
@@ -63,16 +70,16 @@ class Flag:
 
 
 def flag(
-    block: Block, deadline: float, time: sympy.Symbol | None = None, values: Values | None = None
+    block: PfaffianBlock, deadline: float, time: sympy.Symbol | None = None, values: Values | None = None
 ) -> Flag:
     """The flag of the block; `time` is the variable of which no multiple may lie in I.
 
     It holds for nearly all values of the parameters, and for those of `values` where some are given: else
-    `field.ExceptionalError` is raised. Raises `field.NotDecidedError` where an entry is neither proved zero nor
-    proved not, at `deadline` (monotonic clock, s) and where expressions grow too large.
+    `function_field.ExceptionalError` is raised. Raises `function_field.NotDecidedError` where an entry is neither
+    proved zero nor proved not, at `deadline` (monotonic clock, s) and where expressions grow too large.
     """
     try:
-        return time_limit.run(deadline, lambda: _Search(block, deadline, time, values or {}).flag())
+        return time_limit.run(deadline, lambda: _FlagSearch(block, deadline, time, values or {}).flag())
     except normal_form.NoNormalFormError as error:
         raise NotDecidedError(str(error)) from error
     except time_limit.TimeUpError as error:
@@ -81,13 +88,15 @@ def flag(
         raise NotDecidedError(f"the algebra failed ({type(error).__name__})") from error
 
 
-class _Search:
+class _FlagSearch:
     """The steps of the flag of one block."""
 
-    def __init__(self, block: Block, deadline: float, time: sympy.Symbol | None, values: Values) -> None:
+    def __init__(
+        self, block: PfaffianBlock, deadline: float, time: sympy.Symbol | None, values: Values
+    ) -> None:
         self._block = block
         self._time = block.variables.index(time) if time in block.variables else -1
-        self._field = Field(block, deadline, values)
+        self._field = FunctionField(block, deadline, values)
         self._whole, self._declared = self._field.rows(self._field.gradients), self._field.rows(block.rows)
 
     def flag(self) -> Flag:
@@ -122,7 +131,7 @@ class _Search:
             divisors=self._field.divisors,
         )
 
-    def _derived(self, here: Solved, first: Solved) -> tuple[Solved, tuple[sympy.Expr, ...]]:
+    def _derived(self, here: SolvedForms, first: SolvedForms) -> tuple[SolvedForms, tuple[sympy.Expr, ...]]:
         """The forms theta of `here` with d theta(X, Y) = 0 for X in ker `first`, Y in ker `here`; and where the values
         have a common zero."""
         C = here.count
@@ -148,14 +157,14 @@ class _Search:
         ]
         return self._field.solved(kept, self._time), self._common(values, solved.count)
 
-    def _pairs(self, here: Solved, first: Solved) -> list[tuple[Row, Row]]:
+    def _pairs(self, here: SolvedForms, first: SolvedForms) -> list[tuple[Row, Row]]:
         """Pairs of a frame of ker `first` with one of ker `here`; each pair once where they are one."""
         frame = self._frame(here)
         if here is first:
             return list(combinations(frame, 2))
         return [(X, Y) for X in self._frame(first) for Y in frame if X != Y]
 
-    def _frame(self, here: Solved) -> list[Row]:
+    def _frame(self, here: SolvedForms) -> list[Row]:
         """X_j for every free j."""
         n = len(self._block.variables)
         found = []
@@ -177,7 +186,7 @@ class _Search:
                 terms.append((-self._field.along(Y, a), X[k]))
         return self._field.checked(self._field.sum(terms))
 
-    def _growth(self, start: Solved, terms: list[Solved]) -> tuple[int, ...]:
+    def _growth(self, start: SolvedForms, terms: list[SolvedForms]) -> tuple[int, ...]:
         """dim (D_k / D) with D_(k+1) = D_k + [D, D_k]."""
         dims = [terms[0].count, terms[1].count]
         here = terms[1]
@@ -189,7 +198,7 @@ class _Search:
             dims.pop()
         return tuple(dims[0] - d for d in dims)
 
-    def _beyond(self, last: Solved, surface: Solved) -> tuple[tuple[sympy.Expr, ...], ...]:
+    def _beyond(self, last: SolvedForms, surface: SolvedForms) -> tuple[tuple[sympy.Expr, ...], ...]:
         """A basis of I^(oo) without the df: those of its forms that are independent of them."""
         kept: list[tuple[Any, ...]] = list(surface.rows)
         found = []
@@ -199,7 +208,7 @@ class _Search:
                 found.append(tuple(self._field.expression(a) for a in row))
         return tuple(found)
 
-    def _lies_in(self, row: Row, last: Solved) -> bool:
+    def _lies_in(self, row: Row, last: SolvedForms) -> bool:
         for k in range(len(row)):
             rest = [(-row[p], theta[k]) for p, theta in zip(last.pivots, last.rows, strict=True)]
             left = self._field.checked(self._field.sum([(self._field.one, row[k]), *rest]))

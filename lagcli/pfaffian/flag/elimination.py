@@ -25,8 +25,8 @@ _ROUNDING = 1e-12
 
 
 def eliminated(
-    block: blocks.Block, parameters: Mapping[sympy.Symbol, sympy.Expr] | None = None
-) -> tuple[blocks.Block, Substitutions]:
+    block: blocks.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr] | None = None
+) -> tuple[blocks.PfaffianBlock, Substitutions]:
     """The block on the graph of every f of the surface that is linear in a coordinate with a constant coefficient.
 
     Time is never eliminated. The block that is left has the same row names, the coordinates that remain, and the
@@ -70,7 +70,7 @@ def pulled_back(
 
 
 def _solved(
-    block: blocks.Block, parameters: Mapping[sympy.Symbol, sympy.Expr]
+    block: blocks.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr]
 ) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]], list[sympy.Expr]]:
     """The coordinates solved for, one after the other, and the f that are left."""
     pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
@@ -157,7 +157,7 @@ def _expanded(expression: sympy.Expr) -> sympy.Expr:
     return sympy.expand(expression, power_base=False, power_exp=False, log=False)
 
 
-def in_angles(block: blocks.Block) -> tuple[blocks.Block, Substitutions]:
+def in_angles(block: blocks.PfaffianBlock) -> tuple[blocks.PfaffianBlock, Substitutions]:
     """The block with an angle instead of two coordinates on every ellipse ((x - a)/A)**2 + ((y - b)/B)**2 = 1.
 
     x = a + A cos(u) and y = b + B sin(u), where a and b do not hold x and y, and A, B are constant. The second
@@ -189,7 +189,7 @@ Pair = tuple[sympy.Expr, sympy.Expr]
 Ellipse = tuple[sympy.Expr, Pair, Pair, Pair]
 
 
-def _own_ellipse(block: blocks.Block) -> Ellipse | None:
+def _own_ellipse(block: blocks.PfaffianBlock) -> Ellipse | None:
     """(f, (x, y), (u, v), (A, B)) with f = k ((u/A)**2 + (v/B)**2 - 1), u = x - a and v = y - b."""
     moving = set(block.variables)
     for f in block.surface:

@@ -15,7 +15,7 @@ import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import normal_form, surface_points, time_limit, zero_test
-from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
 Row = list[Any]  # entries in the field of the tower
 Values = Mapping[sympy.Symbol, sympy.Expr]
@@ -35,7 +35,7 @@ class ExceptionalError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Solved:
+class SolvedForms:
     """Forms solved for their pivots: row i holds 1 in column pivots[i] and 0 in the other pivots."""
 
     pivots: tuple[int, ...]
@@ -47,15 +47,15 @@ class Solved:
         return len(self.pivots)
 
 
-class Field:
+class FunctionField:
     """The field of a block. `values` of the parameters: no divisor may vanish for them.
 
     `is_exact`: no entry was proved not zero by its digits at points of a surface alone; `exceptional`: factors of
     divisors that hold parameters alone; `remainders`: what the rows solved last had left in the column `last` where
-    nothing else was left. Raises `tower.NoNormalFormError`.
+    nothing else was left. Raises `normal_form.NoNormalFormError`.
     """
 
-    def __init__(self, block: Block, deadline: float, values: Values) -> None:
+    def __init__(self, block: PfaffianBlock, deadline: float, values: Values) -> None:
         self._block, self._deadline, self._values = block, deadline, values
         self.gradients = [tuple(forms.partial(f, x) for x in block.variables) for f in block.surface]
         entries = [a for row in (*self.gradients, *block.rows) for a in row]
@@ -140,7 +140,7 @@ class Field:
             )
         return zero_test.is_zero(expression, self._deadline).truth is zero_test.Truth.NO
 
-    def solved(self, rows: Sequence[Sequence[Any]], last: int = -1) -> Solved:
+    def solved(self, rows: Sequence[Sequence[Any]], last: int = -1) -> SolvedForms:
         """Reduced echelon form; pivots are taken where they are simplest, in the column `last` only at last."""
         left = [list(row) for row in rows]
         done: list[Row] = []
@@ -167,7 +167,7 @@ class Field:
             done.append(pivot)
             pivots.append(k)
         order = sorted(range(len(pivots)), key=lambda i: pivots[i])
-        return Solved(tuple(pivots[i] for i in order), tuple(tuple(done[i]) for i in order))
+        return SolvedForms(tuple(pivots[i] for i in order), tuple(tuple(done[i]) for i in order))
 
     def _letters(self) -> list[dict[Any, Any]]:
         """d letter/d variable for every variable, without zeros."""

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import sympy
 from sympy.polys.polyerrors import BasePolynomialError
 
-from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
 _KINDS = (sympy.Function, sympy.Pow)
 
 
-def plain(block: Block) -> Block:
+def plain(block: PfaffianBlock) -> PfaffianBlock:
     """The block with the arguments in its rows that are constant on the polynomial part of its surface replaced."""
     held = [f for f in block.surface if f.is_polynomial(*block.variables)]
     moving = {x for f in held for x in f.free_symbols & set(block.variables)}

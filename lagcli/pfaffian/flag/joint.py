@@ -20,7 +20,7 @@ from lagcli.pfaffian.flag import derived_flag as flags
 from lagcli.pfaffian.flag import elimination, inner_functions
 from lagcli.pfaffian.flag.function_field import NotDecidedError, Values
 from lagcli.pfaffian.integrals import first_integrals
-from lagcli.pfaffian.pfaffian_block import Block
+from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius
 
 Floats = npt.NDArray[np.float64]
@@ -35,13 +35,13 @@ DEPENDENT = 1e-9
 class Flagged:
     """A block on the coordinates that remain, those that were eliminated in terms of them, and its flag there."""
 
-    block: Block
+    block: PfaffianBlock
     values: dict[sympy.Symbol, sympy.Expr]
     flag: flags.Flag
 
 
 @dataclass(frozen=True, slots=True)
-class Integral:
+class JointIntegral:
     """phi with d phi in I^(oo), and the rows whose combination d phi is."""
 
     phi: sympy.Expr
@@ -52,19 +52,19 @@ class Integral:
 class Solution:
     """First integrals of I^(oo), and forms of a basis for which none is known: sum_k a_k d(x_k) in symbols `d(x)`."""
 
-    integrals: tuple[Integral, ...]
+    integrals: tuple[JointIntegral, ...]
     unsolved: tuple[sympy.Expr, ...]
 
 
-class Judge:
+class JointClassifier:
     """Flags and first integrals of blocks, each kind of them once: those that differ in names alone are told."""
 
     def __init__(self) -> None:
         self._places: list[sympy.Symbol] = []
-        self._flags: dict[Any, tuple[Block, Flagged]] = {}
-        self._solutions: dict[Any, tuple[Block, Solution]] = {}
+        self._flags: dict[Any, tuple[PfaffianBlock, Flagged]] = {}
+        self._solutions: dict[Any, tuple[PfaffianBlock, Solution]] = {}
 
-    def flagged(self, block: Block, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
+    def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
         """As `flagged`."""
         pattern = self._pattern(block)
         if pattern not in self._flags:
@@ -73,7 +73,11 @@ class Judge:
         return found if known is block else _Renaming(known, block).flagged(found)
 
     def solution(
-        self, block: Block, found: Flagged, verdicts: Sequence[frobenius.Verdict | None], deadline: float
+        self,
+        block: PfaffianBlock,
+        found: Flagged,
+        verdicts: Sequence[frobenius.FormVerdict | None],
+        deadline: float,
     ) -> Solution:
         """As `solution` of the `found` flag of the block."""
         pattern = self._pattern(block)
@@ -82,7 +86,7 @@ class Judge:
         known, solved = self._solutions[pattern]
         return solved if known is block else _Renaming(known, block).solution(solved)
 
-    def _pattern(self, block: Block) -> Any:
+    def _pattern(self, block: PfaffianBlock) -> Any:
         """The block with its coordinates numbered instead of named."""
         for n in range(len(self._places), len(block.variables)):
             self._places.append(sympy.Dummy(f"x{n}", real=True))
@@ -94,7 +98,7 @@ class Judge:
 class _Renaming:
     """From one block to another that differs in the names of its coordinates and rows alone."""
 
-    def __init__(self, known: Block, block: Block) -> None:
+    def __init__(self, known: PfaffianBlock, block: PfaffianBlock) -> None:
         self._rows = dict(zip(known.names, block.names, strict=True))
         self._symbols = dict(zip(known.variables, block.variables, strict=True))
         self._symbols |= {_differential(x): _differential(y) for x, y in self._symbols.items()}
@@ -103,7 +107,9 @@ class _Renaming:
         block, flag = found.block, found.flag
         variables = tuple(self._symbols[x] for x in block.variables)
         surface = self._each(block.surface)
-        moved = Block(self._names(block.names), variables, self._table(block.rows), block.parameters, surface)
+        moved = PfaffianBlock(
+            self._names(block.names), variables, self._table(block.rows), block.parameters, surface
+        )
         values = {self._symbols[x]: value.xreplace(self._symbols) for x, value in found.values.items()}
         divisors = tuple(e if e is None else e.xreplace(self._symbols) for e in flag.divisors)
         told = replace(
@@ -116,7 +122,9 @@ class _Renaming:
         return Flagged(moved, values, told)
 
     def solution(self, found: Solution) -> Solution:
-        told = (Integral(one.phi.xreplace(self._symbols), self._names(one.rows)) for one in found.integrals)
+        told = (
+            JointIntegral(one.phi.xreplace(self._symbols), self._names(one.rows)) for one in found.integrals
+        )
         return Solution(tuple(told), self._each(found.unsolved))
 
     def _names(self, names: Iterable[str]) -> tuple[str, ...]:
@@ -129,10 +137,10 @@ class _Renaming:
         return tuple(map(self._each, rows))
 
 
-def flagged(block: Block, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
+def flagged(block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
     """The flag of a block of real symbols, for the given values of the parameters among others.
 
-    Raises `field.NotDecidedError`, at the latest at `deadline`, and `field.ExceptionalError`.
+    Raises `function_field.NotDecidedError`, at the latest at `deadline`, and `function_field.ExceptionalError`.
     """
     try:
         left, gone = time_limit.run(deadline, lambda: elimination.eliminated(block, values))
@@ -143,7 +151,7 @@ def flagged(block: Block, time: sympy.Symbol, values: Values, deadline: float) -
     return Flagged(plain, gone, flags.flag(plain, deadline, time, values))
 
 
-def solution(found: Flagged, verdicts: Sequence[frobenius.Verdict | None], deadline: float) -> Solution:
+def solution(found: Flagged, verdicts: Sequence[frobenius.FormVerdict | None], deadline: float) -> Solution:
     """Independent first integrals of I^(oo): those of rows alone first. `verdicts`: of the rows alone."""
     wanted = found.flag.dims[-1]
     block = found.block
@@ -157,15 +165,17 @@ def solution(found: Flagged, verdicts: Sequence[frobenius.Verdict | None], deadl
                 kept.append(phi)
     if len(kept) < wanted:
         names = tuple(f"form {i + 1}" for i in range(wanted))
-        end = Block(names, block.variables, found.flag.integrable, block.parameters, block.surface)
+        end = PfaffianBlock(names, block.variables, found.flag.integrable, block.parameters, block.surface)
         more = first_integrals.search(end, deadline, effort=SEARCH)
         kept += [one.integral for one in more if basis.takes(one.integral)]
-    told = tuple(Integral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in kept)
+    told = tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in kept)
     unsolved = [_as_text(block, row) for row in found.flag.integrable if not basis.holds(row)]
     return Solution(told, tuple(unsolved[: wanted - len(kept)]))
 
 
-def _of_row(found: Flagged, i: int, verdict: frobenius.Verdict | None, deadline: float) -> sympy.Expr | None:
+def _of_row(
+    found: Flagged, i: int, verdict: frobenius.FormVerdict | None, deadline: float
+) -> sympy.Expr | None:
     """An integral of one row, as it is declared or on the coordinates that remain."""
     if verdict is not None and verdict.integral is not None:
         return verdict.integral
@@ -175,7 +185,7 @@ def _of_row(found: Flagged, i: int, verdict: frobenius.Verdict | None, deadline:
 
 
 def without_flag(
-    block: Block, wanted: int, verdicts: Sequence[frobenius.Verdict | None], deadline: float
+    block: PfaffianBlock, wanted: int, verdicts: Sequence[frobenius.FormVerdict | None], deadline: float
 ) -> Solution:
     """As `solution`, from rows of which is known only how many integrals they have, `wanted`."""
     left, gone = elimination.eliminated(block)
@@ -185,10 +195,10 @@ def without_flag(
     if len(kept) < wanted:
         found = first_integrals.search(left, deadline, wanted, SEARCH)
         kept += [one.integral for one in found if basis.takes(one.integral)]
-    return Solution(tuple(Integral(phi, basis.rows_of(phi.xreplace(gone))) for phi in kept[:wanted]), ())
+    return Solution(tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(gone))) for phi in kept[:wanted]), ())
 
 
-def _as_text(block: Block, row: Iterable[sympy.Expr]) -> sympy.Expr:
+def _as_text(block: PfaffianBlock, row: Iterable[sympy.Expr]) -> sympy.Expr:
     terms = (a * _differential(x) for a, x in zip(row, block.variables, strict=True))
     above, _ = sympy.fraction(sympy.together(sum(terms, sympy.Integer(0))))
     return above
@@ -201,7 +211,7 @@ def _differential(x: sympy.Symbol) -> sympy.Symbol:
 class _Independent:
     """Gradients at some points, told apart from combinations of those before them and of the df."""
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: PfaffianBlock) -> None:
         self._block = block
         self._points = _points(block)
         self._surface = [self._values(_gradient(block, f)) for f in block.surface]
@@ -260,7 +270,7 @@ class _Independent:
         return found
 
 
-def _points(block: Block) -> list[dict[sympy.Symbol, Any]]:
+def _points(block: PfaffianBlock) -> list[dict[sympy.Symbol, Any]]:
     """Some points of the surface, or of all space where there is none."""
     symbols = (*block.variables, *block.parameters)
     if block.surface:
@@ -268,7 +278,7 @@ def _points(block: Block) -> list[dict[sympy.Symbol, Any]]:
     return list(enclosure.points(symbols))[:8]
 
 
-def _gradient(block: Block, phi: sympy.Expr) -> list[sympy.Expr]:
+def _gradient(block: PfaffianBlock, phi: sympy.Expr) -> list[sympy.Expr]:
     return [forms.partial(phi, x) for x in block.variables]
 
 

@@ -65,7 +65,7 @@ def alphabet(
 ) -> Alphabet:
     """The variables and the functions that occur in the entries, and `more`.
 
-    Raises `tower.NoNormalFormError`.
+    Raises `normal_form.NoNormalFormError`.
     """
     basis = normal_form.Tower(entries)
     moving = set(variables)
@@ -98,12 +98,12 @@ class Numbers:
     slopes: Any
 
 
-class Field:
+class CombinationField:
     """A frame with sample points: the numbers of functions along its fields."""
 
     def __init__(
         self,
-        frame: frames.Frame,
+        frame: frames.KernelFrame,
         entries: Sequence[sympy.Expr],
         columns: int,
         surface: Sequence[sympy.Expr] = (),
@@ -215,7 +215,7 @@ def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
 class Known:
     """The integrals already taken, to see which proposals are new."""
 
-    def __init__(self, field: Field, taken: Sequence[sympy.Expr]) -> None:
+    def __init__(self, field: CombinationField, taken: Sequence[sympy.Expr]) -> None:
         self._taken = list(field.functions(taken).slopes) if taken else []
 
     def is_new(self, slopes: Any) -> bool:
@@ -238,7 +238,7 @@ class Known:
 
 
 def proposals(
-    frame: frames.Frame, numbers: Numbers, functions: Sequence[sympy.Expr], known: Known
+    frame: frames.KernelFrame, numbers: Numbers, functions: Sequence[sympy.Expr], known: Known
 ) -> Iterator[tuple[sympy.Expr, Any]]:
     """Combinations of the functions that seem to be new first integrals, simple ones first, with their slopes."""
     found = null_vectors(numbers)
@@ -256,7 +256,7 @@ def proposals(
                 yield phi, slopes
 
 
-def constants_of(frame: frames.Frame) -> frozenset[sympy.Expr]:
+def constants_of(frame: frames.KernelFrame) -> frozenset[sympy.Expr]:
     """The parameters and irrational numbers that occur in the frame."""
     entries = [e for row in frame.solved for e in row]
     numbers = {p for e in entries for p in sympy.preorder_traversal(e) if p.is_number and not p.is_Rational}

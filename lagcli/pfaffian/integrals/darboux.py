@@ -24,7 +24,7 @@ _DEGREES = (2, 3, 4)
 def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
     """The letters of the entries and the irreducible factors of their numerators and denominators.
 
-    Raises `tower.NoNormalFormError`.
+    Raises `normal_form.NoNormalFormError`.
     """
     listed = list(entries)
     basis = normal_form.Tower([*listed, *variables])
@@ -44,7 +44,7 @@ def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
 
 
 def denominator(entries: Iterable[sympy.Expr]) -> sympy.Expr:
-    """The least common denominator in the normal form. Raises `tower.NoNormalFormError`."""
+    """The least common denominator in the normal form. Raises `normal_form.NoNormalFormError`."""
     listed = list(entries)
     basis = normal_form.Tower(listed)
     parts = (basis.element(e).denom for e in listed)
@@ -89,7 +89,7 @@ def _reduced(v: sympy.Expr, u: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
     return tuple(sympy.expand(sign * e) for sign, e in zip(signs, (v, u), strict=True))
 
 
-def multipliers(frame: frames.Frame, letters: combinations.Alphabet) -> list[sympy.Expr]:
+def multipliers(frame: frames.KernelFrame, letters: combinations.Alphabet) -> list[sympy.Expr]:
     """Inverse multipliers V: polynomials in the letters over the common denominator of the frame.
 
     Raises what the normal form raises, and `sampling.NoSampleError`.
@@ -106,7 +106,7 @@ def multipliers(frame: frames.Frame, letters: combinations.Alphabet) -> list[sym
             break
         chosen = [(), *letters.monomials(degree)]
         functions = [sympy.Mul(*(letters.letters[i] for i in m)) for m in chosen]
-        field = combinations.Field(frame, weights, len(chosen))
+        field = combinations.CombinationField(frame, weights, len(chosen))
         weight = np.array([field.sample.of(w) for w in weights])
         numbers = field.monomials(letters, chosen, weight)
         found = []

@@ -11,11 +11,11 @@ from lagcli.pfaffian import pfaffian_block as blocks
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import matrix_flow
-from lagcli.pfaffian.integrals.integral_search import Found, Proposals, Quest
+from lagcli.pfaffian.integrals.integral_search import IntegralSearch, Proposals, SearchResult
 from lagcli.pfaffian.single_form import potential, tidy_integral
 
 
-def eliminations(quest: Quest, slot: float) -> Proposals:
+def eliminations(quest: IntegralSearch, slot: float) -> Proposals:
     """An integral that is known gives a coordinate in terms of the others and of its constant value."""
     if len(quest.found) == quest.used or quest.block.surface:
         return
@@ -35,9 +35,9 @@ def eliminations(quest: Quest, slot: float) -> Proposals:
         return
     kept = tuple(x for x in block.variables if x not in values)
     rows = tuple(elimination.pulled_back(block.variables, row, values, kept) for row in block.rows)
-    smaller = blocks.Block(block.names, kept, rows, (*block.parameters, *constants))
+    smaller = blocks.PfaffianBlock(block.names, kept, rows, (*block.parameters, *constants))
     for each in quest.smaller(smaller, slot):
-        yield Found(
+        yield SearchResult(
             each.integral.xreplace(constants),
             f"by eliminating a coordinate with another integral, {each.how}",
         )
@@ -66,7 +66,7 @@ def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Sym
     return None
 
 
-def reductions(quest: Quest, slot: float) -> Proposals:
+def reductions(quest: IntegralSearch, slot: float) -> Proposals:
     """A field of the frame that this search solves, the other free variables held fixed (Mayer, Natani)."""
     if quest.block.surface or len(quest.frame.free) < 2:
         return
@@ -76,14 +76,14 @@ def reductions(quest: Quest, slot: float) -> Proposals:
             yield from _reduced(quest, straight, slot)
 
 
-def _reduced(quest: Quest, straight: matrix_flow.Straight, slot: float) -> Proposals:
+def _reduced(quest: IntegralSearch, straight: matrix_flow.Straight, slot: float) -> Proposals:
     """In the integrals of one field as coordinates the system has one variable less."""
     names = dict(zip(straight.letters, straight.integrals, strict=True))
     for each in quest.smaller(_in_straight_coordinates(quest, straight), slot):
-        yield Found(each.integral.xreplace(names), "by reduction to fewer variables (Mayer)")
+        yield SearchResult(each.integral.xreplace(names), "by reduction to fewer variables (Mayer)")
 
 
-def _solved_flow(quest: Quest, column: int, slot: float) -> matrix_flow.Straight | None:
+def _solved_flow(quest: IntegralSearch, column: int, slot: float) -> matrix_flow.Straight | None:
     """The integrals of one field found by this search, the other free variables held fixed, and solved for the
     pivots.
     """
@@ -94,7 +94,7 @@ def _solved_flow(quest: Quest, column: int, slot: float) -> matrix_flow.Straight
     held = tuple(frame.variables[k] for k in frame.free if k != s)
     rows = tuple(tuple(frame.row(a)[k] for k in sorted(own)) for a in range(len(frame.pivots)))
     names = tuple(f"row{n}" for n in range(len(rows)))
-    found = quest.smaller(blocks.Block(names, variables, rows, (*frame.parameters, *held)), slot)
+    found = quest.smaller(blocks.PfaffianBlock(names, variables, rows, (*frame.parameters, *held)), slot)
     if len(found) < len(rows):
         return None
     letters = matrix_flow.letters(frame)
@@ -108,7 +108,7 @@ def _solved_flow(quest: Quest, column: int, slot: float) -> matrix_flow.Straight
     return matrix_flow.Straight(column, integrals, letters, tuple(good[-1][x] for x in pivots))
 
 
-def _in_straight_coordinates(quest: Quest, straight: matrix_flow.Straight) -> blocks.Block:
+def _in_straight_coordinates(quest: IntegralSearch, straight: matrix_flow.Straight) -> blocks.PfaffianBlock:
     """d(u_a) = sum_l X_l(u_a) d(x_l) over the other free variables, in terms of them and the u."""
     frame = quest.frame
     s = frame.variables[frame.free[straight.column]]
@@ -122,7 +122,7 @@ def _in_straight_coordinates(quest: Quest, straight: matrix_flow.Straight) -> bl
         rows.append((*row, *(-k for k in speeds)))
     variables = (*straight.letters, *(frame.variables[frame.free[n]] for n in others))
     names = tuple(f"row{n}" for n in range(len(rows)))
-    return blocks.Block(names, variables, tuple(rows), frame.parameters)
+    return blocks.PfaffianBlock(names, variables, tuple(rows), frame.parameters)
 
 
 def _without(expression: sympy.Expr, s: sympy.Symbol) -> sympy.Expr:

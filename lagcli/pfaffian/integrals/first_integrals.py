@@ -18,7 +18,7 @@ from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import descent, guesses, integral_search
 
-Found = integral_search.Found
+Found = integral_search.SearchResult
 
 _WAYS: integral_search.Ways = (
     (guesses.fixed, 1.0),
@@ -39,7 +39,7 @@ _WAYS: integral_search.Ways = (
 
 
 def search(
-    block: blocks.Block, deadline: float, wanted: int | None = None, effort: float | None = None
+    block: blocks.PfaffianBlock, deadline: float, wanted: int | None = None, effort: float | None = None
 ) -> tuple[Found, ...]:
     """Verified and independent first integrals of the rows (C, n), at most C; ends at `deadline`.
 
@@ -58,11 +58,11 @@ def search(
     return tuple(Found(_put_back(f.integral, back).xreplace(spoken), f.how) for f in found)
 
 
-def _renamed(block: blocks.Block, names: dict[sympy.Symbol, sympy.Symbol]) -> blocks.Block:
+def _renamed(block: blocks.PfaffianBlock, names: dict[sympy.Symbol, sympy.Symbol]) -> blocks.PfaffianBlock:
     def turn(e: sympy.Expr) -> sympy.Expr:
         return forms.plain(sympy.sympify(e).xreplace(names))
 
-    return blocks.Block(
+    return blocks.PfaffianBlock(
         block.names,
         tuple(names[x] for x in block.variables),
         tuple(tuple(turn(a) for a in row) for row in block.rows),

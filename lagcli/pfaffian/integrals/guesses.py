@@ -11,34 +11,34 @@ from lagcli.pfaffian.exact import zero_test
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import combinations, darboux, matrix_flow
 from lagcli.pfaffian.integrals import kernel_frame as frames
-from lagcli.pfaffian.integrals.integral_search import Found, Proposals, Quest
+from lagcli.pfaffian.integrals.integral_search import IntegralSearch, Proposals, SearchResult
 from lagcli.pfaffian.single_form import frobenius, integrating_factors, tidy_integral
 
 MAX_RECIPROCALS = 8
 
 
-def fixed(quest: Quest, slot: float) -> Proposals:
+def fixed(quest: IntegralSearch, slot: float) -> Proposals:
     """As many forms as variables: all of them stay constant."""
     if not quest.frame.free:
-        yield from (Found(x, "as a coordinate that cannot change") for x in quest.frame.variables)
+        yield from (SearchResult(x, "as a coordinate that cannot change") for x in quest.frame.variables)
 
 
-def one_form(quest: Quest, slot: float) -> Proposals:
+def one_form(quest: IntegralSearch, slot: float) -> Proposals:
     """A system of one form."""
     if len(quest.frame.pivots) == 1 and not quest.block.surface:
         row = next(r for r in quest.block.rows if any(a != 0 for a in r))
         form = forms.Form("row", quest.block.variables, row, quest.block.parameters)
         verdict = frobenius.classify(form, slot)
         if verdict.integral is not None:
-            yield Found(verdict.integral, "by an integrating factor")
+            yield SearchResult(verdict.integral, "by an integrating factor")
 
 
-def polynomials(degrees: tuple[int, ...], quest: Quest, slot: float) -> Proposals:
+def polynomials(degrees: tuple[int, ...], quest: IntegralSearch, slot: float) -> Proposals:
     """Sums of products of the variables and functions that occur in the frame, with constant coefficients."""
     yield from monomials(quest, quest.alphabet(), degrees)
 
 
-def monomials(quest: Quest, letters: combinations.Alphabet, degrees: Sequence[int]) -> Proposals:
+def monomials(quest: IntegralSearch, letters: combinations.Alphabet, degrees: Sequence[int]) -> Proposals:
     """Sums of products of the letters."""
     how = "as a sum of products with constant coefficients (linear equations for them)"
     for degree in degrees:
@@ -46,17 +46,17 @@ def monomials(quest: Quest, letters: combinations.Alphabet, degrees: Sequence[in
             return
         chosen = letters.monomials(degree)
         functions = [sympy.Mul(*(letters.letters[i] for i in m)) for m in chosen]
-        field = combinations.Field(quest.frame, letters.letters, len(chosen), quest.block.surface)
+        field = combinations.CombinationField(quest.frame, letters.letters, len(chosen), quest.block.surface)
         known = combinations.Known(field, quest.integrals)
         numbers = field.monomials(letters, chosen)
         for phi, slopes in combinations.proposals(quest.frame, numbers, functions, known):
             before = len(quest.found)
-            yield Found(phi, how)
+            yield SearchResult(phi, how)
             if len(quest.found) > before:
                 known.take(slopes)
 
 
-def turned(quest: Quest, slot: float) -> Proposals:
+def turned(quest: IntegralSearch, slot: float) -> Proposals:
     """The same with the sines and cosines of coordinates that the frame does not depend on, where others have some."""
     occurring = set().union(*(e.free_symbols for e in quest.entries))
     cyclic = [x for x in quest.frame.variables if x not in occurring and x.name != elimination.TIME]
@@ -73,7 +73,7 @@ def turned(quest: Quest, slot: float) -> Proposals:
     yield from monomials(quest, combinations.Alphabet(*zip(*pairs, strict=True)), (2, 3))
 
 
-def rational(quest: Quest, slot: float) -> Proposals:
+def rational(quest: IntegralSearch, slot: float) -> Proposals:
     """Sums of products with the reciprocals of what the frame is divided by."""
     below = darboux.denominator(quest.entries)
     factors_ = darboux.factors([below], quest.frame.variables)
@@ -83,7 +83,7 @@ def rational(quest: Quest, slot: float) -> Proposals:
     yield from monomials(quest, quest.alphabet(*reciprocals[:MAX_RECIPROCALS]), (1, 2, 3))
 
 
-def products(quest: Quest, slot: float) -> Proposals:
+def products(quest: IntegralSearch, slot: float) -> Proposals:
     """Products of powers of invariant surfaces, exponentials, and angles."""
     how = "as a product of powers and exponentials (linear equations for the exponents)"
     frame = quest.frame
@@ -97,26 +97,26 @@ def products(quest: Quest, slot: float) -> Proposals:
     logs += darboux.angles(candidates, frame.variables)
     if quest.block.surface:
         logs += [c * e for c in sorted(combinations.constants_of(frame), key=str) for e in logs]
-    field = combinations.Field(
+    field = combinations.CombinationField(
         frame, [*letters.letters, *candidates], len(chosen) + len(logs), quest.block.surface
     )
     numbers = combinations.join(field.functions(logs), field.monomials(letters, chosen))
     known = combinations.Known(field, quest.integrals)
     for phi, slopes in combinations.proposals(frame, numbers, [*logs, *functions], known):
         before = len(quest.found)
-        yield Found(phi, how)
+        yield SearchResult(phi, how)
         if len(quest.found) > before:
             known.take(slopes)
 
 
-def invariant_surfaces(quest: Quest, slot: float) -> Proposals:
+def invariant_surfaces(quest: IntegralSearch, slot: float) -> Proposals:
     """More factors from an inverse multiplier; products of them, and polynomials over them."""
     if quest.block.surface:
         return
     letters = quest.alphabet()
     found = darboux.multipliers(quest.frame, letters)
     for v in found[1:]:
-        yield Found(tidy_integral.ratio(v, found[0]), "as a ratio of two inverse multipliers")
+        yield SearchResult(tidy_integral.ratio(v, found[0]), "as a ratio of two inverse multipliers")
     quest.factors = darboux.surfaces_of(found, quest.frame.variables)
     yield from products(quest, slot)
     for q in quest.factors:
@@ -125,7 +125,7 @@ def invariant_surfaces(quest: Quest, slot: float) -> Proposals:
             yield from monomials(quest, more, (2, 3))
 
 
-def single_rows(quest: Quest, slot: float) -> Proposals:
+def single_rows(quest: IntegralSearch, slot: float) -> Proposals:
     """Combinations of the forms with few differentials, each by itself."""
     if quest.block.surface:
         return
@@ -143,14 +143,14 @@ def single_rows(quest: Quest, slot: float) -> Proposals:
                 continue
             found = integrating_factors.search(form, slot)
             if found is not None:
-                yield Found(found.integral, f"for a combination of the forms {found.how}")
+                yield SearchResult(found.integral, f"for a combination of the forms {found.how}")
 
 
-def linear_flow(quest: Quest, slot: float) -> Proposals:
+def linear_flow(quest: IntegralSearch, slot: float) -> Proposals:
     """One field, with linear equations."""
     how = "as the solution of linear differential equations"
     if quest.block.surface or len(quest.frame.free) != 1:
         return
     straight = matrix_flow.linear(quest.frame, 0)
     if straight is not None:
-        yield from (Found(u, how) for u in straight.integrals)
+        yield from (SearchResult(u, how) for u in straight.integrals)

@@ -21,46 +21,48 @@ MAX_KINKS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class SearchResult:
     """A verified first integral; `how` completes the sentence "found ..."."""
 
     integral: sympy.Expr
     how: str
 
 
-Proposals = Iterator[Found]
-Strategy = Callable[["Quest", float], Proposals]
+Proposals = Iterator[SearchResult]
+Strategy = Callable[["IntegralSearch", float], Proposals]
 """Takes the search and its deadline."""
 Ways = Sequence[tuple[Strategy, float]]
 """Strategies, cheap ones first, and the seconds that each may take."""
 
 
 def pursued(
-    block: blocks.Block,
+    block: blocks.PfaffianBlock,
     ways: Ways,
     deadline: float,
     wanted: int | None = None,
     effort: float | None = None,
-) -> list[Found]:
+) -> list[SearchResult]:
     """The verified and independent integrals found in the time.
 
     `wanted`: how many there are, one for each row else; `effort`: seconds of processor time.
     """
-    quest = Quest(block, ways, deadline, wanted)
+    quest = IntegralSearch(block, ways, deadline, wanted)
     with contextlib.suppress(*time_limit.NO_ANSWER):
         time_limit.run(deadline, quest.pursue, effort)
     return quest.found
 
 
-class Quest:
+class IntegralSearch:
     """The search for the integrals of one system: its frame, and what was found so far, all of it verified.
 
     `factors`: invariant surfaces found on the way; `used`: how many integrals were used to eliminate coordinates.
     """
 
-    def __init__(self, block: blocks.Block, ways: Ways, deadline: float, wanted: int | None = None) -> None:
+    def __init__(
+        self, block: blocks.PfaffianBlock, ways: Ways, deadline: float, wanted: int | None = None
+    ) -> None:
         self.block, self._ways, self._deadline, self._wanted = block, ways, deadline, wanted
-        self.found: list[Found] = []
+        self.found: list[SearchResult] = []
         self._whole: list[sympy.Expr] = []
         self.factors: list[sympy.Expr] = []
         self.used = 0
@@ -68,7 +70,7 @@ class Quest:
     def pursue(self) -> None:
         """Search until as many integrals are found as there are forms, or nothing is left to try.
 
-        Raises `limit.TimeUpError` and what the normal form raises (`limit.FAILURES`).
+        Raises `time_limit.TimeUpError` and what the normal form raises (`time_limit.FAILURES`).
         """
         time_limit.run(self._deadline, self._prepare)
         for strategy, seconds in self._ways:
@@ -79,7 +81,7 @@ class Quest:
             with contextlib.suppress(*time_limit.NO_ANSWER):
                 time_limit.run(slot, partial(self._take, strategy, slot))
 
-    def smaller(self, block: blocks.Block, slot: float) -> list[Found]:
+    def smaller(self, block: blocks.PfaffianBlock, slot: float) -> list[SearchResult]:
         """What the same search finds for another block."""
         return pursued(block, self._ways, slot)
 
@@ -117,7 +119,7 @@ class Quest:
             if self.is_complete:
                 return
 
-    def accept(self, proposal: Found, slot: float) -> bool:
+    def accept(self, proposal: SearchResult, slot: float) -> bool:
         """Whether the proposal, or its tidy form, is proved to be an integral that is new; it is then kept."""
         phi = proposal.integral
         ways = [phi]
@@ -125,7 +127,7 @@ class Quest:
             ways.insert(0, time_limit.run(slot, lambda: neat(phi, self.frame)))
         for way in dict.fromkeys(ways):
             if self.is_integral(way, slot) and self._is_new(way, slot):
-                self.found.append(Found(way, proposal.how))
+                self.found.append(SearchResult(way, proposal.how))
                 return True
         return False
 
@@ -161,7 +163,7 @@ def _sides(matrix: list[list[sympy.Expr]]) -> list[list[list[sympy.Expr]]]:
     return sides
 
 
-def neat(phi: sympy.Expr, frame: frames.Frame) -> sympy.Expr:
+def neat(phi: sympy.Expr, frame: frames.KernelFrame) -> sympy.Expr:
     """The integral as a person would write it; every function of it is one as well."""
     if not phi.has(sympy.log):
         above, below = sympy.fraction(sympy.together(phi))

@@ -18,7 +18,7 @@ from lagcli.pfaffian.exact import normal_form, zero_test
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class KernelFrame:
     """C independent forms in n variables, solved for the differentials of C of them.
 
     pivots (C,), free (n - C,): indices of variables; solved (C, n - C); parameters: constants. is_sure: no division
@@ -68,11 +68,11 @@ def of(
     variables: tuple[sympy.Symbol, ...],
     parameters: tuple[sympy.Symbol, ...],
     last: Sequence[sympy.Symbol] = (),
-) -> Frame:
+) -> KernelFrame:
     """The frame of the rows (C, n). Rows that depend on the others are left out.
 
     The variables `last` become pivots only where no other can. Raises what the normal form raises
-    (`limit.FAILURES`).
+    (`time_limit.FAILURES`).
     """
     basis = normal_form.Tower([a for row in rows for a in row])
     table = [[basis.element(a) for a in row] for row in rows]
@@ -101,7 +101,9 @@ def of(
     free = tuple(k for k in range(len(variables)) if k not in pivots)
     order = sorted(range(len(pivots)), key=lambda a: pivots[a])
     solved = tuple(tuple(basis.expression(-table[done[a]][k]) for k in free) for a in order)
-    return Frame(variables, parameters, tuple(pivots[a] for a in order), free, solved, basis.independent)
+    return KernelFrame(
+        variables, parameters, tuple(pivots[a] for a in order), free, solved, basis.independent
+    )
 
 
 def _size(element: Any) -> int:
@@ -109,7 +111,10 @@ def _size(element: Any) -> int:
 
 
 def belongs(
-    frame: Frame, rows: Sequence[Sequence[sympy.Expr]], deadline: float, surface: tuple[sympy.Expr, ...] = ()
+    frame: KernelFrame,
+    rows: Sequence[Sequence[sympy.Expr]],
+    deadline: float,
+    surface: tuple[sympy.Expr, ...] = (),
 ) -> bool:
     """Whether it is proved that the frame is that of the rows: every row annihilates its fields, and the rows
     have its rank, on the surface too.

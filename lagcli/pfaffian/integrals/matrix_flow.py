@@ -27,12 +27,12 @@ class Straight:
     inverse: tuple[sympy.Expr, ...]
 
 
-def letters(frame: frames.Frame) -> tuple[sympy.Symbol, ...]:
+def letters(frame: frames.KernelFrame) -> tuple[sympy.Symbol, ...]:
     """Symbols for C integrals; a system with fewer variables has other ones."""
     return tuple(sympy.Symbol(f"u{len(frame.variables)}_{n}_", real=True) for n in range(len(frame.pivots)))
 
 
-def linear(frame: frames.Frame, column: int) -> Straight | None:
+def linear(frame: frames.KernelFrame, column: int) -> Straight | None:
     """The integrals of the field of free variable `column` where its equations are linear with constant matrix."""
     s = frame.variables[frame.free[column]]
     x = sympy.Matrix([frame.variables[p] for p in frame.pivots])

@@ -29,7 +29,7 @@ class NoSampleError(ArithmeticError):
     """No points were found at which the expressions have values."""
 
 
-class Sample:
+class RandomSample:
     """Random points, and the values of expressions there; shared subexpressions are computed once."""
 
     def __init__(self, symbols: Iterable[sympy.Symbol], count: int, span: tuple[float, float]) -> None:
@@ -104,14 +104,14 @@ def draw(
     parameters: Sequence[sympy.Symbol],
     count: int,
     surface: Sequence[sympy.Expr] = (),
-) -> Sample:
+) -> RandomSample:
     """`count` points of the surface where all expressions are finite.
 
     The parameters have the same values at all of them, other ones at each point of a surface.
     """
     for span in _RANGES:
         for crowd in (1, _CROWD):
-            sample = Sample([*variables, *parameters], (count + 2) * crowd, span)
+            sample = RandomSample([*variables, *parameters], (count + 2) * crowd, span)
             if surface:
                 sample.land(surface, variables)
             else:

@@ -57,7 +57,7 @@ def pivot(form: forms.Form) -> int:
 def pieces(form: forms.Form, below: Sequence[sympy.Expr] = ()) -> Pieces:
     """Candidates from the coefficients: their letters and irreducible factors, monomials of degree two.
 
-    `below` are denominators the form once had. Raises `tower.NoNormalFormError`.
+    `below` are denominators the form once had. Raises `normal_form.NoNormalFormError`.
     """
     variables = set(form.variables)
     euler = sum((x * a for x, a in zip(form.variables, form.coefficients, strict=True)), sympy.Integer(0))

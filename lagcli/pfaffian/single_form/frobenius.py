@@ -34,7 +34,7 @@ _SHOWN = 160
 
 
 @dataclass(frozen=True, slots=True)
-class Witness:
+class FrobeniusWitness:
     """A component of omega ^ d omega that does not vanish, and the variables it belongs to."""
 
     variables: tuple[sympy.Symbol, sympy.Symbol, sympy.Symbol]
@@ -43,7 +43,7 @@ class Witness:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class FormVerdict:
     """What is proved of one form.
 
     `integrating_factor` * omega = d `integral`, both None where no closed form is known; the factor of an
@@ -57,13 +57,13 @@ class Verdict:
     integrating_factor: sympy.Expr | None
     method: str
     proof: zero_test.Proof
-    witness: Witness | None = None
+    witness: FrobeniusWitness | None = None
     exceptional: tuple[sympy.Expr, ...] = ()
     special: tuple[sympy.Expr, ...] = ()
 
 
-def classify(form: forms.Form, deadline: float) -> Verdict:
-    """The verdict for `form`, at the latest at `deadline` (monotonic clock, s; see `limit.after`).
+def classify(form: forms.Form, deadline: float) -> FormVerdict:
+    """The verdict for `form`, at the latest at `deadline` (monotonic clock, s; see `time_limit.after`).
 
     A form without a finite real value and one that vanishes identically are undecided, with the reason.
     """
@@ -78,7 +78,7 @@ def classify(form: forms.Form, deadline: float) -> Verdict:
     return _spoken(_judge(prepared, deadline), back)
 
 
-def _judge(form: forms.Form, deadline: float) -> Verdict:
+def _judge(form: forms.Form, deadline: float) -> FormVerdict:
     form, doubt = _without_zeros(form, deadline)
     if doubt is not None:
         return doubt
@@ -90,7 +90,7 @@ def _judge(form: forms.Form, deadline: float) -> Verdict:
     return _not_exact(form, closed, deadline)
 
 
-def _without_zeros(form: forms.Form, deadline: float) -> tuple[forms.Form, Verdict | None]:
+def _without_zeros(form: forms.Form, deadline: float) -> tuple[forms.Form, FormVerdict | None]:
     """The form with coefficients that vanish identically replaced by 0, or the reason why it cannot be
     judged.
     """
@@ -110,13 +110,13 @@ def _has_value(expression: sympy.Expr, deadline: float) -> bool:
         return True
 
 
-def _exact(form: forms.Form, deadline: float) -> Verdict:
+def _exact(form: forms.Form, deadline: float) -> FormVerdict:
     phi = _potential(form, deadline)
     if phi is None:
         method = f"{_CLOSED}; no closed form of its integral was found."
-        return Verdict("exact", None, sympy.Integer(1), method, "symbolic")
+        return FormVerdict("exact", None, sympy.Integer(1), method, "symbolic")
     method = f"{_CLOSED}; its integral was verified by differentiation."
-    return Verdict("exact", phi, sympy.Integer(1), method, "symbolic", exceptional=_poles(phi, form))
+    return FormVerdict("exact", phi, sympy.Integer(1), method, "symbolic", exceptional=_poles(phi, form))
 
 
 def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
@@ -142,7 +142,7 @@ def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
     return None
 
 
-def _not_exact(form: forms.Form, closed: zero_test.Finding, deadline: float) -> Verdict:
+def _not_exact(form: forms.Form, closed: zero_test.Finding, deadline: float) -> FormVerdict:
     verdict = _frobenius(form, deadline)
     if verdict.kind == "nonholonomic":
         return verdict
@@ -153,14 +153,14 @@ def _not_exact(form: forms.Form, closed: zero_test.Finding, deadline: float) -> 
     if found is not None:
         method = f"An integrating factor was found {found.how} and verified by differentiation.{exactly}"
         phi, mu = found.integral, found.factor
-        return Verdict("integrable", phi, mu, method, "symbolic", exceptional=_poles(phi, form))
+        return FormVerdict("integrable", phi, mu, method, "symbolic", exceptional=_poles(phi, form))
     if verdict.kind == "integrable":
         method = f"{verdict.method} No closed form of its integral was found.{exactly}"
-        return Verdict("integrable", None, None, method, verdict.proof)
+        return FormVerdict("integrable", None, None, method, verdict.proof)
     return verdict
 
 
-def _search(form: forms.Form, deadline: float) -> integrating_factors.Found | None:
+def _search(form: forms.Form, deadline: float) -> integrating_factors.FactorResult | None:
     try:
         until = time_limit.after(_SEARCH_SHARE * time_limit.left(deadline))
         return time_limit.run(until, lambda: integrating_factors.search(form, until), _SEARCH_EFFORT)
@@ -168,7 +168,7 @@ def _search(form: forms.Form, deadline: float) -> integrating_factors.Found | No
         return None
 
 
-def _frobenius(form: forms.Form, deadline: float) -> Verdict:
+def _frobenius(form: forms.Form, deadline: float) -> FormVerdict:
     """Whether omega ^ d omega = 0. With one A_k != 0 the components that hold k suffice."""
     k = min(
         (i for i, a in enumerate(form.coefficients) if a != 0),
@@ -177,7 +177,7 @@ def _frobenius(form: forms.Form, deadline: float) -> Verdict:
     active = [i for i in form.active() if i != k]
     if len(active) < 2:
         text = "A form in two variables always has an integrating factor."
-        return Verdict("integrable", None, None, text, "symbolic")
+        return FormVerdict("integrable", None, None, text, "symbolic")
     reason = ""
     size = [a.count_ops() for a in form.coefficients]
     triples = sorted(combinations(active, 2), key=lambda pair: size[pair[0]] + size[pair[1]])
@@ -195,12 +195,12 @@ def _frobenius(form: forms.Form, deadline: float) -> Verdict:
     if reason:
         return _undecided(f"whether omega ^ d omega vanishes could not be proved: {reason}")
     text = "omega ^ d omega = 0, so the form has an integrating factor (Frobenius)."
-    return Verdict("integrable", None, None, text, "symbolic")
+    return FormVerdict("integrable", None, None, text, "symbolic")
 
 
 def _nonholonomic(
     form: forms.Form, index: tuple[int, ...], component: sympy.Expr, deadline: float
-) -> Verdict:
+) -> FormVerdict:
     until = min(deadline, time_limit.after(_WITNESS_SECONDS))
     exact = zero_test.is_zero_exactly(component, until)
     numeric = zero_test.is_zero(component, until).value
@@ -232,8 +232,8 @@ def _nonholonomic(
         text += "; omega ^ d omega drops to zero where " + " or ".join(
             f"{printing.written(e)} = 0" for e in special
         )
-    witness = Witness((i, j, k), shown, numeric)
-    return Verdict("nonholonomic", None, None, text + ".", proof, witness, exceptional, special)
+    witness = FrobeniusWitness((i, j, k), shown, numeric)
+    return FormVerdict("nonholonomic", None, None, text + ".", proof, witness, exceptional, special)
 
 
 def _shared_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
@@ -289,11 +289,11 @@ def _poles(phi: sympy.Expr, form: forms.Form) -> tuple[sympy.Expr, ...]:
     return tuple(sorted(constants, key=str))
 
 
-def _undecided(reason: str) -> Verdict:
-    return Verdict("undecided", None, None, f"Undecided: {reason}.", "none")
+def _undecided(reason: str) -> FormVerdict:
+    return FormVerdict("undecided", None, None, f"Undecided: {reason}.", "none")
 
 
-def _spoken(verdict: Verdict, back: dict[sympy.Symbol, sympy.Symbol]) -> Verdict:
+def _spoken(verdict: FormVerdict, back: dict[sympy.Symbol, sympy.Symbol]) -> FormVerdict:
     """The verdict in the symbols of the caller."""
 
     def turn(e: sympy.Expr | None) -> sympy.Expr | None:
@@ -302,8 +302,8 @@ def _spoken(verdict: Verdict, back: dict[sympy.Symbol, sympy.Symbol]) -> Verdict
     witness = verdict.witness
     if witness is not None:
         i, j, k = (back[x] for x in witness.variables)
-        witness = Witness((i, j, k), witness.component.xreplace(back), witness.value)
-    return Verdict(
+        witness = FrobeniusWitness((i, j, k), witness.component.xreplace(back), witness.value)
+    return FormVerdict(
         verdict.kind,
         turn(verdict.integral),
         turn(verdict.integrating_factor),

@@ -26,7 +26,7 @@ MAX_KINKS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FactorResult:
     """mu omega = d phi, verified; `how` completes the sentence "found ..."."""
 
     integral: sympy.Expr
@@ -34,7 +34,7 @@ class Found:
     how: str
 
 
-def search(form: forms.Form, deadline: float) -> Found | None:
+def search(form: forms.Form, deadline: float) -> FactorResult | None:
     """A verified integral and integrating factor of the integrable form, or None. Ends at `deadline`."""
     for phi, how in _proposals(form, deadline):
         found = _accepted(form, phi, how, min(deadline, time_limit.after(SLICE)))
@@ -82,7 +82,7 @@ def _proposals(form: forms.Form, deadline: float) -> Iterator[tuple[sympy.Expr, 
     for strategy, how in _STRATEGIES:
         hints = _attempt(partial(_listed, strategy, slim, parts), deadline) or []
         for hint in sorted(hints, key=lambda h: isinstance(h, Factor)):  # quadratures are the slow part
-            if isinstance(hint, Integral):
+            if isinstance(hint, SingleIntegral):
                 yield hint.phi, how
             elif hint.mu not in tried:
                 tried.add(hint.mu)
@@ -99,7 +99,7 @@ def _proposals(form: forms.Form, deadline: float) -> Iterator[tuple[sympy.Expr, 
             yield phi, "by reduction to two variables (Natani)"
 
 
-def _listed(strategy: "Strategy", form: forms.Form, parts: ansatz.Pieces) -> "list[Integral | Factor]":
+def _listed(strategy: "Strategy", form: forms.Form, parts: ansatz.Pieces) -> "list[SingleIntegral | Factor]":
     return list(strategy(form, parts))
 
 
@@ -109,7 +109,7 @@ def _integral(form: forms.Form, deadline: float) -> sympy.Expr | None:
 
 
 def _attempt(work: Callable[[], Value], deadline: float) -> Value | None:
-    """The value of one strategy, None where it fails or is late. Raises `limit.TimeUpError` after the whole
+    """The value of one strategy, None where it fails or is late. Raises `time_limit.TimeUpError` after the whole
     deadline.
     """
     time_limit.check(deadline)
@@ -119,7 +119,7 @@ def _attempt(work: Callable[[], Value], deadline: float) -> Value | None:
         return None
 
 
-def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> Found | None:
+def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> FactorResult | None:
     """phi made tidy, with its factor, if d phi = mu omega is proved; the tidy form first, then phi as it
     came.
     """
@@ -134,12 +134,12 @@ def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> F
         except time_limit.NO_ANSWER:
             continue
         if mu is not None:
-            return Found(way, mu, how)
+            return FactorResult(way, mu, how)
     return None
 
 
 def verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr | None:
-    """mu with mu omega = d phi != 0, proved, or None. Raises `limit.TimeUpError`."""
+    """mu with mu omega = d phi != 0, proved, or None. Raises `time_limit.TimeUpError`."""
     if not potential.writable(phi):
         return None
     gradient = [forms.partial(phi, x) for x in form.variables]
@@ -177,7 +177,7 @@ def _sides(expression: sympy.Expr) -> list[sympy.Expr]:
 
 
 @dataclass(frozen=True, slots=True)
-class Integral:
+class SingleIntegral:
     """A proposal for phi."""
 
     phi: sympy.Expr
@@ -190,7 +190,7 @@ class Factor:
     mu: sympy.Expr
 
 
-Hints = Iterator[Integral | Factor]
+Hints = Iterator[SingleIntegral | Factor]
 Strategy = Callable[[forms.Form, ansatz.Pieces], Hints]
 
 
@@ -218,7 +218,7 @@ def _without_common_factor(form: forms.Form, parts: ansatz.Pieces) -> Hints:
 def _products(form: forms.Form, parts: ansatz.Pieces) -> Hints:
     found = [p for p in ansatz.integrals(form, parts) if p.free_symbols]
     for phi in sorted(found, key=lambda p: (p.count_ops(), str(p)))[:4]:
-        yield Integral(phi)
+        yield SingleIntegral(phi)
 
 
 def _product_factor(form: forms.Form, parts: ansatz.Pieces) -> Hints:
@@ -284,7 +284,7 @@ def _inverse_polynomial(form: forms.Form, parts: ansatz.Pieces) -> Hints:
             yield from _products(form, ansatz.Pieces(tuple(varying), form.variables))
             yield from (Factor(1 / sympy.factor(v)) for v in found[:2])
         if len(found) > 1:
-            yield Integral(tidy_integral.ratio(found[0], found[1]))
+            yield SingleIntegral(tidy_integral.ratio(found[0], found[1]))
             return
 
 

@@ -10,19 +10,19 @@ import sympy
 
 from lagcli.pfaffian.form import Form
 from lagcli.pfaffian.single_form import frobenius
-from lagcli.pfaffian.single_form.frobenius import Verdict
+from lagcli.pfaffian.single_form.frobenius import FormVerdict
 
 Pattern = tuple[tuple[sympy.Expr, ...], tuple[sympy.Symbol, ...]]
 
 
-class Judge:
+class VerdictMemo:
     """Classifies forms, each kind of them once."""
 
     def __init__(self) -> None:
         self._places: list[sympy.Symbol] = []
-        self._known: dict[Pattern, tuple[Form, Verdict]] = {}
+        self._known: dict[Pattern, tuple[Form, FormVerdict]] = {}
 
-    def classify(self, form: Form, deadline: float) -> Verdict:
+    def classify(self, form: Form, deadline: float) -> FormVerdict:
         """As `frobenius.classify`."""
         pattern = self._pattern(form)
         known = self._known.get(pattern)
@@ -46,7 +46,7 @@ def _is_tellable(known: Form, form: Form) -> bool:
     return all(x == y or "[" in x.name for x, y in pairs)
 
 
-def _told(verdict: Verdict, known: Form, form: Form) -> Verdict:
+def _told(verdict: FormVerdict, known: Form, form: Form) -> FormVerdict:
     """The verdict of `known` in the names of `form`."""
     renamed = dict(zip(known.variables, form.variables, strict=True))
 
@@ -64,7 +64,7 @@ def _told(verdict: Verdict, known: Form, form: Form) -> Verdict:
         if value is not None:
             point = tuple((names.get(name, name), number) for name, number in value.point)
             value = dataclasses.replace(value, point=point)
-        witness = frobenius.Witness((i, j, k), component, value)
+        witness = frobenius.FrobeniusWitness((i, j, k), component, value)
     return dataclasses.replace(
         verdict,
         integral=turn(verdict.integral),

@@ -30,7 +30,7 @@ _TABLE: dict[Any, Callable[[sympy.Expr], sympy.Expr]] = {
 def of(form: forms.Form) -> sympy.Expr | None:
     """phi with d phi = omega for a form with d omega = 0, or None where no closed form was found.
 
-    The result is a proposal: the caller verifies it. May run long: call it under `limit.run`.
+    The result is a proposal: the caller verifies it. May run long: call it under `time_limit.run`.
     """
     pairs = list(zip(form.variables, form.coefficients, strict=True))
     # What is easily integrated comes first: it leaves less for the others.

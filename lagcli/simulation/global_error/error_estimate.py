@@ -56,7 +56,7 @@ def repeated(settings: Simulation) -> Simulation:
 
 
 def _held_to(settings: Simulation, rtol: float, atol: float) -> Simulation:
-    """Settings whose steps are held to these: the inverse of `tolerance.of_steps`."""
+    """Settings whose steps are held to these: the inverse of `step_tolerance.of_steps`."""
     wanted = rtol if rtol < step_tolerance.FINEST else rtol * step_tolerance.TIGHTENING
     return dataclasses.replace(
         settings, rtol=wanted, atol=None if settings.atol is None else atol * wanted / rtol

@@ -12,10 +12,10 @@ from lagcli.equations import time_functions
 from lagcli.equations.system import System
 from lagcli.model.model import Simulation
 from lagcli.simulation import loop, step_tolerance
-from lagcli.simulation.checkpoint import Mark
+from lagcli.simulation.checkpoint import RunState
 from lagcli.simulation.global_error import divergence, error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
-from lagcli.simulation.invariants import Holding
+from lagcli.simulation.invariants import EnforcedInvariants
 
 Floats = npt.NDArray[np.float64]
 
@@ -23,11 +23,16 @@ Floats = npt.NDArray[np.float64]
 SAME_TIME = 1e-12
 
 
-class Paired:
+class RunWithReference:
     """A run from its start and the same run at another tolerance, which is kept no farther ahead than a block."""
 
     def __init__(
-        self, system: System, run: loop.Run, held: Holding, begin: loop.Begin, settings: Simulation
+        self,
+        system: System,
+        run: loop.Run,
+        held: EnforcedInvariants,
+        begin: loop.RunStart,
+        settings: Simulation,
     ) -> None:
         again = error_estimate.repeated(settings)
         self._tolerance = float(step_tolerance.of_steps(again)[0])
@@ -47,7 +52,7 @@ class Paired:
         )
         # The run as it stood behind the last whole block, and where rows end within one: only where the repeated run
         # has stopped there.
-        self._mark: Mark | None = None
+        self._mark: RunState | None = None
         self._cut: float | None = None
         self._taken = 0
 
@@ -64,7 +69,7 @@ class Paired:
     def of_table(self, rows: Floats) -> Accuracy | None:
         """The estimate for a table (T, columns) in place of the rows of the first run, which is not taken.
 
-        None where the times of its rows are not those of the grid. Raises `driver.Stopped` where the repeated run stops
+        None where the times of its rows are not those of the grid. Raises `loop.RunStop` where the repeated run stops
         before the last of them.
         """
         known = 0
@@ -79,7 +84,7 @@ class Paired:
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, columns + 4), the errors last.
 
-        Raises `driver.Stopped` after the last good one, also where the repeated run stops and the first does not.
+        Raises `loop.RunStop` after the last good one, also where the repeated run stops and the first does not.
         """
         for rows in self._run.blocks():
             others = self._others(len(rows))
@@ -90,12 +95,12 @@ class Paired:
                     self._cut = self._run.grid.time(self._taken + known - 1)
                     yield np.hstack([rows[:known], errors])
                 assert self._broken is not None, "the rows of both runs stand on one grid"
-                raise loop.Stopped(self._broken)
+                raise loop.RunStop(self._broken)
             self._taken += known
             yield np.hstack([rows, errors])
             self._mark = self._run.mark()
 
-    def mark(self) -> Mark:
+    def mark(self) -> RunState:
         """Where to go on from after the rows handed out so far."""
         if self._cut is None:
             return self._run.mark()
@@ -108,7 +113,7 @@ class Paired:
             while have < count:
                 parts.append(next(self._ahead))
                 have += len(parts[-1])
-        except loop.Stopped as stopped:
+        except loop.RunStop as stopped:
             stop = stopped.stop
             why = f"the run repeated at other tolerances {stop.reason}; the errors of rows after it are not known"
             self._broken = dataclasses.replace(stop, reason=why)
