@@ -69,9 +69,9 @@ def _error_page(code: str) -> str:
     page = catalogue.page(code)
     assert page is not None, code
     example = page.example.rstrip() or "(an empty file)"
-    cure = [page.cure] + ([_indented("\n".join(page.mended_lines))] if page.mended_lines else [])
+    fix = [page.fix] + ([_indented("\n".join(page.fixed_lines))] if page.fixed_lines else [])
     head = f"## {code}" if page.severity == "error" else f"## {code} ({page.severity})"
-    return "\n\n".join([head, f"{page.meaning} {page.why}", _indented(example), *cure])
+    return "\n\n".join([head, f"{page.meaning} {page.why}", _indented(example), *fix])
 
 
 def equation_table() -> str:

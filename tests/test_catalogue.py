@@ -12,7 +12,7 @@ import lagcli
 from lagcli import yaml_tree
 from lagcli.api import pipeline
 from lagcli.errors import catalogue, diagnostics
-from lagcli.errors.catalogue.page import Page
+from lagcli.errors.catalogue import Page
 from lagcli.expression import facts
 from lagcli.input import document
 from lagcli.output import trajectory
@@ -78,21 +78,21 @@ def test_codes_are_listed_once_in_order() -> None:
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if p.stage not in ("input", "run")], ids=lambda p: p.code)
-def test_an_example_gives_exactly_its_code_and_the_cure_removes_it(page: Page) -> None:
+def test_an_example_gives_exactly_its_code_and_the_fix_removes_it(page: Page) -> None:
     found = _found(page.example, page.stage)
     assert {(d.code, d.severity) for d in found} == {(page.code, page.severity)}
-    assert page.mended != page.example
-    assert _found(page.mended, page.stage) == []
+    assert page.fixed != page.example
+    assert _found(page.fixed, page.stage) == []
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if p.stage == "run"], ids=lambda p: p.code)
-def test_an_example_of_a_stop_stops_so_and_the_cure_lets_it_end(page: Page) -> None:
+def test_an_example_of_a_stop_stops_so_and_the_fix_lets_it_end(page: Page) -> None:
     assert _found(page.example, "start") == []
     with pytest.raises(lagcli.SimulationStopped) as caught:
         lagcli.simulate(lagcli.loads(page.example))
     assert caught.value.code == page.code
     assert caught.value.stats.stopped.reason == str(caught.value)
-    assert lagcli.simulate(lagcli.loads(page.mended)).stats.stopped is None
+    assert lagcli.simulate(lagcli.loads(page.fixed)).stats.stopped is None
 
 
 def _of_a_directory(where: pathlib.Path) -> None:
@@ -165,5 +165,5 @@ def test_a_page_is_plain_text_with_all_its_parts(page: Page) -> None:
     for part in ("Why:", "Example:", "Fix:"):
         assert part in text
     assert all(line.strip() in text for line in page.example.splitlines())
-    assert all(line in text for line in page.mended_lines)
+    assert all(line in text for line in page.fixed_lines)
     assert text == text.rstrip()

@@ -80,7 +80,7 @@ def projected(z: Any, A: Any) -> Any:
     unit = ca.if_else(lengths > 0, 1 / lengths, 1)
     B, b = ca.mtimes(ca.diag(unit), B), unit * b
     D, L, order = ca.ldl(ca.mtimes(B, B.T) + SHIFT * ca.SX.eye(B.shape[0]))
-    # Rows may depend on others; what the shift spoils the second pass mends.
+    # Rows may depend on others; what the shift spoils the second pass corrects.
     for _ in range(2 if B.shape[0] else 0):
         dq = dq - ca.mtimes(B.T, ca.ldl_solve(ca.mtimes(B, dq) + b * dt, D, L, order))
     return ca.Function("field", [z, w], [_short(ca.densify(ca.vertcat(dq, dt)))])

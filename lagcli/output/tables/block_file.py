@@ -22,7 +22,7 @@ class BlockFile:
 
     def append(self, block: bytes | memoryview) -> None:
         """Write one block after the last complete one."""
-        self._mend()
+        self._restore()
         self._torn = True
         rest = memoryview(block)
         while rest:
@@ -34,7 +34,7 @@ class BlockFile:
     def close(self) -> None:
         """Cut off an incomplete block, and close."""
         try:
-            self._mend()
+            self._restore()
         finally:
             self._file.close()
 
@@ -42,7 +42,7 @@ class BlockFile:
         """Close a file that will not be kept."""
         self._file.close()
 
-    def _mend(self) -> None:
+    def _restore(self) -> None:
         if self._torn and self._file.seekable():
             self._file.seek(self._end)
             self._file.truncate()
