@@ -5,6 +5,7 @@ A part stands between `<!-- generated: NAME -->` and `<!-- end -->`; the text ar
 
 from __future__ import annotations
 
+import ast
 import pathlib
 import re
 import sys
@@ -15,7 +16,8 @@ from lagcli.errors import catalogue, equation_list
 from lagcli.expression import evaluate
 from lagcli.input import keys, namespace
 
-HERE = pathlib.Path(__file__).parent / "reference"
+ROOT = pathlib.Path(__file__).parent.parent
+HERE = ROOT / "docs" / "reference"
 PART = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -80,6 +82,16 @@ def equation_table() -> str:
     return "\n".join([equation_list.TEXT, "", "| number | says |", "| --- | --- |", *rows])
 
 
+def package_table() -> str:
+    """The packages, from their docstrings: first line, `In:` and `Out:`."""
+    rows = []
+    for path in sorted((ROOT / "lagcli").glob("*/__init__.py")):
+        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        first, takes, gives = re.match(r"(.*)\n\nIn: (.*)\nOut: (.*)", text).groups()  # type: ignore[union-attr]
+        rows.append(f"| `{path.parent.name}` | {first} | {takes} | {gives} |")
+    return "\n".join(["| package | holds | in | out |", "| --- | --- | --- | --- |", *rows])
+
+
 def _indented(text: str) -> str:
     return textwrap.indent(text, "    ")
 
@@ -94,12 +106,13 @@ PARTS: dict[str, Callable[[], str]] = {
     "functions": function_table,
     "errors": error_pages,
     "equations": equation_table,
+    "packages": package_table,
 }
 
 
 def pages() -> Iterator[pathlib.Path]:
     """The pages that hold generated parts."""
-    for page in sorted(HERE.glob("*.md")):
+    for page in (*sorted(HERE.glob("*.md")), ROOT / "CONTRIBUTING.md"):
         if PART.search(page.read_text(encoding="utf-8")):
             yield page
 

@@ -70,7 +70,7 @@ def _installed(place: str) -> Iterator[tuple[str, str]]:
 
 
 def _is_older(version: str, oldest: str) -> bool:
-    """Whether a version comes before another, by its numbers; False where it has none."""
+    """True if a version comes before another, by its numbers; False where it has none."""
     here, there = _numbers(version), _numbers(oldest)
     return bool(here) and here < there
 

@@ -84,7 +84,7 @@ class Scalar(YamlNode):
 
     @property
     def is_torn(self) -> bool:
-        """Whether this looks like part of an unquoted text that a comma in `{ }` or `[ ]` has cut in pieces."""
+        """True if this looks like part of an unquoted text that a comma in `{ }` or `[ ]` has cut in pieces."""
         if self.style != "plain" or self.value.count("(") == self.value.count(")"):
             return False
         near = self.text.content[max(0, self.start - NEAR) : self.start].rstrip()
@@ -157,7 +157,7 @@ AnyNode = Scalar | Sequence | Mapping
 
 
 def is_empty(node: AnyNode) -> bool:
-    """Whether nothing was written: `key:` with no value, `{}` or `[]`."""
+    """True if nothing was written: `key:` with no value, `{}` or `[]`."""
     match node:
         case Scalar():
             return node.value == "" and node.style == "plain"

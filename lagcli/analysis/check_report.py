@@ -68,7 +68,7 @@ class JointReport:
 
     @property
     def is_bracket_generating(self) -> bool:
-        """Whether brackets of allowed displacements reach every direction of the surface (Chow, Rashevskii)."""
+        """True if brackets of allowed displacements reach every direction of the surface (Chow, Rashevskii)."""
         return bool(self.growth_vector) and self.growth_vector[-1] == self.dimension
 
     def as_json(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from lagcli.model.model import Model, ParticleForce
 
 
 def holds_for(model: Model) -> bool:
-    """Whether a model has particles alone, free ones, and at most constant forces on them."""
+    """True if a model has particles alone, free ones, and at most constant forces on them."""
     return (
         not any(size_limits.rows(law) for law in model.constraints())
         and not (model.coordinates or model.outputs or model.lagrangian)

@@ -98,7 +98,7 @@ class Audit:
 
     @property
     def passed(self) -> bool:
-        """Whether no check fails; what could not be judged is in `unjudged`."""
+        """True if no check fails; what could not be judged is in `unjudged`."""
         return all(check.verdict != "fail" for check in self.checks)
 
     @property

@@ -42,7 +42,7 @@ class TapeNode:
 
     @property
     def is_rate(self) -> bool:
-        """Whether this is d/dt of its parent."""
+        """True if this is d/dt of its parent."""
         return self.kind == "rate"
 
 

@@ -40,7 +40,7 @@ class Window:
 
     @property
     def is_regular(self) -> bool:
-        """Whether the rank is the same all along, so that the displacements go along smoothly."""
+        """True if the rank is the same all along, so that the displacements go along smoothly."""
         return not self.space.is_singular.any()
 
     def path(self, w: Array) -> Array:

@@ -167,7 +167,7 @@ class Evidence:
 
     @property
     def is_slow(self) -> bool:
-        """Whether no particle can move much faster than the rows show."""
+        """True if no particle can move much faster than the rows show."""
         return not (self.is_coarse[0].any() or self.is_coarse[1].any())
 
     def unaliased(self, residual: Array, limit: Array, judged: Array) -> Array:

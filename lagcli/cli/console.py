@@ -31,7 +31,7 @@ Rows = Sequence[Sequence[str]]
 
 
 def is_plain(stream: TextIO) -> bool:
-    """Whether the stream gets no colour and no progress bar."""
+    """True if the stream gets no colour and no progress bar."""
     return not stream.isatty() or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
 
 
@@ -71,7 +71,7 @@ def stacked(headers: Sequence[str], rows: Rows, columns: int) -> Iterator[str]:
 
 
 def fits(headers: Sequence[str], rows: Rows) -> bool:
-    """Whether a table shows on stdout without folded cells."""
+    """True if a table shows on stdout without folded cells."""
     console = _console()
     # Measured as if there were room: rich bounds the measure by the width it is given.
     roomy = console.options.update(width=UNCUT)

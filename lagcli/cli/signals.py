@@ -56,7 +56,7 @@ def release() -> None:
 
 
 def is_ending(number: int) -> bool:
-    """Whether a signal is one of those that end the process, and taken here."""
+    """True if a signal is one of those that end the process, and taken here."""
     return any(number == each and signal.getsignal(each) is _handle for each in _numbers())
 
 
@@ -78,7 +78,7 @@ def end_at_once(number: int) -> None:
 
 
 def is_stuck(since: float) -> bool:
-    """Whether the handler has not run since a time, and nothing has been begun that must be put in order."""
+    """True if the handler has not run since a time, and nothing has been begun that must be put in order."""
     return _handled < since and not _shielded and not _unwinding
 
 

@@ -49,7 +49,7 @@ class OutputOptions:
 
     @property
     def to_stdout(self) -> bool:
-        """Whether the table goes to standard output."""
+        """True if the table goes to standard output."""
         return self.output == "-" or (self.output is None and self.plot is None)
 
     @property

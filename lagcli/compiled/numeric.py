@@ -54,7 +54,7 @@ class NumericSystem:
 
     @property
     def has_time(self) -> bool:
-        """Whether t occurs in what moves the system. Where it does not, the motion from a start is the same at any
+        """True if t occurs in what moves the system. Where it does not, the motion from a start is the same at any
         time."""
         return self._parts.has_time
 

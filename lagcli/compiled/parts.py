@@ -69,7 +69,7 @@ class Parts:
 
     @cached_property
     def has_time(self) -> bool:
-        """Whether t occurs in what moves the system: rows, integrals that are held, inertia, forces, power."""
+        """True if t occurs in what moves the system: rows, integrals that are held, inertia, forces, power."""
         entries = [self.B.nz[:], self.M.nz[:], self.dg.nz[:]]
         rest = [self.f, self.b, self.gamma, self.h, self.power, self.g]
         whole = ca.vertcat(*(ca.vec(each) for each in entries), *(ca.densify(each) for each in rest))

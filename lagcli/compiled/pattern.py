@@ -23,7 +23,7 @@ def coordinates(system: System) -> tuple[Numbers, Numbers]:
 
 
 def depends_on_time(system: System) -> bool:
-    """Whether time is a coordinate of the forms: some row has a part along dt, or coefficients that hold t."""
+    """True if time is a coordinate of the forms: some row has a part along dt, or coefficients that hold t."""
     B, b = system.rows.B, system.rows.b
     moving = any(not b[i].is_zero() for i in range(b.numel()))
     return moving or (B.nnz() > 0 and bool(ca.depends_on(B.nz[:], system.symbols.t)))

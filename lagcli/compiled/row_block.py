@@ -83,7 +83,7 @@ class RowBlock:
 
     @cached_property
     def has_kinks(self) -> bool:
-        """Whether abs, sign, min or max change how the rows are to be computed from place to place."""
+        """True if abs, sign, min or max change how the rows are to be computed from place to place."""
         steps = (*program.written_out(self.along).steps, *program.written_out(self.curl).steps)
         return any(name in KINKS for name, *_ in steps)
 

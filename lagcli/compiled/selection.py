@@ -37,7 +37,7 @@ class Selection:
 
     @property
     def is_everything(self) -> bool:
-        """Whether no row is left out."""
+        """True if no row is left out."""
         return not self.circuits
 
     @property

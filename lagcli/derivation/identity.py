@@ -81,7 +81,7 @@ def _of_energy(system: Symbolic, j: int) -> Any:
 
 
 def _vanishes(value: Any) -> bool:
-    """Whether an expression is zero, as exponentials multiplied out; no answer counts as no."""
+    """True if an expression is zero, as exponentials multiplied out; no answer counts as no."""
     if sympy.expand(value) == 0:
         return True
     waves = value.rewrite(sympy.exp) if value.has(sympy.sin, sympy.cos, sympy.tan) else value
@@ -89,7 +89,7 @@ def _vanishes(value: Any) -> bool:
 
 
 def _agrees(system: Symbolic, j: int, left: Any) -> bool:
-    """Whether both sides are the same numbers at random points."""
+    """True if both sides are the same numbers at random points."""
     source = random.Random(20060311)
     calculus = system.world.calculus
     one, other = calculus.expanded(left), calculus.expanded(_of_energy(system, j))

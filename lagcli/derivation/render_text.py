@@ -82,7 +82,7 @@ def _product(factors: tuple[f.FormulaNode, ...]) -> str:
 
 
 def _moves(node: f.FormulaNode | None) -> bool:
-    """Whether this is a differential: sin θ dφ is read right."""
+    """True if this is a differential: sin θ dφ is read right."""
     return isinstance(node, f.Sign) and len(node.base) == 2 and node.base[0] in "dδ"
 
 

@@ -135,7 +135,7 @@ class World:
         return self._defined[name]
 
     def is_dependent(self, number: int) -> bool:
-        """Whether the position of a particle is a function of coordinates and time."""
+        """True if the position of a particle is a function of coordinates and time."""
         return self._entry(number)[0].is_dependent
 
     def _entry(self, number: int) -> tuple[nouns.Particle, View]:

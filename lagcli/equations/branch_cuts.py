@@ -91,7 +91,7 @@ class Cuts:
         return [self.rows[k] for k in self.passing if self.nodes[k] == j]
 
     def hold_for(self, t: float, q: Floats, p: Floats) -> bool:
-        """Whether the verdicts are the same with other parameters and another start."""
+        """True if the verdicts are the same with other parameters and another start."""
         return _verdicts(self.change, t, q, p[: self.first]) == self.verdicts
 
 
@@ -212,7 +212,7 @@ def _verdicts(change: Any, t: float, q: Floats, p: Floats) -> tuple[int, ...]:
 
 
 def _speaks_of_angles(model: nouns.Model) -> bool:
-    """Whether an expression that holonomic rows are made of has `atan2` or `atan`."""
+    """True if an expression that holonomic rows are made of has `atan2` or `atan`."""
     texts = [law.equation.text for law in model.holonomic]
     texts += [definition.expression.text for definition in model.definitions]
     texts += [part.text for p in model.particles if p.is_dependent for part in p.position.parts]

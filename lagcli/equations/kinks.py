@@ -68,7 +68,7 @@ class Kinks:
     def _jumps_between(
         self, k: int, before: tuple[float, Floats], after: tuple[float, Floats], p: Floats
     ) -> bool:
-        """Whether the gradient jumps where switch k changes its sign on the straight way."""
+        """True if the gradient jumps where switch k changes its sign on the straight way."""
 
         def place(part: float) -> tuple[float, Floats]:
             return before[0] + part * (after[0] - before[0]), before[1] + part * (after[1] - before[1])
@@ -130,7 +130,7 @@ def require_smooth(kinks: Kinks | None, t: float, q: Floats, p: Floats) -> None:
 
 
 def _speaks_of_switches(model: nouns.Model) -> bool:
-    """Whether an expression that constraints are made of has a function that switches."""
+    """True if an expression that constraints are made of has a function that switches."""
     laws: tuple[nouns.Holonomic | nouns.Differential, ...] = (*model.holonomic, *model.differential)
     texts = [law.equation.text for law in laws]
     texts += [definition.expression.text for definition in model.definitions]

@@ -22,7 +22,7 @@ ACCELERATIONS = ("a", "ax", "ay", "az")
 
 
 def is_second(node: tree.Call) -> bool:
-    """Whether a call is `rate(x, 2)`: an acceleration."""
+    """True if a call is `rate(x, 2)`: an acceleration."""
     return node.function == "rate" and len(node.arguments) > 1 and _is_two(node.arguments[1])
 
 
@@ -43,7 +43,7 @@ class LeafNames:
         self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
 
     def is_definition(self, name: str) -> bool:
-        """Whether a definition has this name."""
+        """True if a definition has this name."""
         return name in self._definitions
 
     def meaning(self, name: str) -> tree.Node:

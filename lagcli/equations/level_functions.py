@@ -32,7 +32,7 @@ class Charts:
     built_in: tuple[tuple[str, float], ...]
 
     def hold_for(self, system: System) -> bool:
-        """Whether the built-in values are those of the model of a system."""
+        """True if the built-in values are those of the model of a system."""
         fixed = FixedExponents(system.model)
         return all(fixed.value(name) == value for name, value in self.built_in)
 
@@ -57,7 +57,7 @@ def charts(system: System, written: Iterable[invariant.LevelFunction]) -> Charts
 
 
 def has_time(system: System, chart: LevelExpression) -> bool:
-    """Whether t occurs in a chart."""
+    """True if t occurs in a chart."""
     return any(ca.depends_on(ca.SX(each), system.symbols.t) for each in (chart.above, chart.below))
 
 

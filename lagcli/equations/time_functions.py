@@ -69,7 +69,7 @@ class TimeFunctions:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether every wave has a bound at all times: then nothing can rise and fall that is not looked for."""
+        """True if every wave has a bound at all times: then nothing can rise and fall that is not looked for."""
         ends = np.array([-np.inf]), np.array([np.inf])
         return all(np.isfinite(a).all() and np.isfinite(b).all() for a, b in self.values(ends, self.waves))
 
@@ -244,7 +244,7 @@ def _folded(name: str, numbers: list[Range]) -> Range:
 
 
 def _is_steady(operation: Operation) -> bool:
-    """Whether it rises and falls where its parts do: a sum, a product, a whole power, a quotient by a number."""
+    """True if it rises and falls where its parts do: a sum, a product, a whole power, a quotient by a number."""
     last = operation.parts[-1]
     if operation.name in ("divide", "power") and not isinstance(last, int):
         is_whole = bool(((last[0] >= 0.0) & (last[0] == np.round(last[0]))).all())

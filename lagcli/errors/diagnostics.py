@@ -151,7 +151,7 @@ class Collector:
 
     @property
     def has_errors(self) -> bool:
-        """Whether anything worse than a warning was found."""
+        """True if anything worse than a warning was found."""
         return self._errors > 0
 
     @property

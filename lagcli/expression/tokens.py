@@ -51,7 +51,7 @@ class Tokens:
 
 
 def is_name(text: str) -> bool:
-    """Whether `text` may be declared as a name."""
+    """True if `text` may be declared as a name."""
     if text.isascii():
         return text.isidentifier()
     return bool(text) and _is_letter(text[0]) and all(_is_letter(c) or c in "0123456789" for c in text)

@@ -107,7 +107,7 @@ class Comparison:
 
     @property
     def stopped(self) -> bool:
-        """Whether a formulation ended before its end."""
+        """True if a formulation ended before its end."""
         return any(one.stopped for one in self.formulations)
 
     def as_json(self) -> dict[str, Any]:

@@ -30,12 +30,12 @@ def declared(model: Model, rows: int) -> str:
 
 
 def is_reducible(rows: int, n: int) -> bool:
-    """Whether the null space of C rows in n coordinates is to be taken: there are rows, and not too many columns."""
+    """True if the null space of C rows in n coordinates is to be taken: there are rows, and not too many columns."""
     return rows > 0 and n <= MOST_COORDINATES
 
 
 def has_dependent(model: Model) -> bool:
-    """Whether there are particles that Newton's formulation frees."""
+    """True if there are particles that Newton's formulation frees."""
     return any(particle.is_dependent and particle.members.count for particle in model.particles)
 
 

@@ -54,7 +54,7 @@ def _difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra)
 
 
 def _form(node: tree.Node, found: tuple[Facts, ...], algebra: FactsAlgebra) -> bool:
-    """Whether the law is written in differentials; raises where it is in neither form, or in both."""
+    """True if the law is written in differentials; raises where it is in neither form, or in both."""
     everything = frozenset[facts.Flag]().union(*(part.reads for part in found))
     terms = list(_terms(node))
     if "differential" not in everything:

@@ -152,7 +152,7 @@ class ParticleReader:
         return model.Particle(formulas.members, mass, masses, self._position, start, moving, at)
 
     def _keeps_kind(self, dependent: bool, file_position: yaml_tree.AnyNode | None) -> bool:
-        """Whether a changed position is still an initial value, or still a function; else it is refused."""
+        """True if a changed position is still an initial value, or still a function; else it is refused."""
         place = self._fields.get("position")
         if place is None or file_position is None or place is file_position:
             return True

@@ -19,7 +19,7 @@ MAX_MEMBERS = 1_000_000
 
 
 def is_family(name: yaml_tree.Scalar, entry: yaml_tree.AnyNode) -> bool:
-    """Whether an entry is written as a family."""
+    """True if an entry is written as a family."""
     written = isinstance(entry, yaml_tree.Mapping) and (entry.key("for") or entry.key("if"))
     return "[" in name.value or bool(written)
 

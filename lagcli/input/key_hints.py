@@ -186,7 +186,7 @@ def meant_keys(owner: keys.Key, names: Iterable[yaml_tree.Scalar]) -> set[str]:
 
 
 def is_decimal_part(name: yaml_tree.Scalar, value: yaml_tree.AnyNode) -> bool:
-    """Whether an entry is what a decimal comma cut off in `{ }`: `{g: 9,81}` is `g: 9` and `81:`."""
+    """True if an entry is what a decimal comma cut off in `{ }`: `{g: 9,81}` is `g: 9` and `81:`."""
     touching = name.text.content[max(0, name.start - 1) : name.start] == ","
     return name.value.isdigit() and touching and yaml_tree.is_empty(value)
 

@@ -43,7 +43,7 @@ class Entry:
 
     @property
     def is_reached(self) -> bool:
-        """Whether it may be used from here on."""
+        """True if it may be used from here on."""
         return self.find is not None or self.value is not None
 
 
@@ -107,15 +107,15 @@ class Namespace:
         return self._entries[keys[0]].kind if keys else None
 
     def is_broken(self, base: str) -> bool:
-        """Whether something is wrong with a name that has been reported."""
+        """True if something is wrong with a name that has been reported."""
         return any(self._entries[key].value is BROKEN for key in self._keys.get(base, ()))
 
     def is_family(self, base: str) -> bool:
-        """Whether a name has members."""
+        """True if a name has members."""
         return base in self._families
 
     def is_reached(self, base: str) -> bool:
-        """Whether all entries of a declared name may be used from here on."""
+        """True if all entries of a declared name may be used from here on."""
         return all(self._entries[key].is_reached for key in self._keys[base])
 
     def of(self, *kinds: Kind) -> list[str]:

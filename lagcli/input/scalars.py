@@ -129,7 +129,7 @@ class Formulas:
         return Expression(known, node)
 
     def affords(self, node: yaml_tree.AnyNode, found: tree.Node, count: int) -> bool:
-        """Whether an expression may be evaluated for this many members; if not, that is reported."""
+        """True if an expression may be evaluated for this many members; if not, that is reported."""
         reading = self._reading
         if count < LARGE:
             return True

@@ -191,7 +191,7 @@ def _owner(node: tree.Node) -> str:
 
 
 def _is_whole(argument: tree.Node) -> bool:
-    """Whether the argument is a name or member of a family, without a component."""
+    """True if the argument is a name or member of a family, without a component."""
     return isinstance(argument, tree.Name) or (isinstance(argument, tree.Index) and not argument.member)
 
 

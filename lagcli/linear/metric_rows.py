@@ -156,7 +156,7 @@ class MetricRows:
 
     @cached_property
     def are_independent(self) -> bool:
-        """Whether the smallest singular value is certainly far above rounding."""
+        """True if the smallest singular value is certainly far above rounding."""
         if self.count == 0:
             return True
         if self.count > self._unit.shape[1] or 0 in self._norms_of_units():
@@ -192,7 +192,7 @@ class MetricRows:
 
     @property
     def _is_filled(self) -> bool:
-        """Whether the Gram matrix is better looked at densely."""
+        """True if the Gram matrix is better looked at densely."""
         return self.count <= MOST_FILLED and self._gram.nnz() > FILLED * self.count**2
 
     @property
@@ -253,7 +253,7 @@ class MetricRows:
 
     @property
     def is_large(self) -> bool:
-        """Whether the rows are too many to be looked at densely."""
+        """True if the rows are too many to be looked at densely."""
         return are_many(self.count, self._unit.shape[1])
 
     def _norms_of_units(self) -> Floats:
@@ -285,5 +285,5 @@ class MetricRows:
 
 
 def are_many(count: int, coordinates: int) -> bool:
-    """Whether so many rows over so many coordinates are too many to be looked at densely."""
+    """True if so many rows over so many coordinates are too many to be looked at densely."""
     return count > DENSE and coordinates > DENSE

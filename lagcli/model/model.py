@@ -105,7 +105,7 @@ class Particle:
 
     @property
     def is_dependent(self) -> bool:
-        """Whether the positions are functions of generalized coordinates and time."""
+        """True if the positions are functions of generalized coordinates and time."""
         return self.start is None
 
 
@@ -295,7 +295,7 @@ class Model:
         return f"<Model{title} from {self.path}: {', '.join(parts)}>"
 
     def __eq__(self, other: object) -> bool:
-        """Whether both are read from the same text, with the same values of everything that may be set."""
+        """True if both are read from the same text, with the same values of everything that may be set."""
         return isinstance(other, Model) and self._read_from() == other._read_from()
 
     def __hash__(self) -> int:

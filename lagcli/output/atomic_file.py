@@ -40,7 +40,7 @@ class Aside:
 
     @property
     def is_in_place(self) -> bool:
-        """Whether the target itself is written, so that writing may have to wait for a reader."""
+        """True if the target itself is written, so that writing may have to wait for a reader."""
         return self._in_place
 
     def commit(self, durably: bool = False) -> None:
@@ -83,7 +83,7 @@ def sweep() -> None:
 
 
 def is_replaced(target: Path) -> bool:
-    """Whether a target is replaced by a new file; a pipe or a device is written in place."""
+    """True if a target is replaced by a new file; a pipe or a device is written in place."""
     return target.is_file() or not target.exists()
 
 
@@ -119,7 +119,7 @@ def destination(target: Path) -> Path:
 
 
 def is_foreign(link: os.stat_result, folder: os.stat_result, user: int | None) -> bool:
-    """Whether a link must not be followed: others may make links in its folder, and it is neither the user's nor of
+    """True if a link must not be followed: others may make links in its folder, and it is neither the user's nor of
     the owner of the folder. ``user`` is None where users have no numbers."""
     is_shared = bool(folder.st_mode & stat.S_ISVTX and folder.st_mode & stat.S_IWOTH)
     return user is not None and is_shared and link.st_uid not in (user, folder.st_uid)

@@ -123,7 +123,7 @@ class Floors:
         return found
 
     def are_zero(self, places: Sequence[int]) -> bool:
-        """Whether some columns, one of them not exactly zero, are zero to rounding in all rows."""
+        """True if some columns, one of them not exactly zero, are zero to rounding in all rows."""
         at, floors = list(places), self.floors()
         return bool((self._largest[at] <= floors[at]).all() and (self._largest[at] > 0).any())
 

@@ -62,7 +62,7 @@ def _has_angles(phi: sympy.Expr, variables: Variables) -> bool:
 
 
 def _jumps(angle: sympy.Expr, variables: Variables) -> bool:
-    """Whether an angle has a branch cut, or is an arc tangent of a quotient that has a pole."""
+    """True if an angle has a branch cut, or is an arc tangent of a quotient that has a pole."""
     below = angle.args[1] if isinstance(angle, sympy.atan2) else _fraction(angle.args[0])[1]
     return bool(below.has(*variables))
 
@@ -252,7 +252,7 @@ def _whole(numbers: list[sympy.Rational]) -> tuple[list[int], sympy.Rational]:
 
 
 def _is_regular(expression: sympy.Expr, variables: Variables) -> bool:
-    """Whether an expression is made of whole powers and functions that are regular everywhere."""
+    """True if an expression is made of whole powers and functions that are regular everywhere."""
     if not expression.has(*variables):
         return True
     if expression.is_Symbol:
@@ -268,7 +268,7 @@ def _is_regular(expression: sympy.Expr, variables: Variables) -> bool:
 
 
 def _is_continuous(expression: sympy.Expr, variables: Variables) -> bool:
-    """Whether an expression is continuous wherever it is finite, and can be written in the notation of models."""
+    """True if an expression is continuous wherever it is finite, and can be written in the notation of models."""
     if expression.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo):
         return False
     functions = {f.func for f in expression.atoms(sympy.Function) if f.has(*variables)}

@@ -28,12 +28,12 @@ def point(names: Iterable[str], values: Iterable[float], time: float, parameters
 
 
 def vanishes(expression: Any, points: Sequence[Point]) -> bool:
-    """Whether an expression is zero on all points, but for rounding."""
+    """True if an expression is zero on all points, but for rounding."""
     return all(zero_at_point.vanishes(expression, one) for one in points)
 
 
 def is_nothing(expression: Any, points: Sequence[Point]) -> bool:
-    """Whether an expression has values on all points, all of them zero but for rounding."""
+    """True if an expression has values on all points, all of them zero but for rounding."""
     return all(zero_at_point.is_nothing(expression, one) for one in points)
 
 

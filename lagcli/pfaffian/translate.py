@@ -95,7 +95,7 @@ class Translation:
         )
 
     def vanishes(self, expression: Any, coordinates: Sequence[float] = (), t: float = 0.0) -> bool:
-        """Whether an expression is zero, but for rounding, for the values of parameters, coordinates and time."""
+        """True if an expression is zero, but for rounding, for the values of parameters, coordinates and time."""
         numbers = zip((*self._names.differentials, TIME), (*coordinates, t), strict=False)
         values = self.values | {x: sympy.Float(number) for x, number in numbers}
         number = expression.xreplace(values).evalf()

@@ -95,7 +95,7 @@ class Integrals:
         return self._system
 
     def hold_for(self, system: System) -> bool:
-        """Whether all that was built holds for other values of parameters too."""
+        """True if all that was built holds for other values of parameters too."""
         return self._charts.hold_for(system)
 
     def keeping(self, selection: Selection) -> Integrals:
@@ -109,7 +109,7 @@ class Integrals:
 
     @cached_property
     def has_time(self) -> bool:
-        """Whether t occurs in what moves the system, or in a chart of an integral."""
+        """True if t occurs in what moves the system, or in a chart of an integral."""
         charts = self._charts.charts
         return self._plain.numeric.has_time or any(
             level_functions.has_time(self._system, each) for each in charts
@@ -228,7 +228,7 @@ class EnforcedInvariants:
 
     @property
     def has_time(self) -> bool:
-        """Whether t occurs in what moves the system; it does not depend on what is held."""
+        """True if t occurs in what moves the system; it does not depend on what is held."""
         return self.integrals.has_time
 
     @property
@@ -238,7 +238,7 @@ class EnforcedInvariants:
 
     @property
     def is_any(self) -> bool:
-        """Whether any integral is held."""
+        """True if any integral is held."""
         return any(level is not None for level in self.levels)
 
     @property
@@ -360,7 +360,7 @@ class _Choice:
         self.reasons[i] = ""
 
     def _follows(self, i: int) -> bool:
-        """Whether integral i depends on those that are held beside the state too, so that they hold it."""
+        """True if integral i depends on those that are held beside the state too, so that they hold it."""
         numeric, state = self._found.functions(()).numeric, self._state
         surface = projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
         size = float(np.abs(state.q).max(initial=0.0)) or 1.0

@@ -495,7 +495,7 @@ class Run:
         return True
 
     def _is_pole(self, t: float, away: float) -> bool:
-        """Whether y' at the state grows without bound towards a switch, half of `away` behind a time."""
+        """True if y' at the state grows without bound towards a switch, half of `away` behind a time."""
         rates = [
             np.array(self._held.functions.numeric.rhs(t + part * away, self._y, self._held.p)).ravel()
             for part in (0.0, 1.0, 4.0)

@@ -21,7 +21,7 @@ CLOSE = 0.02
 
 
 def is_dip(square: Callable[[float], float], now: float, ahead: float) -> bool:
-    """Whether the square of an angle, `now` at the beginning, has a minimum well above zero.
+    """True if the square of an angle, `now` at the beginning, has a minimum well above zero.
 
     square(h) is that after a time h, nan where it is not known: then nothing is; ahead: the time after which the angle
     is expected to vanish.
@@ -42,5 +42,5 @@ def is_dip(square: Callable[[float], float], now: float, ahead: float) -> bool:
 
 
 def _all_above(squares: Iterable[float], now: float) -> bool:
-    """Whether all are well above zero; what is not known is not."""
+    """True if all are well above zero; what is not known is not."""
     return all(square > SHALLOW * now for square in squares)

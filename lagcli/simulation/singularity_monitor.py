@@ -42,16 +42,16 @@ class Prediction(NamedTuple):
 
     @property
     def is_any(self) -> bool:
-        """Whether an instant is foreseen at all."""
+        """True if an instant is foreseen at all."""
         return self.instant < math.inf
 
     @property
     def is_here(self) -> bool:
-        """Whether the run begins at the instant."""
+        """True if the run begins at the instant."""
         return self.place == STANDING
 
     def is_near(self, t: float, h: float, rtol: float) -> bool:
-        """Whether a step across from t is worth a try, where ordinary steps have the length h.
+        """True if a step across from t is worth a try, where ordinary steps have the length h.
 
         The closer to the instant a step begins, the more rounding is amplified: it may not come too close for its
         tolerance. Soon after the start of a run steps are short for no reason of the motion, and grow.

@@ -77,7 +77,7 @@ class SingularStep:
 
     @property
     def is_start(self) -> bool:
-        """Whether the run begins at the instant."""
+        """True if the run begins at the instant."""
         return self.instant == self.step.t
 
     @property
@@ -193,7 +193,7 @@ def _start(land: BoundFunction, here: Point, h: float) -> SingularStep | None:
 def _agree(
     land: BoundFunction, steps: tuple[collocation.Step, collocation.Step], tolerance: Floats, delta: float
 ) -> bool:
-    """Whether two steps agree to the tolerance, or to rounding at a distance delta from dependent rows."""
+    """True if two steps agree to the tolerance, or to rounding at a distance delta from dependent rows."""
     step = steps[0]
     new, other = (each.state(1.0)[:-1] for each in steps)
     rtol, atol = tolerance[:2]
@@ -256,7 +256,7 @@ def _zero(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def _is_only_one(land: BoundFunction, step: collocation.Step, place: int, instant: float) -> bool:
-    """Whether the clearance falls to the instant all the way and rises all the way after it: there is no other."""
+    """True if the clearance falls to the instant all the way and rises all the way after it: there is no other."""
     for begin, end in ((step.t, instant), (step.t + step.h, instant)):
         roots = [_root(land, step, place, begin + x * (end - begin)) for x in ALONG_STEP]
         if not all(after < before for before, after in itertools.pairwise(roots)):

@@ -23,7 +23,7 @@ POLE = 3.0**-ORDER
 
 
 def is_same(before: tuple[Floats, Floats], after: tuple[Floats, Floats], dt: float) -> bool:
-    """Whether y (2n + 1,) of two pairs y, y' is the same on both sides but for the time dt between them."""
+    """True if y (2n + 1,) of two pairs y, y' is the same on both sides but for the time dt between them."""
     (y, k), (new, k_new) = before, after
     n = y.size // 2
     for part in (slice(0, n), slice(n, 2 * n)):
@@ -35,7 +35,7 @@ def is_same(before: tuple[Floats, Floats], after: tuple[Floats, Floats], dt: flo
 
 
 def is_pole(rates: Sequence[Floats]) -> bool:
-    """Whether y' (2n + 1,) grows without bound towards a time, from its values nearby, three times, and nine times as
+    """True if y' (2n + 1,) grows without bound towards a time, from its values nearby, three times, and nine times as
     far away."""
     n = rates[0].size // 2
     sizes = [float(np.abs(k[n : 2 * n]).max(initial=0.0)) for k in rates]

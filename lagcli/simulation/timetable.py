@@ -83,7 +83,7 @@ class Timetable:
 
     @property
     def is_any(self) -> bool:
-        """Whether there is anything that steps may have to end at."""
+        """True if there is anything that steps may have to end at."""
         return not self._is_empty or self._longest < math.inf
 
     def shortened(self, t: float, h: float) -> float:
@@ -132,7 +132,7 @@ class Timetable:
             self._search(t, *self._open.pop())
 
     def _is_enough(self, t: float) -> bool:
-        """Whether a step from t ends at what is known."""
+        """True if a step from t ends at what is known."""
         ahead = bool(self._switches) and self._switches[-1].before > t
         return ahead or len(self._stations) > bisect.bisect_right(self._stations, t) + self._passing
 

@@ -38,7 +38,7 @@ class Witnesses:
 
     @property
     def is_any(self) -> bool:
-        """Whether there are any at all."""
+        """True if there are any at all."""
         return self._parts > 0
 
     def inside(self, t: float, reached: float) -> Iterator[float]:

@@ -184,7 +184,7 @@ def _beside_poles(search: Search, labels: npt.NDArray[np.intp]) -> Floats:
 
 
 def _is_clearly_nearest(search: Search, q: Floats) -> bool:
-    """Whether a point of the surface is so near that it is the nearest."""
+    """True if a point of the surface is so near that it is the nearest."""
     q0 = search.state.q
     touched = search.touched(range(search.system.holonomic_count))
     size = search.size(q0, touched) * np.ones(q.size)

@@ -45,7 +45,7 @@ class ConfigurationResult:
 
     @property
     def is_on(self) -> bool:
-        """Whether the rows hold there."""
+        """True if the rows hold there."""
         return self.best.is_on
 
     @property

@@ -147,7 +147,7 @@ def _chunks(rows: Sequence[int], length: int) -> Iterator[frozenset[int]]:
 
 
 def _follow_each_other(search: Search, rows: list[int]) -> bool:
-    """Whether rows are dependent wherever one looks, so that a combination of them says 0 = 1."""
+    """True if rows are dependent wherever one looks, so that a combination of them says 0 = 1."""
     if len(rows) < 2 or len(rows) > metric_rows.DENSE:
         return False
     state = search.state
@@ -214,7 +214,7 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
 
 
 def _are_dependent(numeric: NumericSystem, state: State, rows: list[int]) -> bool:
-    """Whether some rows, few enough to be looked at, depend on one another at a state, or one of them vanishes."""
+    """True if some rows, few enough to be looked at, depend on one another at a state, or one of them vanishes."""
     if len(rows) > metric_rows.DENSE:
         return False
     B = numeric.rows(state.t, state.q, state.v, state.p)[0][rows, :]

@@ -65,7 +65,7 @@ class Residuals:
 
     @property
     def consistent(self) -> bool:
-        """Whether every residual is within rounding of the declared values."""
+        """True if every residual is within rounding of the declared values."""
         return not self.violated
 
     @property
@@ -76,7 +76,7 @@ class Residuals:
         return [int(i) for i in np.flatnonzero(broken)]
 
     def in_position(self, i: int) -> bool:
-        """Whether a row that is violated is so in whole coordinates."""
+        """True if a row that is violated is so in whole coordinates."""
         return i < self.position.size and not self.position[i] <= self.position_limit[i]
 
     def size(self, i: int) -> float:

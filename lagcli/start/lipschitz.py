@@ -65,7 +65,7 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
 
 
 def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
-    """Whether a slope grows from the longest distance to the next on any of the ways (2n,): where none does, as nearly
+    """True if a slope grows from the longest distance to the next on any of the ways (2n,): where none does, as nearly
     always, the others need not be looked at."""
     n = state.q.size
     t, y, p = np.array([state.t]), np.concatenate([state.q, state.v]), np.array(state.p, dtype=float)

@@ -119,7 +119,7 @@ def size(q: Floats) -> float:
 
 
 def is_finite(numeric: NumericSystem, point: State) -> bool:
-    """Whether rows and inertia are finite at a point."""
+    """True if rows and inertia are finite at a point."""
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
     M = numeric.inertia(point.t, point.q, point.v, point.p)
     return bool(np.isfinite(B.nonzeros()).all() and np.isfinite(M.nonzeros()).all())

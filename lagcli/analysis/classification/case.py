@@ -28,7 +28,7 @@ class Case:
 
     @cached_property
     def depends_on_time(self) -> bool:
-        """Whether time is a coordinate of the forms."""
+        """True if time is a coordinate of the forms."""
         return pattern.depends_on_time(self.system)
 
     @property

@@ -81,7 +81,7 @@ class Classifier:
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
 
     def _is_local(self, block: PfaffianBlock, flagged: joint.Flagged | None, numbers: NumericFlag) -> bool:
-        """Whether what numbers found need not hold elsewhere: exact algebra differs, or there are other pieces."""
+        """True if what numbers found need not hold elsewhere: exact algebra differs, or there are other pieces."""
         if not numbers.is_certain:
             return False
         if flagged is not None or numbers.on_piece:
@@ -100,14 +100,14 @@ class Classifier:
         return found
 
     def _has_unreal_root(self, found: frobenius.FormVerdict) -> bool:
-        """Whether the integral holds a root of a parameter that is negative."""
+        """True if the integral holds a root of a parameter that is negative."""
         values = self._translation.values
         below = () if found.integral is None else {p.base for p in translate.roots(found.integral)}
         constant = (e for e in below if e.free_symbols and e.free_symbols <= values.keys())
         return any(not e.xreplace(values).evalf() >= 0 for e in constant)
 
     def _is_unseen(self, found: frobenius.FormVerdict) -> bool:
-        """Whether the witness that no integrating factor exists may be nothing for the values of the parameters."""
+        """True if the witness that no integrating factor exists may be nothing for the values of the parameters."""
         if (
             found.witness is None
             or not found.witness.component.free_symbols & self._translation.values.keys()

@@ -36,6 +36,6 @@ def classify(case: Case, limit: float = settings.LIMIT) -> Classification:
 
 
 def certainly_nonholonomic(case: Case) -> bool:
-    """Whether numbers alone show that no combination of differential rows is integrable, which takes no SymPy."""
+    """True if numbers alone show that no combination of differential rows is integrable, which takes no SymPy."""
     flags = (case.flag(group, time.monotonic() + QUICK) for group in case.groups)
     return all(found.is_certain and not found.extra[-1] for found in flags)

@@ -113,7 +113,7 @@ def _case(system: System, numeric: NumericSystem) -> tuple[Case, diagnostics.Mod
 
 
 def is_conflict(error: diagnostics.ModelError) -> bool:
-    """Whether rows were found to contradict each other."""
+    """True if rows were found to contradict each other."""
     return any(one.code == "contradictory-constraints" for one in error.diagnostics)
 
 

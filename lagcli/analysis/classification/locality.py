@@ -28,7 +28,7 @@ MOST_TOLD = 3  # equations that are named
 
 
 def agree(flagged: joint.Flagged, numbers: NumericFlag) -> bool:
-    """Whether the flag along the motions from the start is that of general position."""
+    """True if the flag along the motions from the start is that of general position."""
     found, extra = flagged.flag, numbers.extra
     if len(extra) > 1 and extra[-1] == extra[-2]:
         extra = extra[:-1]
@@ -42,12 +42,12 @@ class Locality:
         self._case, self._translation, self._deadline = case, translation, deadline
 
     def is_regular(self, flagged: joint.Flagged) -> bool:
-        """Whether the ranks of exact algebra are those at the start: nothing that it divided by vanishes there."""
+        """True if the ranks of exact algebra are those at the start: nothing that it divided by vanishes there."""
         here = self._point(self._case.begin)
         return not any(e is None or special_places.vanishes(e, [here]) for e in flagged.flag.divisors)
 
     def has_sheets(self, block: PfaffianBlock, numbers: NumericFlag) -> bool:
-        """Whether a holonomic row has other factors than those that vanish along the motions from the start."""
+        """True if a holonomic row has other factors than those that vanish along the motions from the start."""
         points = [self._point(state) for state in numbers.places]
         try:
             return bool(time_limit.run(self._deadline, lambda: special_places.sheets(block, points), EFFORT))

@@ -70,7 +70,7 @@ class JointVerdict:
 
     @property
     def is_decided(self) -> bool:
-        """Whether the flag is known."""
+        """True if the flag is known."""
         return bool(self.flag)
 
 

@@ -72,13 +72,13 @@ class Manifold:
         return None
 
     def holds_all(self, z: Floats, t: float, off: float) -> bool:
-        """Whether all equations vanish at a point, but for rounding and for what they are off at the begin."""
+        """True if all equations vanish at a point, but for rounding and for what they are off at the begin."""
         F, _ = self.equations.at(z, t)
         limit = min(VANISHES + WRITTEN * off, OFF) + ROUNDINGS * self.equations.rounding
         return bool(np.abs(F).max(initial=0.0) <= limit) and limit < HIDDEN
 
     def fails_far(self, z: Floats, t: float, direction: Floats) -> bool:
-        """Whether some equations do not vanish at points of the manifold far along a straight line from z."""
+        """True if some equations do not vanish at points of the manifold far along a straight line from z."""
         Q, _ = np.linalg.qr((self.chosen @ self.equations.at(z, t)[1]).T)
         along = direction - Q @ (Q.T @ direction)
         largest = float(np.abs(along).max(initial=0.0))
@@ -107,7 +107,7 @@ def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | N
 
 
 def is_whole(found: Manifold, z: Floats, t: float, times: Sequence[float]) -> bool:
-    """Whether all equations vanish on the manifold around a point of it, and at other times.
+    """True if all equations vanish on the manifold around a point of it, and at other times.
 
     Where a step cannot be made, or rounding is too large to see it, that is not shown.
     """

@@ -13,7 +13,7 @@ from lagcli.analysis.codimension.scaled_equations import ScaledPart
 
 
 def is_regular(part: ScaledPart, rank: int, times: Sequence[float]) -> bool:
-    """Whether rows of this rank at their begin cut out a surface of that codimension, and do so at other times."""
+    """True if rows of this rank at their begin cut out a surface of that codimension, and do so at other times."""
     t = part.state.t
     if not part.coordinates:  # 0 = 0, the empty component of a vector equation
         return all(not part.at(part.begin, time)[0].any() for time in (t, *times))

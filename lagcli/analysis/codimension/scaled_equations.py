@@ -145,7 +145,7 @@ def part(system: System, numeric: NumericSystem, state: State, rows: Indices) ->
 
 
 def is_smooth(part: ScaledPart) -> bool:
-    """Whether the gradient of f changes near the state as second derivatives say: that of |x| jumps."""
+    """True if the gradient of f changes near the state as second derivatives say: that of |x| jumps."""
     if not part.coordinates:
         return True
     random = np.random.default_rng(SEED)

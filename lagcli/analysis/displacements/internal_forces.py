@@ -50,12 +50,12 @@ class Internal:
 
     @property
     def is_pair(self) -> bool:
-        """Whether it is a force between two particles."""
+        """True if it is a force between two particles."""
         return len(self.particles) == 2
 
     @property
     def is_central(self) -> bool:
-        """Whether F_ij = -F_ji along the line; of more particles, whether they do no work on a rigid body."""
+        """True if F_ij = -F_ji along the line; of more particles, whether they do no work on a rigid body."""
         return self.unbalanced <= ROUNDING and self.off_line <= ROUNDING
 
 

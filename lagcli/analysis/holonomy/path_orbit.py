@@ -69,7 +69,7 @@ def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrb
 
 
 def is_singular(part: LocalPart, point: Floats) -> bool:
-    """Whether the rows are dependent at a point (k + 1,) and not beside it on their surface, or not finite.
+    """True if the rows are dependent at a point (k + 1,) and not beside it on their surface, or not finite.
 
     Such a point, a chain drawn straight between two ends, has directions of the rows that no path takes.
     """

@@ -94,7 +94,7 @@ class Witness:
 
     @property
     def is_timed(self) -> bool:
-        """Whether two paths over equal times show it."""
+        """True if two paths over equal times show it."""
         return len(self.paths) == 2
 
     @property
@@ -210,7 +210,7 @@ def _kinds(parts: list[LocalPart], is_whole: bool) -> Iterator[tuple[LocalPart, 
 
 
 def _knows_time(part: LocalPart) -> bool:
-    """Whether t or dt stands in the rows of a part."""
+    """True if t or dt stands in the rows of a part."""
     random = np.random.default_rng(SEED)
     Z = part.start + 0.1 * random.standard_normal((3, part.k + 1))
     later = Z + np.eye(part.k + 1)[-1]
@@ -447,7 +447,7 @@ class _WitnessSearch:
         )
 
     def _crosses(self, aim: _Aim, amount: float, is_followed: bool) -> bool:
-        """Whether the row keeps its sign along the coordinate between the two ends: then any integral changes."""
+        """True if the row keeps its sign along the coordinate between the two ends: then any integral changes."""
         if is_followed:
             return True  # the direction itself was tried at the base, and the amount is as small as one likes
         Z = np.repeat(self.base[None], 33, axis=0)

@@ -64,7 +64,7 @@ class Points:
         return dataclasses.replace(self._begin, t=t, q=q)
 
     def are_on_one_piece(self, place: EvaluationPoint) -> bool:
-        """Whether the start lies on no kink, and a place on the same side of all of them."""
+        """True if the start lies on no kink, and a place on the same side of all of them."""
         kinks = self._system.kinks
         if kinks is None:
             return True

@@ -59,7 +59,7 @@ class Ranks:
 
     @property
     def are_independent(self) -> bool:
-        """Whether no row depends on others."""
+        """True if no row depends on others."""
         return self.all.low == self.rows.count
 
     @property

@@ -70,7 +70,7 @@ class Span:
         return len(self._vectors)
 
     def add(self, sample: DigitSample) -> bool:
-        """Whether a sample brings something new. Raises `undecided.AmbiguousRank`."""
+        """True if a sample brings something new. Raises `undecided.AmbiguousRank`."""
         rest = sample
         for place, vector in self._vectors.items():
             rest = rest.without(vector, place)
@@ -84,7 +84,7 @@ class Span:
         return True
 
     def touches(self, weights: Sequence[Decimal]) -> bool:
-        """Whether a combination with weights (m,) is other than zero on the span. Raises `undecided.AmbiguousRank`."""
+        """True if a combination with weights (m,) is other than zero on the span. Raises `undecided.AmbiguousRank`."""
         return any(not self._is_zero(_relative(weights, vector)) for vector in self._vectors.values())
 
     def annihilators(self) -> list[list[Decimal]]:

@@ -34,7 +34,7 @@ class Sink(Protocol):
 
     @property
     def is_file(self) -> bool:
-        """Whether the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
+        """True if the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
 
     def commit(self, durably: bool = False) -> None:
         """The table is complete: move it into place; ``durably``: return when it is on the disk."""

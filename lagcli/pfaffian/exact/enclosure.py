@@ -77,7 +77,7 @@ def nonzero(expression: sympy.Expr) -> NonZero | None:
 
 
 def has_value(expression: sympy.Expr) -> bool:
-    """Whether the expression has a finite real value at one of the test points."""
+    """True if the expression has a finite real value at one of the test points."""
     for point in points(list(expression.free_symbols)):
         try:
             Evaluator(point).value(expression)

@@ -326,7 +326,7 @@ class Tower:
 
 
 def _is_exponential(e: sympy.Basic) -> bool:
-    """Whether it is a power like 2**x, which is exp(x*log(2))."""
+    """True if it is a power like 2**x, which is exp(x*log(2))."""
     return bool(e.is_Pow and e.base.is_Rational and e.base.is_positive and not e.exp.is_Rational)
 
 

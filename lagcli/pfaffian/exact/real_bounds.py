@@ -28,7 +28,7 @@ _RANGES: dict[type[sympy.Basic], Callable[[Range], Range]] = {
 
 
 def never_vanishes(expression: sympy.Expr) -> bool:
-    """Whether an expression of real symbols is certainly other than zero wherever it has a value."""
+    """True if an expression of real symbols is certainly other than zero wherever it has a value."""
     if expression.is_positive or expression.is_negative or isinstance(expression, sympy.exp):
         return True
     low, high = _range(expression)

@@ -33,7 +33,7 @@ _SLOPES: dict[type[sympy.Basic], tuple[Callable[[float], float], Callable[[float
 
 
 def vanishes(expression: sympy.Expr, point: Mapping[sympy.Symbol, float]) -> bool:
-    """Whether the expression is zero there but for rounding, or has no value."""
+    """True if the expression is zero there but for rounding, or has no value."""
     try:
         value, size = _visit(expression, point)
     except (ArithmeticError, ValueError, LookupError):
@@ -42,7 +42,7 @@ def vanishes(expression: sympy.Expr, point: Mapping[sympy.Symbol, float]) -> boo
 
 
 def is_nothing(expression: sympy.Expr, point: Mapping[sympy.Symbol, float]) -> bool:
-    """Whether the expression has a value there, and this is zero but for rounding."""
+    """True if the expression has a value there, and this is zero but for rounding."""
     try:
         value, size = _visit(expression, point)
     except (ArithmeticError, ValueError, LookupError):

@@ -81,7 +81,7 @@ class FunctionField:
 
     @property
     def is_exact(self) -> bool:
-        """Whether no entry was told from zero by digits alone."""
+        """True if no entry was told from zero by digits alone."""
         return not (self._block.surface and self._proved)
 
     @property
@@ -220,7 +220,7 @@ class FunctionField:
 
 
 def may_vanish(part: sympy.Expr) -> bool:
-    """Whether a factor may have real zeros: exponentials and sums of positive terms have none, |u| has a kink."""
+    """True if a factor may have real zeros: exponentials and sums of positive terms have none, |u| has a kink."""
     return not (part.is_positive or part.is_negative or part.has(sympy.Abs) or isinstance(part, sympy.exp))
 
 

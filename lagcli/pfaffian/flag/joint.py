@@ -219,7 +219,7 @@ class _Independent:
         self._kept: list[list[Floats | None]] = []
 
     def takes(self, phi: sympy.Expr) -> bool:
-        """Whether d phi is independent of those taken before; then it is taken."""
+        """True if d phi is independent of those taken before; then it is taken."""
         values = self._values(_gradient(self._block, phi))
         if self._spans([*self._surface, *self._kept], values):
             return False
@@ -227,7 +227,7 @@ class _Independent:
         return True
 
     def holds(self, row: Iterable[sympy.Expr]) -> bool:
-        """Whether a form is a combination of what was taken."""
+        """True if a form is a combination of what was taken."""
         return self._spans([*self._surface, *self._kept], self._values(row))
 
     def rows_of(self, phi: sympy.Expr) -> tuple[str, ...]:
@@ -244,7 +244,7 @@ class _Independent:
         return tuple(name for i, name in enumerate(self._block.names) if i in taking)
 
     def _spans(self, others: list[list[Floats | None]], values: list[Floats | None]) -> bool:
-        """Whether the gradient is a combination of the others at every point where all have values."""
+        """True if the gradient is a combination of the others at every point where all have values."""
         for i, point in enumerate(values):
             rows = [other[i] for other in others]
             if point is None or any(row is None for row in rows):

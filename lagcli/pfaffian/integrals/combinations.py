@@ -56,7 +56,7 @@ class Alphabet:
         return found[:MAX_MONOMIALS]
 
     def largest(self, degree: int) -> bool:
-        """Whether the monomials of `degree` are few enough."""
+        """True if the monomials of `degree` are few enough."""
         return comb(len(self.letters) + degree, degree) <= MAX_MONOMIALS
 
 
@@ -219,7 +219,7 @@ class Known:
         self._taken = list(field.functions(taken).slopes) if taken else []
 
     def is_new(self, slopes: Any) -> bool:
-        """Whether the slopes (C, near) are independent of those taken, at one of the points."""
+        """True if the slopes (C, near) are independent of those taken, at one of the points."""
         for n in range(slopes.shape[1]):
             matrix = np.array([t[:, n] for t in (*self._taken, slopes)])
             if not np.all(np.isfinite(matrix)):

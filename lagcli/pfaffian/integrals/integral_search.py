@@ -100,7 +100,7 @@ class IntegralSearch:
 
     @property
     def is_complete(self) -> bool:
-        """Whether no more integrals exist."""
+        """True if no more integrals exist."""
         return len(self.integrals) >= len(self.frame.pivots) or len(self.found) == self._wanted
 
     @property
@@ -120,7 +120,7 @@ class IntegralSearch:
                 return
 
     def accept(self, proposal: SearchResult, slot: float) -> bool:
-        """Whether the proposal, or its tidy form, is proved to be an integral that is new; it is then kept."""
+        """True if the proposal, or its tidy form, is proved to be an integral that is new; it is then kept."""
         phi = proposal.integral
         ways = [phi]
         with contextlib.suppress(*time_limit.FAILURES):
@@ -132,14 +132,14 @@ class IntegralSearch:
         return False
 
     def is_integral(self, phi: sympy.Expr, slot: float) -> bool:
-        """Whether X(phi) = 0 is proved for all fields of the frame."""
+        """True if X(phi) = 0 is proved for all fields of the frame."""
         if not potential.writable(phi):
             return False
         rates = self.frame.rates(phi)
         return zero_test.vanish(rates, slot, self.block.surface).truth is zero_test.Truth.YES
 
     def _is_new(self, phi: sympy.Expr, slot: float) -> bool:
-        """Whether its differential is proved independent of those known, on every side of all kinks."""
+        """True if its differential is proved independent of those known, on every side of all kinks."""
         matrix = [
             [forms.partial(f, self.frame.variables[p]) for p in self.frame.pivots]
             for f in (*self.integrals, phi)

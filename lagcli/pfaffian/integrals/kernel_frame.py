@@ -116,7 +116,7 @@ def belongs(
     deadline: float,
     surface: tuple[sympy.Expr, ...] = (),
 ) -> bool:
-    """Whether it is proved that the frame is that of the rows: every row annihilates its fields, and the rows
+    """True if it is proved that the frame is that of the rows: every row annihilates its fields, and the rows
     have its rank, on the surface too.
     """
     size = len(frame.pivots)
@@ -136,7 +136,7 @@ def belongs(
 def has_rank(
     matrix: Sequence[Sequence[sympy.Expr]], size: int, deadline: float, surface: tuple[sympy.Expr, ...] = ()
 ) -> bool:
-    """Whether the matrix with `size` rows or columns is proved to have that rank at generic points of the surface."""
+    """True if the matrix with `size` rows or columns is proved to have that rank at generic points of the surface."""
     chosen = sympy.Matrix([list(row) for row in matrix])
     if chosen.rows == chosen.cols == size:
         return (

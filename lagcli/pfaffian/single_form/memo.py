@@ -41,7 +41,7 @@ class VerdictMemo:
 
 
 def _is_tellable(known: Form, form: Form) -> bool:
-    """Whether every name that differs is that of a member, `x[1]`: it is then told from words in a sentence."""
+    """True if every name that differs is that of a member, `x[1]`: it is then told from words in a sentence."""
     pairs = zip(known.variables, form.variables, strict=True)
     return all(x == y or "[" in x.name for x, y in pairs)
 

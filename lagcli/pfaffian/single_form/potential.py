@@ -289,7 +289,7 @@ def _solved(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
 
 
 def writable(expression: sympy.Expr) -> bool:
-    """Whether the expression is real, finite and holds functions of the model format only."""
+    """True if the expression is real, finite and holds functions of the model format only."""
     if expression.has(sympy.I, sympy.Integral, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.RootSum):
         return False
     return all(isinstance(f, WRITABLE) for f in expression.atoms(sympy.Function))
