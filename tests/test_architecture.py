@@ -49,7 +49,9 @@ DOORS = {
         "lagcli.analysis.displacements.displacement_set",
         "lagcli.analysis.displacements.internal_forces",
         "lagcli.simulation.dop853",
+        "lagcli.simulation.line_functions",
         "lagcli.simulation.singular_point",
+        "lagcli.simulation.step_end",
     ),
     "scipy": (),
 }

@@ -537,7 +537,7 @@ class Running:
             account.evaluations,
             self._compile_seconds,
             account.solve_seconds + (self._paired.solve_seconds if self._paired else 0.0),
-            checkpoints.METHOD,
+            settings.method_name(self.model.simulation),
             figures.position_drift if figures else 0.0,
             figures.velocity_drift if figures else 0.0,
             account.energy_imbalance,

@@ -200,7 +200,7 @@ def simulate(
     max_step: Annotated[
         float | None, typer.Option("--max-step", help="no step is longer: for forces that steps may miss")
     ] = None,
-    method: Annotated[str | None, typer.Option(metavar="NAME", help="auto or dop853")] = None,
+    method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
     assemble: Annotated[
         bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
     ] = False,

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lagcli.formulations.dense_functions import DenseFunctions
 from lagcli.formulations.maggi import Chart, ChartError, ReducedMotion
 from lagcli.model.model import Simulation
-from lagcli.simulation import dop853, dop853_tableau, loop, step_tolerance
+from lagcli.simulation import dop853_tableau, loop, step_tolerance
 from lagcli.simulation.grid import Grid
 from lagcli.simulation.timetable import Timetable
 
@@ -88,7 +88,9 @@ def rows(
             error, found = _step(chart, t, taken, (y, motion.rate), held_to)
             if found is None or not error < 1.0:
                 account.rejected += 1
-                h = taken * (max(SHRINK, SAFETY * error ** (-1 / dop853.ORDER)) if error < np.inf else 0.25)
+                h = taken * (
+                    max(SHRINK, SAFETY * error ** (-1 / dop853_tableau.ORDER)) if error < np.inf else 0.25
+                )
                 if t + h / 64 == t:
                     raise ReducedStop(
                         t, "the steps become too small: the rows are dependent, or the forces too steep"
@@ -104,7 +106,7 @@ def rows(
                         t, f"the last {loop.PACE} steps advanced by {advanced:.2g}: the run is too long"
                     )
             functions.settle(t, motion.q)
-            grown = taken * min(GROW, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1 / dop853.ORDER)))
+            grown = taken * min(GROW, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1 / dop853_tableau.ORDER)))
             h = max(h, grown) if taken < h else grown
         account.seconds += time.perf_counter() - began
         yield t, motion

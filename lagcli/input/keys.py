@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+from lagcli.model import settings
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Key:
@@ -160,7 +162,12 @@ FORMAT = Key(
                 Key("duration", "expression of parameters", "length of the run", "10"),
                 Key("samples", "whole number", "rows of the table, both ends counted", "1001"),
                 Key("output_step", "expression of parameters", "time between rows, instead of `samples`"),
-                Key("method", "`auto` or `dop853`", "the integration scheme", "auto"),
+                Key(
+                    "method",
+                    " or ".join(f"`{name}`" for name in settings.METHODS),
+                    "the integration scheme",
+                    "auto",
+                ),
                 Key("rtol", "expression of parameters", "relative tolerance of a step", "1e-11"),
                 Key(
                     "atol",

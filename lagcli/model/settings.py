@@ -11,7 +11,9 @@ from lagcli.errors import diagnostics
 if TYPE_CHECKING:  # the command line reads the bounds before it has to load numbers
     from lagcli.model.model import Simulation
 
-METHODS = ("auto", "dop853")
+# Of the schemes there are, each a file of `simulation` with a line in `method.METHODS`; `auto` is the first.
+METHOD_NAMES = ("dop853",)
+METHODS = ("auto", *METHOD_NAMES)
 # Schemes of other programs, and what there is to say to who looks for one.
 _ELSEWHERE = {
     **dict.fromkeys(
@@ -43,6 +45,11 @@ _ELSEWHERE = {
 MAX_ROWS = 10**9
 MOST_STEPS = 1e10  # of a run; they would take days
 LIMIT = 20.0  # seconds for the proofs of a model
+
+
+def method_name(settings: Simulation) -> str:
+    """The name of the scheme a run takes."""
+    return METHOD_NAMES[0] if settings.method == "auto" else settings.method
 
 
 def faults(settings: Simulation) -> Iterator[tuple[str, str]]:

@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from lagcli import __version__
 from lagcli.errors import diagnostics
+from lagcli.model import settings
 from lagcli.model.model import Model, Simulation, Vector3
-from lagcli.simulation import checkpoint, loop
+from lagcli.simulation import loop
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.start.assembly_moves import Moves
 
@@ -49,7 +50,7 @@ def provenance(model: Model) -> Provenance:
         sha256=model.sha256,
         parameters={parameter.name: parameter.value for parameter in model.parameters},
         set=dict(model.changes),
-        method=checkpoint.METHOD if chosen.method == "auto" else chosen.method,
+        method=settings.method_name(chosen),
         rtol=chosen.rtol,
         atol=chosen.atol,
     )

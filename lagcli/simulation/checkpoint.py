@@ -21,6 +21,7 @@ from lagcli import __version__
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system
 from lagcli.errors.diagnostics import printable
+from lagcli.model import settings
 from lagcli.model.invariant import FirstIntegral, LevelFunction
 from lagcli.model.model import Model, Vector3
 from lagcli.simulation.invariants import Level, Levels
@@ -30,7 +31,6 @@ from lagcli.simulation.statistics import Figures
 Floats = npt.NDArray[np.float64]
 
 FORMAT = 5
-METHOD = "dop853"
 MOST_BYTES = 2**28
 MOST_COUNT = 2**53
 MOST_VERSION = 40  # letters of a version that are shown
@@ -123,7 +123,7 @@ def identity(model: Model) -> Identity:
         chosen.start,
         chosen.rtol,
         chosen.atol,
-        METHOD if chosen.method == "auto" else chosen.method,
+        settings.method_name(chosen),
         chosen.max_step,
     )
 

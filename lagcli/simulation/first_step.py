@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.simulation import dop853
 
 Floats = npt.NDArray[np.float64]
 
@@ -27,9 +26,10 @@ SLOW = 1e-8
 PART = 0.01
 
 
-def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, rtol: float) -> float:
+def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, rtol: float, order: int) -> float:
     """The length of the first step from where `rhs` stands on its arrays (t, y, p), with k = y'(t, y) (2n + 1,),
-    `parts.Sizes.packed` there (n + 3,) and the relative tolerance of a step.
+    `parts.Sizes.packed` there (n + 3,) the relative tolerance of a step and the
+    order of the method.
 
     One evaluation of `rhs` is used, whose arguments are left as they were. The end of the run plays no part in it.
     """
@@ -51,7 +51,7 @@ def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, rtol: float) -> flo
         turned = _ratio(a, size(later[n : 2 * n] - k[n : 2 * n]) / (LOOK * known))
         if math.isfinite(turned):
             known = min(known, turned or known)
-        step = known * (PART * rtol) ** (1.0 / dop853.ORDER)
+        step = known * (PART * rtol) ** (1.0 / order)
     return max(step, ROUNDINGS * math.ulp(t))
 
 

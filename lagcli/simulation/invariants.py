@@ -25,7 +25,7 @@ from lagcli.linear import rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.model.invariant import FirstIntegral
-from lagcli.simulation import dop853
+from lagcli.simulation.method import Method, Scheme
 from lagcli.start import initial, projection
 from lagcli.start.initial import State
 
@@ -57,20 +57,17 @@ Tried = frozenset[tuple[int, int]]  # integrals and their charts
 
 
 class RunFunctions:
-    """Compiled functions of a system, with its scheme built when a run first asks for it."""
+    """Compiled functions of a system, with those of a method built when a run first asks for them."""
 
     def __init__(self, numeric: NumericSystem) -> None:
         self.numeric = numeric
+        self._schemes: dict[str, Scheme] = {}
 
-    @cached_property
-    def scheme(self) -> dop853.Scheme:
-        """The compiled step and dense output."""
-        return dop853.scheme(self.numeric)
-
-    @cached_property
-    def defect(self) -> Any:
-        """The compiled comparison of the dense output with the equations."""
-        return dop853.defect(self.numeric)
+    def scheme(self, method: Method) -> Scheme:
+        """The compiled step and dense output of a method."""
+        if method.name not in self._schemes:
+            self._schemes[method.name] = Scheme(method, self.numeric)
+        return self._schemes[method.name]
 
 
 class Integrals:

@@ -20,11 +20,11 @@ from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
 from lagcli.simulation import (
     collocation,
-    dop853,
-    dop853_tableau,
     first_step,
     interpolate_rows,
     invariants,
+    line_functions,
+    method,
     rank_dip,
     singular_point,
     singularity_step,
@@ -53,11 +53,10 @@ LANDING = 1e-9
 # A step of this error is right, and so are rows that are independent: where it does not land, integrals may be the
 # reason.
 CERTAIN = 1e-6
-EXPONENT = -1.0 / dop853.ORDER
 # A row where nothing has a value is a limit from points at this part of a step, and at twice that.
 NEAR = 1e-4
 # Where the drifts of a row stand in a line: rounding, which is not interpolated.
-DRIFTS = slice(-dop853.BEYOND, -dop853.BEYOND + 2)
+DRIFTS = slice(-line_functions.BEYOND, -line_functions.BEYOND + 2)
 # Where W stands in a line.
 WORK = -2
 # A step from a singular configuration moves by this part of its size, or less.
@@ -146,6 +145,8 @@ class Run:
         self._is_singular = isinstance(begin, RunStart) and begin.is_singular
         self._part = begin.part if isinstance(begin, RunStart) else 1.0
         self._tolerance = step_tolerance.of_steps(settings)
+        self._method = method.of(settings)
+        self._exponent = -1.0 / self._method.order
         # A run counts its turns in numbers of its own.
         held = dataclasses.replace(held, p=held.p.copy())
         self._turns = Turns(held.integrals.system)
@@ -172,7 +173,8 @@ class Run:
     def _bind(self, held: EnforcedInvariants, y: Floats) -> None:
         """The compiled functions on their arrays: y and k at the begin of a step, new and k_new at its end."""
         self._held = held
-        numeric, scheme, p = held.functions.numeric, held.functions.scheme, held.parameters
+        scheme = held.functions.scheme(self._method)
+        numeric, p = held.functions.numeric, held.parameters
         self._p = p
         t, h, at, x = (np.zeros(1) for _ in range(4))
         k = np.zeros(y.size)
@@ -191,7 +193,7 @@ class Run:
         coefficients = self._dense.results[0]
         if self._is_witnessed:
             inputs = [at, x, h, y, coefficients.T, self._tolerance, p]
-            self._defect = BoundFunction(held.functions.defect, inputs)
+            self._defect = BoundFunction(scheme.defect, inputs)
         self._line_inside = BoundFunction(scheme.line_inside, [at, x, y, coefficients.T, p])
         line = self._line_inside.results
         self._line_begin = BoundFunction(scheme.line_at, [at, y, p], given=line)
@@ -287,9 +289,9 @@ class Run:
             if 2 * self._filled < capacity:
                 block = block.copy()
             if self._filled:
-                self.account.keep(block[:, -dop853.BEYOND : -1])
+                self.account.keep(block[:, -line_functions.BEYOND : -1])
                 self._row = self.grid.time(self._next_row - 1)
-            rows = block[:, : -dop853.BEYOND]
+            rows = block[:, : -line_functions.BEYOND]
             rows += 0.0  # no table shows -0.0
             self.account.solve_seconds += time.perf_counter() - began
             if self._filled or going:
@@ -338,7 +340,7 @@ class Run:
             self._stop("the accelerations are not finite at the start", NOT_FINITE)
         self.account.evaluations += 1
         self._step_size = self._part * first_step.first_step(
-            self._rhs, self._k, self._land.results[3], float(self._tolerance[0])
+            self._rhs, self._k, self._land.results[3], float(self._tolerance[0]), self._method.order
         )
         if clearance < CLOSE_START**2:
             # No step is wasted towards a singular configuration so near: each amplifies rounding more.
@@ -401,7 +403,7 @@ class Run:
             self._find_work(taken)
         self._in_step = True
         self._reached, self._taken = reached, taken
-        grown = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** EXPONENT))
+        grown = taken * min(grow, max(SHRINK, SAFETY * max(error, 1e-10) ** self._exponent))
         # Where the timetable has cut a step, and not its error, the next one has the length that was wished.
         self._proposed = max(grown, wished if h < wished and grow > 1.0 else 0.0)
 
@@ -420,7 +422,7 @@ class Run:
         self._h_cell[0], self._has_dense = taken, False
         is_watched = self._row_time < reached or self._is_witnessed
         (self._staged_step if is_watched else self._step).trigger()
-        self.account.evaluations += dop853_tableau.STAGES
+        self.account.evaluations += self._method.evaluations
         scheme_error, moved, hidden, residual, _, _, everything, _ = self._outcome
         landed, error = residual <= LANDING, max(scheme_error, moved)
         if hidden < 0.0 and taken > HIDING * self._step_size:
@@ -432,7 +434,7 @@ class Run:
             return (error, 0.0) if unseen == math.inf else (UNSEEN, unseen - self.t)
         # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
         known = math.isfinite(error) and error >= 1.0 and landed
-        return error, taken * (min(0.9, max(SHRINK, SAFETY * error**EXPONENT)) if known else 0.25)
+        return error, taken * (min(0.9, max(SHRINK, SAFETY * error**self._exponent)) if known else 0.25)
 
     def _unseen(self, reached: float, taken: float) -> float:
         """The first time within a step at which the forces are not those it was made of; infinite where they are."""
@@ -450,7 +452,10 @@ class Run:
         self._staged_step.trigger()
         self._make_dense()
         span = self.t, taken, self._tolerance[0]
-        self._work = within(self._land_aside, span, self._y, self._dense.results[0])
+        begin, coefficients = self._y[:, None], self._dense.results[0][:, :, None]
+        self._work = within(
+            self._land_aside, span, self._y, lambda x: self._method.interpolated(begin, coefficients, x).T
+        )
         self._count_aside()
         if self._work is None:
             self.account.doubt()
@@ -460,7 +465,7 @@ class Run:
     def _make_dense(self) -> None:
         if not self._has_dense:
             self._dense.trigger()
-            self.account.evaluations += len(dop853_tableau.A_DENSE)
+            self.account.evaluations += self._method.dense_evaluations
             self._has_dense = True
 
     def _stand(self) -> bool:
@@ -533,7 +538,7 @@ class Run:
         def square(h: float) -> float:
             self._h_cell[0] = h
             self._step.trigger()
-            self.account.evaluations += dop853_tableau.STAGES
+            self.account.evaluations += self._method.evaluations
             _, _, _, residual, *there, _, _ = self._outcome
             return there[place - 1] if residual <= LANDING else math.nan
 
@@ -609,9 +614,9 @@ class Run:
         """After a step that did not land though it is right: leave the integrals that are the reason, if any."""
         t, y, k, h = self.t, self._y, self._k, self._h_cell[0]
         arguments = [np.array([t]), np.array([h]), y, k, self._tolerance, self._held.p]
-        step = BoundFunction(self._held.plain.functions.scheme.step, arguments, wanted=3)
+        step = BoundFunction(self._held.plain.functions.scheme(self._method).step, arguments, wanted=3)
         step.trigger()
-        self.account.evaluations += dop853_tableau.STAGES
+        self.account.evaluations += self._method.evaluations
         new, _, (error, moved, _, residual, _, _, everything, _) = step.results
         if not (max(error, moved) < 1.0 and residual <= LANDING and math.isfinite(everything)):
             return False
@@ -701,7 +706,7 @@ class Run:
         at, x, taken = self._at_cell[0], self._x_cell[0], self._taken
         if self._held.is_any:
             arguments = [at, x, self._y, self._dense.results[0], self._held.p]
-            plain = np.array(self._held.plain.functions.scheme.line_inside(*arguments)).ravel()
+            plain = np.array(self._held.plain.functions.scheme(self._method).line_inside(*arguments)).ravel()
             if math.isfinite(plain[-1]):
                 self._line[:] = plain
                 return

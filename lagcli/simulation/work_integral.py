@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.simulation import collocation, dop853
+from lagcli.simulation import collocation
 from lagcli.simulation.collocation import Step
 
 Floats = npt.NDArray[np.float64]
@@ -70,19 +70,19 @@ class Work:
 
 
 def within(
-    land: BoundFunction, span: tuple[float, float, float], y: Floats, coefficients: Floats
+    land: BoundFunction, span: tuple[float, float, float], y: Floats, states: Callable[[Floats], Floats]
 ) -> Work | None:
-    """W within an ordinary step from its dense output (2n + 1, 7), beginning at y[-1]; None where it is not found.
+    """W within an ordinary step from y, beginning at y[-1]; None where it is not found.
 
-    land: `NumericSystem.land` on arrays (t, y, p) of its own; span: t, h and the relative tolerance of a step.
+    land: `NumericSystem.land` on arrays (t, y, p) of its own; span: t, h and the relative tolerance of a step;
+    states(x (k,)) -> the dense output at fractions of the step (k, 2n + 1).
     """
     t, h, rtol = span
     n = y.size // 2
 
     def powers(times: Floats) -> tuple[Floats, float] | None:
         found, energy = np.empty(times.size), 0.0
-        states = dop853.interpolated(y[:, None], coefficients[:, :, None], (times - t) / h).T
-        for i, (at, state) in enumerate(zip(times.tolist(), states, strict=True)):
+        for i, (at, state) in enumerate(zip(times.tolist(), states((times - t) / h), strict=True)):
             rate = collocation.landed(land, at, state)
             if rate is None:
                 return None
