@@ -19,7 +19,15 @@ from lagcli.analysis import check_report, codimension, dof, free_particles, redu
 from lagcli.analysis.classification import classify, hidden_conditions, led_off, row_verdicts, unenforced
 from lagcli.analysis.classification.case import Case
 from lagcli.analysis.classification.verdict import Condition
-from lagcli.equations import cut_warnings, restart, row_jumps, size_limits, system, time_functions
+from lagcli.equations import (
+    cut_warnings,
+    energy_jumps,
+    restart,
+    row_jumps,
+    size_limits,
+    system,
+    time_functions,
+)
 from lagcli.errors import diagnostics
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import document
@@ -236,10 +244,16 @@ def check(model: Model, limit: float = settings.LIMIT, *, assemble: bool = False
             *model.warnings,
             *built.warnings,
             *cut_warnings.warnings(built),
+            *_jumps(built),
             *lipschitz.warnings(built, numeric, case.begin),
             *(dataclasses.replace(d, severity="warning") for d in faults),
         ),
     )
+
+
+def _jumps(built: system.System) -> tuple[diagnostics.Diagnostic, ...]:
+    place = built.model.simulation.start, *system.start(built.model)
+    return energy_jumps.warnings(built.jumps, place, system.values(built))
 
 
 def _inertia(built: system.System, numeric: compile.NumericSystem) -> tuple[diagnostics.Diagnostic, ...]:

@@ -61,7 +61,7 @@ def _forces(built: System) -> Iterator[diagnostics.Diagnostic]:
     )
     message = (
         f"the force {along} jumps where `atan2` or `atan` crosses its cut; a run goes on with the force on the other"
-        " side, and a potential that jumps changes the energy there"
+        " side"
     )
     yield _warning(message, location)
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from lagcli.equations import (
     branch_cuts,
     energy,
+    energy_jumps,
     explicit_gradient,
     family_columns,
     kinks,
@@ -44,7 +45,7 @@ class System:
     Q_R = B^T lambda (n); T, V, energy, jacobi, power as in `energy.Dynamics`; outputs flattened.
     built_in: parameters that stand in exponents, with the values built into the expressions.
     kinks: where the gradients of rows jump, or None where they cannot; cuts: f continued across the cuts of angles, or
-    None where there are none.
+    None where there are none; jumps: where potentials, the Lagrangian or places jump, or None where they cannot.
     """
 
     model: nouns.Model
@@ -63,6 +64,7 @@ class System:
     built_in: tuple[tuple[str, float], ...]
     kinks: kinks.Kinks | None
     cuts: branch_cuts.Cuts | None
+    jumps: energy_jumps.EnergyJumps | None
     warnings: tuple[diagnostics.Diagnostic, ...]
 
     @property
@@ -122,10 +124,11 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     start_place = _place(model, bodies)
     kinks.require_smooth(switching, *start_place)
     cut = branch_cuts.find(model, s, p, laid, start_place)
+    everything = p if cut is None else ca.vertcat(p, cut.references)
     return System(
         model=model,
         symbols=s,
-        p=p if cut is None else ca.vertcat(p, cut.references),
+        p=everything,
         lam=lam,
         a=a,
         dynamics=dynamics,
@@ -139,6 +142,7 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
         built_in=fixed.used(),
         kinks=switching,
         cuts=cut,
+        jumps=energy_jumps.find(model, s, everything, env),
         warnings=_reaction_warnings(model, s, env, dynamics),
     )
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.compiled.selection import Selection
+from lagcli.equations import energy_jumps
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
 from lagcli.simulation import (
@@ -74,6 +75,8 @@ DEPENDENT, SOON = 1e-2, 1e-4
 WEIGHED = 1e-4
 # Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
 PACE, HOPELESS = 5000, 1e10
+# So many parts of a step are looked at for switches of what must not jump; on the curve of the dense output.
+WAY = np.linspace(0.0, 1.0, 17)
 NONE_TRIED: invariants.Tried = frozenset()
 BELOW_ROUNDING = "the step needed for the tolerance is below the rounding of the time"
 
@@ -166,6 +169,7 @@ class Run:
         self._next_row = self.passed_over = 0
         if self._resumed is not None:
             self._resume(self._resumed)
+        self._barrier: energy_jumps.Jump | None = None
         self._row_time = grid.time(self._next_row)
         self._row = -math.inf if self._resumed is None else self._resumed.row
         self._settle()
@@ -320,6 +324,44 @@ class Run:
                 continue
             if self._foreseen is NEVER or not (self._foreseen.is_any and self._pass()):
                 self._advance()
+            self._end_at_jump()
+
+    def _end_at_jump(self) -> None:
+        """End the step just found where a potential, the Lagrangian or a place jumps in it."""
+        jumps = self._held.integrals.system.jumps
+        if jumps is None:
+            return
+        t, taken, n, p = self.t, self._taken, self._y.size // 2, self._held.p
+        y, new, k, k_new = self._y, self._new, self._k, self._k_new
+
+        def curve(x: float) -> Floats:
+            if self._passage is not None:
+                return self._passage.step.state(x)
+            if self._has_dense:
+                return np.asarray(self._method.interpolated(y, self._dense.results[0], x))
+            ahead, bends = new - y, taken * ((1 - x) * k - x * k_new) + (2 * x - 1) * (new - y)
+            return np.asarray(y + x * ahead + x * (1 - x) * bends)
+
+        def way(x: float) -> energy_jumps.Place:
+            state = curve(x)
+            return self.origin + t + x * taken, state[:n], state[n : 2 * n]
+
+        if not jumps.is_crossed(way, WAY, p):
+            return
+        if self._passage is None and not self._has_dense:
+            self._staged_step.trigger()
+            self.account.evaluations += self._method.evaluations
+            self._make_dense()
+        self._barrier = jumps.first(way, WAY, p)
+        if self._barrier is not None:
+            self._reached = t + self._barrier.part * taken
+
+    def _stop_before(self, barrier: energy_jumps.Jump) -> NoReturn:
+        self.t = self._reached
+        self._stop(
+            f"{barrier.told}: the force is an impulse, which the equations of motion do not describe",
+            NO_SOLUTION,
+        )
 
     def _begin(self) -> None:
         """The start: its row, and the first step."""
@@ -635,6 +677,8 @@ class Run:
         return initial.State(self.origin + t, y[:n], y[n : 2 * n], self._held.p)
 
     def _accept(self) -> None:
+        if self._barrier is not None:
+            self._stop_before(self._barrier)
         was_still, self._is_still = self._is_still, False
         self._in_step, self._passage, self._work = False, None, None
         self._t_cell[0] = self.t = self._reached
@@ -666,7 +710,7 @@ class Run:
                 self._line_aside.trigger()
             elif self._passage is not None:
                 self._across(self._passage, at)
-            elif at < reached:
+            elif at < reached or self._barrier is not None:
                 self._make_dense()
                 self._x_cell[0] = (at - t) / taken
                 self._line_inside.trigger()
