@@ -25,6 +25,7 @@ from lagcli.derivation import (
     render_latex,
     render_mathml,
     render_text,
+    symbolic_system,
 )
 from lagcli.derivation import formula as f
 from lagcli.derivation.calculus import TIME
@@ -252,7 +253,7 @@ def test_derived_equations_have_the_numbers_of_the_compiled_system(name: str) ->
     """M, h, f, B, b, gamma and B M^-1 B^T, gamma - B M^-1 h at a random state off the constraints."""
     model = lagcli.loads(MIXED) if name == "mixed" else lagcli.load(MODELS / f"{name}.yaml")
     ready = pipeline.compiled(model)
-    system = derivation.system.symbolic(model, ready.system.bodies)
+    system = symbolic_system.symbolic(model, ready.system.bodies)
     page = derivation.Derivation("", "", (), system)
     random, n = np.random.default_rng(7), len(system.q)
     q, v = (start + 0.1 * random.normal(size=n) for start in compiled_system.start(model))

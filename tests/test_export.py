@@ -236,9 +236,9 @@ def test_an_unknown_ending_names_the_known_ones_and_writes_nothing(tmp_path: Pat
 def test_parquet_without_pyarrow_says_how_to_install_it(tmp_path: Path) -> None:
     script = (
         "import sys; sys.modules['pyarrow'] = None\n"
-        "from lagcli.output import tables\n"
-        "try:\n    tables.open_sink(sys.argv[1], ('t',))\n"
-        "except tables.MissingExtra as error:\n    print(error)\n"
+        "from lagcli.output.tables import sinks\n"
+        "try:\n    sinks.open_sink(sys.argv[1], ('t',))\n"
+        "except sinks.MissingExtra as error:\n    print(error)\n"
     )
     run = subprocess.run(
         [sys.executable, "-c", script, str(tmp_path / "run.parquet")],

@@ -453,14 +453,14 @@ def test_a_signal_after_everything_was_written_says_so_or_changes_nothing(here):
     script = (
         "import os, signal, sys, time\n"
         "from lagcli import __main__ as entry\n"
-        "from lagcli.cli import door, running, signals\n"
+        "from lagcli.cli import signals, simulate_command\n"
         "when = sys.argv.pop(1)\n"
         "def then(number):\n"
         "    os.kill(os.getpid(), number)\n"
         "    time.sleep(1)\n"  # whichever thread is given it, the main one hears of it by then
         "if when == 'told':\n"
-        "    tell = running._tell_account\n"
-        "    running._tell_account = lambda *a: (tell(*a), then(signal.SIGTERM))\n"
+        "    tell = simulate_command._tell_account\n"
+        "    simulate_command._tell_account = lambda *a: (tell(*a), then(signal.SIGTERM))\n"
         "else:\n"
         "    release = signals.release\n"
         "    signals.release = lambda: (release(), then(signal.SIGTERM))\n"
