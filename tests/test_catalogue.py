@@ -16,7 +16,7 @@ from lagcli.errors.catalogue import Page
 from lagcli.expression import facts
 from lagcli.input import document
 from lagcli.output import trajectory
-from lagcli.simulation import loop
+from lagcli.simulation import run_stop
 
 PACKAGE = pathlib.Path(lagcli.__file__).parent
 PAGES = [page for code in catalogue.codes() if (page := catalogue.page(code)) is not None]
@@ -43,7 +43,13 @@ def _codes_in_source() -> set[str]:
                 index = places.get(name)
                 if index is not None and len(node.args) > index:
                     found |= _words(node.args[index])
-    stops = {loop.SINGULAR, loop.NO_SOLUTION, loop.NOT_FINITE, loop.TOO_SMALL, trajectory.INTERRUPTED}
+    stops = {
+        run_stop.SINGULAR,
+        run_stop.NO_SOLUTION,
+        run_stop.NOT_FINITE,
+        run_stop.TOO_SMALL,
+        trajectory.INTERRUPTED,
+    }
     return found | stops | {code for code, _ in facts.FLAG_ERRORS.values()}
 
 

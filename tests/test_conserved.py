@@ -15,7 +15,7 @@ from lagcli.cli import simulate_command as telling
 from lagcli.compiled import numeric
 from lagcli.model.invariant import FirstIntegral, LevelFunction
 from lagcli.pfaffian import level_charts
-from lagcli.simulation import loop
+from lagcli.simulation import run_stop
 
 x, y, z, th, u, t = sympy.symbols("x y z th u t", real=True)
 a, b, k, R = CONSTANTS = sympy.symbols("a b k R", real=True)
@@ -399,7 +399,7 @@ lagrangian: (rate(x)**2 + rate(y)**2)/2
 differential: {row: sqrt(x)*d(x) + sqrt(x)*d(y) = 0}
 """
     going = ready(text, held("x + y", LevelFunction("x + y")), duration=3)
-    with pytest.raises(loop.RunStop):
+    with pytest.raises(run_stop.RunStop):
         list(going.blocks())
     assert not going.notes
     assert chart_of(going) == [0]

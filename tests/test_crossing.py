@@ -21,6 +21,7 @@ from lagcli.simulation import (
     dop853_tableau,
     interpolate_rows,
     loop,
+    run_stop,
     singular_point,
     singularity_monitor,
 )
@@ -271,7 +272,7 @@ def test_a_toggle_position_stops_the_run_with_its_rows_and_their_names():
     model = lagcli.loads(DRIVEN)
     running = pipeline.Running(model, model.simulation)
     blocks = []
-    with pytest.raises(loop.RunStop, match=r"`rod`, `drive` become dependent .* toggle") as stopped:
+    with pytest.raises(run_stop.RunStop, match=r"`rod`, `drive` become dependent .* toggle") as stopped:
         blocks.extend(running.blocks())
     assert stopped.value.stop.t == pytest.approx(1, abs=1e-9)
     rows = np.concatenate(blocks)
@@ -282,7 +283,7 @@ def test_a_toggle_position_stops_the_run_with_its_rows_and_their_names():
 def test_a_cusp_stops_the_run():
     model = lagcli.loads(PLANE.format(1, -1, 1, -1.5, "x**3 = y**2"))
     running = pipeline.Running(model, model.simulation)
-    with pytest.raises(loop.RunStop, match="the gradient of `row` vanishes there"):
+    with pytest.raises(run_stop.RunStop, match="the gradient of `row` vanishes there"):
         list(running.blocks())
 
 
@@ -546,7 +547,7 @@ def test_a_mass_ratio_does_not_stop_a_run(heavy):
 def test_independent_rows_are_not_called_dependent_for_a_mass_ratio(heavy):
     with pytest.raises(lagcli.SimulationStopped) as stopped:
         lagcli.simulate(lagcli.loads(WEIGHTED, parameters={"heavy": heavy}))
-    assert stopped.value.code == loop.TOO_SMALL
+    assert stopped.value.code == run_stop.TOO_SMALL
     assert "dependent" not in str(stopped.value)
     assert f"inertias that differ by a factor of {heavy:.0e} amplify rounding" in str(stopped.value)
 
@@ -556,4 +557,4 @@ def test_a_toggle_is_called_singular_whatever_the_masses(heavy):
     with pytest.raises(lagcli.SimulationStopped, match=r"`r1`, `r2`.* become dependent .* toggle") as stopped:
         lagcli.simulate(lagcli.loads(STRAIGHT, parameters={"heavy": heavy}))
     assert "inertias" not in str(stopped.value)
-    assert stopped.value.code == loop.SINGULAR
+    assert stopped.value.code == run_stop.SINGULAR

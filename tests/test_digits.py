@@ -16,8 +16,9 @@ import test_reference as reference
 
 import lagcli
 from lagcli.api import pipeline
-from lagcli.simulation import loop, step_tolerance
+from lagcli.simulation import loop, run_stop, step_tolerance
 from lagcli.simulation.global_error import accuracy, error_estimate, reference_run
+from lagcli.simulation.stepper import Stepper
 
 ERRORS = ("err.r", "err.v", "err.lambda", "err.R")
 RTOLS = [10.0**-k for k in range(4, 12)]
@@ -253,16 +254,16 @@ def hopeless(settings):
     return dataclasses.replace(settings, rtol=1e-30, atol=1e-30)
 
 
-def stubborn(run, advance=loop.Run._advance):
+def stubborn(run, advance=Stepper.advance):
     """A run with those settings finds no step beyond the beginning of the push."""
-    if run.t > 1.05 and run._tolerance[0] < 1e-20:
-        run._stop("no step is short enough", loop.TOO_SMALL)
+    if run.t > 1.05 and run.tolerance[0] < 1e-20:
+        raise run_stop.StepFailure("no step is short enough", run_stop.TOO_SMALL)
     advance(run)
 
 
 def test_where_the_repeated_run_stops_the_rows_up_to_there_are_given(monkeypatch, tmp_path):
     monkeypatch.setattr(error_estimate, "repeated", hopeless)
-    monkeypatch.setattr(loop.Run, "_advance", stubborn)
+    monkeypatch.setattr(Stepper, "advance", stubborn)
     model, kept = lagcli.loads(PUSHED), tmp_path / "kept.json"
     with pytest.raises(lagcli.SimulationStopped, match="repeated at other tolerances stopped") as stopped:
         lagcli.simulate(model, digits=True, checkpoint=kept)

@@ -35,7 +35,7 @@ import lagcli
 from lagcli.api import pipeline
 from lagcli.errors import catalogue, diagnostics
 from lagcli.expression import evaluate, facts, integers, parser, tree
-from lagcli.simulation import checkpoint, loop
+from lagcli.simulation import checkpoint, run_stop
 
 # An interrupt of late algebra may land in a callback of the garbage collector set by hypothesis; it is repeated.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -322,7 +322,7 @@ def _rows(running: pipeline.Running) -> jets.Floats:
             for block in running.blocks():
                 assert np.isfinite(block).all()
                 blocks.append(block)
-    except loop.RunStop as stopped:
+    except run_stop.RunStop as stopped:
         event(stopped.stop.reason.partition(": ")[2])
     except Hang:
         # A motion may be as fast as it likes; what may not be is a run that takes no steps.
@@ -431,7 +431,7 @@ def runs_right(spec: jets.Spec) -> bool:
         with prompt(RUN_SECONDS):
             for block in running.blocks():
                 rows.extend(block)
-    except (loop.RunStop, Hang) as stopped:
+    except (run_stop.RunStop, Hang) as stopped:
         event(type(stopped).__name__)
     event("compared")
     assert np.isfinite(rows).all()

@@ -16,7 +16,7 @@ from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
-from lagcli.simulation import loop
+from lagcli.simulation import run_stop
 
 pytestmark = pytest.mark.numeric
 
@@ -258,7 +258,9 @@ def test_rows_that_part_on_the_way_stop_the_run_by_name():
     model = lagcli.loads(text)
     running = pipeline.Running(model, model.simulation)
     blocks = []
-    with pytest.raises(loop.RunStop, match="the rows `rod`, `twin` contradict each other beyond") as stopped:
+    with pytest.raises(
+        run_stop.RunStop, match="the rows `rod`, `twin` contradict each other beyond"
+    ) as stopped:
         blocks.extend(running.blocks())
     assert 1 <= stopped.value.stop.t < 1.01
     assert np.concatenate(blocks)[-1, 0] == 1

@@ -38,7 +38,7 @@ from lagcli.output import column_choice as selection
 from lagcli.output.trajectory import Outcome, SimulationStopped, Stats, Trajectory, provenance
 from lagcli.simulation import checkpoint as checkpoints
 from lagcli.simulation import grid as grids
-from lagcli.simulation import invariants, loop
+from lagcli.simulation import invariants, loop, run_start, run_stop
 from lagcli.simulation import step_tolerance as tolerances
 from lagcli.simulation.global_error import error_estimate, reference_run
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
@@ -348,8 +348,8 @@ class Running:
             with_constants = dataclasses.replace(state, p=held.parameters)
             if not begin.is_singular:
                 initial.require_finite(ready.system, held.functions.numeric, with_constants)
-            first = loop.RunStart(state.q, state.v, begin.is_singular)
-            self._run = loop.Run(held, first, chosen, columns, (*notes, *found.notes), spoken)
+            first = run_start.RunStart(state.q, state.v, begin.is_singular)
+            self._run = loop.start(held, first, chosen, columns, (*notes, *found.notes), spoken)
             if digits:
                 self._paired = reference_run.RunWithReference(ready.system, self._run, held, first, chosen)
         else:
@@ -357,7 +357,7 @@ class Running:
             if len(resumed.mark.turns) != (ready.system.cuts.count if ready.system.cuts else 0):
                 raise checkpoints.CheckpointError("it is a damaged checkpoint: its number of angles is wrong")
             held = invariants.EnforcedInvariants(_resumed(ready, resumed), resumed.mark.levels, state.p)
-            self._run = loop.Run(held, resumed.mark, chosen, columns, (), spoken)
+            self._run = loop.resume(held, resumed.mark, chosen, columns, spoken)
         self._start, self._numeric = state, ready.numeric
         self.grid = grids.grid(chosen)
         self.resumed = resumed
@@ -409,22 +409,22 @@ class Running:
         return self._run.origin + self._run.t
 
     def blocks(self) -> Iterator[Floats]:
-        """Blocks of rows (k, len(columns)). Raises `loop.RunStop` after the last good one."""
+        """Blocks of rows (k, len(columns)). Raises `run_stop.RunStop` after the last good one."""
         try:
             for block in (self._paired or self._run).blocks():
                 if self._paired:
                     self._floors.take(block)
                 self.outcome.take(block)
                 yield block
-        except loop.RunStop as stopped:
+        except run_stop.RunStop as stopped:
             stop = stopped.stop
             if fallen := self._fallen_inertia():
                 stop = dataclasses.replace(stop, reason=f"{stop.reason}; {fallen}")
             if why := self._led_off():
                 where = stop.reason.partition(": ")[0]
-                stop = dataclasses.replace(stop, reason=f"{where}: {why}", code=loop.NO_SOLUTION)
+                stop = dataclasses.replace(stop, reason=f"{where}: {why}", code=run_stop.NO_SOLUTION)
             self.outcome.stop(stop)
-            raise loop.RunStop(stop) from None
+            raise run_stop.RunStop(stop) from None
 
     @functools.cached_property
     def _forces(self) -> table_columns.GeneralizedForces:
@@ -638,13 +638,13 @@ def simulate(
     names = tuple(everything[i] for i in picked)
     keeper = checkpoint_file.Keeper(checkpoint) if checkpoint is not None else None
     blocks = [np.zeros((0, len(names)))]
-    stop: loop.Stop | None = None
+    stop: run_stop.Stop | None = None
     try:
         for block in ready.blocks():
             blocks.append(ready.taken(block, picked))
             if keeper is not None:
                 keeper.take(ready.checkpoint())
-    except loop.RunStop as stopped:
+    except run_stop.RunStop as stopped:
         stop = stopped.stop
     finally:
         if keeper is not None:
@@ -771,7 +771,7 @@ def _with_digits(
     table = np.column_stack([rows[:, at[name]] if name in at else nothing for name in wanted])
     try:
         known = again.of_table(table)
-    except loop.RunStop as stopped:
+    except run_stop.RunStop as stopped:
         raise ValueError(f"digits: the repeated run {stopped.stop.reason}") from None
     if known is None:
         raise ValueError("digits: the rows of the table are not at equal times")
@@ -843,7 +843,7 @@ def _recorded(name: str, ready: Running) -> comparison.Formulation:
     try:
         for block in ready.blocks():
             blocks.append(block)
-    except loop.RunStop as stop:
+    except run_stop.RunStop as stop:
         stopped = stop.stop.reason
     n, stats = len(ready.model.coordinate_names), ready.stats
     from lagcli.formulations import comparison

@@ -24,7 +24,7 @@ from lagcli.output import atomic_file, column_choice, endings, trajectory
 from lagcli.output.figures import decimate
 from lagcli.output.tables import row_file
 from lagcli.output.trajectory import Outcome, Stats, Stopped
-from lagcli.simulation import checkpoint, loop, step_tolerance
+from lagcli.simulation import checkpoint, run_stop, step_tolerance
 from lagcli.simulation.global_error import error_estimate
 from lagcli.start import assembly_moves
 
@@ -201,12 +201,12 @@ def _write_rows(
     written: table_output.TableOutput,
     kept: decimate.Thinned,
     outcome: Outcome,
-) -> loop.RunStop | None:
+) -> run_stop.RunStop | None:
     """Pass the blocks on as they come; the reason if the run stopped before its end.
 
     A checkpoint is taken when the rows before it have been written, so that they agree.
     """
-    stopped: loop.RunStop | None = None
+    stopped: run_stop.RunStop | None = None
     try:
         with _progress(ready, wishes) as bar:
             for block in _blocks(ready, bar):
@@ -215,7 +215,7 @@ def _write_rows(
                 outcome.rows, outcome.t_end = ready.outcome.rows, ready.outcome.t_end
                 if wishes.plot is not None:
                     kept.add(block)
-    except loop.RunStop as stop:
+    except run_stop.RunStop as stop:
         stopped = stop
     except signals.Interrupted:
         if written.t_end == ready.grid.end:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lagcli.formulations.dense_functions import DenseFunctions
 from lagcli.formulations.maggi import Chart, ChartError, ReducedMotion
 from lagcli.model.model import Simulation
-from lagcli.simulation import dop853_tableau, loop, step_tolerance
+from lagcli.simulation import controller, dop853_tableau, step_tolerance
 from lagcli.simulation.grid import Grid
 from lagcli.simulation.timetable import Timetable
 
@@ -99,11 +99,11 @@ def rows(
             account.steps += 1
             y, motion = found
             t = goal if last else t + taken
-            if account.steps % loop.PACE == 0:
+            if account.steps % controller.PACE == 0:
                 pace_from, advanced = t, t - pace_from
-                if (grid.end - t) * loop.PACE > loop.HOPELESS * advanced:
+                if (grid.end - t) * controller.PACE > controller.HOPELESS * advanced:
                     raise ReducedStop(
-                        t, f"the last {loop.PACE} steps advanced by {advanced:.2g}: the run is too long"
+                        t, f"the last {controller.PACE} steps advanced by {advanced:.2g}: the run is too long"
                     )
             functions.settle(t, motion.q)
             grown = taken * min(GROW, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1 / dop853_tableau.ORDER)))

@@ -12,7 +12,7 @@ from lagcli import __version__
 from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation, Vector3
-from lagcli.simulation import loop
+from lagcli.simulation import run_stop
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.start.assembly_moves import Moves
 
@@ -82,7 +82,7 @@ class Outcome:
             self.rows += len(block)
             self.t_end = float(block[-1, 0])
 
-    def stop(self, stop: loop.Stop) -> None:
+    def stop(self, stop: run_stop.Stop) -> None:
         """The run cannot go on."""
         self.stopped = Stopped(stop.t, stop.reason, stop.code)
 

@@ -1,4 +1,4 @@
-"""What a scheme is to the loop, and which there are: a scheme is one file here, its line below and its name in
+"""The protocol of a scheme, and the schemes there are: one is a file here, its line below and its name in
 `settings.METHOD_NAMES`.
 
 A method is a one-step method: between two steps a run keeps nothing of it but k = y'(t, y).
@@ -14,6 +14,8 @@ from lagcli.compiled import NumericSystem
 from lagcli.model import settings
 from lagcli.model.model import Simulation
 from lagcli.simulation import dop853, line_functions
+
+Compiled = Any  # a ca.Function
 
 
 class Method(Protocol):
@@ -43,7 +45,7 @@ class Method(Protocol):
     def dense_rows(self) -> int:
         """See above."""
 
-    def step(self, numeric: NumericSystem) -> Any:
+    def step(self, numeric: NumericSystem) -> Compiled:
         """step(t, h, y, k, tolerance, p) -> y new, k new, (error, moved, hidden, outcome of `land`, the error of W),
         then stages (2n + 1,) each, any number, an output of its own so that none is copied where they are not wanted;
         k = y'(t, y), tolerance as `step_tolerance.of_steps`. `step_end.ended` does all but the stages.
@@ -53,7 +55,7 @@ class Method(Protocol):
         the step. The error of W is a part of what rtol allows; it does not steer.
         """
 
-    def dense(self, numeric: NumericSystem) -> Any:
+    def dense(self, numeric: NumericSystem) -> Compiled:
         """dense(t, h, y, y new, k new, p, k, stages of `step`) -> coefficients (2n + 1, dense_rows)."""
 
     def interpolated(self, y: Any, coefficients: Any, x: Any) -> Any:
@@ -78,26 +80,26 @@ class Scheme:
         self._method, self._numeric = method, numeric
 
     @cached_property
-    def step(self) -> Any:
+    def step(self) -> Compiled:
         """See `Method.step`."""
         return self._method.step(self._numeric)
 
     @cached_property
-    def dense(self) -> Any:
+    def dense(self) -> Compiled:
         """See `Method.dense`."""
         return self._method.dense(self._numeric)
 
     @cached_property
-    def line_at(self) -> Any:
+    def line_at(self) -> Compiled:
         """See `line_functions.line_at`."""
         return line_functions.line_at(self._numeric)
 
     @cached_property
-    def line_inside(self) -> Any:
+    def line_inside(self) -> Compiled:
         """See `line_functions.line_inside`."""
         return line_functions.line_inside(self._numeric, self.line_at, self._method)
 
     @cached_property
-    def defect(self) -> Any:
+    def defect(self) -> Compiled:
         """The comparison of the dense output with the equations, see `line_functions.defect`."""
         return line_functions.defect(self._numeric, self._method)

@@ -24,12 +24,14 @@ TIME_ROUNDING = 2**-52
 JUMP, NEGLIGIBLE = 1024, 1e-9
 WRITTEN_OUT = 1000  # numbers of a state
 
+# ca.SX or ca.MX: short states are written out.
+Expression = Any
 # combined(h, sizes of the estimates) -> the error of the step: how a method makes one number of its estimates.
-Combined = Callable[..., Any]
+Combined = Callable[..., Expression]
 
 
 class StepInputs(NamedTuple):
-    """What a step is a function of: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (4,), p."""
+    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (4,), p."""
 
     t: ca.MX
     h: ca.MX
@@ -48,7 +50,7 @@ class StepEnd(NamedTuple):
     outcome: ca.MX
     judged: ca.MX
 
-    def outputs(self, hidden: Any, stages: Sequence[ca.MX]) -> list[ca.MX]:
+    def outputs(self, hidden: Expression, stages: Sequence[ca.MX]) -> list[ca.MX]:
         """The results of a step as in `method.Method.step`."""
         account = ca.vertcat(self.judged[:2], hidden, self.outcome, self.judged[2])
         return [self.landed, self.k_new, account, *stages]
@@ -84,7 +86,9 @@ def ended(
     )
 
 
-def _within(near_t: Any, h: Any, states: tuple[Any, Any, Any]) -> Any:
+def _within(
+    near_t: Expression, h: Expression, states: tuple[Expression, Expression, Expression]
+) -> Expression:
     """By how much the rounding of the time counts: 1, and more where a step of a few roundings holds a jump.
 
     A jump changes velocities by next to nothing in such a step, or is what sets a body at rest in motion. A pole does
@@ -103,7 +107,7 @@ def _judge(size: int, count: int, combined: Combined) -> ca.Function:
 
     noise, blur (2n + 1,): what the rounding of t makes of the error, and of the state; of estimates there are `count`.
     """
-    sort: Any = ca.SX if size <= WRITTEN_OUT else ca.MX
+    sort: Expression = ca.SX if size <= WRITTEN_OUT else ca.MX
     n = size // 2
     y, new, landed, noise, blur = (sort.sym(name, size) for name in ("y", "new", "landed", "noise", "blur"))
     estimates = [sort.sym(f"e{i}", size) for i in range(count)]
@@ -120,23 +124,25 @@ def _judge(size: int, count: int, combined: Combined) -> ca.Function:
     return ca.Function("judge", inputs, [ca.vertcat(error, moved, of_work)])
 
 
-def scales(states: Sequence[Any], h: Any, sizes: Any, tolerance: Any) -> Any:
-    """What the errors of (q, v) are compared with (2n,): expressions of the states (2n + 1,) at both ends of a step of
-    length h, of `parts.Sizes.packed` at its end, and of `step_tolerance.of_steps`."""
+def scales(
+    states: Sequence[Expression], h: Expression, sizes: Expression, tolerance: Expression
+) -> Expression:
+    """The sizes that errors of (q, v) are compared with (2n,): expressions of the states (2n + 1,) at both ends of a
+    step of length h, of `parts.Sizes.packed` at its end, and of `step_tolerance.of_steps`."""
     n = (states[0].numel() - 1) // 2
     rtol, atol, part, rounding = (tolerance[i] for i in range(4))
     units, (q, v, a) = sizes[:n], (sizes[n + i] for i in range(3))
     speed = ca.fmax(v, h * a)
-    largest = ca.fmax(*(ca.fabs(y)[: 2 * n] for y in states))
+    largest = ca.fmax(*(ca.fabs(y[: 2 * n]) for y in states))
     floors = ca.vertcat(units * (part * h * speed + rounding * q), units * (part * speed + rounding * q / h))
     return rtol * largest + atol + floors + tolerances.TINY
 
 
-def _largest(estimate: Any, scale: Any) -> Any:
+def _largest(estimate: Expression, scale: Expression) -> Expression:
     return ca.mmax(ca.fabs(estimate[: scale.numel()] / scale))
 
 
-def _moved(by: Any, scale: Any, sizes: Any) -> Any:
+def _moved(by: Expression, scale: Expression, sizes: Expression) -> Expression:
     """How far the projection moved (q, v), as a part of what it may.
 
     A step that is right to the tolerance lies about as close to the constraints. One that is moved much farther has
@@ -146,4 +152,4 @@ def _moved(by: Any, scale: Any, sizes: Any) -> Any:
     n = n2 // 2
     units = sizes[:n]
     allowed = MOVED * scale + MOVED_ROUNDING * ca.vertcat(units * sizes[n], units * sizes[n + 1])
-    return ca.mmax(ca.fabs(by)[:n2] / allowed)
+    return ca.mmax(ca.fabs(by[:n2]) / allowed)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lagcli.equations import time_functions
 from lagcli.equations.system import System
 from lagcli.model.model import Simulation
-from lagcli.simulation import loop, step_tolerance
+from lagcli.simulation import loop, run_start, run_stop, step_tolerance
 from lagcli.simulation.checkpoint import RunState
 from lagcli.simulation.global_error import divergence, error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
@@ -31,19 +31,19 @@ class RunWithReference:
         system: System,
         run: loop.Run,
         held: EnforcedInvariants,
-        begin: loop.RunStart,
+        begin: run_start.RunStart,
         settings: Simulation,
     ) -> None:
         again = error_estimate.repeated(settings)
         self._tolerance = float(step_tolerance.of_steps(again)[0])
         self._run = run
         smaller = dataclasses.replace(begin, part=error_estimate.FIRST_STEP, is_again=True)
-        self._again = loop.Run(
+        self._again = loop.start(
             held, smaller, again, system.columns, (), time_functions.functions(system.model)
         )
         self._ahead = self._again.blocks()
         self._waiting = np.zeros((0, 1 + len(system.columns)))
-        self._broken: loop.Stop | None = None
+        self._broken: run_stop.Stop | None = None
         window = divergence.window(run.grid.count) if held.has_time else 0
         relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
         parted = divergence.Parting(window, relative, settings.atol or 0.0)
@@ -69,8 +69,8 @@ class RunWithReference:
     def of_table(self, rows: Floats) -> Accuracy | None:
         """The estimate for a table (T, columns) in place of the rows of the first run, which is not taken.
 
-        None where the times of its rows are not those of the grid. Raises `loop.RunStop` where the repeated run stops
-        before the last of them.
+        None where the times of its rows are not those of the grid. Raises `run_stop.RunStop` where the repeated run
+        stops before the last of them.
         """
         known = 0
         for others in self._ahead:
@@ -84,7 +84,7 @@ class RunWithReference:
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, columns + 4), the errors last.
 
-        Raises `loop.RunStop` after the last good one, also where the repeated run stops and the first does not.
+        Raises `run_stop.RunStop` after the last good one, also where the repeated run stops and the first does not.
         """
         for rows in self._run.blocks():
             others = self._others(len(rows))
@@ -95,7 +95,7 @@ class RunWithReference:
                     self._cut = self._run.grid.time(self._taken + known - 1)
                     yield np.hstack([rows[:known], errors])
                 assert self._broken is not None, "the rows of both runs stand on one grid"
-                raise loop.RunStop(self._broken)
+                raise run_stop.RunStop(self._broken)
             self._taken += known
             yield np.hstack([rows, errors])
             self._mark = self._run.mark()
@@ -113,7 +113,7 @@ class RunWithReference:
             while have < count:
                 parts.append(next(self._ahead))
                 have += len(parts[-1])
-        except loop.RunStop as stopped:
+        except run_stop.RunStop as stopped:
             stop = stopped.stop
             why = f"the run repeated at other tolerances {stop.reason}; the errors of rows after it are not known"
             self._broken = dataclasses.replace(stop, reason=why)

@@ -1,0 +1,150 @@
+"""The rows of the grid from the steps of a run: at their ends, and from their dense output within them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.simulation import collocation, interpolate_rows, line_functions, stop_diagnosis
+from lagcli.simulation.singularity_step import SingularStep
+from lagcli.simulation.stepper import Stepper
+
+Floats = npt.NDArray[np.float64]
+
+# A row where nothing has a value is a limit from points at this part of a step, and at twice that.
+NEAR = 1e-4
+# Where the drifts of a row stand in a line: rounding, which is not interpolated.
+DRIFTS = slice(-line_functions.BEYOND, -line_functions.BEYOND + 2)
+# Where W stands in a line.
+WORK = -2
+
+
+class RowWriter:
+    """Lines of a block, one after the other; next_row: the number of the row of the grid that comes next.
+
+    columns: of a row, without t.
+    """
+
+    def __init__(self, stepper: Stepper, columns: tuple[str, ...], next_row: int) -> None:
+        self._stepper, self._columns = stepper, columns
+        self.grid, self.next_row = stepper.grid, next_row
+        self._lines, self._filled = np.empty((0, 0)), 0
+        stepper.row_time = self.grid.time(next_row)
+
+    @property
+    def width(self) -> int:
+        """The numbers of a line."""
+        return self._stepper.rows.line.size
+
+    @property
+    def is_done(self) -> bool:
+        """True if all rows of the grid have been written."""
+        return self.next_row == self.grid.count
+
+    def open(self, capacity: int) -> None:
+        """Begin a block; blocks are handed out without a copy, so that each needs memory of its own."""
+        self._lines, self._filled = np.empty((capacity, self.width)), 0
+
+    def close(self) -> Floats:
+        """The lines of the block."""
+        block = self._lines[: self._filled]
+        return block.copy() if 2 * self._filled < len(self._lines) else block
+
+    def put_begin(self) -> None:
+        """Write the row of the state where the run stands."""
+        run, rows = self._stepper, self._stepper.rows
+        rows.at[0] = run.origin + run.t
+        rows.begin.trigger()
+        self._put_line()
+
+    def put_rows(self) -> bool:
+        """Write the rows of the grid within the step that was found; False where the block is full before."""
+        run, rows, found = self._stepper, self._stepper.rows, self._stepper.found
+        t, reached, taken = run.t, found.reached, found.taken
+        capacity = len(self._lines)
+        while run.row_time <= reached:
+            if self._filled == capacity:
+                return False
+            at = run.row_time
+            rows.at[0] = run.origin + at
+            if found.is_still:
+                rows.aside.arguments[1][:] = run.bound.y
+                rows.aside.trigger()
+            elif found.passage is not None:
+                self._across(found.passage, at)
+            elif at < reached or found.barrier is not None:
+                run.make_dense()
+                rows.x[0] = (at - t) / taken
+                rows.inside.trigger()
+            else:
+                rows.end.trigger()
+            self._put_line()
+        return True
+
+    def _across(self, across: SingularStep, at: float) -> None:
+        """The line of a row within a step across a singular configuration."""
+        rows, step, tau = self._stepper.rows, across.step, at - across.instant
+        if abs(tau) > interpolate_rows.WINDOW * across.width:
+            self._put_aside(at, step)
+            return
+        taus = interpolate_rows.beside(across.width, across.is_start)
+        lines = []
+        for beside in taus:
+            self._put_aside(across.instant + beside, step)
+            lines.append(rows.line.copy())
+        found = np.array(lines)
+        rows.line[:] = interpolate_rows.interpolated(taus, found, tau)
+        rows.line[DRIFTS] = found[:, DRIFTS].max(axis=0)
+        rows.line[0] = rows.at[0] = self._stepper.origin + at
+
+    def _put_aside(self, at: float, step: collocation.Step) -> None:
+        rows = self._stepper.rows
+        rows.at[0] = self._stepper.origin + at
+        rows.aside.arguments[1][:] = step.state((at - step.t) / step.h)
+        rows.aside.trigger()
+
+    def _mend(self) -> None:
+        """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
+
+        Where the integrals are the reason, it is the row without them. Else it is the limit along the motion, from
+        two points on either side, where all columns have one: their differences then shrink with the distance,
+        and where one has a jump or a pole they do not.
+        """
+        run, rows, held = self._stepper, self._stepper.rows, self._stepper.bound.held
+        at, x, taken = rows.at[0], rows.x[0], run.found.taken
+        if held.is_any:
+            inside = held.plain.functions.scheme(run.method).line_inside
+            plain = np.array(inside(at, x, run.bound.y, rows.dense.results[0], held.p)).ravel()
+            if math.isfinite(plain[-1]):
+                rows.line[:] = plain
+                return
+        lines = []
+        for side in (-2, -1, 1, 2):
+            rows.x[0], rows.at[0] = x + side * NEAR, at + side * NEAR * taken
+            rows.inside.trigger()
+            lines.append(rows.line.copy())
+        rows.at[0] = at
+        rows.line[:] = interpolate_rows.between(np.array(lines))
+        rows.line[0] = at
+
+    def _put_line(self) -> None:
+        run, found = self._stepper, self._stepper.found
+        line = run.rows.line
+        if not math.isfinite(run.rows.cells[-1]) and found.passage is None:
+            if found.is_open and run.row_time < found.reached:
+                self._mend()
+            self._require_finite()
+        if found.work is not None:
+            line[WORK] = found.work.at(run.row_time)
+        self._lines[self._filled] = line
+        self._filled += 1
+        self.next_row += 1
+        run.row_time = self.grid.time(self.next_row)
+
+    def _require_finite(self) -> None:
+        rows = self._stepper.rows
+        bad = np.flatnonzero(~np.isfinite(rows.line[:-1]))
+        if bad.size:  # else the sum overflowed, and nothing else
+            raise stop_diagnosis.row_not_finite(self._columns, int(bad[0]) - 1, rows.at[0])

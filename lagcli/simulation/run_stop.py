@@ -1,0 +1,34 @@
+"""A run that ends before its end, as a noun: the numbers raise `StepFailure`, the loop says where with `RunStop`."""
+
+from __future__ import annotations
+
+import dataclasses
+
+# Why a run stops, as codes for `lagcli explain`.
+SINGULAR, NO_SOLUTION = "singular-constraints", "no-solution-beyond"
+NOT_FINITE, TOO_SMALL = "not-finite", "step-too-small"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Stop:
+    """Why a run ended before its end: the time reached, a sentence, and one of the codes of `catalogue.stops`."""
+
+    t: float
+    reason: str
+    code: str
+
+
+class RunStop(Exception):
+    """The integration cannot go on; rows given so far are complete and right."""
+
+    def __init__(self, stop: Stop) -> None:
+        super().__init__(stop.reason)
+        self.stop = stop
+
+
+class StepFailure(Exception):
+    """No step can be taken, or no row written: a sentence without place and time, and its code."""
+
+    def __init__(self, reason: str, code: str) -> None:
+        super().__init__(reason)
+        self.reason, self.code = reason, code

@@ -1,0 +1,109 @@
+"""The passing of a singular configuration as an `Event`: a step across the one that is foreseen, or away from it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from lagcli.compiled.bound_function import BoundFunction
+from lagcli.compiled.selection import Selection
+from lagcli.simulation import collocation, rank_dip, singularity_step, stop_diagnosis
+from lagcli.simulation.run_stop import SINGULAR, StepFailure
+from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
+from lagcli.simulation.singularity_step import Crossing
+from lagcli.simulation.stepper import LANDING, Stepper
+
+
+class SingularEvent:
+    """A configuration at which rows become dependent."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self._stepper = stepper
+
+    def passes(self) -> bool:
+        """See `Event`."""
+        run = self._stepper
+        foreseen = run.foreseen
+        if foreseen is NEVER or not foreseen.is_any:
+            return False
+        if foreseen.is_here:
+            self._leave()
+            return True
+        if not foreseen.is_near(run.t, run.control.step, run.tolerance[0]):
+            return False
+        if foreseen.angle > rank_dip.CERTAIN and self._is_dip():
+            return False
+        bound = run.bound
+        found = singularity_step.across(bound.numeric, bound.aside, self._point, foreseen)
+        run.count_aside()
+        if isinstance(found, Selection):
+            run.bind(bound.held.keeping(found))
+            run.watch, run.foreseen = SingularityMonitor(), NEVER
+        elif found is not None:
+            self._cross(found)
+        elif bound.held.is_any:
+            return self._pass_without_integrals()
+        return isinstance(found, Crossing)
+
+    def _is_dip(self) -> bool:
+        """True if ordinary steps show that rows only come closer to dependent ones, and part again."""
+        run, bound, place = self._stepper, self._stepper.bound, self._stepper.foreseen.place
+
+        def square(h: float) -> float:
+            bound.h[0] = h
+            bound.step.trigger()
+            run.account.evaluations += run.method.evaluations
+            _, _, _, residual, *there, _, _ = bound.outcome
+            return there[place - 1] if residual <= LANDING else math.nan
+
+        return rank_dip.is_dip(square, run.watch.state[place], run.foreseen.instant - run.t)
+
+    def _pass_without_integrals(self) -> bool:
+        """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.
+
+        Those that hold beyond it are kept, else they are let go.
+        """
+        run, bound = self._stepper, self._stepper.bound
+        plain = bound.held.plain.functions.numeric
+        land = BoundFunction(plain.land, [np.zeros(1), np.zeros(bound.y.size), bound.held.p])
+        found = singularity_step.across(plain, land, self._point, run.foreseen)
+        run.account.evaluations += land.used
+        if not isinstance(found, Crossing):
+            return False
+        step = found.passage.step
+        reached, new = step.t + step.h, step.state(1.0)
+        if collocation.landed(bound.aside, reached, new) is not None:
+            self._cross(found)
+            return True
+        run.let_go(reached, new)
+        return self.passes()
+
+    def _leave(self) -> None:
+        """Take the first step from a singular configuration."""
+        run, bound = self._stepper, self._stepper.bound
+        found = singularity_step.away(bound.numeric, bound.aside, self._point, run.control.step)
+        run.count_aside()
+        if found is None:
+            raise StepFailure(stop_diagnosis.NO_BRANCH, SINGULAR)
+        self._cross(found)
+
+    @property
+    def _point(self) -> singularity_step.Point:
+        run, bound = self._stepper, self._stepper.bound
+        return singularity_step.Point(run.t, bound.y, bound.k, bound.held.p, run.tolerance)
+
+    def _cross(self, crossing: Crossing) -> None:
+        """Make a step across the step just found."""
+        run, bound = self._stepper, self._stepper.bound
+        step = crossing.passage.step
+        reached = step.t + step.h
+        landed, rate, outcome, _ = bound.landed_at(reached, step.state((reached - step.t) / step.h))
+        bound.new[:], bound.k_new[:] = landed, rate
+        run.foreseen = run.watch.foreseen(reached, outcome[1], outcome[2])
+        run.account.steps += 1
+        run.account.crossings += (dataclasses.replace(crossing.loss, t=run.origin + crossing.loss.t),)
+        found = run.found
+        found.is_open, found.passage = True, crossing.passage
+        found.reached, found.taken, found.proposed = reached, step.h, run.control.step

@@ -1,0 +1,123 @@
+"""The sentence and the code for a run that cannot go on, from what the numbers were."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from lagcli.equations.system import System
+from lagcli.simulation import singular_point, stop_reasons, switch_states
+from lagcli.simulation.invariants import EnforcedInvariants
+from lagcli.simulation.run_stop import NO_SOLUTION, NOT_FINITE, SINGULAR, TOO_SMALL, StepFailure
+from lagcli.start import initial
+
+# Rows that are this close to dependent ones where a run stops are the reason, where they will be so within this part
+# of the run.
+DEPENDENT, SOON = 1e-2, 1e-4
+# Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so much
+# that a step may not reach its tolerance: masses differ by 1e8.
+WEIGHED = 1e-4
+
+BELOW_ROUNDING = "the step needed for the tolerance is below the rounding of the time"
+START_NOT_FINITE = "the accelerations are not finite at the start"
+POLE = "the accelerations grow beyond all bounds there: a function of t has a pole"
+NO_BRANCH = (
+    "the start is a singular configuration, and no smooth motion along one of the branches that meet there has the"
+    " initial velocities"
+)
+
+
+class Rejection(NamedTuple):
+    """The last step that was tried: its error, the residual of the constraints at its end, as a part of its size, and
+    the states at both ends; nearness, is_alone: of `SingularityMonitor`; is_soon: an instant is foreseen within `SOON`
+    of the run."""
+
+    error: float
+    residual: float
+    here: initial.State
+    ahead: initial.State
+    nearness: float
+    is_alone: bool
+    is_soon: bool
+
+
+def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepFailure:
+    """Why no step can be taken; landing: the residual of a step that has landed."""
+    system, numeric, here = held.integrals.system, held.functions.numeric, tried.here
+    is_near, is_alone = tried.nearness < DEPENDENT, tried.is_alone
+    apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
+    if is_near and tried.is_soon and apart is None:
+        told = _named(system, singular_point.closest(numeric, here, is_alone))
+        what = f"the gradient of {told} vanishes" if is_alone else f"the rows {told} become dependent"
+        return StepFailure(
+            f"{what} there, a singular configuration through which this motion does not go on smoothly (a toggle"
+            " position, or a cusp)",
+            SINGULAR,
+        )
+    jump = _jump(held, here)
+    if jump:
+        return StepFailure(jump, NO_SOLUTION)
+    if apart is not None and tried.nearness < WEIGHED:
+        told = f"inertias that differ by a factor of {apart:.0e} amplify rounding"
+        return StepFailure(f"{BELOW_ROUNDING}: {told}", TOO_SMALL)
+    if not math.isfinite(tried.error) or not math.isfinite(tried.residual):
+        return StepFailure(
+            "the accelerations or multipliers are not finite there: the constraints become dependent,"
+            " or a function of the model has a pole",
+            NOT_FINITE,
+        )
+    if tried.residual > landing:
+        parting = singular_point.departed(numeric, tried.ahead, landing)
+        if parting:
+            told = _named(system, parting)
+            return StepFailure(
+                f"the rows {told} contradict each other beyond: they agree up to here", NO_SOLUTION
+            )
+        return StepFailure("the constraints have no solution after this time", NO_SOLUTION)
+    return StepFailure(BELOW_ROUNDING, TOO_SMALL)
+
+
+def hopeless(
+    held: EnforcedInvariants, here: initial.State, steps: int, advanced: float, left: float
+) -> StepFailure:
+    """Why the last steps advanced by so little that the run would not end in any time one can wait."""
+    jump = _jump(held, here)
+    return StepFailure(
+        jump
+        or f"the last {steps} steps advanced by {advanced:.2g}, so that the run would need"
+        f" {left / max(advanced, 1e-300) * steps:.0e} more: the motion chatters across"
+        " a jump of the forces, the forces are far too stiff for an explicit scheme, or the run is too long",
+        TOO_SMALL,
+    )
+
+
+def impact(held: EnforcedInvariants, here: initial.State, beyond: initial.State) -> StepFailure:
+    """Why the motion does not go on beyond a switch, where velocities would have to jump."""
+    jump = _jump(held, here)
+    if not jump:
+        rows = switch_states.violated(held.functions.numeric, beyond)
+        named = _named(held.integrals.system, rows)
+        jump = f"the rows {named} make velocities jump there: an impact, which the equations of motion do not describe"
+    return StepFailure(jump, NO_SOLUTION)
+
+
+def impulse(told: str) -> StepFailure:
+    """Why a run ends where an energy or a place jumps; told: what does."""
+    return StepFailure(
+        f"{told}: the force is an impulse, which the equations of motion do not describe", NO_SOLUTION
+    )
+
+
+def row_not_finite(columns: tuple[str, ...], column: int, t: float) -> StepFailure:
+    """Why a row cannot be written; column: the number of what has no value, of energies beyond the columns."""
+    what = f"the column `{columns[column]}`" if column < len(columns) else "the energy balance"
+    return StepFailure(f"{what} is not finite at t = {t:.9g}", NOT_FINITE)
+
+
+def _jump(held: EnforcedInvariants, here: initial.State) -> str:
+    return stop_reasons.reason(held.integrals.system, held.plain.functions.numeric, here)
+
+
+def _named(system: System, rows: tuple[int, ...]) -> str:
+    names = [row.name for row in system.rows.rows]
+    return ", ".join(f"`{names[i]}`" for i in rows[: initial.MOST_TOLD])
