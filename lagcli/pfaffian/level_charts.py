@@ -20,7 +20,7 @@ import sympy
 
 from lagcli.model import invariant
 from lagcli.pfaffian import printing
-from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact import guarded, time_limit
 from lagcli.pfaffian.single_form import potential, tidy_integral
 
 Variables = tuple[sympy.Symbol, ...]
@@ -68,7 +68,7 @@ def _jumps(angle: sympy.Expr, variables: Variables) -> bool:
 
 
 def _fraction(expression: sympy.Expr) -> Quotient:
-    above, below = sympy.fraction(sympy.together(expression), exact=True)
+    above, below = sympy.fraction(guarded.together(expression), exact=True)
     return above, below
 
 
@@ -81,13 +81,13 @@ def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFu
     if not angles or any(isinstance(e, (sympy.atan2, sympy.atan)) for e in _jumping(rest, variables)):
         return ()
     first = angles[0][0]
-    ratios = [sympy.cancel(c / first) for c, _, _ in angles]
+    ratios = [guarded.cancel(c / first) for c, _, _ in angles]
     if not all(r.is_Rational for r in ratios):
         return ()
     numbers, scale = _whole(ratios)
-    unit = sympy.cancel(first / scale)
+    unit = guarded.cancel(first / scale)
     rest = _untangled(rest)
-    u = sympy.expand(rest / unit)
+    u = guarded.expand(rest / unit)
     found = []
     turns = sum(abs(n) for n in numbers)
     if turns <= MOST_TURNS and _is_regular(u, variables):
@@ -105,9 +105,9 @@ def _angles(
 ) -> tuple[list[tuple[sympy.Expr, sympy.Expr, sympy.Expr]], sympy.Expr]:
     """phi, or its logarithm, as angles (c, x, y) and the rest."""
     if not phi.is_Add and not any(isinstance(f, (sympy.atan2, sympy.atan)) for f in sympy.Mul.make_args(phi)):
-        phi = sympy.expand_log(sympy.log(phi), force=True)
+        phi = guarded.expand_log(sympy.log(phi), force=True)
     angles, rest = [], []
-    for term in sympy.Add.make_args(sympy.expand(phi)):
+    for term in sympy.Add.make_args(guarded.expand(phi)):
         constant, varying = term.as_independent(*variables, as_Add=False)
         if not (isinstance(varying, (sympy.atan2, sympy.atan)) and _jumps(varying, variables)):
             rest.append(term)
@@ -130,7 +130,7 @@ def _product(angles: list[tuple[sympy.Expr, sympy.Expr, int]], u: sympy.Expr) ->
         for _ in range(abs(n)):
             turned = y if n > 0 else -y
             real, imaginary = real * x - imaginary * turned, real * turned + imaginary * x
-    return sympy.expand(imaginary), sympy.expand(real)
+    return guarded.expand(imaginary), guarded.expand(real)
 
 
 # Quotients.
@@ -154,7 +154,7 @@ def _quotients(phi: sympy.Expr, variables: Variables) -> list[Quotient]:
     found = [_split(dict(zip(bases, map(sympy.Integer, whole), strict=True)), exponential)]
     if exponential != 0:
         plain = _split(dict(zip(bases, map(sympy.Integer, whole), strict=True)), sympy.Integer(0))
-        found.append((plain[0], plain[1] * sympy.exp(sympy.expand(-exponential))))
+        found.append((plain[0], plain[1] * sympy.exp(guarded.expand(-exponential))))
     # On the level zero of a factor that is squared the gradient vanishes: there a root of the product serves.
     for n in sorted({abs(n) for n in whole if abs(n) > 1}):
         rooted = {
@@ -171,18 +171,18 @@ def _untangled(phi: sympy.Expr) -> sympy.Expr:
     phi = phi.replace(sympy.tanh, lambda u: sympy.sinh(u) / sympy.cosh(u))
     arguments = {f.args[0] for f in phi.atoms(sympy.sin, sympy.cos)}
     for u in sorted(arguments, key=sympy.default_sort_key):
-        if sympy.expand(2 * u) in arguments:
+        if guarded.expand(2 * u) in arguments:
             s, c = sympy.sin(u), sympy.cos(u)
-            double = sympy.expand(2 * u)
-            phi = phi.subs({sympy.sin(double): 2 * s * c, sympy.cos(double): c**2 - s**2})
+            double = guarded.expand(2 * u)
+            phi = guarded.subs(phi, {sympy.sin(double): 2 * s * c, sympy.cos(double): c**2 - s**2})
     return phi
 
 
 def _cancelled(phi: sympy.Expr) -> sympy.Expr:
     """As a product, without common factors above and below."""
     if phi.count_ops() > SHORT:
-        return sympy.together(phi)
-    phi = sympy.factor(sympy.together(phi))
+        return guarded.together(phi)
+    phi = guarded.factor(guarded.together(phi))
     above, below = _fraction(phi)
     arguments = {f.args[0] for f in below.atoms(sympy.sin, sympy.cos)}
     for u in sorted(arguments, key=sympy.default_sort_key):
@@ -198,11 +198,11 @@ def _in_half_angles(above: sympy.Expr, below: sympy.Expr, u: sympy.Expr) -> symp
     """
     w = sympy.Dummy("w", real=True)
     tangents = {sympy.sin(u): 2 * w / (1 + w**2), sympy.cos(u): (1 - w**2) / (1 + w**2)}
-    parts = [_fraction(part.subs(tangents)) for part in (above, below)]
-    common = sympy.gcd(*(part for part, _ in parts))
+    parts = [_fraction(guarded.subs(part, tangents)) for part in (above, below)]
+    common = guarded.gcd(*(part for part, _ in parts))
     if not common.has(w):
         return None
-    product = sympy.factor(parts[0][0] * parts[1][1] / (parts[1][0] * parts[0][1]))
+    product = guarded.factor(parts[0][0] * parts[1][1] / (parts[1][0] * parts[0][1]))
     s, c = sympy.sin(u / 2), sympy.cos(u / 2)
     back = sympy.Integer(1)
     for factor in sympy.Mul.make_args(product):
@@ -210,9 +210,9 @@ def _in_half_angles(above: sympy.Expr, below: sympy.Expr, u: sympy.Expr) -> symp
         if not base.has(w):
             back *= factor
             continue
-        degree = sympy.degree(base, w)
-        homogeneous = sum(a * s**k * c ** (degree - k) for (k,), a in sympy.Poly(base, w).terms())
-        back *= (sympy.trigsimp(homogeneous) / c**degree) ** n
+        degree = guarded.degree(base, w)
+        homogeneous = sum(a * s**k * c ** (degree - k) for (k,), a in guarded.poly(base, w).terms())
+        back *= (guarded.trigsimp(homogeneous) / c**degree) ** n
     return back
 
 
@@ -238,7 +238,7 @@ def _split(powers: dict[sympy.Expr, sympy.Expr], exponential: sympy.Expr) -> Quo
     """The factors with positive and with negative exponents."""
     above = sympy.Mul(*(b**n for b, n in powers.items() if not n.is_negative))
     below = sympy.Mul(*(b**-n for b, n in powers.items() if n.is_negative))
-    return above * sympy.exp(sympy.expand(exponential)), below
+    return above * sympy.exp(guarded.expand(exponential)), below
 
 
 def _whole(numbers: list[sympy.Rational]) -> tuple[list[int], sympy.Rational]:

@@ -10,7 +10,7 @@ import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import printing
-from lagcli.pfaffian.exact import normal_form, zero_at_point
+from lagcli.pfaffian.exact import guarded, normal_form, zero_at_point
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
@@ -59,7 +59,7 @@ def of(divisors: Iterable[Any], points: Sequence[Point]) -> list[Any]:
     found = []
     for divisor in divisors:
         if divisor is not None and vanishes(divisor, points):
-            found += [factor for factor, _ in sympy.factor_list(divisor)[1] if vanishes(factor, points)]
+            found += [factor for factor, _ in guarded.factor_list(divisor)[1] if vanishes(factor, points)]
     return found
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from lagcli.pfaffian.exact import normal_form
+from lagcli.pfaffian.exact import guarded, normal_form
 
 Columns = Sequence[Sequence[sympy.Expr]]
 Values = np.ndarray[Any, np.dtype[np.float64]]
@@ -328,5 +328,5 @@ def _stripped(basis: normal_form.Tower, row: list[Any]) -> list[Any]:
 
 def _written(basis: normal_form.Tower, vector: dict[int, Any], size: int) -> tuple[sympy.Expr, ...]:
     return tuple(
-        sympy.radsimp(basis.expression(vector[n])) if n in vector else sympy.Integer(0) for n in range(size)
+        guarded.radsimp(basis.expression(vector[n])) if n in vector else sympy.Integer(0) for n in range(size)
     )

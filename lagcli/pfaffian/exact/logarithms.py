@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 import sympy
 
+from lagcli.pfaffian.exact import guarded
+
 # Longer arguments, and more of them, are not factored.
 MAX_OPERATIONS, MAX_LOGARITHMS = 40, 12
 
@@ -39,8 +41,8 @@ def _factored(argument: sympy.Expr) -> tuple[dict[sympy.Expr, int], sympy.Ration
     """The irreducible factors with their powers, and the number before them."""
     found: dict[sympy.Expr, int] = {}
     number = sympy.Integer(1)
-    for part, sign in zip(sympy.fraction(sympy.together(argument)), (1, -1), strict=True):
-        constant, factors = sympy.factor_list(part)
+    for part, sign in zip(sympy.fraction(guarded.together(argument)), (1, -1), strict=True):
+        constant, factors = guarded.factor_list(part)
         number *= constant**sign
         for f, n in factors:
             found[f] = found.get(f, 0) + sign * n
@@ -52,5 +54,5 @@ def _weights(rows: list[list[int]], row: list[int]) -> list[sympy.Rational] | No
     if not rows:
         return None
     A = sympy.Matrix(rows).T
-    w = (A.T * A).inv() * A.T * sympy.Matrix(row)
+    w = guarded.call((A.T * A).inv) * A.T * sympy.Matrix(row)
     return list(w) if A * w == sympy.Matrix(row) else None

@@ -22,7 +22,7 @@ import sympy
 from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, ring
 
-from lagcli.pfaffian.exact import logarithms
+from lagcli.pfaffian.exact import guarded, logarithms, time_limit
 
 MAX_MULTIPLE = 24
 MAX_ROOT = 12
@@ -31,7 +31,7 @@ _HYPERBOLIC = (sympy.sinh, sympy.cosh, sympy.tanh)
 _OPAQUE = (sympy.log, sympy.asin, sympy.acos, sympy.atan, sympy.atan2)
 
 
-class NoNormalFormError(NotImplementedError):
+class NoNormalFormError(time_limit.NoAnswerError):
     """The expression holds something the algebra of generators cannot express; the text says what."""
 
 
@@ -67,10 +67,10 @@ class Tower:
         self.letters: tuple[sympy.Symbol, ...] = tuple(order) or (sympy.Dummy("one"),)
         self.ring: Any = ring(self.letters, sympy.QQ)[0]
         self.field: Any = self.ring.to_field()
-        self._ideal: list[PolyElement] = [self.ring.from_expr(r) for r in self._relations]
+        self._ideal: list[PolyElement] = [self._fraction(r).numer for r in self._relations]
         if surface:
-            vanishing = [self.field.from_expr(e).numer for e in written[-len(surface) :]]
-            self._ideal = groebner([p for p in (*self._ideal, *vanishing) if p], self.ring)
+            vanishing = [self._fraction(e).numer for e in written[-len(surface) :]]
+            self._ideal = guarded.call(groebner, [p for p in (*self._ideal, *vanishing) if p], self.ring)
 
     def element(self, expression: sympy.Expr) -> Any:
         """The expression as a fraction of polynomials, the numerator reduced. `field` element.
@@ -82,11 +82,14 @@ class Tower:
         written = self._write(sympy.sympify(expression))
         if len(self.meaning) != known:
             raise NoNormalFormError(f"{expression} was not known when the tower was built")
+        return self.reduced(self._fraction(written))
+
+    def _fraction(self, written: sympy.Expr) -> Any:
+        """An expression in generators as a `field` element, not reduced."""
         try:
-            fraction = self.field.from_expr(written)
+            return self.field.from_expr(written)
         except (ValueError, ZeroDivisionError) as error:
-            raise NoNormalFormError(f"{expression} is not rational in its generators") from error
-        return self.reduced(fraction)
+            raise NoNormalFormError(f"{self.spoken(written)} is not rational in its generators") from error
 
     def reduced(self, fraction: Any) -> Any:
         """Numerator and denominator replaced by their remainders."""
@@ -118,7 +121,7 @@ class Tower:
             elif isinstance(part, (sympy.exp, *_HYPERBOLIC)):
                 self._note("exp", part.args[0])
             elif isinstance(part, sympy.log) and part.free_symbols:
-                self._logs[sympy.cancel(part.args[0])] = None
+                self._logs[guarded.cancel(part.args[0])] = None
             elif _is_exponential(part):
                 self._note("exp", part.exp * sympy.log(part.base))
 
@@ -131,8 +134,8 @@ class Tower:
     def _split(self, argument: sympy.Expr) -> list[tuple[sympy.Rational, sympy.Expr]]:
         """The argument as a sum of rational multiples of signless terms."""
         if argument not in self._split_memo:
-            plain = sympy.cancel(argument).replace(_is_log_of_number, _log_of_primes)
-            terms = sympy.Add.make_args(sympy.expand(plain))
+            plain = guarded.cancel(argument).replace(_is_log_of_number, _log_of_primes)
+            terms = sympy.Add.make_args(guarded.expand(plain))
             self._split_memo[argument] = [term.as_coeff_Mul(rational=True) for term in terms if term != 0]
         return self._split_memo[argument]
 
@@ -208,7 +211,7 @@ class Tower:
         s: sympy.Expr = sympy.Integer(0)
         for coefficient, base in self._split(argument):
             cn, sn = self._multiple_angle(coefficient, base)
-            c, s = sympy.expand(c * cn - s * sn), sympy.expand(s * cn + c * sn)
+            c, s = guarded.expand(c * cn - s * sn), guarded.expand(s * cn + c * sn)
         return c, s
 
     def _multiple_angle(self, coefficient: sympy.Rational, base: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
@@ -225,7 +228,7 @@ class Tower:
             self._relations.append(c1**2 + s1**2 - 1)
         cn, sn = sympy.Integer(1), sympy.Integer(0)
         for _ in range(abs(n)):
-            cn, sn = sympy.expand(cn * c1 - sn * s1), sympy.expand(sn * c1 + cn * s1)
+            cn, sn = guarded.expand(cn * c1 - sn * s1), guarded.expand(sn * c1 + cn * s1)
         return cn, sn if n > 0 else -sn
 
     def _exponential(self, argument: sympy.Expr) -> sympy.Expr:
@@ -277,8 +280,8 @@ class Tower:
         """
         if q > MAX_ROOT:
             raise NoNormalFormError(f"the root {meaning} is too high")
-        above, below = sympy.fraction(sympy.together(self._write(radicand)))
-        power = sympy.expand(above * below ** (q - 1))
+        above, below = sympy.fraction(guarded.together(self._write(radicand)))
+        power = guarded.expand(above * below ** (q - 1))
         if power.is_Rational and not (power.is_Integer and sympy.isprime(int(power))):
             self.independent = False
         return self._radical(("root", q, power, below), meaning) / below
@@ -288,8 +291,8 @@ class Tower:
         difference.
         """
         self.independent = False
-        above, below = sympy.fraction(sympy.together(self._write(e.args[0])))
-        return self._radical(("absolute", 2, sympy.expand(above**2), below), e) / below
+        above, below = sympy.fraction(guarded.together(self._write(e.args[0])))
+        return self._radical(("absolute", 2, guarded.expand(above**2), below), e) / below
 
     def _radical(self, key: tuple[str, int, sympy.Expr, sympy.Expr], meaning: sympy.Expr) -> sympy.Symbol:
         _, q, power, below = key
@@ -305,7 +308,7 @@ class Tower:
         seen: set[sympy.Expr] = set()
         for _, _, power, _ in keys:
             plain = not (power.free_symbols & set(self.meaning))
-            factors = sympy.factor_list(power)[1] if plain else []
+            factors = guarded.factor_list(power)[1] if plain else []
             own = [f for f, n in factors if n == 1]
             if power.is_Rational and len(keys) == 1:
                 continue
@@ -315,7 +318,7 @@ class Tower:
             seen |= set(own)
 
     def _opaque(self, e: sympy.Expr) -> sympy.Expr:
-        same = e.func(*(sympy.cancel(a) for a in e.args))
+        same = e.func(*(guarded.cancel(a) for a in e.args))
         if not isinstance(same, _OPAQUE):
             raise NoNormalFormError(f"{e} changes its kind when its argument is simplified")
         if isinstance(same, sympy.log) and same.args[0] in self._sums:

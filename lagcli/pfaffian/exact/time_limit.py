@@ -14,26 +14,9 @@ import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-import sympy
 from sympy.polys.polyerrors import BasePolynomialError
 
 Value = TypeVar("Value")
-
-FAILURES: tuple[type[Exception], ...] = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    BasePolynomialError,
-    LookupError,
-    NotImplementedError,
-    RecursionError,
-    TypeError,
-    ValueError,
-    sympy.SympifyError,
-)
-"""What SymPy's solvers raise on input they cannot treat. Their answer is then "none found", never a
-verdict.
-"""
 
 _STACK_BYTES = 64 * 1024 * 1024
 _KILL_INTERVAL = 0.02
@@ -46,6 +29,16 @@ class TimeUpError(Exception):
     """The time for a piece of work is over."""
 
 
+class NoAnswerError(Exception):
+    """A proposal or a test has no answer for its input. That is "none found", never a verdict."""
+
+
+# BasePolynomialError: SymPy's polynomials raise it from their operators too, which no guarded call could hold.
+# RecursionError: an expression is nested too deeply.
+FAILURES: tuple[type[Exception], ...] = (NoAnswerError, BasePolynomialError, RecursionError)
+"""What says that no answer was found. A slip of ours (TypeError, AttributeError and the like) is none of it, and of
+what SymPy raises only what `guarded` has met at a call of it.
+"""
 NO_ANSWER: tuple[type[Exception], ...] = (TimeUpError, *FAILURES)
 """Failure or lateness of a proposal."""
 

@@ -36,7 +36,7 @@ def vanishes(expression: sympy.Expr, point: Mapping[sympy.Symbol, float]) -> boo
     """True if the expression is zero there but for rounding, or has no value."""
     try:
         value, size = _visit(expression, point)
-    except (ArithmeticError, ValueError, LookupError):
+    except (ArithmeticError, ValueError):
         return True
     return not abs(value) > ROUNDING * size
 
@@ -45,14 +45,16 @@ def is_nothing(expression: sympy.Expr, point: Mapping[sympy.Symbol, float]) -> b
     """True if the expression has a value there, and this is zero but for rounding."""
     try:
         value, size = _visit(expression, point)
-    except (ArithmeticError, ValueError, LookupError):
+    except (ArithmeticError, ValueError):
         return False
     return abs(value) <= ROUNDING * size
 
 
 def _visit(e: sympy.Basic, point: Mapping[sympy.Symbol, float]) -> Pair:
-    """The value and its size. Raises `KeyError` for what has none here, `ArithmeticError`, `ValueError`."""
+    """The value and its size. Raises `ValueError` or `ArithmeticError` for what has none here."""
     if isinstance(e, sympy.Symbol):
+        if e not in point:
+            raise ValueError(f"{e} has no value")
         return point[e], abs(point[e])
     if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
         number = float(e)
@@ -72,6 +74,8 @@ def _visit(e: sympy.Basic, point: Mapping[sympy.Symbol, float]) -> Pair:
         square = x * x + y * y
         value = math.atan2(y, x)
         return value, abs(value) + (abs(x) * dy + abs(y) * dx) / square
+    if type(e) not in _SLOPES:
+        raise ValueError(f"{e.func} is not treated")
     function, slope = _SLOPES[type(e)]
     ((u, du),) = parts
     value = function(u)

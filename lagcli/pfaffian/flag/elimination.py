@@ -14,7 +14,7 @@ import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import pfaffian_block as blocks
-from lagcli.pfaffian.exact import time_limit, zero_test
+from lagcli.pfaffian.exact import guarded, time_limit, zero_test
 
 Substitutions = dict[sympy.Symbol, sympy.Expr]
 
@@ -154,7 +154,7 @@ def _substituted(expression: sympy.Expr, values: Mapping[sympy.Symbol, sympy.Exp
 
 def _expanded(expression: sympy.Expr) -> sympy.Expr:
     """Products of sums multiplied out, functions and roots left as they are."""
-    return sympy.expand(expression, power_base=False, power_exp=False, log=False)
+    return guarded.expand(expression, power_base=False, power_exp=False, log=False)
 
 
 def in_angles(block: blocks.PfaffianBlock) -> tuple[blocks.PfaffianBlock, Substitutions]:
@@ -170,16 +170,16 @@ def in_angles(block: blocks.PfaffianBlock) -> tuple[blocks.PfaffianBlock, Substi
         f, (x, y), (u, v), (A, B) = found
         angle = sympy.Symbol(f"angle_{x}_{y}", real=True)
         values = {
-            x: sympy.expand(x - u + A * sympy.cos(angle)),
-            y: sympy.expand(y - v + B * sympy.sin(angle)),
+            x: guarded.expand(x - u + A * sympy.cos(angle)),
+            y: guarded.expand(y - v + B * sympy.sin(angle)),
         }
         kept = [z for z in block.variables if z not in (x, y)]
         kept.insert(len(kept) - any(z.name == TIME for z in kept), angle)
         rows = tuple(pulled_back(block.variables, row, values, kept) for row in block.rows)
         left = tuple(g for g in block.surface if g is not f)
         block = dataclasses.replace(block, variables=tuple(kept), rows=rows, surface=left)
-        scale = sympy.gcd(A, B)  # of whatever sign: it turns the angle by pi
-        across = sympy.atan2(v * sympy.cancel(A / scale), u * sympy.cancel(B / scale))
+        scale = guarded.gcd(A, B)  # of whatever sign: it turns the angle by pi
+        across = sympy.atan2(v * guarded.cancel(A / scale), u * guarded.cancel(B / scale))
         back |= {sympy.cos(angle): u / A, sympy.sin(angle): v / B, angle: across}
         found = _own_ellipse(block)
     return block, back
@@ -201,9 +201,9 @@ def _own_ellipse(block: blocks.PfaffianBlock) -> Ellipse | None:
             slopes = sympy.diff(f, x, 2) / 2, sympy.diff(f, y, 2) / 2
             if any(s == 0 or s.free_symbols & moving for s in slopes) or sympy.diff(f, x, y) != 0:
                 continue
-            u, v = (sympy.expand(sympy.diff(f, z) / (2 * s)) for z, s in zip((x, y), slopes, strict=True))
-            size = sympy.expand(slopes[0] * u**2 + slopes[1] * v**2 - f)
-            A, B = (_root(sympy.cancel(size / s)) for s in slopes)
+            u, v = (guarded.expand(sympy.diff(f, z) / (2 * s)) for z, s in zip((x, y), slopes, strict=True))
+            size = guarded.expand(slopes[0] * u**2 + slopes[1] * v**2 - f)
+            A, B = (_root(guarded.cancel(size / s)) for s in slopes)
             if A is not None and B is not None and not size.free_symbols & moving:
                 return f, (x, y), (u, v), (A, B)
     return None

@@ -14,7 +14,7 @@ from typing import Any
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import normal_form, surface_points, time_limit, zero_test
+from lagcli.pfaffian.exact import guarded, normal_form, surface_points, time_limit, zero_test
 from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
 Row = list[Any]  # entries in the field of the tower
@@ -189,7 +189,7 @@ class FunctionField:
         for place, letter in enumerate(self.basis.letters):
             meaning = self.basis.meaning.get(letter, letter)
             if meaning.free_symbols <= parameters:
-                number = meaning.subs(self._values).evalf() if self._values else sympy.nan
+                number = guarded.subs(meaning, self._values).evalf() if self._values else sympy.nan
                 found[place] = float(number) if number.is_real else math.nan
         return found
 

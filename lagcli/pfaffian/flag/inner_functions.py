@@ -10,8 +10,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import sympy
-from sympy.polys.polyerrors import BasePolynomialError
 
+from lagcli.pfaffian.exact import guarded
 from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
 _KINDS = (sympy.Function, sympy.Pow)
@@ -34,11 +34,11 @@ def plain(block: PfaffianBlock) -> PfaffianBlock:
         if u not in known:
             try:
                 if not ideal:
-                    ideal.append(sympy.groebner(held, *variables, order="grevlex"))
-                rest = ideal[0].reduce(sympy.expand(u))[1]
-            except BasePolynomialError:  # roots of parameters that are no field of constants
+                    ideal.append(guarded.groebner(held, *variables, order="grevlex"))
+                rest = guarded.call(ideal[0].reduce, guarded.expand(u))[1]
+            except guarded.SympyFailure:  # roots of parameters that are no field of constants
                 rest = u
-            known[u] = u if rest.free_symbols & moving else sympy.expand(rest)
+            known[u] = u if rest.free_symbols & moving else guarded.expand(rest)
         return known[u]
 
     def replaced(e: sympy.Expr) -> sympy.Expr:

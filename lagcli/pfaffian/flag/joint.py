@@ -15,7 +15,7 @@ import numpy.typing as npt
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import enclosure, surface_points, time_limit
+from lagcli.pfaffian.exact import enclosure, guarded, surface_points, time_limit
 from lagcli.pfaffian.flag import derived_flag as flags
 from lagcli.pfaffian.flag import elimination, inner_functions
 from lagcli.pfaffian.flag.function_field import NotDecidedError, Values
@@ -200,7 +200,7 @@ def without_flag(
 
 def _as_text(block: PfaffianBlock, row: Iterable[sympy.Expr]) -> sympy.Expr:
     terms = (a * _differential(x) for a, x in zip(row, block.variables, strict=True))
-    above, _ = sympy.fraction(sympy.together(sum(terms, sympy.Integer(0))))
+    above, _ = sympy.fraction(guarded.together(sum(terms, sympy.Integer(0))))
     return above
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import constant_combinations, normal_form
+from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.integrals import sampling
 
@@ -284,7 +284,7 @@ def exact(
     for found in constant_combinations.null_vectors(columns, constants):
         if found[-1] == 0:
             continue
-        common = sympy.lcm_list([sympy.fraction(c)[1] for c in found])
+        common = guarded.lcm_list([sympy.fraction(c)[1] for c in found])
         pairs = zip(found, used, strict=True)
-        return sympy.Add(*(sympy.cancel(c * common) * functions[i] for c, i in pairs))
+        return sympy.Add(*(guarded.cancel(c * common) * functions[i] for c, i in pairs))
     return None

@@ -13,7 +13,7 @@ from functools import reduce
 import numpy as np
 import sympy
 
-from lagcli.pfaffian.exact import normal_form, time_limit
+from lagcli.pfaffian.exact import guarded, normal_form
 from lagcli.pfaffian.integrals import combinations
 from lagcli.pfaffian.integrals import kernel_frame as frames
 
@@ -56,20 +56,20 @@ def angles(surfaces: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
     found = []
     for p in surfaces:
         for x in (x for x in variables if x in p.free_symbols and p.is_polynomial(*variables)):
-            a, b, c = (sympy.Poly(p, x).coeff_monomial(x**n) for n in (2, 1, 0))
-            if a == 0 or a.free_symbols & set(variables) or sympy.degree(p, x) != 2:
+            a, b, c = (guarded.poly(p, x).coeff_monomial(x**n) for n in (2, 1, 0))
+            if a == 0 or a.free_symbols & set(variables) or guarded.degree(p, x) != 2:
                 continue
             # 4 a p = (2 a x + b)**2 + (4 a c - b**2)
-            v = _square_root(sympy.expand(4 * a * c - b**2), variables)
+            v = _square_root(guarded.expand(4 * a * c - b**2), variables)
             if v is not None:
-                found.append(sympy.atan2(*_reduced(v, sympy.expand(2 * a * x + b))))
+                found.append(sympy.atan2(*_reduced(v, guarded.expand(2 * a * x + b))))
                 break
     return found
 
 
 def _square_root(square: sympy.Expr, variables: Sequence[sympy.Symbol]) -> sympy.Expr | None:
     """v with v**2 = square, polynomial in the variables and not constant, or None."""
-    constant, parts = sympy.factor_list(square)
+    constant, parts = guarded.factor_list(square)
     moving = set(variables)
     if not square.free_symbols & moving or any(n % 2 for f, n in parts if f.free_symbols & moving):
         return None
@@ -83,10 +83,10 @@ def _square_root(square: sympy.Expr, variables: Sequence[sympy.Symbol]) -> sympy
 
 def _reduced(v: sympy.Expr, u: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
     """Both without their common factor, with plain signs."""
-    common = sympy.gcd(v, u)
-    v, u = (sympy.cancel(e / common) for e in (v, u))
+    common = guarded.gcd(v, u)
+    v, u = (guarded.cancel(e / common) for e in (v, u))
     signs = (-1 if e.could_extract_minus_sign() else 1 for e in (v, u))
-    return tuple(sympy.expand(sign * e) for sign, e in zip(signs, (v, u), strict=True))
+    return tuple(guarded.expand(sign * e) for sign, e in zip(signs, (v, u), strict=True))
 
 
 def multipliers(frame: frames.KernelFrame, letters: combinations.Alphabet) -> list[sympy.Expr]:
@@ -126,9 +126,9 @@ def surfaces_of(functions: Iterable[sympy.Expr], variables: Sequence[sympy.Symbo
         if e.atoms(sympy.log, sympy.atan2):
             continue
         try:
-            for part in sympy.fraction(sympy.together(e)):
-                found += [f for f, _ in sympy.factor_list(part)[1]]
-        except time_limit.FAILURES:
+            for part in sympy.fraction(guarded.together(e)):
+                found += [f for f, _ in guarded.factor_list(part)[1]]
+        except guarded.SympyFailure:
             continue
     moving = set(variables)
     return [f for f in dict.fromkeys(found) if f.free_symbols & moving and not isinstance(f, sympy.exp)]

@@ -8,7 +8,7 @@ import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import pfaffian_block as blocks
-from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact import guarded, time_limit
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import matrix_flow
 from lagcli.pfaffian.integrals.integral_search import IntegralSearch, Proposals, SearchResult
@@ -51,14 +51,14 @@ def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Sym
         slope = forms.partial(f, x)
         if x not in slope.free_symbols:
             ways.append(
-                (slope.count_ops(), str(x), x, tidy_integral.ratio(sympy.expand(slope * x - f), slope))
+                (slope.count_ops(), str(x), x, tidy_integral.ratio(guarded.expand(slope * x - f), slope))
             )
     if ways:
         return min(ways, key=lambda w: w[:2])[2:]
     for x in held:
         try:
-            roots = sympy.solve(f, x, simplify=False, check=False)
-        except time_limit.FAILURES:
+            roots = guarded.solve(f, x, simplify=False, check=False)
+        except guarded.SympyFailure:
             continue
         good = [r for r in roots if potential.writable(r)]
         if good:
@@ -101,7 +101,7 @@ def _solved_flow(quest: IntegralSearch, column: int, slot: float) -> matrix_flow
     integrals = tuple(f.integral for f in found)
     pivots = [frame.variables[p] for p in frame.pivots]
     equations = [u - letter for u, letter in zip(integrals, letters, strict=True)]
-    roots = sympy.solve(equations, pivots, dict=True, simplify=False)
+    roots = guarded.solve(equations, pivots, dict=True, simplify=False)
     good = [r for r in roots if len(r) == len(pivots) and all(potential.writable(v) for v in r.values())]
     if not good:
         return None
@@ -130,7 +130,7 @@ def _without(expression: sympy.Expr, s: sympy.Symbol) -> sympy.Expr:
     if s not in expression.free_symbols:
         return expression
     for value in (0, 1, 2):
-        fixed = expression.subs(s, value)
+        fixed = guarded.subs(expression, s, value)
         if potential.writable(fixed):
             return fixed
-    raise ValueError(f"{s} stays in {expression}")
+    raise time_limit.NoAnswerError(f"{s} stays in {expression}")

@@ -14,7 +14,7 @@ import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import pfaffian_block as blocks
-from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact import guarded, time_limit
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import descent, guesses, integral_search
 
@@ -75,6 +75,6 @@ def _put_back(phi: sympy.Expr, angles: elimination.Substitutions) -> sympy.Expr:
     """phi with the coordinates of circles instead of their angles."""
     if not phi.free_symbols & angles.keys():
         return phi
-    plain = sympy.expand_trig(phi)
+    plain = guarded.expand_trig(phi)
     outer = {e: value for e, value in angles.items() if not e.is_Symbol}
     return plain.xreplace(outer).xreplace(angles)

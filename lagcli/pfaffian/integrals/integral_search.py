@@ -11,7 +11,7 @@ import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import pfaffian_block as blocks
-from lagcli.pfaffian.exact import normal_form, time_limit, zero_test
+from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import combinations
 from lagcli.pfaffian.integrals import kernel_frame as frames
@@ -70,7 +70,7 @@ class IntegralSearch:
     def pursue(self) -> None:
         """Search until as many integrals are found as there are forms, or nothing is left to try.
 
-        Raises `time_limit.TimeUpError` and what the normal form raises (`time_limit.FAILURES`).
+        Raises `time_limit.TimeUpError` and `time_limit.FAILURES`.
         """
         time_limit.run(self._deadline, self._prepare)
         for strategy, seconds in self._ways:
@@ -166,11 +166,11 @@ def _sides(matrix: list[list[sympy.Expr]]) -> list[list[list[sympy.Expr]]]:
 def neat(phi: sympy.Expr, frame: frames.KernelFrame) -> sympy.Expr:
     """The integral as a person would write it; every function of it is one as well."""
     if not phi.has(sympy.log):
-        above, below = sympy.fraction(sympy.together(phi))
+        above, below = sympy.fraction(guarded.together(phi))
         if below.free_symbols and not below.free_symbols & set(frame.variables):
-            phi = sympy.expand(above)
+            phi = guarded.expand(above)
     if phi.is_Add and not phi.has(sympy.log, sympy.atan):
         rest = phi.primitive()[1]
         rest = -rest if rest.could_extract_minus_sign() else rest
-        return min((rest, sympy.factor(rest)), key=lambda way: (way.count_ops(), len(str(way))))
+        return min((rest, guarded.factor(rest)), key=lambda way: (way.count_ops(), len(str(way))))
     return tidy_integral.integral(phi, frame.variables)

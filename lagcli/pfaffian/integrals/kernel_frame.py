@@ -14,7 +14,7 @@ from typing import Any
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import normal_form, zero_test
+from lagcli.pfaffian.exact import guarded, normal_form, zero_test
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,11 +139,17 @@ def has_rank(
     """True if the matrix with `size` rows or columns is proved to have that rank at generic points of the surface."""
     chosen = sympy.Matrix([list(row) for row in matrix])
     if chosen.rows == chosen.cols == size:
-        return (
-            zero_test.is_zero(chosen.det(method="berkowitz"), deadline, surface).truth is zero_test.Truth.NO
-        )
+        return _is_not_zero(_determinant(chosen), deadline, surface)
     gram = chosen * chosen.T if chosen.rows == size else chosen.T * chosen
     if gram.rows != size:
         return False
     # The sum of the squares of all minors (Cauchy, Binet).
-    return zero_test.is_zero(gram.det(method="berkowitz"), deadline, surface).truth is zero_test.Truth.NO
+    return _is_not_zero(_determinant(gram), deadline, surface)
+
+
+def _determinant(matrix: sympy.Matrix) -> sympy.Expr:
+    return guarded.call(matrix.det, method="berkowitz")
+
+
+def _is_not_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...]) -> bool:
+    return zero_test.is_zero(expression, deadline, surface).truth is zero_test.Truth.NO

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import sympy
 
-from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact import guarded
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.single_form import potential
 
@@ -36,12 +36,12 @@ def linear(frame: frames.KernelFrame, column: int) -> Straight | None:
     """The integrals of the field of free variable `column` where its equations are linear with constant matrix."""
     s = frame.variables[frame.free[column]]
     x = sympy.Matrix([frame.variables[p] for p in frame.pivots])
-    speeds = sympy.Matrix([sympy.expand(row[column]) for row in frame.solved])
+    speeds = sympy.Matrix([guarded.expand(row[column]) for row in frame.solved])
     moving = {*x, s}
     A = speeds.jacobian(x)
     if any(e.free_symbols & moving for e in A):
         return None
-    b = (speeds - A * x).applyfunc(sympy.expand)
+    b = (speeds - A * x).applyfunc(guarded.expand)
     if any(e.free_symbols & set(x) for e in b):
         return None
     back, forth = _exponential(A, -s), _exponential(A, s)
@@ -49,15 +49,15 @@ def linear(frame: frames.KernelFrame, column: int) -> Straight | None:
         return None
     drift = []
     for e in back * b:
-        found = potential.antiderivative(sympy.expand(e), s)
+        found = potential.antiderivative(guarded.expand(e), s)
         if found is None:
             return None
         drift.append(found)
     u_letters = sympy.Matrix(letters(frame))
     shift = sympy.Matrix(drift)
     P = _eigenrows(A)
-    u = (P * (back * x - shift)).applyfunc(sympy.expand)
-    inverse = (forth * (P.inv() * u_letters + shift)).applyfunc(sympy.expand)
+    u = (P * (back * x - shift)).applyfunc(guarded.expand)
+    inverse = (forth * (guarded.call(P.inv) * u_letters + shift)).applyfunc(guarded.expand)
     return Straight(column, tuple(u), tuple(u_letters), tuple(inverse))
 
 
@@ -65,9 +65,9 @@ def _eigenrows(A: sympy.Matrix) -> sympy.Matrix:
     """Rows l with l A = k l for all rational k, where there are enough of them; else the unit matrix."""
     rows = []
     if all(e.is_Rational for e in A):
-        for value, _, vectors in A.T.eigenvects(error_when_incomplete=False):
+        for value, _, vectors in guarded.call(A.T.eigenvects, error_when_incomplete=False):
             if value.is_Rational:
-                scales = (sympy.ilcm(*(e.q for e in v)) for v in vectors)
+                scales = (sympy.ilcm(1, *(e.q for e in v)) for v in vectors)
                 rows += [(v * scale).T for v, scale in zip(vectors, scales, strict=True)]
     return sympy.Matrix.vstack(*rows) if len(rows) == A.rows else sympy.eye(A.rows)
 
@@ -77,7 +77,7 @@ def _exponential(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix | None:
     size = A.rows
     total, power = sympy.eye(size), sympy.eye(size)
     for n in range(1, size + 1):
-        power = (power * A).applyfunc(sympy.expand)
+        power = (power * A).applyfunc(guarded.expand)
         if power.is_zero_matrix:
             return total
         total += power * s**n / sympy.factorial(n)
@@ -86,8 +86,9 @@ def _exponential(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix | None:
     if size == 2:
         return _two(A, s)
     try:
-        found = (A * s).exp().applyfunc(lambda e: sympy.expand(e, complex=e.has(sympy.I)))
-    except time_limit.FAILURES:
+        found = guarded.call((A * s).exp)
+        found = found.applyfunc(lambda e: guarded.expand(e, complex=e.has(sympy.I)))
+    except guarded.SympyFailure:
         return None
     return found if all(potential.writable(e) for e in found) else None
 
@@ -96,7 +97,7 @@ def _two(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix:
     """With A = h I + B, B**2 = q I: exp(A s) = exp(h s) (cosh(sqrt(q) s) I + sinh(sqrt(q) s)/sqrt(q) B)."""
     h = A.trace() / 2
     B = A - h * sympy.eye(2)
-    q = sympy.factor(-B.det())
+    q = guarded.factor(-B.det())
     if q == 0:
         even, odd = sympy.Integer(1), s
     elif q.is_negative or q.could_extract_minus_sign():
@@ -106,7 +107,7 @@ def _two(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix:
         w = _root(q)
         even = (sympy.exp(w * s) + sympy.exp(-w * s)) / 2
         odd = (sympy.exp(w * s) - sympy.exp(-w * s)) / (2 * w)
-    return (sympy.exp(h * s) * (even * sympy.eye(2) + odd * B)).applyfunc(sympy.expand)
+    return (sympy.exp(h * s) * (even * sympy.eye(2) + odd * B)).applyfunc(guarded.expand)
 
 
 def _root(square: sympy.Expr) -> sympy.Expr:

@@ -9,6 +9,7 @@ import numpy as np
 import sympy
 
 from lagcli.pfaffian import form as forms
+from lagcli.pfaffian.exact import time_limit
 
 Values = Any
 """A NumPy array of shape (points,)."""
@@ -25,7 +26,7 @@ _CROWD = 4
 _STEPS, _LANDED = 30, 1e-12
 
 
-class NoSampleError(ArithmeticError):
+class NoSampleError(time_limit.NoAnswerError):
     """No points were found at which the expressions have values."""
 
 
@@ -82,10 +83,10 @@ class RandomSample:
 
     def _compute(self, e: sympy.Basic) -> Values:
         if e.is_number:
-            try:
-                return np.full(self.count, float(e))
-            except TypeError as error:
-                raise NoSampleError(f"{e} is not real") from error
+            number = e.evalf()
+            if not number.is_Number:
+                raise NoSampleError(f"{e} is not real")
+            return np.full(self.count, float(number))
         u = [self._visit(a) for a in e.args]
         if isinstance(e, sympy.Add):
             return sum(u[1:], u[0])

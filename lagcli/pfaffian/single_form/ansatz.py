@@ -13,7 +13,7 @@ from itertools import combinations_with_replacement
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import constant_combinations, normal_form
+from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form
 from lagcli.pfaffian.single_form import potential
 
 MAX_SUMMANDS = 44
@@ -107,7 +107,7 @@ def factor(form: forms.Form, parts: Pieces) -> sympy.Expr | None:
     columns.append([_curl(form, i, k) for i in others])
     for v in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
         if v[-1] != 0:
-            return parts.exponential([sympy.cancel(c / v[-1]) for c in v[:-1]])
+            return parts.exponential([guarded.cancel(c / v[-1]) for c in v[:-1]])
     return None
 
 
@@ -136,13 +136,13 @@ def factor_with_function(form: forms.Form, parts: Pieces, m: int) -> sympy.Expr 
     for v in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
         if v[-1] == 0:
             continue
-        constants = [sympy.cancel(c / v[-1]) for c in v]
+        constants = [guarded.cancel(c / v[-1]) for c in v]
         rate = _function_of(
             -sum((c * r for c, r in zip(constants, rates, strict=True)), sympy.Integer(0)), x, m
         )
         primitive = None if rate is None else potential.antiderivative(rate, x[m])
         if primitive is not None:
-            growth = sympy.powsimp(sympy.expand_log(sympy.exp(sympy.expand(primitive)), force=True))
+            growth = guarded.powsimp(guarded.expand_log(sympy.exp(guarded.expand(primitive)), force=True))
             return slim.exponential(constants[:-1]) * growth
     return None
 
@@ -188,7 +188,7 @@ def _function_of(rate: sympy.Expr, x: Sequence[sympy.Symbol], m: int) -> sympy.E
         basis = normal_form.Tower([rate])
         rate = basis.expression(basis.element(rate))
     for symbol in sorted(rate.free_symbols & foreign, key=lambda s: s.name):
-        values = [rate.subs(symbol, sympy.Rational(n, 7)) for n in (3, 5, 11)]
+        values = [guarded.subs(rate, symbol, sympy.Rational(n, 7)) for n in (3, 5, 11)]
         good = [v for v in values if not v.has(sympy.nan, sympy.zoo, sympy.I)]
         if not good:
             return None

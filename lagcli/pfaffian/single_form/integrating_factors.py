@@ -14,7 +14,7 @@ from typing import TypeVar
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import normal_form, time_limit, zero_test
+from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
 from lagcli.pfaffian.single_form import ansatz, potential, reduction, tidy_integral
 
 Value = TypeVar("Value")
@@ -73,7 +73,7 @@ def _active_part(form: forms.Form) -> forms.Form:
 def _proposals(form: forms.Form, deadline: float) -> Iterator[tuple[sympy.Expr, str]]:
     """First integrals that are proposed for the form, and how they were found."""
     slim = _attempt(lambda: primitive(form), deadline) or _active_part(form)
-    below = {sympy.fraction(sympy.together(a))[1] for a in form.coefficients}
+    below = {sympy.fraction(guarded.together(a))[1] for a in form.coefficients}
     once = sorted((b for b in below if b.free_symbols & set(slim.variables)), key=str)
     parts = _attempt(lambda: ansatz.pieces(slim, once), deadline) or ansatz.Pieces(
         slim.variables, slim.variables
@@ -230,7 +230,7 @@ def _product_factor(form: forms.Form, parts: ansatz.Pieces) -> Hints:
 def _homogeneous(form: forms.Form, parts: ansatz.Pieces) -> Hints:
     weight = sum((x * a for x, a in zip(form.variables, form.coefficients, strict=True)), sympy.Integer(0))
     if not _vanishes(weight):
-        yield Factor(1 / sympy.factor(weight))
+        yield Factor(1 / guarded.factor(weight))
 
 
 def _one_variable(form: forms.Form, parts: ansatz.Pieces) -> Hints:
@@ -252,12 +252,17 @@ def _one_combination(form: forms.Form, parts: ansatz.Pieces) -> Hints:
         ]
         for u, inverse in choices:
             rate = _rate(form, u, (x, y))
-            rate = None if rate is None else tidy_integral.shortest(rate.subs(inverse, simultaneous=True))
+            rate = None if rate is None else _shortest_with(rate, inverse)
             if rate is None or rate.free_symbols & set(form.variables):
                 continue
             growth = potential.antiderivative(rate, letter)
             if growth is not None:
-                yield Factor(sympy.powsimp(sympy.exp(sympy.expand_log(growth, force=True))).subs(letter, u))
+                mu = guarded.powsimp(sympy.exp(guarded.expand_log(growth, force=True)))
+                yield Factor(guarded.subs(mu, letter, u))
+
+
+def _shortest_with(rate: sympy.Expr, values: dict[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
+    return tidy_integral.shortest(guarded.subs(rate, values, simultaneous=True))
 
 
 def _rate(form: forms.Form, u: sympy.Expr, pair: tuple[sympy.Symbol, sympy.Symbol]) -> sympy.Expr | None:
@@ -278,11 +283,11 @@ def _inverse_polynomial(form: forms.Form, parts: ansatz.Pieces) -> Hints:
     """The factors of an inverse factor V are invariant surfaces: products of their powers come first."""
     for degree in (2, 4, 5):
         found = ansatz.inverse_factors(form, degree)
-        surfaces = [p for v in found[:2] for p, _ in sympy.factor_list(v)[1]]
+        surfaces = [p for v in found[:2] for p, _ in guarded.factor_list(v)[1]]
         varying = [p for p in dict.fromkeys(surfaces) if p.free_symbols & set(form.variables)]
         if varying:
             yield from _products(form, ansatz.Pieces(tuple(varying), form.variables))
-            yield from (Factor(1 / sympy.factor(v)) for v in found[:2])
+            yield from (Factor(1 / guarded.factor(v)) for v in found[:2])
         if len(found) > 1:
             yield SingleIntegral(tidy_integral.ratio(found[0], found[1]))
             return

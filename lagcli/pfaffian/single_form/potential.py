@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact import guarded, time_limit
 from lagcli.pfaffian.single_form import rational
 
 WRITABLE = (
@@ -47,14 +47,14 @@ def of(form: forms.Form) -> sympy.Expr | None:
 
 def _without(expression: sympy.Expr, earlier: tuple[sympy.Symbol, ...]) -> sympy.Expr | None:
     """The expression, known not to depend on `earlier`, written without them."""
-    expression = sympy.expand(expression)
+    expression = guarded.expand(expression)
     for x in earlier:
         if x not in expression.free_symbols:
             continue
         for value in (0, 1, 2):
             try:
-                fixed = expression.subs(x, value)
-            except time_limit.FAILURES:
+                fixed = guarded.subs(expression, x, value)
+            except guarded.SympyFailure:
                 continue
             if not fixed.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
                 expression = fixed
@@ -114,7 +114,7 @@ def _with_moduli(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
     """The rules for |u|, u = a x + b, with constant coefficient: the integral of |u| is u|u|/(2a), that of |u|/u is
     |u|/a; neither jumps at the kink. No other moduli.
     """
-    rest, moduli = sympy.expand(expression), sorted(expression.atoms(sympy.Abs), key=str)
+    rest, moduli = guarded.expand(expression), sorted(expression.atoms(sympy.Abs), key=str)
     names = {m: sympy.Dummy(f"m{n}", positive=True) for n, m in enumerate(moduli)}
     back = {dummy: m for m, dummy in names.items()}
     rest = rest.xreplace(names)
@@ -127,11 +127,11 @@ def _with_moduli(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
         step = rest.coeff(dummy, 1).coeff(1 / u, 1)
         if not (step.has(x) or slope.has(x) or slope.has(sympy.Abs)):
             total += step * dummy / slope
-            rest = sympy.expand(rest - step * dummy / u)
+            rest = guarded.expand(rest - step * dummy / u)
         weight = rest.coeff(dummy, 1)
         if weight.has(x) or slope.has(x) or slope.has(sympy.Abs):
             return None
-        rest = sympy.expand(rest - weight * dummy)
+        rest = guarded.expand(rest - weight * dummy)
         if rest.has(dummy):
             return None
         total += weight * u * dummy / (2 * slope)
@@ -144,7 +144,7 @@ def _integrated(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
         return expression * x
     total: sympy.Expr = sympy.Integer(0)
     rest: sympy.Expr = sympy.Integer(0)
-    for term in sympy.Add.make_args(sympy.expand(expression, log=False)):
+    for term in sympy.Add.make_args(guarded.expand(expression, log=False)):
         constant, varying = term.as_independent(x, as_Add=False)
         known = _tabled(varying, x)
         if known is None:
@@ -155,7 +155,7 @@ def _integrated(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
         return total
     for way in _ways(rest, x):
         try:
-            found = way(sympy.factor_terms(rest), x)
+            found = way(guarded.factor_terms(rest), x)
         except time_limit.FAILURES:
             continue
         if found is not None and found.has(x) and writable(found):  # a Piecewise may begin with a constant
@@ -215,7 +215,7 @@ def _substituted(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
     bases = sorted((p.base for p in e.atoms(sympy.Pow) if p.base.is_Add and p.base.has(x)), key=str)
     inner = dict.fromkeys([*bases, *(f.args[0] for f in functions if f.args[0] != x), *functions])
     for u in list(inner)[:_SUBSTITUTIONS]:
-        rest = sympy.cancel(e / sympy.diff(u, x)).xreplace({u: new})
+        rest = guarded.cancel(e / sympy.diff(u, x)).xreplace({u: new})
         if not rest.has(x):
             found = _integrated(rest, new)
             return None if found is None else found.xreplace({new: u})
@@ -239,25 +239,27 @@ def _rationalized(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
         p for p in e.atoms(sympy.Pow) if p.has(x) and not p.exp.is_Integer and not isinstance(p, sympy.exp)
     ]
     if turned and not roots:
-        below = sympy.fraction(sympy.together(e))[1]
+        below = sympy.fraction(guarded.together(e))[1]
         u = min((f.args[0] for f in turned), key=lambda a: (a.count_ops(), str(a)))
         slope = sympy.diff(u, x)
         if slope.has(x) or not below.has(sympy.sin, sympy.cos, sympy.tan):
             return None
         sine, cosine = sympy.sin(u), sympy.cos(u)
-        plain = sympy.expand_trig(e).replace(sympy.tan, lambda a: sympy.sin(a) / sympy.cos(a))
+        plain = guarded.expand_trig(e).replace(sympy.tan, lambda a: sympy.sin(a) / sympy.cos(a))
         written = plain.xreplace({sine: 2 * new / (1 + new**2), cosine: (1 - new**2) / (1 + new**2)})
         back, weight = sympy.tan(u / 2), 2 / (slope * (1 + new**2))
     elif roots and all(p.base == x and p.exp.is_Rational for p in roots):
         q = reduce(lcm, (int(p.exp.q) for p in roots))
-        written = sympy.powdenest(e.subs(x, new**q), force=True)
+        written = guarded.powdenest(guarded.subs(e, x, new**q), force=True)
         back, weight = x ** sympy.Rational(1, q), q * new ** (q - 1)
     else:
         return None
     if written.has(x):
         return None
-    written = sympy.cancel(sympy.together(written * weight))
-    return _solved(written, new).subs(new, back) if written.is_rational_function(new) else None
+    written = guarded.cancel(guarded.together(written * weight))
+    if not written.is_rational_function(new):
+        return None
+    return guarded.subs(_solved(written, new), new, back)
 
 
 def _arctangent(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
@@ -265,11 +267,11 @@ def _arctangent(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
 
     Where D < 0 the root is not real, and the values of the parameters are to be put in first.
     """
-    above, below = sympy.fraction(sympy.cancel(expression))
-    if above.has(x) or not below.is_polynomial(x) or sympy.degree(below, x) != 2:
+    above, below = sympy.fraction(guarded.cancel(expression))
+    if above.has(x) or not below.is_polynomial(x) or guarded.degree(below, x) != 2:
         return None
-    a, b, c = sympy.Poly(below, x).all_coeffs()
-    square = sympy.factor(4 * a * c - b**2)
+    a, b, c = guarded.poly(below, x).all_coeffs()
+    square = guarded.factor(4 * a * c - b**2)
     if square.is_positive is not None or square.is_negative is not None or square == 0:
         return None
     root = sympy.sqrt(square)
@@ -280,10 +282,10 @@ def _solved(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     known = _arctangent(expression, x)
     if known is not None:
         return known
-    found = sympy.integrate(expression, x)
+    found = guarded.integrate(expression, x)
     if found.has(sympy.Piecewise):
         # The first branch is the one for generic parameters, as in x**(k + 1)/(k + 1) with k != -1.
-        found = sympy.piecewise_fold(found)
+        found = guarded.piecewise_fold(found)
         found = found.replace(lambda e: isinstance(e, sympy.Piecewise), lambda e: e.args[0][0])
     return found
 

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import sympy
 
+from lagcli.pfaffian.exact import guarded
+
 
 @dataclass(frozen=True, slots=True)
 class Way:
@@ -38,18 +40,18 @@ def _tangent(e: sympy.Expr, x: sympy.Symbol, turned: list[sympy.Expr]) -> Iterat
     u = min((f.args[0] for f in turned), key=lambda a: (a.count_ops(), str(a)))
     slope = sympy.diff(u, x)
     new, c = sympy.Dummy("s", positive=True), sympy.Dummy("c", positive=True)
-    plain = sympy.expand_trig(e).replace(sympy.tan, lambda a: sympy.sin(a) / sympy.cos(a))
-    written = sympy.cancel(plain.xreplace({sympy.sin(u): new * c, sympy.cos(u): c}))
+    plain = guarded.expand_trig(e).replace(sympy.tan, lambda a: sympy.sin(a) / sympy.cos(a))
+    written = guarded.cancel(plain.xreplace({sympy.sin(u): new * c, sympy.cos(u): c}))
     if slope.has(x) or written.has(x) or not written.is_rational_function(new, c):
         return
-    parts = [sympy.Poly(part, c) for part in sympy.fraction(written)]
+    parts = [guarded.poly(part, c) for part in sympy.fraction(written)]
     parities = {n % 2 for part in parts for (n,) in part.monoms()}
     if len(parities) > 1:
         return
     above, below = (
         sum((a * (1 + new**2) ** (-(n // 2)) for (n,), a in part.terms()), sympy.Integer(0)) for part in parts
     )
-    yield Way(sympy.cancel(above / (below * slope * (1 + new**2))), new, sympy.tan(u))
+    yield Way(guarded.cancel(above / (below * slope * (1 + new**2))), new, sympy.tan(u))
 
 
 def _roots(e: sympy.Expr, x: sympy.Symbol, roots: list[sympy.Expr]) -> Iterator[Way]:
@@ -58,7 +60,7 @@ def _roots(e: sympy.Expr, x: sympy.Symbol, roots: list[sympy.Expr]) -> Iterator[
     bases = sorted({p.base for p in roots}, key=str)
     if not all(base.is_polynomial(x) for base in bases):
         return
-    polynomials = [sympy.Poly(base, x) for base in bases]
+    polynomials = [guarded.poly(base, x) for base in bases]
     degrees = [p.degree() for p in polynomials]
     if degrees == [1]:
         q = sympy.ilcm(1, *(p.exp.q for p in roots))
@@ -69,7 +71,7 @@ def _roots(e: sympy.Expr, x: sympy.Symbol, roots: list[sympy.Expr]) -> Iterator[
         (a, b), (c, d) = (p.all_coeffs() for p in polynomials)
         place = (d * new**2 - b) / (a - c * new**2)  # (a x + b)/(c x + d) = s**2
         names = {p: (new * r if p.base == bases[0] else r) ** (2 * p.exp) for p in roots}
-        written = sympy.cancel(e.xreplace(names).xreplace({x: place}))
+        written = guarded.cancel(e.xreplace(names).xreplace({x: place}))
         even = _without_odd(written, r, (c * place + d))
         if even is not None:
             yield from _way(even * sympy.diff(place, new), new, sympy.sqrt(bases[0]) / sympy.sqrt(bases[1]))
@@ -98,7 +100,7 @@ def _euler(
 
 def _without_odd(written: sympy.Expr, r: sympy.Symbol, square: sympy.Expr) -> sympy.Expr | None:
     """A rational function of r**2 = `square` in terms of that; None where it holds r itself."""
-    parts = [sympy.Poly(part, r) for part in sympy.fraction(written)]
+    parts = [guarded.poly(part, r) for part in sympy.fraction(written)]
     if len({n % 2 for part in parts for (n,) in part.monoms()}) > 1:
         return None
     above, below = (
@@ -118,18 +120,18 @@ def plain(integral: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     names = {
         p: r ** int(2 * p.exp) for p in integral.atoms(sympy.Pow) if p.base == square and not p.exp.is_Integer
     }
-    above, below = sympy.fraction(sympy.together(sympy.Add(*algebraic).xreplace(names)))
+    above, below = sympy.fraction(guarded.together(sympy.Add(*algebraic).xreplace(names)))
     if not (above.is_polynomial(r) and below.is_polynomial(r)):
         return integral
-    below = sympy.rem(below, r**2 - square, r)
-    conjugate = below.subs(r, -r)
-    above = sympy.rem(sympy.expand(above * conjugate), r**2 - square, r)
-    below = sympy.rem(sympy.expand(below * conjugate), r**2 - square, r)
-    written = sympy.Add(*(sympy.cancel(above.coeff(r, n) / below) * r**n for n in (0, 1)))
+    below = guarded.rem(below, r**2 - square, r)
+    conjugate = guarded.subs(below, r, -r)
+    above = guarded.rem(guarded.expand(above * conjugate), r**2 - square, r)
+    below = guarded.rem(guarded.expand(below * conjugate), r**2 - square, r)
+    written = sympy.Add(*(guarded.cancel(above.coeff(r, n) / below) * r**n for n in (0, 1)))
     return sympy.Add(integral, -sympy.Add(*algebraic), written.xreplace({r: sympy.sqrt(square)}))
 
 
 def _way(integrand: sympy.Expr, new: sympy.Symbol, back: sympy.Expr) -> Iterator[Way]:
-    written = sympy.cancel(sympy.together(integrand))
+    written = guarded.cancel(guarded.together(integrand))
     if written.is_rational_function(new):
         yield Way(written, new, back)

@@ -8,7 +8,7 @@ from itertools import combinations
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact import guarded
 from lagcli.pfaffian.single_form import potential, tidy_integral
 
 Search = Callable[[forms.Form], sympy.Expr | None]
@@ -44,15 +44,15 @@ def _solved(form: forms.Form, first: int, second: int) -> sympy.Expr | None:
         return x
     function = sympy.Function("y_")(x)
     slope = tidy_integral.ratio(-form.coefficients[first], form.coefficients[second])
-    equation = sympy.Eq(function.diff(x), slope.subs(y, function))
+    equation = sympy.Eq(function.diff(x), guarded.subs(slope, y, function))
     try:
-        hints = sympy.classify_ode(equation, function)
-    except time_limit.FAILURES:
+        hints = guarded.classify_ode(equation, function)
+    except guarded.SympyFailure:
         return None
     for hint in (h for h in _HINTS if h in hints):
         try:
-            solution = sympy.dsolve(equation, function, hint=hint, simplify=False)
-        except time_limit.FAILURES:
+            solution = guarded.dsolve(equation, function, hint=hint, simplify=False)
+        except guarded.SympyFailure:
             continue
         for each in solution if isinstance(solution, list) else [solution]:
             phi = _constant(each, function, y)
@@ -62,13 +62,15 @@ def _solved(form: forms.Form, first: int, second: int) -> sympy.Expr | None:
 
 
 def _constant(solution: sympy.Eq, function: sympy.Expr, y: sympy.Symbol) -> sympy.Expr | None:
+    if not isinstance(solution, sympy.Eq):
+        return None
     c1 = sympy.Symbol("C1")
-    relation = (solution.lhs - solution.rhs).doit().subs(function, y)
+    relation = guarded.subs(guarded.call((solution.lhs - solution.rhs).doit), function, y)
     if not potential.writable(relation) or c1 not in relation.free_symbols:
         return None
     try:
-        found = sympy.solve(relation, c1)
-    except time_limit.FAILURES:
+        found = guarded.solve(relation, c1)
+    except guarded.SympyFailure:
         return None
     good = [phi for phi in found if potential.writable(phi) and phi.free_symbols]
     return good[0] if good else None
@@ -116,7 +118,7 @@ def _reduced(form: forms.Form, i: int, j: int, search: Search) -> sympy.Expr | N
         form.name, (letter, *(x[n] for n in held)), (sympy.Integer(1), *rest_in_u), form.parameters
     )
     phi = search(smaller)
-    return None if phi is None else phi.subs(letter, u)
+    return None if phi is None else guarded.subs(phi, letter, u)
 
 
 def _in_terms_of(
@@ -128,11 +130,12 @@ def _in_terms_of(
     for gone, solved in (pair, pair[::-1]):
         for value in (1, 0, 2):
             try:
-                roots = sympy.solve(u.subs(gone, value) - letter, solved)
-            except time_limit.FAILURES:
+                roots = guarded.solve(guarded.subs(u, gone, value) - letter, solved)
+            except guarded.SympyFailure:
                 continue
             for root in roots if isinstance(roots, list) else []:
-                written = [tidy_integral.shortest(k.subs(gone, value).subs(solved, root)) for k in rest]
+                fixed = [guarded.subs(k, gone, value) for k in rest]
+                written = [tidy_integral.shortest(guarded.subs(k, solved, root)) for k in fixed]
                 if all(potential.writable(k) and not k.free_symbols & set(pair) for k in written):
                     return written
     return None

@@ -8,7 +8,7 @@ from math import gcd, lcm
 import sympy
 from sympy.functions.elementary.trigonometric import TrigonometricFunction
 
-from lagcli.pfaffian.exact import normal_form, time_limit
+from lagcli.pfaffian.exact import guarded, normal_form, time_limit
 
 _SHORT = 400
 _SMALL = 60
@@ -27,7 +27,7 @@ def _shortest(expression: sympy.Expr, fine: bool) -> sympy.Expr:
     ways = [expression]
     size = expression.count_ops()
     if size <= _SHORT:
-        tools = [sympy.expand, sympy.factor, _normal]
+        tools = [guarded.expand, guarded.factor, _normal]
         if fine and size <= _SMALL:
             tools.append(_collected)
             if expression.has(TrigonometricFunction):
@@ -35,7 +35,7 @@ def _shortest(expression: sympy.Expr, fine: bool) -> sympy.Expr:
             if expression.has(sympy.exp):
                 tools.append(_hyperbolics)
         if size <= _SMALL and len(expression.atoms(sympy.exp)) > 1:
-            tools.append(sympy.simplify)  # knows the hyperbolic functions
+            tools.append(guarded.simplify)  # knows the hyperbolic functions
         for tool in tools:
             try:
                 ways.append(tool(expression))
@@ -57,7 +57,7 @@ def _joined(expression: sympy.Expr) -> sympy.Expr:
     """x*x**k as x**(k + 1), exp(x)*exp(y) as exp(x + y)."""
     deep = any(e.exp.free_symbols for e in expression.atoms(sympy.Pow) if not isinstance(e, sympy.exp))
     if deep or len(expression.atoms(sympy.exp)) > 1:
-        return sympy.powsimp(expression, deep=deep)
+        return guarded.powsimp(expression, deep=deep)
     return expression
 
 
@@ -80,7 +80,7 @@ def _normal(expression: sympy.Expr) -> sympy.Expr:
 
 def _trigonometric(expression: sympy.Expr) -> sympy.Expr:
     """Shortened by the addition theorems, if no multiples of angles come in."""
-    found = sympy.trigsimp(expression)
+    found = guarded.trigsimp(expression)
     old = _angles(expression)
     return expression if any((new / u).is_Rational for new in _angles(found) - old for u in old) else found
 
@@ -94,11 +94,11 @@ def _tangents(expression: sympy.Expr) -> sympy.Expr:
     tangent, cosine = sympy.Dummy("t"), sympy.Dummy("c")
     for u in sorted({f.args[0] for f in expression.atoms(sympy.sin)}, key=str):
         written = expression.xreplace({sympy.sin(u): tangent * cosine, sympy.cos(u): cosine})
-        parts = [sympy.Poly(p, cosine) for p in sympy.fraction(sympy.cancel(written))]
+        parts = [guarded.poly(p, cosine) for p in sympy.fraction(guarded.cancel(written))]
         if any(n % 2 for p in parts for (n,) in p.monoms()) or written.has(u):
             continue
         above, below = (sum(a * (1 + tangent**2) ** (-n // 2) for (n,), a in p.terms()) for p in parts)
-        expression = sympy.cancel(above / below).subs(tangent, sympy.tan(u))
+        expression = guarded.subs(guarded.cancel(above / below), tangent, sympy.tan(u))
     return expression
 
 
@@ -108,7 +108,7 @@ def _hyperbolics(expression: sympy.Expr) -> sympy.Expr:
     new: dict[sympy.Expr, sympy.Expr] = {}
     for u in sorted((u for u in exponents if -u in exponents and not u.could_extract_minus_sign()), key=str):
         new |= {sympy.exp(u): sympy.cosh(u) + sympy.sinh(u), sympy.exp(-u): sympy.cosh(u) - sympy.sinh(u)}
-    return sympy.expand(sympy.expand(expression).xreplace(new)) if new else expression
+    return guarded.expand(guarded.expand(expression).xreplace(new)) if new else expression
 
 
 def _full_angles(expression: sympy.Expr) -> sympy.Expr:
@@ -119,9 +119,9 @@ def _full_angles(expression: sympy.Expr) -> sympy.Expr:
 
 def _collected(expression: sympy.Expr) -> sympy.Expr:
     """Terms with the same function or root together: (x + y)*sqrt(z) for x*sqrt(z) + y*sqrt(z)."""
-    expanded = sympy.expand(expression)
+    expanded = guarded.expand(expression)
     parts = [e for e in expanded.atoms(sympy.Function, sympy.Pow) if not (e.is_Pow and e.exp.is_Integer)]
-    ways = [sympy.collect(expanded, part) for part in sorted(parts, key=str)]
+    ways = [guarded.collect(expanded, part) for part in sorted(parts, key=str)]
     return min([expanded, *ways], key=_length)
 
 
@@ -134,7 +134,7 @@ def potential(
     """
     phi = _without_constant(phi, variables)
     if phi.is_polynomial(*variables):
-        ways = (sympy.expand(phi), sympy.factor(phi))
+        ways = (guarded.expand(phi), guarded.factor(phi))
         short = min((w for w in ways if w.is_Mul or w is ways[0]), key=sympy.count_ops)
     else:
         short = _shortest(phi, fine=True)
@@ -162,7 +162,7 @@ def integral(
         phi = min((phi, _root_free(factored, variables)), key=_length)
     phi = _upright(_primitive(phi))
     if phi.is_Add and phi.is_polynomial(*variables):
-        phi = sympy.expand(phi)
+        phi = guarded.expand(phi)
     hyperbolic = [_primitive(_hyperbolic(way)) for way in (phi, factored)]
     ways = [phi, *hyperbolic, _half_angles(phi), *_turned(phi, variables)]
     return _both_sides(_with_atan2(_joined(_primitive(min(ways, key=_length))), variables), given)
@@ -172,7 +172,7 @@ def ratio(above: sympy.Expr, below: sympy.Expr) -> sympy.Expr:
     """above/below, with common factors cancelled in the normal form."""
     plain = above / below
     ways = [plain]
-    for way in (_normal, sympy.factor):
+    for way in (_normal, guarded.factor):
         try:
             ways.append(way(plain))
         except time_limit.FAILURES:
@@ -195,7 +195,7 @@ def _turned(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> list[sympy.
     if not below.free_symbols or not any(b.is_Add for b in below.as_powers_dict()):
         return []
     turned = below / above
-    ways = [sympy.expand(turned), sympy.expand(sympy.expand_trig(turned))]
+    ways = [guarded.expand(turned), guarded.expand(guarded.expand_trig(turned))]
     split = [_primitive(_without_constant(_joined(way), variables)) for way in ways]
     return split if any(b.is_Add for b in above.as_powers_dict()) else [turned, *split]
 
@@ -210,8 +210,8 @@ def _upright(phi: sympy.Expr) -> sympy.Expr:
 
 def _factored(phi: sympy.Expr) -> sympy.Expr:
     try:
-        return sympy.factor(phi)
-    except time_limit.FAILURES:
+        return guarded.factor(phi)
+    except guarded.SympyFailure:
         return phi
 
 
@@ -223,7 +223,7 @@ def _exponentiated(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> symp
     """exp(phi/c) for phi = c log p + ..., so that logarithms become a product of powers."""
     logs: list[tuple[sympy.Expr, sympy.Expr]] = []
     rest: list[sympy.Expr] = []
-    for term in sympy.Add.make_args(sympy.expand(phi, log=False)):
+    for term in sympy.Add.make_args(guarded.expand(phi, log=False)):
         constant, varying = term.as_independent(*variables, as_Add=False)
         if isinstance(varying, sympy.log):
             powers = varying.args[0].as_powers_dict().items()
@@ -232,13 +232,13 @@ def _exponentiated(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> symp
             rest.append(term)
     if not logs:
         return phi
-    exponents = [sympy.cancel(c / logs[0][0]) for c, _ in logs]
+    exponents = [guarded.cancel(c / logs[0][0]) for c, _ in logs]
     if all(n.is_Rational for n in exponents):
         scale = _scale(exponents)
     else:
-        scale = reduce(sympy.lcm, (sympy.fraction(n)[1] for n in exponents))
-    exponents = [sympy.cancel(n * scale) for n in exponents]
-    left = sympy.expand(sum(rest, sympy.Integer(0)) * scale / logs[0][0])
+        scale = reduce(guarded.lcm, (sympy.fraction(n)[1] for n in exponents))
+    exponents = [guarded.cancel(n * scale) for n in exponents]
+    left = guarded.expand(sum(rest, sympy.Integer(0)) * scale / logs[0][0])
     high = any(n.is_Rational and abs(n) > _HIGH for n in exponents)
     if high or len(rest) > len(logs) + 1:  # few logarithms in a long sum stay there
         return sum((n * sympy.log(p) for n, (_, p) in zip(exponents, logs, strict=True)), left)
@@ -279,7 +279,7 @@ def _root_free(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.Ex
 
 
 def _power(base: sympy.Expr, n: sympy.Expr) -> sympy.Expr:
-    return sympy.exp(sympy.expand(base.args[0] * n)) if isinstance(base, sympy.exp) else base**n
+    return sympy.exp(guarded.expand(base.args[0] * n)) if isinstance(base, sympy.exp) else base**n
 
 
 def _hyperbolic(phi: sympy.Expr) -> sympy.Expr:
@@ -292,7 +292,7 @@ def _hyperbolic(phi: sympy.Expr) -> sympy.Expr:
         u = rest.args[0] / 2
         return 2 * sympy.exp(u) * (sympy.cosh(u) if constant == 1 else sympy.sinh(u))
 
-    return sympy.powsimp(phi.replace(lambda e: e.is_Add, turn)) if phi.has(sympy.exp) else phi
+    return guarded.powsimp(phi.replace(lambda e: e.is_Add, turn)) if phi.has(sympy.exp) else phi
 
 
 def _half_angles(phi: sympy.Expr) -> sympy.Expr:
@@ -344,7 +344,7 @@ def _with_atan2(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.E
     """
 
     def turn(u: sympy.Expr) -> sympy.Expr:
-        above, below = sympy.fraction(sympy.together(u))
+        above, below = sympy.fraction(guarded.together(u))
         if _rank(below, variables) < 0:
             return sympy.atan(u)
         if _rank(above, variables) < _rank(below, variables):
