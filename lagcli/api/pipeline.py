@@ -22,6 +22,7 @@ from lagcli.analysis.classification.verdict import Condition
 from lagcli.equations import (
     cut_warnings,
     energy_jumps,
+    level_functions,
     restart,
     row_jumps,
     size_limits,
@@ -575,7 +576,7 @@ def _resumed(ready: Compiled, point: checkpoints.Checkpoint) -> invariants.Integ
         raise checkpoints.CheckpointError("it is a damaged checkpoint: its number of rows is wrong")
     try:
         return ready.integrals(point.integrals).keeping(point.mark.selection)
-    except (ExpressionError, KeyError):
+    except (ExpressionError, level_functions.UnknownName):
         raise checkpoints.CheckpointError(
             "it is a damaged checkpoint: it holds integrals of other names"
         ) from None

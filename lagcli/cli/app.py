@@ -437,7 +437,7 @@ def explain(
         return
     try:
         equation = equation_list.line(code)
-    except KeyError:
+    except ValueError:
         raise exits.UsageError(f"the equations are D.1 to D.{equation_list.LAST}") from None
     if equation is not None:
         print(textwrap.fill(equation, 80), textwrap.fill(equation_list.TEXT, 80), sep="\n\n")

@@ -117,7 +117,9 @@ def _tell(text: str) -> None:
     if text in _told:
         return
     _told.append(text)
-    with contextlib.suppress(OSError, ValueError, AttributeError):  # closed, or nothing of the system's
+    if not hasattr(sys.stderr, "fileno"):  # None, or nothing of the system's
+        return
+    with contextlib.suppress(OSError, ValueError):  # closed
         os.write(sys.stderr.fileno(), f"{text}\n".encode(errors="backslashreplace"))
 
 

@@ -344,12 +344,9 @@ def _zeros(ready: pipeline.Running, rows: Floats) -> list[str]:
 
 def _write_json(path: str, value: dict[str, Any]) -> None:
     file = atomic_file.Aside(pathlib.Path(path))
-    try:
+    with atomic_file.undone_by(file.discard):
         text = json.dumps(value, indent=2, allow_nan=False)
         file.path.write_text(text + "\n", encoding="utf-8")
-    except BaseException:
-        file.discard()
-        raise
     file.commit()
 
 

@@ -37,10 +37,14 @@ class Charts:
         return all(fixed.value(name) == value for name, value in self.built_in)
 
 
+class UnknownName(Exception):
+    """A name in a chart that stands for nothing there."""
+
+
 def charts(system: System, written: Iterable[invariant.LevelFunction]) -> Charts:
     """The expressions of charts. Their names are coordinates, parameters, `t` and `pi`.
 
-    Raises `expression.ExpressionError` for a text that is no expression, `KeyError` for another name.
+    Raises `expression.ExpressionError` for a text that is no expression, `UnknownName` for another name.
     """
     fixed = FixedExponents(system.model)
     names = _LevelNames(system)
@@ -83,12 +87,16 @@ class _LevelNames:
             indices = node.indices if isinstance(node, tree.Index) else ()
             name = family.name(node.owner, (int(integers.evaluate(i, _no_name)) for i in indices))
             name += f".{node.member}" if node.member else ""
-        return self._q[self._places[name]] if name in self._places else self._values[name]
+        if name in self._places:
+            return self._q[self._places[name]]
+        if name not in self._values:
+            raise UnknownName(name)
+        return self._values[name]
 
     def special(self, node: tree.Call, algebra: Any) -> Any:
         """`d`, `rate` and results of a run do not occur."""
-        raise KeyError(node.function)
+        raise UnknownName(node.function)
 
 
 def _no_name(node: tree.Name) -> float:
-    raise KeyError(node.name)
+    raise UnknownName(node.name)

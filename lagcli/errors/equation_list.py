@@ -82,7 +82,11 @@ LAST = max(LINES)
 def line(code: str) -> str | None:
     """The line of an equation named `D.24` or `(D.24)`; None for a text of another form.
 
-    Raises `KeyError` for a number that no equation has.
+    Raises `ValueError` for a number that no equation has.
     """
     found = re.fullmatch(r"\(?[Dd]\.(\d{1,3})\)?", code.strip())
-    return None if found is None else f"(D.{found[1]}) {LINES[int(found[1])]}"
+    if found is None:
+        return None
+    if int(found[1]) not in LINES:
+        raise ValueError(f"there is no equation (D.{found[1]})")
+    return f"(D.{found[1]}) {LINES[int(found[1])]}"

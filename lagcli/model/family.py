@@ -110,11 +110,12 @@ class MemberIndex:
         known = self._numbers[base]
         vectors = np.broadcast_arrays(*(np.atleast_1d(i) for i in indices)) if indices else ()
         wanted = list(zip(*(v.tolist() for v in vectors), strict=True)) if indices else [()]
-        try:
-            return np.array([known[place] for place in wanted], dtype=np.int64)
-        except KeyError:
-            place = next(k for k, one in enumerate(wanted) if one not in known)
-            raise MissingMember(wanted[place], place) from None
+        numbers = np.array([known.get(place, -1) for place in wanted], dtype=np.int64)
+        missing = np.flatnonzero(numbers < 0)
+        if len(missing):
+            place = int(missing[0])
+            raise MissingMember(wanted[place], place)
+        return numbers
 
     def entries(self, numbers: Whole) -> Whole:
         """Which of the entries the members of these numbers belong to."""

@@ -4,6 +4,7 @@ import contextlib
 import errno
 import os
 import stat
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 MOST_LINKS = 40  # links to links that are followed, as many as Linux follows
@@ -74,6 +75,16 @@ class Aside:
         if not self._in_place:
             self.path.unlink(missing_ok=True)
             _begun.discard(self.path)
+
+
+@contextlib.contextmanager
+def undone_by(undo: Callable[[], object]) -> Iterator[None]:
+    """Call `undo` where the block fails, of an interrupt too; the exception goes on."""
+    try:
+        yield
+    except BaseException:
+        undo()
+        raise
 
 
 def sweep() -> None:

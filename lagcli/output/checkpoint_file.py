@@ -58,12 +58,9 @@ class Keeper:
         if self._rows is not None:
             self._rows.sync()
         file = atomic_file.Aside(self._path)
-        try:
+        with atomic_file.undone_by(file.discard):
             file.path.write_bytes(checkpoint.encoded(self._last))
             file.commit(durably=True)
-        except BaseException:
-            file.discard()
-            raise
         self._last = None
         return True
 

@@ -109,12 +109,9 @@ def draw(
 def write(target: Path, fmt: str, drawn: figure.Figure) -> None:
     """A figure in a format of ``endings.FIGURES``, written aside and moved into place. Raises OSError."""
     place = atomic_file.Aside(target)
-    try:
+    with atomic_file.undone_by(place.discard):
         drawn.savefig(place.path, format=fmt, metadata=_METADATA[fmt])
         place.commit()
-    except BaseException:
-        place.discard()
-        raise
 
 
 def compose(

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from lagcli.output import atomic_file
+
 
 class BlockFile:
     """``head``, then bytes appended block by block; of an interrupted block nothing stays in the file.
@@ -14,11 +16,8 @@ class BlockFile:
         self._file = open(path, "wb", buffering=0)  # noqa: SIM115 (closed by close or abandon)
         self._end = 0
         self._torn = False
-        try:
+        with atomic_file.undone_by(self._file.close):
             self.append(head)
-        except BaseException:
-            self._file.close()
-            raise
 
     def append(self, block: bytes | memoryview) -> None:
         """Write one block after the last complete one."""

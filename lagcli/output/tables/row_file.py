@@ -53,12 +53,9 @@ class RowFile:
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         place = atomic_file.Aside(path)
         header = _header(columns, 0)
-        try:
+        with atomic_file.undone_by(place.discard):
             place.path.write_bytes(header)
             place.commit()
-        except BaseException:
-            place.discard()
-            raise
         self._open(path, columns, SafeRows(0, _begin(columns)))
 
     def _open(self, path: Path, columns: Sequence[str], rows: SafeRows) -> None:

@@ -134,11 +134,8 @@ class _FileSink(_Base):
     def __init__(self, path: Path, columns: Sequence[str], make: Make) -> None:
         super().__init__(columns)
         self._aside = atomic_file.Aside(path)
-        try:
+        with atomic_file.undone_by(self._aside.discard):
             self._writer = make(self._aside.path, columns)
-        except BaseException:
-            self._aside.discard()
-            raise
 
     def write(self, rows: NDArray[np.float64]) -> None:
         self._writer.write(self._checked(rows))
@@ -170,12 +167,9 @@ class _FileSink(_Base):
     def _ending(self) -> Iterator[None]:
         """Complete the file, let it be moved, and leave nothing behind where one of them fails."""
         self._must_be_open()
-        try:
+        with atomic_file.undone_by(self.discard):
             self._writer.finish()
             yield
-        except BaseException:
-            self.discard()
-            raise
         self._ended = True
 
 
