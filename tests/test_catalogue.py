@@ -49,6 +49,7 @@ def _codes_in_source() -> set[str]:
         run_stop.NOT_FINITE,
         run_stop.TOO_SMALL,
         trajectory.INTERRUPTED,
+        trajectory.NOT_WRITTEN,
     }
     return found | stops | {code for code, _ in facts.FLAG_ERRORS.values()}
 

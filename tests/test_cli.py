@@ -909,6 +909,11 @@ def test_a_disk_that_fills_up_leaves_the_old_file(lagcli: Lagcli, monkeypatch: p
     assert "cannot write run.csv" in result.err
     assert Path("run.csv").read_text() == "old"
     assert folder() == ["model.yaml", "run.csv"]
+    lagcli("simulate", "model.yaml", "-q", "-o", "run.csv", "--stats", "stats.json")
+    account = json.loads(Path("stats.json").read_text())
+    assert (account["rows"], account["t_end"]) == (0, None)
+    assert account["stopped"]["code"] == "not-written"
+    assert "cannot write run.csv" in account["stopped"]["reason"]
 
 
 def test_a_figure_that_cannot_be_written_leaves_the_table(
@@ -954,14 +959,16 @@ def test_with_a_closed_stderr_errors_do_not_go_to_stdout(started: Started) -> No
 # Pipes, signals, terminals
 
 
-def test_a_reader_that_goes_away_ends_the_run_quietly_with_141(started: Started) -> None:
-    process = started("simulate", "long.yaml")
+def test_a_reader_that_goes_away_ends_the_run_quietly_with_141(started: Started, tmp_path: Path) -> None:
+    process = started("simulate", "long.yaml", "--stats", "stats.json")
     assert process.stdout is not None
     assert process.stderr is not None
     assert process.stdout.readline().startswith(b"t,a.x,")
     process.stdout.close()
     assert process.stderr.read() == b""
     assert process.wait() == 141
+    stopped = json.loads((tmp_path / "stats.json").read_text())["stopped"]
+    assert (stopped["code"], stopped["reason"]) == ("not-written", "the reader of the rows went away")
 
 
 @pytest.mark.parametrize("arguments", [["simulate", "m.yaml", "-q"], ["check", "m.yaml"], ["--help"]])

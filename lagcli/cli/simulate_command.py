@@ -140,8 +140,8 @@ def run(ready: pipeline.Running, wishes: OutputOptions) -> None:
                     is_whole = wishes.plot is not None and names == list(ready.columns)
                     written.begin(first, names, kept.add if is_whole else lambda block: None)
                 stopped = _write_rows(ready, wishes, picked, written, kept, outcome)
-        except signals.Interrupted as interrupt:
-            _account_of_interrupted(ready, wishes, outcome, interrupt)
+        except (signals.Interrupted, exits.WriteError, OSError) as error:
+            _account_of_ended(ready, wishes, outcome, error)
             raise
         _write_account(wishes, ready.stats)
         _draw(ready, wishes, kept)
@@ -251,21 +251,26 @@ def _progress(
     return console.progress(ready.grid.start, ready.grid.end, silent)
 
 
-def _account_of_interrupted(
-    ready: pipeline.Running, wishes: OutputOptions, outcome: Outcome, interrupt: signals.Interrupted
+def _account_of_ended(
+    ready: pipeline.Running, wishes: OutputOptions, outcome: Outcome, error: BaseException
 ) -> None:
-    """The account of the rows that are kept of an interrupted run; what fails here does not hide the interrupt."""
+    """The account of the rows that are kept of a run that this has ended; what fails here does not hide it."""
+    reason, code = str(error), trajectory.NOT_WRITTEN
+    if isinstance(error, signals.Interrupted):
+        reason, code = f"interrupted by {signal.Signals(error.number).name}", trajectory.INTERRUPTED
+    elif isinstance(error, BrokenPipeError):
+        reason = "the reader of the rows went away"
+    if code == trajectory.NOT_WRITTEN and not wishes.to_stdout:
+        outcome = Outcome()  # the file is as it was
     outcome.stopped = ready.outcome.stopped
     if outcome.stopped is None and outcome.t_end != ready.grid.end:
-        outcome.stopped = Stopped(
-            ready.t, f"interrupted by {signal.Signals(interrupt.number).name}", trajectory.INTERRUPTED
-        )
+        outcome.stopped = Stopped(ready.t, reason, code)
     account = dataclasses.replace(
         ready.stats, stopped=outcome.stopped, rows=outcome.rows, t_end=outcome.t_end
     )
     try:
         _write_account(wishes, account)
-    except exits.WriteError as error:
+    except (exits.WriteError, OSError) as error:
         exits.say(f"lagcli: {error}")
     except signals.Interrupted:
         pass  # a later signal; the caller raises the first

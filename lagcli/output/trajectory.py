@@ -65,7 +65,8 @@ class Stopped:
     code: str
 
 
-INTERRUPTED = "interrupted"  # the code of a run that a signal ended
+# The codes of a run that a signal ended, and of one whose rows could not be written.
+INTERRUPTED, NOT_WRITTEN = "interrupted", "not-written"
 
 
 @dataclasses.dataclass(slots=True)
