@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 import lagcli
 from lagcli import __main__ as entry
-from lagcli.api import pipeline
+from lagcli.api import cache
 from lagcli.cli import signals
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import assembly, conflict, initial
@@ -38,7 +38,7 @@ def document(places, laws, kind="holonomic", masses=None, velocities=None, more=
 
 def assembled(text, keep=()):
     """Declared q (n,) and the assembly. Raises `lagcli.ModelError`."""
-    ready = pipeline.compiled(lagcli.loads(text))
+    ready = cache.compiled(lagcli.loads(text))
     state = initial.declared(ready.system)
     return state.q, assembly.assemble(ready.system, ready.numeric, state, keep)
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+import lagcli
 from lagcli.analysis import free_particles
-from lagcli.api import pipeline
 from lagcli.equations import size_limits, system
 from lagcli.errors import diagnostics
 
@@ -26,11 +26,11 @@ holonomic:
 
 
 def test_free_particles_are_counted_as_by_their_equations(monkeypatch):
-    model = pipeline.loads(FREE.format(n=4))
-    found, report = pipeline.count(model), pipeline.check(model)
+    model = lagcli.loads(FREE.format(n=4))
+    found, report = lagcli.dof(model), lagcli.check(model)
     monkeypatch.setattr(free_particles, "holds_for", lambda model: False)
-    assert found == pipeline.count(model)
-    assert report == pipeline.check(model)
+    assert found == lagcli.dof(model)
+    assert report == lagcli.check(model)
     assert found.configuration_dof == 15
 
 
@@ -39,10 +39,10 @@ def test_very_many_free_particles_are_counted_without_their_equations(monkeypatc
         raise AssertionError("equations are built")
 
     monkeypatch.setattr(system, "build", refused)
-    model = pipeline.loads(FREE.format(n=200_000))
+    model = lagcli.loads(FREE.format(n=200_000))
     assert size_limits.MOST_BUILT < 3 * 200_001
-    assert pipeline.count(model).configuration_dof == 600_003
-    assert pipeline.check(model).dof.configuration_dof == 600_003
+    assert lagcli.dof(model).configuration_dof == 600_003
+    assert lagcli.check(model).dof.configuration_dof == 600_003
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_very_many_free_particles_are_counted_without_their_equations(monkeypatc
     ],
 )
 def test_what_is_held_or_asked_for_is_built(more):
-    assert not free_particles.holds_for(pipeline.loads(FREE.format(n=2) + more))
+    assert not free_particles.holds_for(lagcli.loads(FREE.format(n=2) + more))
 
 
 @pytest.mark.parametrize(
@@ -70,24 +70,24 @@ def test_what_is_held_or_asked_for_is_built(more):
 def test_laws_that_are_no_constants_are_built(old, new):
     text = FREE.format(n=2)
     assert old in text
-    assert not free_particles.holds_for(pipeline.loads(text.replace(old, new)))
+    assert not free_particles.holds_for(lagcli.loads(text.replace(old, new)))
 
 
 def test_a_chain_of_a_hundred_thousand_links_is_built():
     assert 3 * 100_000 + 99_999 <= size_limits.MOST_BUILT <= 4 * 120_000
 
 
-@pytest.mark.parametrize("work", [pipeline.count, pipeline.check, pipeline.simulate, pipeline.derive])
+@pytest.mark.parametrize("work", [lagcli.dof, lagcli.check, lagcli.simulate, lagcli.derive])
 def test_a_model_that_is_too_large_is_refused_before_it_is_built(work, monkeypatch):
     monkeypatch.setattr(size_limits, "MOST_BUILT", 38)
-    work_on = pipeline.loads(CHAIN.format(n=11))
+    work_on = lagcli.loads(CHAIN.format(n=11))
     with pytest.raises(diagnostics.ModelError) as raised:
         work(work_on)
     (found,) = raised.value.diagnostics
     assert found.code == "too-large-to-build"
     assert found.location.line == 4  # the largest entry
     assert "43 together, and equations are built for at most 38" in found.message
-    pipeline.count(pipeline.loads(CHAIN.format(n=9)))  # 35
+    lagcli.dof(lagcli.loads(CHAIN.format(n=9)))  # 35
 
 
 def test_a_run_that_takes_too_much_memory_is_refused_with_its_place(monkeypatch):
@@ -100,15 +100,15 @@ def test_a_run_that_takes_too_much_memory_is_refused_with_its_place(monkeypatch)
         + size_limits.OF_ROW * rows
         + size_limits.OF_ENTRY * min(entries, rows**2)
     )
-    model = pipeline.loads(CHAIN.format(n=30))
+    model = lagcli.loads(CHAIN.format(n=30))
     monkeypatch.setattr(size_limits, "MOST_BYTES", needed - 1)
     with pytest.raises(diagnostics.ModelError) as raised:
-        pipeline.simulate(model, duration=0.01, samples=2)
+        lagcli.simulate(model, duration=0.01, samples=2)
     (found,) = raised.value.diagnostics
     assert found.code == "too-large-to-build"
     assert found.location.line == 4
     monkeypatch.setattr(size_limits, "MOST_BYTES", needed)
-    assert pipeline.simulate(model, duration=0.01, samples=2).stats.steps > 0
+    assert lagcli.simulate(model, duration=0.01, samples=2).stats.steps > 0
 
 
 def test_what_a_run_takes_is_reckoned_as_measured():

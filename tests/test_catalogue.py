@@ -10,7 +10,6 @@ import pytest
 
 import lagcli
 from lagcli import yaml_tree
-from lagcli.api import pipeline
 from lagcli.errors import catalogue, diagnostics
 from lagcli.errors.catalogue import Page
 from lagcli.expression import facts
@@ -66,8 +65,8 @@ def _found(text: str, stage: str) -> list[diagnostics.Diagnostic]:
         model = document.read(text, "model.yaml")
         if stage == "read":
             return list(model.warnings)
-        warnings = pipeline.check(model).warnings
-        pipeline.simulate(model, duration=0.01, samples=2)
+        warnings = lagcli.check(model).warnings
+        lagcli.simulate(model, duration=0.01, samples=2)
         return list(warnings)
     except diagnostics.ModelError as error:
         return list(error.diagnostics)
@@ -130,16 +129,14 @@ def _of_another_law(where: pathlib.Path) -> None:
 
 def _of_long_equations(where: pathlib.Path) -> None:
     terms = " + ".join(f"{i}*x**{i % 9}" for i in range(1, 2500))
-    pipeline.derive(
+    lagcli.derive(
         document.read(f"lagcli: 1\ncoordinates: {{x: {{}}}}\nlagrangian: rate(x)**2 + {terms}\n", "long.yaml")
     )
 
 
 def _of_many_links(folder: pathlib.Path) -> None:
     particles = 'p[i]: {for: "i = 1..200000", mass: 1, position: "[i, 0, 0]"}'
-    pipeline.count(
-        pipeline.loads(f"lagcli: 1\nparticles:\n  {particles}\nholonomic:\n  rod: norm(p[1]) = 1\n")
-    )
+    lagcli.dof(lagcli.loads(f"lagcli: 1\nparticles:\n  {particles}\nholonomic:\n  rod: norm(p[1]) = 1\n"))
 
 
 INPUTS: dict[str, Callable[[pathlib.Path], None]] = {

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import known_integrals, prepare_run, run_settings, simulation_run
 from lagcli.model import invariant
 from lagcli.output import checkpoint_file
 from lagcli.simulation import checkpoint, loop
@@ -107,11 +107,12 @@ def ready(
     resumed: checkpoint.Checkpoint | None = None,
     found: tuple[invariant.FirstIntegral, ...] = (),
     **options: Any,
-) -> pipeline.Running:
+) -> simulation_run.SimulationRun:
     model = lagcli.loads(text)
-    return pipeline.Running(
-        model, pipeline.run_settings(model, options), resumed, lambda _: pipeline.KnownIntegrals(found)
-    )
+    chosen = run_settings.chosen(model, options)
+    if resumed is not None:
+        return prepare_run.resume(model, chosen, resumed)
+    return prepare_run.start(model, chosen, known_integrals.KnownIntegrals(found))
 
 
 def kept(point: checkpoint.Checkpoint) -> checkpoint.Checkpoint:

@@ -28,7 +28,7 @@ import pytest
 
 import lagcli as package
 from lagcli import __main__ as entry
-from lagcli.api import pipeline
+from lagcli.api import cache, prepare_run
 from lagcli.cli import console, exits, signals, simulate_command
 from lagcli.errors import catalogue, diagnostics
 from lagcli.output import endings
@@ -376,7 +376,7 @@ def test_a_bug_exits_70_with_one_line_and_a_traceback_only_on_request(
     def broken(*arguments: object) -> None:
         raise RuntimeError("out of order\nwith more lines")
 
-    monkeypatch.setattr(pipeline, "compiled", broken)
+    monkeypatch.setattr(cache, "compiled", broken)
     result = lagcli(command, file(PENDULUM))
     assert (result.code, result.out) == (70, "")
     assert result.err.count("\n") == 1
@@ -877,7 +877,7 @@ def test_a_file_that_cannot_be_made_exits_74_before_the_run(
 ) -> None:
     ending = {"-o": "csv", "--plot": "png", "--stats": "json"}[option]
     file(PENDULUM)
-    monkeypatch.setattr(pipeline, "Running", None)
+    monkeypatch.setattr(prepare_run, "prepare", None)
     for place in (f"missing/run.{ending}", f"model.yaml/run.{ending}"):
         result = lagcli("simulate", "model.yaml", option, place)
         assert (result.code, result.out) == (74, "")

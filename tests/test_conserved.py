@@ -10,9 +10,10 @@ import pytest
 import sympy
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import cache, known_integrals, prepare_run, run_settings, simulation_run
 from lagcli.cli import simulate_command as telling
-from lagcli.compiled import numeric
+from lagcli.compiled import NumericSystem, numeric
+from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral, LevelFunction
 from lagcli.pfaffian import level_charts
 from lagcli.simulation import run_stop
@@ -105,11 +106,10 @@ def held(text: str, *forms: LevelFunction, rows: tuple[str, ...] = ("row",)) -> 
     return (FirstIntegral(text, rows, forms),)
 
 
-def ready(text: str, found: tuple[FirstIntegral, ...] = (), **options: Any) -> pipeline.Running:
+def ready(text: str, found: tuple[FirstIntegral, ...] = (), **options: Any) -> simulation_run.SimulationRun:
     model = lagcli.loads(text, options.pop("parameters", None))
-    return pipeline.Running(
-        model, pipeline.run_settings(model, options), None, lambda _: pipeline.KnownIntegrals(found)
-    )
+    chosen = run_settings.chosen(model, options)
+    return prepare_run.start(model, chosen, known_integrals.KnownIntegrals(found))
 
 
 def run(text: str, found: tuple[FirstIntegral, ...] = (), **options: Any) -> tuple[Any, dict[str, Any]]:
@@ -300,8 +300,8 @@ def test_the_constant_is_that_of_the_start_of_the_run() -> None:
     assert np.abs(phi - 2 * math.exp(0.2)).max() < 1e-14
     numbers = {"x.value": 0.5, "y.value": 3, "y.rate": -3}
     model = lagcli.loads(FACTOR, numbers)
-    first = pipeline.compiled(lagcli.loads(FACTOR)).integrals(found)
-    assert pipeline.compiled(model).integrals(found) is first
+    first = cache.compiled(lagcli.loads(FACTOR)).integrals(found)
+    assert cache.compiled(model).integrals(found) is first
     _, columns = run(FACTOR, found, duration=5, parameters=numbers)
     phi = columns["y"] * np.exp(columns["x"])
     assert np.abs(phi - 3 * math.exp(0.5)).max() < 1e-13
@@ -335,7 +335,7 @@ differential: {row: 2*x*d(y) - y*d(x) = 0}
 PARABOLA = held("y**2/x", LevelFunction("y**2", "x"), LevelFunction("y", "sqrt(abs(x))"))
 
 
-def chart_of(going: pipeline.Running) -> list[int | None]:
+def chart_of(going: simulation_run.SimulationRun) -> list[int | None]:
     return [level and level.chart for level in going.checkpoint().mark.levels]
 
 
@@ -428,10 +428,10 @@ def test_an_integral_on_the_surface_of_a_holonomic_row(
 ) -> None:
     if not expanded:
         monkeypatch.setattr(numeric, "EXPANDED_OPERATIONS", 0)
-        pipeline._kept.clear()
+        cache.forget()
     found = (*held("w - x**3/3", LevelFunction("w - x**3/3")), *held("w - x*z/3", LevelFunction("w - x*z/3")))
     going, columns = run(SURFACE, found, duration=20, rtol=1e-7)
-    pipeline._kept.clear()
+    cache.forget()
     assert chart_of(going) == [0, None]
     assert not going.notes
     phi = columns["w"] - columns["x"] ** 3 / 3
@@ -508,7 +508,7 @@ def test_notes_stand_in_the_account(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_model_without_integrals_runs_on_the_functions_it_had() -> None:
     model = lagcli.loads(FACTOR)
-    compiled = pipeline.compiled(model)
+    compiled = cache.compiled(model)
     assert compiled.integrals(()).functions(()) is compiled.functions
     plain = compiled.functions.numeric
     found = compiled.integrals(held("y*exp(x)", LevelFunction("y*exp(x)")))
@@ -521,7 +521,7 @@ def test_a_model_without_integrals_runs_on_the_functions_it_had() -> None:
 def _start(model: lagcli.Model) -> Any:
     from lagcli.start import initial
 
-    return initial.declared(pipeline.compiled(model).system)
+    return initial.declared(cache.compiled(model).system)
 
 
 # The search.
@@ -544,7 +544,7 @@ def test_integrals_that_are_not_known_are_told() -> None:
         (AXLE, 0.0, f"it is undecided whether `side`, `left`, `right` can be integrated: {TOLD}"),
     ):
         model = lagcli.loads(text)
-        going = pipeline.running(model, pipeline.run_settings(model, {"duration": 0.1}), None, limit)
+        going = prepare_run.prepare(model, run_settings.chosen(model, {"duration": 0.1}), None, limit)
         assert going.notes == (expected,)
         list(going.blocks())
         assert going.checkpoint().mark.notes == (expected,)
@@ -575,18 +575,18 @@ differential: {edge: sin(phi)*d(x) - cos(phi)*d(y) = 0}
 def test_the_search_is_done_once_for_the_same_values(monkeypatch: pytest.MonkeyPatch) -> None:
     searches: list[float] = []
 
-    def search(ready: pipeline.Compiled, limit: float) -> pipeline.KnownIntegrals:
+    def search(built: System, numeric: NumericSystem, limit: float) -> known_integrals.KnownIntegrals:
         searches.append(limit)
-        return pipeline.KnownIntegrals()
+        return known_integrals.KnownIntegrals()
 
-    monkeypatch.setattr(pipeline, "_searched", search)
-    pipeline._kept.clear()
+    monkeypatch.setattr(known_integrals, "search", search)
+    cache.forget()
     for changes in ({}, {}, {"k": 3}, {"k": 3}, {"x.value": 2}, {"x.value": 2}, {}):
         lagcli.simulate(lagcli.loads(POWER, changes), duration=0.1, assemble=True)
     assert len(searches) == 4
     lagcli.simulate(lagcli.loads(POWER), duration=0.1, limit=1)
     assert len(searches) == 5
-    pipeline._kept.clear()
+    cache.forget()
 
 
 @pytest.mark.parametrize("limit", [-1.0, math.nan])

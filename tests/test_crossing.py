@@ -12,7 +12,7 @@ import pytest
 import scipy.integrate
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import cache, prepare_run, run_settings
 from lagcli.compiled import numeric
 from lagcli.simulation import (
     checkpoint,
@@ -224,7 +224,7 @@ def test_two_lines_that_cross_are_gone_along_and_the_time_is_told():
     assert run.stats.singular_times == pytest.approx((1,), abs=1e-12)
     np.testing.assert_allclose(run["x"], 1 - run.t, rtol=0, atol=1e-12)
     assert np.abs(run["y"]).max() < 1e-15
-    running = pipeline.Running(model, model.simulation)
+    running = prepare_run.start(model, model.simulation)
     list(running.blocks())
     (note,) = running.notes
     assert "at t = 1: there the row `row` has no direction" in note
@@ -270,7 +270,7 @@ simulation: {duration: 2, samples: 21}
 def test_a_toggle_position_stops_the_run_with_its_rows_and_their_names():
     """The drive wants the rod to reach beyond its length: its velocity grows without bound before t = 1."""
     model = lagcli.loads(DRIVEN)
-    running = pipeline.Running(model, model.simulation)
+    running = prepare_run.start(model, model.simulation)
     blocks = []
     with pytest.raises(run_stop.RunStop, match=r"`rod`, `drive` become dependent .* toggle") as stopped:
         blocks.extend(running.blocks())
@@ -282,7 +282,7 @@ def test_a_toggle_position_stops_the_run_with_its_rows_and_their_names():
 
 def test_a_cusp_stops_the_run():
     model = lagcli.loads(PLANE.format(1, -1, 1, -1.5, "x**3 = y**2"))
-    running = pipeline.Running(model, model.simulation)
+    running = prepare_run.start(model, model.simulation)
     with pytest.raises(run_stop.RunStop, match="the gradient of `row` vanishes there"):
         list(running.blocks())
 
@@ -317,19 +317,19 @@ simulation: {duration: 5, samples: 51}
 )
 def test_a_run_goes_on_bit_for_bit_across_crossings(text, monkeypatch):
     model = lagcli.loads(text)
-    options = pipeline.run_settings(model, {"duration": 3, "samples": 301})
+    options = run_settings.chosen(model, {"duration": 3, "samples": 301})
     uncut = lagcli.simulate(model, duration=3, samples=301)
     monkeypatch.setattr(loop, "BLOCK_VALUES", 60)
     monkeypatch.setattr(loop, "PAUSE", 0.0)
     for rows in (1, 40, 118, 123, 124, 127, 140, 299):
-        running = pipeline.Running(model, options)
+        running = prepare_run.start(model, options)
         blocks = []
         for block in running.blocks():
             blocks.append(block)
             if sum(map(len, blocks)) >= rows:
                 break
         point = checkpoint.decoded(checkpoint.encoded(running.checkpoint()))
-        again = pipeline.Running(model, options, point)
+        again = prepare_run.resume(model, options, point)
         found = np.concatenate([*blocks, *again.blocks()])
         assert found.tobytes() == uncut.rows.tobytes()
         assert again.stats.singular_times == uncut.stats.singular_times
@@ -484,7 +484,7 @@ def test_a_crossing_beyond_the_end_is_not_told():
 @pytest.mark.parametrize("gap", [0.0, 1e-11, 1e-9])
 def test_rank_is_lost_only_where_branches_meet(gap):
     """At the origin the gradient of x y - gap vanishes; the lines meet there, the branches of a hyperbola do not."""
-    ready = pipeline.compiled(lagcli.loads(PLANE.format(1, -1, gap, gap, f"x*y = {gap!r}")))
+    ready = cache.compiled(lagcli.loads(PLANE.format(1, -1, gap, gap, f"x*y = {gap!r}")))
     before = initial.declared(ready.system)
     there = dataclasses.replace(before, t=1.0, q=np.zeros(2))
     found = singular_point.loss(ready.numeric, before, there, 1e-13)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import prepare_run
 from lagcli.errors import diagnostics
 from lagcli.output.trajectory import Trajectory
 from lagcli.simulation import checkpoint
@@ -269,7 +269,7 @@ simulation: {{duration: 0.1, samples: 2}}
 )
 def test_a_start_at_which_a_force_is_not_lipschitz_is_warned_of(force, x, warned):
     model = lagcli.loads(LAW.format(force=force, x=x))
-    for warnings in (lagcli.check(model).warnings, pipeline.running(model, model.simulation).warnings):
+    for warnings in (lagcli.check(model).warnings, prepare_run.prepare(model, model.simulation).warnings):
         assert ["not-lipschitz"] * warned == [d.code for d in warnings]
 
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import lagcli
 from lagcli import derivation
-from lagcli.api import pipeline
+from lagcli.api import cache
 from lagcli.cli.app import app
 from lagcli.derivation import (
     closed_form,
@@ -252,7 +252,7 @@ def _sizes() -> list[str]:
 def test_derived_equations_have_the_numbers_of_the_compiled_system(name: str) -> None:
     """M, h, f, B, b, gamma and B M^-1 B^T, gamma - B M^-1 h at a random state off the constraints."""
     model = lagcli.loads(MIXED) if name == "mixed" else lagcli.load(MODELS / f"{name}.yaml")
-    ready = pipeline.compiled(model)
+    ready = cache.compiled(model)
     system = symbolic_system.symbolic(model, ready.system.bodies)
     page = derivation.Derivation("", "", (), system)
     random, n = np.random.default_rng(7), len(system.q)

@@ -15,7 +15,7 @@ import reference_models
 import test_reference as reference
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import prepare_run, run_settings
 from lagcli.simulation import loop, run_stop, step_tolerance
 from lagcli.simulation.global_error import accuracy, error_estimate, reference_run
 from lagcli.simulation.stepper import Stepper
@@ -206,7 +206,7 @@ def test_rows_that_shorten_no_step_do_not_hide_the_error():
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-9, 1e-11, 1e-12, 1e-14, 1e-15])
 def test_the_repeated_run_has_another_tolerance_near_the_rounding_too(rtol):
-    settings = pipeline.run_settings(lagcli.loads(PENDULUM), {"rtol": rtol, "atol": rtol / 100})
+    settings = run_settings.chosen(lagcli.loads(PENDULUM), {"rtol": rtol, "atol": rtol / 100})
     first = step_tolerance.of_steps(settings)
     again = step_tolerance.of_steps(error_estimate.repeated(settings))
     part = again[0] / first[0]
@@ -217,7 +217,7 @@ def test_the_repeated_run_has_another_tolerance_near_the_rounding_too(rtol):
 
 def test_before_the_first_row_nothing_is_known():
     model = lagcli.loads(PENDULUM)
-    ready = pipeline.Running(model, pipeline.run_settings(model, {}), digits=True)
+    ready = prepare_run.start(model, run_settings.chosen(model, {}), digits=True)
     assert ready.stats.accuracy is None
     assert "digits" not in ready.stats.as_json()
     next(ready.blocks())
@@ -271,8 +271,8 @@ def test_where_the_repeated_run_stops_the_rows_up_to_there_are_given(monkeypatch
     assert 1 <= run.t[-1] < 2
     assert np.array_equal(run.rows[:, :-4], whole.rows[: len(run.rows)])
     # Resumed without the digits it gives rows after them, and says which it cannot give.
-    chosen = pipeline.run_settings(model, {})
-    rest = pipeline.running(model, chosen, kept)
+    chosen = run_settings.chosen(model, {})
+    rest = prepare_run.prepare(model, chosen, kept)
     rows = np.concatenate(list(rest.blocks()))
     assert len(run.rows) + rest.passed_over + len(rows) == len(whole.rows)
     assert np.array_equal(rows, whole.rows[len(whole.rows) - len(rows) :])
@@ -293,8 +293,8 @@ def test_memory_and_blocks_are_those_of_a_stream(monkeypatch):
     """Blocks come while the run goes on, the repeated run no more than a block ahead; a mark fits the rows before."""
     monkeypatch.setattr(loop, "BLOCK_VALUES", 400)
     model = lagcli.loads(PENDULUM)
-    chosen = pipeline.run_settings(model, {"samples": 401})
-    ready = pipeline.Running(model, chosen, digits=True)
+    chosen = run_settings.chosen(model, {"samples": 401})
+    ready = prepare_run.start(model, chosen, digits=True)
     seen, points = [], []
     for block in ready.blocks():
         seen.append(block)
@@ -307,7 +307,7 @@ def test_memory_and_blocks_are_those_of_a_stream(monkeypatch):
     assert np.array_equal(rows[:, :-4], lagcli.simulate(model, samples=401).rows)
     assert np.array_equal(rows, lagcli.simulate(model, samples=401, digits=True).rows)
     middle = len(seen) // 2
-    rest = np.concatenate(list(pipeline.Running(model, chosen, points[middle]).blocks()))
+    rest = np.concatenate(list(prepare_run.resume(model, chosen, points[middle]).blocks()))
     assert np.array_equal(rest, rows[sum(map(len, seen[: middle + 1])) :, :-4])
 
 
@@ -326,7 +326,7 @@ def test_kinds_are_told_from_one_another_whatever_their_names():
         PENDULUM
         + "outputs: {speed: 'a.vx', big: '1e9*a.x'}\ncoordinates: {theta: {value: 0.3}}\nlagrangian: rate(theta)**2/2\n"
     )
-    ready = pipeline.Running(model, pipeline.run_settings(model, {}), digits=True)
+    ready = prepare_run.start(model, run_settings.chosen(model, {}), digits=True)
     kinds = [[ready.columns[i] for i in at] for at in error_estimate.places(ready._system)]
     assert kinds == [
         ["a.x", "a.y", "a.z", "theta"],

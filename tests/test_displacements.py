@@ -8,7 +8,7 @@ import pytest
 from in_process import command  # noqa: F401 - a fixture
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import cache
 from lagcli.start import initial
 
 MODELS = pathlib.Path(__file__).parent.parent / "models"
@@ -23,7 +23,7 @@ def load(name):
 
 def rows(model, found):
     """B (C, n) and b (C,) of unit rows, and M, at the state of an answer."""
-    ready = pipeline.compiled(model)
+    ready = cache.compiled(model)
     p = initial.declared(ready.system).p
     B, b = (np.array(x) for x in ready.numeric.rows(found.t, found.q, found.v, p))
     lengths = np.linalg.norm(B, axis=1)

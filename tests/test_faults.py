@@ -25,7 +25,7 @@ import pytest
 from numpy.typing import NDArray
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import prepare_run, run_settings
 from lagcli.output import column_choice
 from lagcli.output.tables import sinks
 
@@ -94,7 +94,7 @@ class Expected:
     def __init__(self, duration: float, samples: int) -> None:
         model = lagcli.loads(PENDULUM)
         changes = {"duration": duration, "samples": samples}
-        running = pipeline.Running(model, pipeline.run_settings(model, changes))
+        running = prepare_run.start(model, run_settings.chosen(model, changes))
         self._picked = column_choice.select(running.columns, COLUMNS)
         self.names = [running.columns[index] for index in self._picked]
         self._blocks = running.blocks()

@@ -32,7 +32,7 @@ from hypothesis import HealthCheck, Phase, configuration, event, given, seed, se
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import prepare_run, run_settings, simulation_run
 from lagcli.errors import catalogue, diagnostics
 from lagcli.expression import evaluate, facts, integers, parser, tree
 from lagcli.simulation import checkpoint, run_stop
@@ -298,15 +298,15 @@ def test_what_was_once_a_crash_is_answered_or_refused(text: str) -> None:
 def _answers(model: lagcli.Model, text: str) -> None:
     """What the three commands say of a model: results, located errors, or a stop with finite rows."""
     for command in (
-        functools.partial(pipeline.count, limit=1.0),
-        functools.partial(pipeline.check, limit=1.0),
+        functools.partial(lagcli.dof, limit=1.0),
+        functools.partial(lagcli.check, limit=1.0),
     ):
         try:
             command(model)
         except lagcli.ModelError as error:
             assert_well_said(error.diagnostics, text)
     try:
-        running = pipeline.Running(model, pipeline.run_settings(model, {"duration": 0.2, "samples": 5}))
+        running = prepare_run.start(model, run_settings.chosen(model, {"duration": 0.2, "samples": 5}))
     except lagcli.ModelError as error:
         event(error.diagnostics[0].code)
         assert_well_said(error.diagnostics, text)
@@ -314,7 +314,7 @@ def _answers(model: lagcli.Model, text: str) -> None:
     _rows(running)
 
 
-def _rows(running: pipeline.Running) -> jets.Floats:
+def _rows(running: simulation_run.SimulationRun) -> jets.Floats:
     """The rows of a run up to its end, its stop, or the end of patience; all finite."""
     blocks = [np.zeros((0, len(running.columns)))]
     try:
@@ -355,10 +355,10 @@ differential: {edge: sin(theta)*d(x) - cos(theta)*d(y) = 0}
 RUNS = {"chain": CHAIN, "sleigh": SLEIGH}
 
 
-def _going(name: str, duration: float, resumed: Path | None = None) -> pipeline.Running:
+def _going(name: str, duration: float, resumed: Path | None = None) -> simulation_run.SimulationRun:
     model = lagcli.loads(RUNS[name])
-    return pipeline.running(
-        model, pipeline.run_settings(model, {"duration": duration, "output_step": 0.03}), resumed
+    return prepare_run.prepare(
+        model, run_settings.chosen(model, {"duration": duration, "output_step": 0.03}), resumed
     )
 
 
@@ -414,9 +414,7 @@ def runs_right(spec: jets.Spec) -> bool:
     model = lagcli.loads(text)
     oracle = jets.Oracle(spec)
     try:
-        running = pipeline.Running(
-            model, pipeline.run_settings(model, {"duration": 0.2, "output_step": 0.01})
-        )
+        running = prepare_run.start(model, run_settings.chosen(model, {"duration": 0.2, "output_step": 0.01}))
     except lagcli.ModelError as error:
         refused = {diagnostic.code for diagnostic in error.diagnostics}
         event(min(refused))
@@ -448,7 +446,7 @@ def runs_right(spec: jets.Spec) -> bool:
     return True
 
 
-def _named(running: pipeline.Running, row: jets.Floats) -> dict[str, float]:
+def _named(running: simulation_run.SimulationRun, row: jets.Floats) -> dict[str, float]:
     """The values of a row by column, members of families under the names that the equations have for them."""
     return dict(zip(map(jets.flat_name, running.columns), map(float, row), strict=True))
 
@@ -496,8 +494,8 @@ def _has_pole(oracle: jets.Oracle) -> bool:
 
 def assert_counted(model: lagcli.Model, oracle: jets.Oracle) -> None:
     """With holonomic rows alone, and these well independent at the start, the count is n - s."""
-    count = pipeline.count(model, limit=1.0)
-    report = pipeline.check(model, limit=1.0)
+    count = lagcli.dof(model, limit=1.0)
+    report = lagcli.check(model, limit=1.0)
     q, v = oracle.spec.start()
     equations = oracle.equations(0.0, q, v)
     if not oracle.spec.differential and not _is_poor(oracle):

@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lagcli.api import pipeline
+import lagcli
+from lagcli.api import cache
 from lagcli.compiled import factored
 from lagcli.compiled.selection import Selection
 from lagcli.errors import diagnostics
@@ -47,7 +48,7 @@ holonomic:
 
 
 def dof(text, **numbers):
-    return pipeline.count(pipeline.loads(text.format(**numbers))).configuration_dof
+    return lagcli.dof(lagcli.loads(text.format(**numbers))).configuration_dof
 
 
 def test_coupled_coordinates_of_many_bodies_are_factored_body_by_body(monkeypatch):
@@ -128,7 +129,7 @@ def test_rows_that_follow_are_proved_up_to_a_number_and_beyond_it_the_count_is_o
     assert examine.MOST_CIRCUITS == 3000
     monkeypatch.setattr(examine, "MOST_CIRCUITS", 20)
     assert dof(COPIES, n=21) == 2
-    found = pipeline.count(pipeline.loads(COPIES.format(n=22)))
+    found = lagcli.dof(lagcli.loads(COPIES.format(n=22)))
     assert found.configuration_dof is None
     assert "21 rows depend on others at the start, such as `c[2]`" in found.reason
 
@@ -175,7 +176,7 @@ PLANE = "lagcli: 1\ncoordinates: {x: {}, y: {}, z: {}}\nlagrangian: rate(x)**2 +
 
 def refusal(text):
     with pytest.raises(diagnostics.ModelError) as raised:
-        pipeline.simulate(pipeline.loads(text), duration=1, samples=2)
+        lagcli.simulate(lagcli.loads(text), duration=1, samples=2)
     (found,) = raised.value.diagnostics
     return found
 
@@ -190,7 +191,7 @@ def test_no_row_of_the_double_watt_linkage_is_to_be_left_out():
 @pytest.mark.parametrize("law", ["y**2 = x**3", "y**3 = x**4"])
 def test_one_row_whose_gradient_vanishes_depends_on_no_other(law):
     text = PLANE + f"holonomic: {{c: {law}}}\n"
-    reason = pipeline.count(pipeline.loads(text)).reason
+    reason = lagcli.dof(lagcli.loads(text)).reason
     assert reason.startswith("the gradient of `c` vanishes at the start")
     assert "depend on one another" not in reason
 
@@ -203,7 +204,7 @@ def test_rows_that_depend_on_others_beside_the_start_too_are_named():
 
 
 def test_a_product_of_many_rows_is_not_written_out(monkeypatch):
-    ready = pipeline.compiled(pipeline.loads(BODY.format(n=40)))
+    ready = cache.compiled(lagcli.loads(BODY.format(n=40)))
     made, function = [], ca.Function
     monkeypatch.setattr(ca, "Function", lambda *of: made.append(function(*of)) or made[-1])
     found = factored.Factored(ready.numeric._parts)

@@ -12,8 +12,9 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+import lagcli
 from lagcli.analysis.holonomy import local_system, path_orbit, witness
-from lagcli.api import pipeline
+from lagcli.api import cache
 from lagcli.cli import witness_command as telling
 from lagcli.start import initial
 from tests import reference_models
@@ -49,7 +50,7 @@ def of_reference(name: str) -> str:
 
 
 def found(text: str, row: str, limit: float = 60.0) -> witness.Witness | None:
-    ready = pipeline.compiled(pipeline.loads(text))
+    ready = cache.compiled(lagcli.loads(text))
     return witness.find(ready.system, ready.numeric, row, time.monotonic() + limit)
 
 
@@ -57,7 +58,7 @@ def verified(text: str, row: str, limit: float = 60.0) -> witness.Witness:
     """A witness, whose path is checked here against the rows by differences between its points."""
     result = found(text, row, limit)
     assert result is not None
-    ready = pipeline.compiled(pipeline.loads(text))
+    ready = cache.compiled(lagcli.loads(text))
     state = initial.declared(ready.system)
     names = ready.system.model.coordinate_names
     p = result.along(result.coordinate)
@@ -226,7 +227,7 @@ def test_lengths_may_be_small_beside_angles() -> None:
 def test_a_bead_of_a_chain_is_moved_with_its_neighbours_alone() -> None:
     """What is far from the row rests, so that the search does not grow with the system."""
     text = (ROOT / "models" / "chain.yaml").read_text(encoding="utf-8")
-    ready = pipeline.compiled(pipeline.loads(text))
+    ready = cache.compiled(lagcli.loads(text))
     state = initial.declared(ready.system)
     found = local_system.around(ready.system, ready.numeric, state, 1)
     assert found[0].k <= 6
@@ -254,7 +255,7 @@ def test_the_orbit_has_the_dimension_that_can_be_reached() -> None:
         if "t" in system["coords"]:
             continue
         text = of_reference(name).replace("{value: 0}", "{value: 0.7}")
-        ready = pipeline.compiled(pipeline.loads(text))
+        ready = cache.compiled(lagcli.loads(text))
         part = local_system.around(ready.system, ready.numeric, initial.declared(ready.system), 0)[-1]
         here = path_orbit.through(part, part.start, 0.3, timed=False)
         assert here is not None

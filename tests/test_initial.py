@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import prepare_run, run_settings
 
 TWO = """
 lagcli: 1
@@ -189,7 +189,7 @@ def test_kept_coordinates_hold_their_values_and_rates(keep):
 def test_assembly_reports_how_far_it_moved():
     text = single("norm(a) = 2", [3, 0, 0], [0.5, 1, 0], mass=4)
     model = lagcli.loads(text)
-    running = pipeline.Running(model, pipeline.run_settings(model, {"assemble": True}))
+    running = prepare_run.start(model, run_settings.chosen(model, {"assemble": True}))
     assert running.assembly.moved == pytest.approx(2.0)
     assert running.assembly.moved_velocity == pytest.approx(1.0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import run_settings
 from lagcli.model.model import Simulation
 from lagcli.simulation import dop853, dop853_tableau, step_tolerance
 
@@ -202,7 +202,7 @@ def test_start_may_be_a_whole_number():
     text = driven("6*t")
     model = lagcli.loads(text)
     # Looked at first: a clock of whole numbers would never advance, and the run never end.
-    assert isinstance(pipeline.run_settings(model, {"start": 2}).start, float)
+    assert isinstance(run_settings.chosen(model, {"start": 2}).start, float)
     table = lagcli.simulate(model, start=2, duration=1, samples=2)
     assert table["rate(x)"][-1] == pytest.approx(3 * (3**2 - 2**2), rel=1e-12)
 

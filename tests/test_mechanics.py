@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import cache
 
 MODELS = pathlib.Path(__file__).parent.parent / "models"
 G = 9.81
@@ -504,11 +504,11 @@ def test_changed_values_equal_a_fresh_model(changes, fresh):
 def test_other_values_need_no_new_build():
     text = TUNED + "title: built once\n"
     first, second = (
-        pipeline.compiled(lagcli.loads(text, parameters=p)) for p in (None, {"m": 4, "th.value": 1})
+        cache.compiled(lagcli.loads(text, parameters=p)) for p in (None, {"m": 4, "th.value": 1})
     )
     assert second.numeric is first.numeric
     assert second.functions.scheme is first.functions.scheme
-    anew = pipeline.compiled(lagcli.loads(text, parameters={"n": 3}))
+    anew = cache.compiled(lagcli.loads(text, parameters={"n": 3}))
     assert anew.numeric is not first.numeric
 
 

@@ -241,7 +241,7 @@ def test_links_are_followed_as_linux_does_with_protected_symlinks(link, folder, 
 @pytest.mark.parametrize("option", ["-o", "--plot", "--stats", "--checkpoint"])
 @pytest.mark.parametrize("through", ["name", "link"])
 def test_a_write_protected_file_is_refused_before_the_run(command, here, option, through, monkeypatch):
-    from lagcli.api import pipeline
+    from lagcli.api import prepare_run
 
     ending = {"-o": "csv", "--plot": "png"}.get(option, "json")
     old = here / f"old.{ending}"
@@ -251,7 +251,7 @@ def test_a_write_protected_file_is_refused_before_the_run(command, here, option,
     if through == "link":
         name = f"link.{ending}"
         Path(name).symlink_to(old)
-    monkeypatch.setattr(pipeline, "Running", None)
+    monkeypatch.setattr(prepare_run, "prepare", None)
     out, err, code = command("simulate", "m.yaml", option, name)
     assert (out, code) == ("", 74)
     assert err == f"lagcli: cannot write {name}: it is write-protected\n"

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import prepare_run
 from lagcli.compiled import selection
 from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows
@@ -40,7 +40,7 @@ def simulated(text, **wishes):
 def ended(text):
     """A run after its last row."""
     model = lagcli.loads(text)
-    running = pipeline.Running(model, model.simulation)
+    running = prepare_run.start(model, model.simulation)
     list(running.blocks())
     return running
 
@@ -256,7 +256,7 @@ def test_rows_that_part_on_the_way_stop_the_run_by_name():
     """They agree for half of the run; no look ahead from the start shows it."""
     text = HEAD + ROD + "  twin: distance(a, [0, 0, 0]) = 5 + max(0, t - 1)**3\n"
     model = lagcli.loads(text)
-    running = pipeline.Running(model, model.simulation)
+    running = prepare_run.start(model, model.simulation)
     blocks = []
     with pytest.raises(
         run_stop.RunStop, match="the rows `rod`, `twin` contradict each other beyond"

@@ -12,7 +12,7 @@ import pytest
 
 import lagcli
 from lagcli import __main__ as entry
-from lagcli.api import pipeline
+from lagcli.api import run_settings
 from lagcli.cli import signals
 from lagcli.equations import system as mechanics
 from lagcli.errors import catalogue
@@ -557,7 +557,7 @@ def test_another_stop_does_not_speak_of_inertia() -> None:
 
 
 def test_a_family_names_what_a_scheme_of_another_program_is() -> None:
-    base = pipeline.run_settings(lagcli.loads(BALL), {})
+    base = run_settings.chosen(lagcli.loads(BALL), {})
     for name, words in (
         ("rk45", "of order 8"),
         ("BDF", "stiff"),

@@ -67,13 +67,13 @@ def test_a_command_refuses_a_library_that_is_too_old(old_casadi):
 def test_python_refuses_it_too(old_casadi, monkeypatch):
     monkeypatch.syspath_prepend(old_casadi)
     requirements._listed.cache_clear()
-    lagcli._pipeline.cache_clear()
+    lagcli._require_libraries.cache_clear()
     try:
         with pytest.raises(ImportError, match=r"lagcli needs casadi .* and 3\.5\.5 is installed"):
             lagcli.load("models/pendulum.yaml")
     finally:
         requirements._listed.cache_clear()
-        lagcli._pipeline.cache_clear()
+        lagcli._require_libraries.cache_clear()
 
 
 def test_an_optional_library_counts_only_where_it_is_used(tmp_path, monkeypatch):

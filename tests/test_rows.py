@@ -15,7 +15,7 @@ import pyarrow.parquet
 import pytest
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import prepare_run, simulation_run
 from lagcli.cli import signals, table_output
 from lagcli.output import atomic_file, checkpoint_file
 from lagcli.output.tables import read_table, row_file, sinks
@@ -168,7 +168,7 @@ def test_the_rows_are_on_the_disk_before_the_checkpoint_is(here, monkeypatch):
         atomic_file.Aside, "commit", lambda *a, **k: (order.append("move"), write(*a, **k))[1]
     )
     model = lagcli.load("m.yaml")
-    running = pipeline.Running(model, model.simulation)
+    running = prepare_run.start(model, model.simulation)
     rows = row_file.RowFile(here / "run.csv.rows", running.columns)
     keeper = checkpoint_file.Keeper(here / "ck", rows, here / "run.csv", running.grid.step)
     order.clear()
@@ -434,13 +434,13 @@ def test_signals_while_the_rows_are_being_written_lose_none(command, here, endin
 
 @posix
 def test_a_signal_at_the_last_row_completes_the_file(command, here, monkeypatch):
-    blocks = pipeline.Running.blocks
+    blocks = simulation_run.SimulationRun.blocks
 
     def last(self):
         yield from blocks(self)
         signals._handle(signal.SIGTERM, None)
 
-    monkeypatch.setattr(pipeline.Running, "blocks", last)
+    monkeypatch.setattr(simulation_run.SimulationRun, "blocks", last)
     _, err, code = command("simulate", "m.yaml", "-q", "-o", "run.csv", "--checkpoint", "ck")
     assert code == 143
     assert err == "lagcli: interrupted; run.csv is complete\n"

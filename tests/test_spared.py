@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import cache, prepare_run
 from lagcli.equations import time_functions
 from lagcli.linear import metric_rows
 from lagcli.simulation import timetable
@@ -32,7 +32,7 @@ def refuse(*_):
 def test_slopes_are_compared_only_where_one_grows(monkeypatch):
     monkeypatch.setattr(lipschitz, "_values", refuse)
     model = lagcli.loads(PENDULUM)
-    assert pipeline.running(model, model.simulation).warnings == ()
+    assert prepare_run.prepare(model, model.simulation).warnings == ()
 
 
 @pytest.mark.parametrize("law", ["x**2", "x**2*rate(x)", "x ** -2", "sin(x)**3"])
@@ -40,7 +40,7 @@ def test_whole_powers_are_smooth(law, monkeypatch):
     monkeypatch.setattr(lipschitz, "_may_grow", refuse)
     text = DRIVEN.replace("sign(t - 0.3)", law)
     model = lagcli.loads(text)
-    assert pipeline.running(model, model.simulation).warnings == ()
+    assert prepare_run.prepare(model, model.simulation).warnings == ()
 
 
 @pytest.mark.parametrize("law", ["x**2.5", "x**2**0.5", "x**-1.5", "x**A"])
@@ -48,7 +48,7 @@ def test_powers_that_are_not_whole_are_looked_at(law, monkeypatch):
     asked = []
     monkeypatch.setattr(lipschitz, "_may_grow", lambda *_: asked.append(1))
     model = lagcli.loads(DRIVEN.replace("sign(t - 0.3)", law))
-    pipeline.running(model, model.simulation)
+    prepare_run.prepare(model, model.simulation)
     assert asked
 
 
@@ -70,7 +70,7 @@ def test_functions_of_time_are_found_once_for_the_same_values(monkeypatch):
     assert (len(asked), len(searched)) == (1, once)
     other = lagcli.simulate(lagcli.loads(DRIVEN, {"A": 2}), duration=1, samples=11)
     assert len(asked) == 2
-    pipeline._kept.clear()
+    cache.forget()
     anew = lagcli.simulate(lagcli.loads(DRIVEN, {"A": 2}), duration=1, samples=11)
     assert (other.rows == anew.rows).all()
 
@@ -82,7 +82,7 @@ def test_a_system_without_rows_has_none_to_choose(monkeypatch):
 
 def test_a_few_rows_are_factored_once(monkeypatch):
     monkeypatch.setattr(metric_rows.MetricRows, "_solved", refuse)
-    ready = pipeline.compiled(lagcli.loads(PENDULUM))
+    ready = cache.compiled(lagcli.loads(PENDULUM))
     rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
     assert rows.are_independent
     value, vector = rows._weakest
@@ -91,7 +91,7 @@ def test_a_few_rows_are_factored_once(monkeypatch):
 
 def test_two_rows_that_are_the_same_are_dependent():
     text = PENDULUM.replace("norm(a) = 1", "norm(a) = 1, again: 2*norm(a) = 2")
-    ready = pipeline.compiled(lagcli.loads(text))
+    ready = cache.compiled(lagcli.loads(text))
     rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
     assert not rows.are_independent
     np.testing.assert_allclose(np.abs(rows.weakest), np.sqrt(0.5), rtol=1e-6)

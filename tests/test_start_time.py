@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import prepare_run, run_settings
 from lagcli.simulation import checkpoint
 
 PENDULUM = """\
@@ -81,14 +81,14 @@ def test_an_integral_that_says_when_keeps_the_time_of_the_model():
 @pytest.mark.parametrize("start", [0, 1e8])
 def test_a_run_goes_on_bit_for_bit_from_any_start(start):
     model = lagcli.loads(PENDULUM)
-    whole = pipeline.run_settings(model, {"start": start, "duration": 4, "samples": 41})
+    whole = run_settings.chosen(model, {"start": start, "duration": 4, "samples": 41})
     straight = lagcli.simulate(model, start=start, duration=4, samples=41)
-    half = pipeline.Running(
-        model, pipeline.run_settings(model, {"start": start, "duration": 2, "samples": 21})
+    half = prepare_run.start(
+        model, run_settings.chosen(model, {"start": start, "duration": 2, "samples": 21})
     )
     rows = [block.copy() for block in half.blocks()]
     point = checkpoint.decoded(checkpoint.encoded(half.checkpoint()))
-    rest = pipeline.Running(model, whole, point)
+    rest = prepare_run.resume(model, whole, point)
     rows += list(rest.blocks())
     together = [row.tobytes() for block in rows for row in block]
     expected = [row.tobytes() for row in straight.rows]

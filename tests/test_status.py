@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+import lagcli
 from lagcli import progress
-from lagcli.api import pipeline
+from lagcli.api import cache, prepare_run
 from lagcli.cli import status_line
 
 MODEL = Path(__file__).resolve().parent.parent / "models" / "pendulum.yaml"
@@ -125,21 +126,21 @@ class Heard:
 @pytest.mark.parametrize(
     ("work", "wanted"),
     [
-        (pipeline.count, {"looking for a consistent start", "classifying the constraints"}),
-        (pipeline.check, {"counting degrees of freedom", "looking for multipliers that are not unique"}),
-        (lambda m: pipeline.running(m, m.simulation), {"preparing the run", "choosing independent rows"}),
-        (lambda m: pipeline.simulate(m, duration=0.01, samples=2), {"simulating", "preparing the run"}),
-        (lambda m: pipeline.compare(m, duration=0.01, samples=2), {"comparing"}),
-        (lambda m: pipeline.audit(m, duration=0.01), {"auditing", "simulating"}),
-        (pipeline.displacements, {"looking for displacements"}),
-        (pipeline.derive, {"deriving the equations"}),
+        (lagcli.dof, {"looking for a consistent start", "classifying the constraints"}),
+        (lagcli.check, {"counting degrees of freedom", "looking for multipliers that are not unique"}),
+        (lambda m: prepare_run.prepare(m, m.simulation), {"preparing the run", "choosing independent rows"}),
+        (lambda m: lagcli.simulate(m, duration=0.01, samples=2), {"simulating", "preparing the run"}),
+        (lambda m: lagcli.compare(m, duration=0.01, samples=2), {"comparing"}),
+        (lambda m: lagcli.audit(m, duration=0.01), {"auditing", "simulating"}),
+        (lagcli.displacements, {"looking for displacements"}),
+        (lagcli.derive, {"deriving the equations"}),
     ],
 )  # fmt: skip
 def test_all_work_is_a_phase(work, wanted) -> None:
-    pipeline._kept.clear()  # nothing is left of other tests
+    cache.forget()  # nothing is left of other tests
     heard = Heard()
     with progress.heard_by(heard):
-        work(pipeline.load(MODEL))
+        work(lagcli.load(MODEL))
     assert heard.names >= {"reading the model", "building the equations", *wanted}
     assert heard.depth == 0
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import prepare_run, run_settings
 from lagcli.equations import rows
 from lagcli.output import table_columns
 from lagcli.output.figures import panels
@@ -37,7 +37,7 @@ simulation: {duration: 2, samples: 51, assemble: true}
 
 def running(text, **options):
     model = lagcli.loads(text)
-    return pipeline.running(model, pipeline.run_settings(model, {}), **options)
+    return prepare_run.prepare(model, run_settings.chosen(model, {}), **options)
 
 
 def zero_columns(text):

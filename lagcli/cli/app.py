@@ -90,11 +90,11 @@ def dof(
 
     Exit 4 and nothing on standard output where it is not decided.
     """
-    from lagcli.api import pipeline
+    from lagcli.api import count_dof
     from lagcli.cli import check_text
 
     read = _reported(lambda: _load(model, changes), as_json)
-    counted = _reported(lambda: pipeline.count(read, limit), as_json)
+    counted = _reported(lambda: count_dof.dof(read, limit=limit), as_json)
     if as_json:
         print(json_output.text(counted.as_json()))
     elif explain:
@@ -140,7 +140,7 @@ def check(
 
     With --json one object for one MODEL; for several a list in the order of the MODELs, each with path and title.
     """
-    from lagcli.api import pipeline
+    from lagcli.api import check as checking
     from lagcli.cli import check_text
     from lagcli.cli import witness_command as showing
 
@@ -152,7 +152,7 @@ def check(
         began = time.perf_counter()
         try:
             read = _load(path, changes)
-            report = pipeline.check(read, limit, assemble=assemble)
+            report = checking.check(read, assemble=assemble, limit=limit)
             shown = wish.shown(read, report, limit, assemble) if wish is not None else None
         except diagnostics.ModelError as error:
             codes.append(exits.of(error))
@@ -232,7 +232,7 @@ def simulate(
     CSV on standard output without -o and --plot. Exit 3 where the integration stops before its end: the rows
     so far are in FILE.partial, and FILE is as it was.
     """
-    from lagcli.api import pipeline
+    from lagcli.api import run_settings
     from lagcli.cli import simulate_command
 
     wishes = simulate_command.OutputOptions(
@@ -245,7 +245,7 @@ def simulate(
         "max_step": max_step, "method": method, "assemble": True if assemble else None,
     }  # fmt: skip
     try:
-        chosen = pipeline.run_settings(read, given)
+        chosen = run_settings.chosen(read, given)
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
     simulate_command.run(_reported(lambda: simulate_command.ready(read, chosen, wishes), as_json), wishes)
@@ -463,7 +463,7 @@ def _require_files(paths: list[str]) -> None:
 
 
 def _load(path: str, changes: list[str] | None) -> nouns.Model:
-    from lagcli.api import pipeline
+    from lagcli.api import load
 
     given: dict[str, object] = {}
     for change in changes or ():
@@ -472,7 +472,7 @@ def _load(path: str, changes: list[str] | None) -> nouns.Model:
             raise exits.UsageError(f"--set {change}: write NAME=EXPR")
         given[name.strip()] = value
     try:
-        return pipeline.load(path, given)
+        return load.load(path, given)
     except FileNotFoundError:
         raise exits.UsageError(f"there is no file {path}") from None
     except OSError as error:

@@ -9,7 +9,7 @@ import pathlib
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from lagcli.api import pipeline
+from lagcli.api import audit
 from lagcli.auditing.table_input import TableError
 from lagcli.cli import console, exits, file_conflicts, json_output
 from lagcli.errors import diagnostics
@@ -80,7 +80,7 @@ def run(model: Model, given: dict[str, Any], wishes: AuditOptions) -> None:
 def _audited(model: Model, given: dict[str, Any], wishes: AuditOptions) -> Audit:
     """The audit. Raises `exits.UsageError` for a table that is none, or not of this model."""
     try:
-        return pipeline.audit(model, wishes.table, wishes.digits, **given)
+        return audit.audit(model, wishes.table, digits=wishes.digits, **given)
     except OSError as error:
         raise exits.UsageError(f"--run: cannot read {wishes.table}: {error.strerror}") from None
     except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from lagcli.api import pipeline
+from lagcli.api import compare
 from lagcli.cli import console, exits, json_output
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import KINDS, TITLES, Agreement, Comparison
@@ -29,7 +29,7 @@ class CompareOptions:
 def run(model: Model, other: Model | None, settings: Mapping[str, Any], wishes: CompareOptions) -> None:
     """Compare and tell. Raises `exits.UsageError`, `exits.Exit` where they disagree or a run stopped."""
     try:
-        found = pipeline.compare(
+        found = compare.compare(
             model,
             other,
             columns=wishes.columns or "*",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 
-from lagcli.api import pipeline
+from lagcli.api import derive
 from lagcli.cli import exits, json_output
 from lagcli.derivation import Derivation
 from lagcli.model.model import Model
@@ -26,7 +26,7 @@ def derived(model: Model, solve: bool, everything: bool, values: str, limit: flo
     """The derivation. Raises `exits.UsageError` for values of parameters there are not, `ModelError`."""
     names = [name.strip() for name in values.split(",") if name.strip()]
     try:
-        return pipeline.derive(model, solve=solve, everything=everything, values=names, limit=limit)
+        return derive.derive(model, solve=solve, everything=everything, values=names, limit=limit)
     except ValueError as error:
         raise exits.UsageError(f"--values: {error}") from None
 

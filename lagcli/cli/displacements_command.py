@@ -5,7 +5,7 @@ from __future__ import annotations
 from lagcli.analysis.displacements.components import Components
 from lagcli.analysis.displacements.displacement_set import Displacements
 from lagcli.analysis.displacements.internal_forces import Internal
-from lagcli.api import pipeline
+from lagcli.api import find_displacements
 from lagcli.cli import console, exits, json_output
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
@@ -21,7 +21,7 @@ METRICS = {
 def run(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bool) -> None:
     """Run to the time and tell. Raises `exits.UsageError`, `exits.Exit` where the motion does not get there."""
     try:
-        found = pipeline.displacements(model, at, assemble=True if assemble else None)
+        found = find_displacements.displacements(model, at, assemble=True if assemble else None)
     except ValueError as error:
         raise exits.UsageError(f"--{error}" if str(error).startswith("at: ") else str(error)) from None
     except SimulationStopped as stop:

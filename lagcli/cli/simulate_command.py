@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.api import pipeline
+from lagcli.api import prepare_run
+from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import console, exits, file_conflicts, json_output, signals, table_output
 from lagcli.equations import rows as row_lengths
 from lagcli.model import settings
@@ -104,10 +105,12 @@ class OutputOptions:
         yield from file_conflicts.stdout()
 
 
-def ready(model: Model, chosen: Simulation, wishes: OutputOptions) -> pipeline.Running:
+def ready(model: Model, chosen: Simulation, wishes: OutputOptions) -> SimulationRun:
     """The run, from its start or from a checkpoint. Raises `exits.UsageError`, `diagnostics.ModelError`."""
     try:
-        return pipeline.running(model, chosen, wishes.resume, wishes.limit, wishes.digits, may_be_over=True)
+        return prepare_run.prepare(
+            model, chosen, wishes.resume, wishes.limit, wishes.digits, may_be_over=True
+        )
     except checkpoint.CheckpointError as error:
         raise exits.UsageError(f"--resume {error}") from None
     except FileNotFoundError:
@@ -116,7 +119,7 @@ def ready(model: Model, chosen: Simulation, wishes: OutputOptions) -> pipeline.R
         raise exits.UsageError(f"--resume: cannot read {wishes.resume}: {error.strerror}") from None
 
 
-def run(ready: pipeline.Running, wishes: OutputOptions) -> None:
+def run(ready: SimulationRun, wishes: OutputOptions) -> None:
     """Integrate and write. Raises `exits.Exit` with 3 where the run stopped before its end."""
     picked = _picked(ready.columns, wishes, ready.by_name)
     everything = (*ready.columns, *ready.by_name)
@@ -155,7 +158,7 @@ def run(ready: pipeline.Running, wishes: OutputOptions) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def _require_rows_left(ready: pipeline.Running, wishes: OutputOptions) -> None:
+def _require_rows_left(ready: SimulationRun, wishes: OutputOptions) -> None:
     try:
         ready.require_rows_left()
     except checkpoint.CheckpointError as error:
@@ -171,7 +174,7 @@ def _picked(names: tuple[str, ...], wishes: OutputOptions, by_name: tuple[str, .
         raise exits.UsageError(f"--columns: {error}") from None
 
 
-def _tell_start(ready: pipeline.Running, wishes: OutputOptions, first: table_output.Before | None) -> None:
+def _tell_start(ready: SimulationRun, wishes: OutputOptions, first: table_output.Before | None) -> None:
     if wishes.quiet:
         return
     if first is not None:
@@ -195,7 +198,7 @@ def _tell_start(ready: pipeline.Running, wishes: OutputOptions, first: table_out
 
 
 def _write_rows(
-    ready: pipeline.Running,
+    ready: SimulationRun,
     wishes: OutputOptions,
     picked: list[int],
     written: table_output.TableOutput,
@@ -231,7 +234,7 @@ def _write_rows(
     return stopped
 
 
-def _blocks(ready: pipeline.Running, bar: console.Progress) -> Iterator[Floats]:
+def _blocks(ready: SimulationRun, bar: console.Progress) -> Iterator[Floats]:
     """The blocks of a run; an interrupt breaks off only what computes them."""
     blocks = ready.blocks()
     while True:
@@ -244,7 +247,7 @@ def _blocks(ready: pipeline.Running, bar: console.Progress) -> Iterator[Floats]:
 
 
 def _progress(
-    ready: pipeline.Running, wishes: OutputOptions
+    ready: SimulationRun, wishes: OutputOptions
 ) -> contextlib.AbstractContextManager[console.Progress]:
     # Rows and a bar on one terminal would overwrite each other.
     silent = wishes.quiet or (wishes.to_stdout and sys.stdout.isatty())
@@ -252,7 +255,7 @@ def _progress(
 
 
 def _account_of_ended(
-    ready: pipeline.Running, wishes: OutputOptions, outcome: Outcome, error: BaseException
+    ready: SimulationRun, wishes: OutputOptions, outcome: Outcome, error: BaseException
 ) -> None:
     """The account of the rows that are kept of a run that this has ended; what fails here does not hide it."""
     reason, code = str(error), trajectory.NOT_WRITTEN
@@ -287,7 +290,7 @@ def _write_account(wishes: OutputOptions, stats: Stats) -> None:
             print(json_output.text(account), flush=True)
 
 
-def _draw(ready: pipeline.Running, wishes: OutputOptions, kept: decimate.Thinned) -> None:
+def _draw(ready: SimulationRun, wishes: OutputOptions, kept: decimate.Thinned) -> None:
     """The figure, where one is asked for."""
     rows = kept.rows()
     if wishes.plot is not None and len(rows):
@@ -340,7 +343,7 @@ def _drawn(
     return tuple(names[i] for i in kept), rows[:, kept]
 
 
-def _zeros(ready: pipeline.Running, rows: Floats) -> list[str]:
+def _zeros(ready: SimulationRun, rows: Floats) -> list[str]:
     """The columns that are zero to rounding."""
     floors = ready.floors()
     floors.take(rows)

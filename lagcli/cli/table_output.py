@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.api import pipeline
+from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import exits, signals
 from lagcli.output import atomic_file, checkpoint_file
 from lagcli.output.tables import row_file, sinks
@@ -38,9 +38,7 @@ class Before:
         return f"with the {count} rows up to t = {self.t_end:.9g} of the run before, from {self.path}"
 
 
-def before(
-    ready: pipeline.Running, resume: str | None, file: str | None, names: Sequence[str]
-) -> Before | None:
+def before(ready: SimulationRun, resume: str | None, file: str | None, names: Sequence[str]) -> Before | None:
     """The rows before a resumed run, where it writes the same table and that table was never completed.
 
     Raises `exits.UsageError` where they do not fit together, for they would be lost.
@@ -72,7 +70,7 @@ def before(
     return Before(path, rows, point.mark.origin + point.mark.row)
 
 
-def require_kept(ready: pipeline.Running, resume: str | None, file: str | None) -> None:
+def require_kept(ready: SimulationRun, resume: str | None, file: str | None) -> None:
     """Refuse to replace the table of the run before by the rows after it alone. Raises `exits.UsageError`."""
     point = ready.resumed
     if point is None or point.table is None or file is None or resume is None:
@@ -86,7 +84,7 @@ def require_kept(ready: pipeline.Running, resume: str | None, file: str | None) 
         )
 
 
-def elsewhere(ready: pipeline.Running, resume: str | None) -> str:
+def elsewhere(ready: SimulationRun, resume: str | None) -> str:
     """Where the rows before a resumed run are if their table was never completed, as a sentence, or nothing."""
     point = ready.resumed
     if point is None or point.table is None or resume is None:
@@ -185,7 +183,7 @@ class TableOutput:
 
 @contextlib.contextmanager
 def opened(
-    ready: pipeline.Running, file: str | None, to_stdout: bool, names: Sequence[str]
+    ready: SimulationRun, file: str | None, to_stdout: bool, names: Sequence[str]
 ) -> Iterator[TableOutput]:
     """The table in a file, on standard output, or nowhere; trouble with it is told with its name.
 

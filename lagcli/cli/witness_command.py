@@ -43,11 +43,11 @@ class Wish:
             return Answer(self, None, reason, exits.INVALID)
         # Most checks need no witness, and its search no room of theirs.
         from lagcli.analysis.holonomy import witness
-        from lagcli.api import pipeline
+        from lagcli.api import assemble_start, cache
 
         if assemble or model.simulation.assemble:
-            model, _ = pipeline.assembled(model)
-        ready = pipeline.compiled(model)
+            model, _ = assemble_start.assembled(model)
+        ready = cache.compiled(model)
         found = witness.find(ready.system, ready.numeric, self.row, time.monotonic() + limit)
         if found is None:
             reason = f"undecided: no loop that shows `{self.row}` to be nonholonomic was found in {limit:g} s"

@@ -12,7 +12,8 @@ import sys
 import time
 from typing import Any
 
-from lagcli.api import pipeline
+import lagcli
+from lagcli.api import prepare_run, run_settings
 
 from . import models
 
@@ -25,12 +26,12 @@ def measure(kind: str, size: int) -> dict[str, Any]:
     """Seconds of each stage, of a step, and the peak of the memory in GB (None where the system does not say)."""
     text = models.chain(size, "distance") if kind == "chain" else models.cloth(size)
     clock = [time.perf_counter()]
-    model = pipeline.loads(text)
+    model = lagcli.loads(text)
     clock.append(time.perf_counter())
-    counted = pipeline.count(model)
+    counted = lagcli.dof(model)
     clock.append(time.perf_counter())
     wanted = {"duration": DURATIONS[kind], "samples": 2, "rtol": TOLERANCE, "atol": TOLERANCE}
-    running = pipeline.Running(model, pipeline.run_settings(model, wanted))
+    running = prepare_run.start(model, run_settings.chosen(model, wanted))
     clock.append(time.perf_counter())
     for _ in running.blocks():
         pass

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import lagcli
-from lagcli.api import pipeline
+from lagcli.api import cache
 from lagcli.compiled import bound_function
 from lagcli.model.model import Simulation
 from lagcli.simulation import step_tolerance
@@ -77,7 +77,7 @@ def _best(trigger: Callable[[], object], count: int) -> float:
 
 def _bound_step(model: Any, h: float) -> bound_function.BoundFunction:
     """The compiled step of lagcli at the start, bound as its driver binds it."""
-    ready = pipeline.compiled(model)
+    ready = cache.compiled(model)
     start = initial.declared(ready.system)
     t, y = np.zeros(1), np.concatenate([start.q, start.v, [0.0]])
     p = np.ascontiguousarray(start.p, dtype=float)

@@ -1,0 +1,136 @@
+"""`lagcli.audit`: a second opinion on a run, from its table and the model alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import progress
+from lagcli.api import prepare_run, run_settings
+from lagcli.api.load import Path, as_model
+from lagcli.api.simulate import simulate
+from lagcli.equations import row_jumps
+from lagcli.model.model import Model, Simulation
+from lagcli.output import table_columns
+from lagcli.output.trajectory import SimulationStopped, Trajectory
+from lagcli.simulation import run_stop, step_tolerance
+from lagcli.simulation.global_error import error_estimate
+
+if TYPE_CHECKING:
+    from lagcli.auditing.audit_report import Audit
+
+Floats = npt.NDArray[np.float64]
+
+MOST_AUDITED = 20001  # rows of a run that is made to be audited, where the model asks for fewer
+
+
+@progress.phase("auditing")
+def audit(
+    model: Model | Path,
+    run: Trajectory | Path | None = None,
+    *,
+    duration: float | None = None,
+    samples: int | None = None,
+    output_step: float | None = None,
+    method: str | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    assemble: bool | None = None,
+    digits: bool = False,
+) -> Audit:
+    """Check a run by its table and the model alone, without the functions that made it.
+
+    `run`: a trajectory, or the file of a table; without one the model is simulated now, with the other options as of
+    `simulate`. For a table that is given, `rtol` and `atol` say how well it was computed. `passed` says whether no
+    check fails, `checks` has each with its worst place and limit. Raises `ModelError`, `ValueError` for a table that
+    lacks columns and for bad options, `OSError`.
+    """
+    # Other commands audit nothing and read no tables.
+    from lagcli.auditing import all_checks, tolerances
+
+    changes = {
+        "duration": duration, "samples": samples, "output_step": output_step, "method": method, "rtol": rtol,
+        "atol": atol, "max_step": max_step, "assemble": assemble,
+    }  # fmt: skip
+    model = as_model(model)
+    chosen = run_settings.chosen(model, changes)
+    model = dataclasses.replace(model, simulation=chosen)
+    notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
+    if isinstance(run, Trajectory):
+        columns, rows = run.columns, run.rows
+    elif run is not None:
+        columns, rows, unread = _read(model, run)
+    else:
+        table, notes = _dense(model)
+        columns, rows = table.columns, table.rows
+    tolerance = tolerances.Tolerance(
+        chosen.rtol,
+        step_tolerance.absolute(chosen, table_columns.size(model, columns, rows)),
+        row_jumps.jumps(model),
+    )
+    found = all_checks.audit(model, columns, rows, tolerance, notes, unread)
+    found = dataclasses.replace(found, complete=not notes)
+    return _with_digits(found, model, columns, rows) if digits else found
+
+
+def _read(model: Model, path: Path) -> tuple[tuple[str, ...], Floats, tuple[str, ...]]:
+    """The columns of a file that are audited, their rows, and the columns that are not read.
+
+    Raises `OSError`, `read_table.UnreadableTable`, `table_input.TableError` where columns are missing.
+    """
+    from lagcli.auditing import all_checks
+    from lagcli.output.tables import read_table
+
+    table_file = read_table.opened(path)
+    columns = all_checks.wanted(model, table_file.columns)
+    known = set(columns)
+    unread = tuple(name for name in table_file.columns if name not in known)
+    return columns, table_file.take(columns), unread
+
+
+def _dense(model: Model) -> tuple[Trajectory, tuple[str, ...]]:
+    """A run whose rows stand as close as every second step, and why it stopped where it did."""
+    table, notes = _as_far(model, model.simulation)
+    wanted = min(table.stats.steps // 2 + 1, MOST_AUDITED)
+    if len(table.rows) >= wanted or notes:
+        return table, notes
+    return _as_far(model, dataclasses.replace(model.simulation, samples=wanted, output_step=None))
+
+
+def _as_far(model: Model, chosen: Simulation) -> tuple[Trajectory, tuple[str, ...]]:
+    """A run with these settings as far as it goes, and why it stopped where it did."""
+    try:
+        return simulate(dataclasses.replace(model, simulation=chosen)), ()
+    except SimulationStopped as stopped:
+        return stopped.trajectory, (f"only the rows before it are audited: {stopped.reason}",)
+
+
+def _with_digits(found: Audit, model: Model, columns: Sequence[str], rows: Floats) -> Audit:
+    """An audit with what is known of the error of its rows. Raises `ValueError` where the model does not give such
+    rows: they must begin with its start, at equal distances."""
+    t = rows[:, list(columns).index("t")]
+    if len(t) < 2 or t[0] != model.simulation.start:
+        raise ValueError("digits: the table has no rows from the start of the model on")
+    step, length = float(t[1] - t[0]), float(t[-1] - t[0])
+    is_even = abs(length - step * (len(t) - 1)) <= 1e-9 * length
+    rest = {"samples": len(t), "output_step": None} if is_even else {"samples": None, "output_step": step}
+    chosen = dataclasses.replace(model.simulation, duration=length, **rest)
+    again = prepare_run.start(model, chosen, digits=True)
+    at = {name: i for i, name in enumerate(columns)}
+    nothing = np.full(len(rows), np.nan)
+    wanted = again.columns[: -len(error_estimate.COLUMNS)]
+    table = np.column_stack([rows[:, at[name]] if name in at else nothing for name in wanted])
+    try:
+        known = again.of_table(table)
+    except run_stop.RunStop as stopped:
+        raise ValueError(f"digits: the repeated run {stopped.stop.reason}") from None
+    if known is None:
+        raise ValueError("digits: the rows of the table are not at equal times")
+    said = (*found.sentences, known.sentence) if known.sentence else found.sentences
+    return dataclasses.replace(found, digits=known.as_json(), sentences=said)

@@ -1,0 +1,87 @@
+"""`lagcli.check`: everything that can be said before a run."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from lagcli.analysis import check_report, codimension, free_particles, uniqueness
+from lagcli.analysis.check_report import Report
+from lagcli.analysis.classification import row_verdicts
+from lagcli.api import assemble_start, cache, count_dof, run_settings
+from lagcli.api.compiled_model import CompiledModel
+from lagcli.api.load import Path, as_model
+from lagcli.equations import cut_warnings, energy_jumps, system
+from lagcli.errors import diagnostics
+from lagcli.model.model import Model
+from lagcli.start import assembly_moves, initial, lipschitz
+
+
+def check(model: Model | Path, *, assemble: bool = False, limit: float | None = None) -> Report:
+    """Return verdicts, count, redundancy and consistency: the object behind `lagcli check --json`.
+
+    `assemble` looks at the nearest consistent start; `limit`: the seconds for proofs of integrability. Raises
+    `ModelError`, `ValueError`.
+    """
+    seconds = run_settings.seconds(limit)
+    model = as_model(model)
+    if free_particles.holds_for(model):
+        return free_particles.check(model)
+    ready = cache.compiled(model)
+    residuals = initial.residuals(ready.system, ready.numeric, initial.declared(ready.system))
+    moved = None
+    if (assemble or model.simulation.assemble) and not residuals.consistent:
+        model, done = assemble_start.assembled(model)
+        moved, ready = assembly_moves.moves(model, done), cache.compiled(model)
+    whole, examined = count_dof.examined(ready, seconds)
+    built, numeric, case = ready.system, ready.numeric, whole.case
+    found, counted = whole.found, examined.count
+    # A hidden condition has no multiplier of its own.
+    surface = codimension.examine(built, numeric, case.begin) if whole.conditions else examined.surface
+    multipliers = uniqueness.multipliers(built, numeric, examined.points, surface)
+    verdicts = (*row_verdicts.holonomic(model, tuple(row.name for row in built.rows.rows)), *found.verdicts)
+    if whole.conditions and moved is None:
+        residuals = initial.residuals(case.system, case.numeric, initial.declared(case.system))
+    faults = [
+        *_inertia(ready),
+        *(initial.inconsistencies(case.system, residuals) if moved is None else ()),
+    ]
+    return Report(
+        title=model.title,
+        path=model.path,
+        dof=counted,
+        constraints=tuple(
+            check_report.ConstraintReport(verdict, verdict.row in counted.redundant_rows, unique)
+            for verdict, unique in zip(verdicts, multipliers.unique, strict=True)
+        ),
+        null_vectors=multipliers.null_vectors,
+        joint=check_report.joint(counted, found),
+        initial=check_report.Initial(
+            residuals.of_positions,
+            residuals.of_velocities,
+            residuals.consistent,
+            moved,
+        ),
+        warnings=(
+            *model.warnings,
+            *built.warnings,
+            *cut_warnings.warnings(built),
+            *_jumps(built),
+            *lipschitz.warnings(built, numeric, case.begin),
+            *(dataclasses.replace(d, severity="warning") for d in faults),
+        ),
+    )
+
+
+def _jumps(built: system.System) -> tuple[diagnostics.Diagnostic, ...]:
+    """Where the start stands on a jump of the energy or of a place."""
+    place = built.model.simulation.start, *system.start(built.model)
+    return energy_jumps.warnings(built.jumps, place, system.values(built))
+
+
+def _inertia(ready: CompiledModel) -> tuple[diagnostics.Diagnostic, ...]:
+    """What `simulate` would refuse about the inertia of a model that can be classified and counted all the same."""
+    try:
+        initial.inertia(ready.system, ready.numeric, initial.declared(ready.system))
+    except diagnostics.ModelError as error:
+        return error.diagnostics
+    return ()

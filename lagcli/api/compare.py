@@ -1,0 +1,166 @@
+"""`lagcli.compare`: a model in every formulation that fits it, or two models, side by side."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagcli import progress
+from lagcli.api import prepare_run, run_settings
+from lagcli.api.compiled_model import CompiledModel
+from lagcli.api.known_integrals import KnownIntegrals
+from lagcli.api.load import Path, as_model
+from lagcli.api.simulation_run import SimulationRun
+from lagcli.equations import particle_form, size_limits
+from lagcli.model.model import Model, Simulation
+from lagcli.output import column_choice, table_columns
+from lagcli.simulation import run_stop
+
+if TYPE_CHECKING:
+    from lagcli.formulations.comparison import Comparison, Formulation
+
+COMPARED_ROWS = 101  # of tables that are compared, where no number of samples is given
+
+
+@progress.phase("comparing")
+def compare(
+    model: Model | Path,
+    other: Model | Path | None = None,
+    *,
+    columns: str = "*",
+    tolerance: float | None = None,
+    duration: float | None = None,
+    samples: int | None = None,
+    output_step: float | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    assemble: bool | None = None,
+) -> Comparison:
+    """Run a model in every formulation that fits it, or two models, and compare their shared columns.
+
+    `tolerance` (1e-8): the largest difference that passes, as a part of the largest value of its kind; `columns`:
+    patterns of the columns to compare; the other options as of `simulate` (samples: 101). `agree` is the verdict,
+    `agreements` has the digits. Raises `ModelError`, `ValueError` for bad options and models that share no column.
+    """
+    # Other commands compare nothing.
+    from lagcli.formulations import comparison, formulation_plan
+
+    model = as_model(model)
+    if tolerance is None:
+        tolerance = comparison.TOLERANCE
+    if not tolerance > 0:
+        raise ValueError("tolerance: a positive number is needed")
+    changes = {
+        "duration": duration, "samples": samples, "output_step": output_step, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "assemble": assemble,
+    }  # fmt: skip
+    second = None if other is None else as_model(other)
+    run = prepare_run.start(model, _settings(model, second, changes))
+    first = _table(formulation_plan.declared(model, len(run.built.rows.rows)), run)
+    kinds = comparison.kinds(model, [first.columns[i] for i in column_choice.select(first.columns, columns)])
+    left_out: list[str] = []
+    if second is None:
+        others = [(one, formulation_plan.comparable(model, one, kinds)) for one in _reformulated(run, first)]
+    else:
+        beside, shared, left_out = _beside(run, second, kinds)
+        others = [(beside, shared)]
+    near = np.zeros(len(first.table), dtype=bool)
+    if run.stats.singular_times:
+        states = table_columns.States(model, run.columns)(first.table)
+        near = formulation_plan.singular(run.numeric, states, run.parameters, run.rank)
+    found = formulation_plan.compared(first, others, tolerance, near)
+    if not left_out:
+        return found
+    note = f"not compared, for they are not unique in one of the models: {', '.join(left_out)}"
+    return dataclasses.replace(found, notes=(*found.notes, note))
+
+
+def _settings(model: Model, other: Model | None, changes: Mapping[str, Any]) -> Simulation:
+    """The settings of all runs: the first model's, as long as both last."""
+    given = {key: value for key, value in changes.items() if value is not None}
+    if not given.keys() & {"samples", "output_step"}:
+        given["samples"] = COMPARED_ROWS
+    chosen = run_settings.chosen(model, given)
+    if other is None:
+        return chosen
+    if other.simulation.start != model.simulation.start:
+        raise ValueError(f"{model.path} and {other.path} start at different times; give one start")
+    if "duration" not in given:
+        chosen = dataclasses.replace(chosen, duration=min(chosen.duration, other.simulation.duration))
+    return chosen
+
+
+def _beside(
+    run: SimulationRun, other: Model, kinds: Mapping[str, str]
+) -> tuple[Formulation, dict[str, str], list[str]]:
+    """Another model as it stands, the columns that it shares with a run, and those that are not unique in one of them.
+
+    Raises `ValueError` where they share none.
+    """
+    from lagcli.formulations import formulation_plan
+
+    chosen = dataclasses.replace(run.model.simulation, assemble=other.simulation.assemble, keep=())
+    beside = prepare_run.start(other, chosen)
+    second = _table(formulation_plan.declared(other, len(beside.built.rows.rows)), beside)
+    shared = {name: kind for name, kind in kinds.items() if name in second.columns}
+    if not shared:
+        raise ValueError(f"{run.model.path} and {other.path} share none of these columns")
+    loose = {f"lambda.{name}" for one in (run, beside) for name in one.stats.indeterminate}
+    unique = {name: kind for name, kind in shared.items() if name not in loose}
+    return second, unique, [name for name in shared if name in loose]
+
+
+def _reformulated(run: SimulationRun, first: Formulation) -> Iterator[Formulation]:
+    """The model of a run in the other formulations that fit it, from the same start."""
+    from lagcli.formulations import formulation_plan, reduced_run
+
+    if not len(first.table):
+        return
+    (t,), (q,), (v,) = table_columns.States(run.model, run.columns)(first.table[:1])
+    if formulation_plan.has_dependent(run.model):
+        freed = particle_form.model(run.built, float(t), q, v)
+        size_limits.require_built(freed)
+        ready = CompiledModel(particle_form.build(run.built, freed))
+        yield _table("freed", prepare_run.start_compiled(ready, KnownIntegrals()))
+    if formulation_plan.is_reducible(first.rows, first.coordinates):
+        chosen = dataclasses.replace(run.model.simulation, start=float(t), assemble=False, keep=())
+        table, account, stop = reduced_run.run(run.built, run.grid, (q, v, run.parameters), chosen)
+        yield dataclasses.replace(
+            first,
+            name="reduced",
+            rows=0,
+            steps=account.steps,
+            seconds=account.seconds,
+            table=table,
+            stopped="" if stop is None else f"stopped at t = {stop.t:.9g}: {stop}",
+        )
+
+
+def _table(name: str, run: SimulationRun) -> Formulation:
+    """A run to its end, or as far as it goes."""
+    from lagcli.formulations.comparison import Formulation
+
+    blocks, stopped = [np.zeros((0, len(run.columns)))], ""
+    try:
+        for block in run.blocks():
+            blocks.append(block)
+    except run_stop.RunStop as stop:
+        stopped = stop.stop.reason
+    n, stats = len(run.model.coordinate_names), run.stats
+    return Formulation(
+        name=name,
+        path=run.model.path,
+        coordinates=n,
+        freedoms=n - run.rank,
+        rows=len(run.built.rows.rows),
+        steps=stats.steps,
+        seconds=stats.solve_seconds,
+        columns=run.columns,
+        table=np.concatenate(blocks),
+        exchanged=run.exchanged,
+        stopped=stopped,
+    )

@@ -1,0 +1,40 @@
+"""`lagcli.dof`: the degrees of freedom of a model."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from lagcli.analysis import dof as counting
+from lagcli.analysis import free_particles
+from lagcli.analysis.classification import hidden_conditions
+from lagcli.analysis.dof import DofCount
+from lagcli.api import cache, run_settings
+from lagcli.api.compiled_model import CompiledModel
+from lagcli.api.load import Path, as_model
+from lagcli.model.model import Model
+
+
+def dof(model: Model | Path, *, limit: float | None = None) -> DofCount:
+    """Count the degrees of freedom; `configuration_dof` is None where it is undecided, with the `reason`.
+
+    `limit`: the seconds for proofs of integrability. Raises `ModelError`, `ValueError`.
+    """
+    seconds = run_settings.seconds(limit)
+    model = as_model(model)
+    if free_particles.holds_for(model):
+        return free_particles.count(model)
+    return examined(cache.compiled(model), seconds)[1].count
+
+
+def examined(ready: CompiledModel, limit: float) -> tuple[hidden_conditions.Classified, counting.Examined]:
+    """The classification and the count, with the hidden conditions among the rows."""
+    whole = hidden_conditions.classified(ready.system, ready.numeric, limit)
+    case = whole.case
+    found = counting.examine(case.system, case.numeric, case.begin, whole.found)
+    own = {hidden_conditions.equation(one) for one in whole.conditions}
+    counted = dataclasses.replace(
+        found.count,
+        notes=(*whole.notes, *found.count.notes),
+        redundant_rows=tuple(name for name in found.count.redundant_rows if name not in own),
+    )
+    return whole, dataclasses.replace(found, count=counted)

@@ -1,0 +1,76 @@
+"""`lagcli.displacements`: allowed and virtual displacements at a time."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+from lagcli import progress
+from lagcli.api import assemble_start, cache, run_settings
+from lagcli.api.load import Path, as_model
+from lagcli.api.simulate import simulate
+from lagcli.model.model import Model
+from lagcli.output import table_columns
+from lagcli.start import assembly, assembly_moves, initial
+
+if TYPE_CHECKING:
+    from lagcli.analysis.displacements.displacement_set import Displacements
+
+
+@progress.phase("looking for displacements")
+def displacements(
+    model: Model | Path,
+    at: float | None = None,
+    *,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    assemble: bool | None = None,
+) -> Displacements:
+    """Return bases of the allowed (D.6) and virtual (D.9) displacements at a time, by default the start.
+
+    Also the dependent and independent components (D.16), and whether forces between particles are central. Options
+    as of `simulate`. Raises `ModelError`, `ValueError` for a time before the start, `SimulationStopped`.
+    """
+    # Other commands look for no displacements.
+    from lagcli.analysis.displacements import displacement_set
+
+    model = as_model(model)
+    changes = {"rtol": rtol, "atol": atol, "max_step": max_step, "assemble": assemble}
+    chosen = run_settings.chosen(model, changes)
+    model = dataclasses.replace(model, simulation=chosen)
+    n = len(model.coordinate_names)
+    most = displacement_set.MOST_COORDINATES
+    if n > most:
+        raise ValueError(f"the model has {n} coordinates, and bases are dense: up to {most} are looked at")
+    if at is None:
+        return _at_start(model)
+    if not 0 <= at - chosen.start < float("inf"):
+        raise ValueError(f"at: a time from the start on, t = {chosen.start:g}, is needed")
+    run = simulate(model, duration=at - chosen.start, samples=2)
+    ready = cache.compiled(model)
+    (t,), (q,), (v,) = table_columns.States(model, run.columns)(run.rows[-1:])
+    state = initial.State(float(t), q, v, initial.declared(ready.system).p)
+    return displacement_set.displacements(ready.system, ready.numeric, state)
+
+
+def _at_start(model: Model) -> Displacements:
+    """Those at the start, whose velocities need not fit the rows: no row depends on them."""
+    from lagcli.analysis.displacements import displacement_set
+
+    moved = None
+    if model.simulation.assemble:
+        model, done = assemble_start.assembled(model)
+        moved = assembly_moves.moves(model, done)
+    ready = cache.compiled(model)
+    start = initial.declared(ready.system)
+    residuals = initial.residuals(ready.system, ready.numeric, start)
+    if any(residuals.in_position(i) for i in residuals.violated):
+        assembly.require_consistent(ready.system, ready.numeric, start, residuals)
+    notes = (
+        ()
+        if residuals.consistent
+        else tuple(d.message for d in initial.inconsistencies(ready.system, residuals))
+    )
+    found = displacement_set.displacements(ready.system, ready.numeric, start)
+    return dataclasses.replace(found, assembled=moved, notes=notes)

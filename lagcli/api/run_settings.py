@@ -1,0 +1,40 @@
+"""What a run is made with: the settings of the file and those that a caller gives in their place."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from lagcli.model import settings
+from lagcli.model.model import Model, Simulation
+
+REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol", "max_step"))
+
+
+def chosen(model: Model, changes: Mapping[str, Any]) -> Simulation:
+    """The settings of the file, with `changes` that are not None. Raises `ValueError`, `TypeError`."""
+    given = {key: value for key, value in changes.items() if value is not None}
+    unknown = given.keys() - {field.name for field in dataclasses.fields(Simulation)}
+    if unknown:
+        raise TypeError(f"there is no setting `{min(unknown)}`")
+    for key in given.keys() & REAL_SETTINGS:
+        given[key] = float(given[key])
+    if "samples" in given and "output_step" in given:
+        raise ValueError("samples and output_step both set the times of the rows; give one of them")
+    if "samples" in given:
+        given["output_step"] = None
+    changed = dataclasses.replace(model.simulation, **given)
+    faults = [f"{key}: {message}" for key, message in settings.faults(changed)]
+    if faults:
+        raise ValueError("; ".join(faults))
+    return changed
+
+
+def seconds(limit: float | None) -> float:
+    """The limit, or `settings.LIMIT` where it is None. Raises `ValueError` for one that is none."""
+    if limit is None:
+        return settings.LIMIT
+    if not limit >= 0:  # nan neither
+        raise ValueError("limit: a number of seconds is needed, 0 or more")
+    return limit

@@ -1,0 +1,82 @@
+"""`lagcli.simulate`: the whole run of a model as a table in memory."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from lagcli import progress
+from lagcli.api import prepare_run, run_settings
+from lagcli.api.load import Path, as_model
+from lagcli.model.model import Model
+from lagcli.output import checkpoint_file, column_choice
+from lagcli.output.trajectory import SimulationStopped, Trajectory
+from lagcli.simulation import run_stop
+
+
+@progress.phase("simulating")
+def simulate(
+    model: Model | Path,
+    *,
+    start: float | None = None,
+    duration: float | None = None,
+    samples: int | None = None,
+    output_step: float | None = None,
+    method: str | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    assemble: bool | None = None,
+    keep: Sequence[str] | None = None,
+    columns: str = "*",
+    digits: bool = False,
+    limit: float | None = None,
+    checkpoint: Path | None = None,
+    resume: Path | None = None,
+) -> Trajectory:
+    """Integrate m a = F + sum lambda_i B_i (D.24) and return the table.
+
+    What is None is as the model says. `samples` (both ends counted) or `output_step` say where the rows are; `max_step`
+    is what no step is longer than; `assemble` moves the start to the nearest consistent state, without the coordinates
+    in `keep`; `columns` takes patterns ("t,lambda.*"); `digits` adds columns `err.*` and `run.digits`, from a second
+    run; `limit` is the seconds to find the first integrals that are enforced; `checkpoint` and `resume` are files to
+    keep the state of the run in and to go on from: rows then begin after the last one of the run before.
+    Raises `ModelError` where the start is inconsistent, `ValueError` for bad options and for a checkpoint that belongs
+    to a different run, `OSError`, `SimulationStopped` where the integration cannot go on.
+    """
+    model = as_model(model)
+    began = time.perf_counter()
+    changes = {
+        "start": start, "duration": duration, "samples": samples, "output_step": output_step, "method": method,
+        "rtol": rtol, "atol": atol, "max_step": max_step, "assemble": assemble,
+        "keep": None if keep is None else tuple(keep),
+    }  # fmt: skip
+    run = prepare_run.prepare(model, run_settings.chosen(model, changes), resume, limit, digits)
+    picked = column_choice.select(run.columns, columns, run.by_name)
+    everything = (*run.columns, *run.by_name)
+    names = tuple(everything[i] for i in picked)
+    keeper = checkpoint_file.Keeper(checkpoint) if checkpoint is not None else None
+    blocks = [np.zeros((0, len(names)))]
+    stop: run_stop.Stop | None = None
+    try:
+        for block in run.blocks():
+            blocks.append(run.taken(block, picked))
+            if keeper is not None:
+                keeper.take(run.checkpoint())
+    except run_stop.RunStop as stopped:
+        stop = stopped.stop
+    finally:
+        if keeper is not None:
+            keeper.write()
+    rows = np.concatenate(blocks)
+    blocks.clear()  # freeing memory takes its time too
+    # What is left of the wall time went into the rows: taken together, chosen, kept.
+    stats = run.stats
+    seconds = time.perf_counter() - began - stats.compile_seconds
+    result = Trajectory(names, rows, dataclasses.replace(stats, solve_seconds=seconds), run.notes)
+    if stop is not None:
+        raise SimulationStopped(stop.reason, stop.t, result)
+    return result
