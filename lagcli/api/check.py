@@ -73,7 +73,7 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
 
 
 def _jumps(built: system.System) -> tuple[diagnostics.Diagnostic, ...]:
-    """Where the start stands on a jump of the energy or of a place."""
+    """Warnings of potentials, Lagrangians and places that jump."""
     place = built.model.simulation.start, *system.start(built.model)
     return energy_jumps.warnings(built.jumps, place, system.values(built))
 
