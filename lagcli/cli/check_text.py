@@ -133,7 +133,7 @@ def count(found: DofCount) -> list[str]:
     if m:
         lines.append(f"m = {_number(m, 'independent nonholonomic constraint')}")
         total = f"{found.coordinates} - {s} - {m} = {found.velocity_dof}"
-        lines.append(f"freedoms of the velocities: {label} - s - m = {total}")
+        lines.append(f"velocity degrees of freedom: {label} - s - m = {total}")
     lines += [f"note: {note}" for note in found.notes]
     lines.append(f"proof: {found.proof}")
     return [diagnostics.printable(line) for line in lines]

@@ -24,7 +24,7 @@ signals.before_end(atomic_file.sweep)
 
 
 class Exit(Exception):
-    """Ends the command with a code; everything there is to say has been said."""
+    """Exit with this code; all output has been printed."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
