@@ -18,7 +18,7 @@ import lagcli
 from lagcli.api import cache
 from lagcli.compiled import bound_function
 from lagcli.model.model import Simulation
-from lagcli.simulation import step_tolerance
+from lagcli.simulation import method, step_tolerance
 from lagcli.start import initial
 
 from . import models, networks, yardstick
@@ -83,9 +83,10 @@ def _bound_step(model: Any, h: float) -> bound_function.BoundFunction:
     p = np.ascontiguousarray(start.p, dtype=float)
     rate = bound_function.BoundFunction(ready.numeric.rhs, [t, y, p])
     rate.trigger()
-    allowed = step_tolerance.of_steps(Simulation(rtol=ASKED, atol=ASKED))
+    settings = Simulation(rtol=ASKED, atol=ASKED)
+    allowed = step_tolerance.of_steps(settings)
     return bound_function.BoundFunction(
-        ready.functions.scheme.step, [t, np.array([h]), y, rate.results[0], allowed, p]
+        ready.functions.scheme(method.of(settings)).step, [t, np.array([h]), y, rate.results[0], allowed, p]
     )
 
 
