@@ -418,12 +418,11 @@ def functions(model: lagcli.Model) -> list[Any]:
         built.outputs,
     ]
     function = casadi.Function("all", inputs, outputs)
-    p = system.parameter_values(model, built.bodies)
     found = []
     for seed in range(3):
         random = np.random.default_rng(seed)
         point = [random.normal(size=part.numel()) for part in inputs]
-        point[3] = p
+        point[3] = system.values(built)
         found += [np.array(part) for part in function(*point)]
     return found
 
