@@ -1,4 +1,4 @@
-"""What can be said about a model without integrating it.
+"""Statements about a model that need no integration of it.
 
 In: `system.System` and a consistent state
 Out: counts, verdicts, multiplier uniqueness, displacements

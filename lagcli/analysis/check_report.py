@@ -124,7 +124,7 @@ class Initial:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Report:
-    """What `check` finds; `report["dof"]` reads as in JSON."""
+    """The findings of `check`; `report["dof"]` reads as in JSON."""
 
     title: str
     path: str

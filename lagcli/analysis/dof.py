@@ -176,7 +176,7 @@ def _redundant(numeric: NumericSystem, point: State, said: list[int], surface: C
 
 
 def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
-    """Which rows depend on rows before them. Of very many they are looked for among rows that share a circuit."""
+    """The rows that depend on rows before them. Of very many they are looked for among rows that share a circuit."""
     found = rank.rank(rows).value if rows.is_large else None
     if found is None:
         return rank.redundant(rows)
@@ -190,7 +190,7 @@ def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
 
 
 def _bounds(n: int, surface: Codimension, total: int, found: Classification) -> tuple[int, int]:
-    """What is known without the groups that are undecided: their rows may be integrable or not."""
+    """The bounds without the groups that are undecided: their rows may be integrable or not."""
     decided = [group.flag for group in found.groups if group.is_decided]
     integrable, other = sum(flag[-1] for flag in decided), sum(flag[0] - flag[-1] for flag in decided)
     ends = n - total + other, n - (surface.codimension or 0) - integrable
@@ -233,7 +233,7 @@ def _notes(on: _Ranks, surface: Codimension, rank_beyond: int) -> tuple[str, ...
 
 
 def _undecided_tip(numeric: NumericSystem, state: State, whole: list[int]) -> str:
-    """Whether gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`)."""
+    """Say that gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`), or nothing."""
     direction = np.random.default_rng(SEED).standard_normal(state.q.size)
     # Where a gradient vanishes second derivatives have been looked at (`codimension`).
     gradients = metric_rows.LocalRows(numeric.whole(state.t, state.q, state.p)[1])

@@ -1,4 +1,4 @@
-"""What to do about rows of which it is not known how many freedoms they take: only what is true of these rows."""
+"""Advice about rows of which it is not known how many freedoms they take: only what is true of these rows."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _hint(system: System, numeric: NumericSystem, state: State, rows: list[int])
 
 
 def _dependent_beside(numeric: NumericSystem, state: State, rows: list[int]) -> list[int]:
-    """Which of the rows depend on the others of them at places beside the surface, where most are independent."""
+    """The rows that depend on the others of them at places beside the surface, where most are independent."""
     random = np.random.default_rng(SEED)
     best: list[int] = rows
     for _ in range(PLACES):

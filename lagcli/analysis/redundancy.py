@@ -54,7 +54,7 @@ def begin(
     whole: tuple[System, NumericSystem] | None = None,
     orbits: Sequence[Orbit] = (),
 ) -> StartSelection:
-    """How a run begins from a consistent state. Raises `diagnostics.ModelError`, by name, where none can.
+    """The rows that a run begins with from a consistent state. Raises `diagnostics.ModelError`, by name, if none can.
 
     whole: the system with the hidden conditions of its rows, to whose surface the motion keeps; orbits: where motions
     from the start were followed, which may keep to a place where rows are dependent.

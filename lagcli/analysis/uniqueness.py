@@ -1,4 +1,4 @@
-"""Which multipliers are unique at generic points of the constraint surface, and the null vectors of B^T by name.
+"""The multipliers that are unique at generic points of the constraint surface, and the null vectors of B^T by name.
 
 lambda_i is unique if and only if no null vector has a weight on row i (D.13-D.22: B^T lambda is given, and a null
 vector makes no force). The start may be special: a weight may vanish there, and rows may be dependent there alone.

@@ -79,7 +79,7 @@ def _jumps(built: system.System) -> tuple[diagnostics.Diagnostic, ...]:
 
 
 def _inertia(ready: CompiledModel) -> tuple[diagnostics.Diagnostic, ...]:
-    """What `simulate` would refuse about the inertia of a model that can be classified and counted all the same."""
+    """The refusals of `simulate` about the inertia of a model that can be classified and counted all the same."""
     try:
         initial.inertia(ready.system, ready.numeric, initial.declared(ready.system))
     except diagnostics.ModelError as error:

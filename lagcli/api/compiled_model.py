@@ -39,7 +39,7 @@ class CompiledModel:
         return known
 
     def with_values(self, model: Model) -> CompiledModel | None:
-        """The same functions for other values of parameters and start, or None where they do not fit."""
+        """These functions for other values of parameters and start, or None where they do not fit."""
         moved = system.with_values(self.system, model)
         if moved is None:
             return None

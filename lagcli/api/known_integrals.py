@@ -29,7 +29,7 @@ class KnownIntegrals:
 
 
 def search(built: system.System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
-    """What is found in `limit` seconds. Where numbers show that there are none, no algebra is asked."""
+    """The integrals found in `limit` seconds. Where numbers show that there are none, no algebra is asked."""
     try:
         case = _case(built, numeric)
         if classify.certainly_nonholonomic(case):

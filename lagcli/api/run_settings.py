@@ -1,4 +1,4 @@
-"""What a run is made with: the settings of the file and those that a caller gives in their place."""
+"""The settings of a run: those of the file and those that a caller gives in their place."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class PreparedRun:
-    """What a run goes with.
+    """All that a run goes with.
 
     `start`: the state at its start, assembled where that was wanted; `integrals`: those that are held; `seconds`: the
     time this took; `conditions`: hidden conditions among the rows; `reference`: the same run repeated, for columns of
@@ -99,7 +99,7 @@ class SimulationRun:
 
     @property
     def built(self) -> system.System:
-        """What is integrated."""
+        """The system that is integrated."""
         return self._system
 
     @property
@@ -137,7 +137,7 @@ class SimulationRun:
         return block[:, picked]
 
     def _fallen_inertia(self) -> str:
-        """What inertia a run has lost where it stopped, as a sentence, or nothing."""
+        """The inertia that a run has lost where it stopped, as a sentence, or nothing."""
         start, inertia = self._start, self._numeric.inertia
         now = inertia(self.t, *np.split(self._run.y[:-1], 2), start.p)
         return singular_inertia.fallen(
@@ -153,7 +153,7 @@ class SimulationRun:
         return led_off.reason(self._system, self._prepared.conditions, state, a)
 
     def of_table(self, rows: Floats) -> Accuracy | None:
-        """What is known of the error of a table of this run; of one with `digits`, in place of `blocks`."""
+        """The known error of a table of this run; of one with `digits`, in place of `blocks`."""
         assert self._paired is not None
         self._floors.take(rows)
         return self._known(self._paired.of_table(rows))
@@ -163,7 +163,7 @@ class SimulationRun:
         return self.floors()
 
     def floors(self) -> table_columns.Floors:
-        """What is zero to rounding in a table of this run, when it has taken its rows."""
+        """Limits of what is zero to rounding in a table of this run, when it has taken its rows."""
         return table_columns.Floors(self._system, self._numeric, self._start.p, self.columns)
 
     def _known(self, found: Accuracy | None) -> Accuracy | None:
@@ -184,7 +184,7 @@ class SimulationRun:
         self._run.require_rows_left()
 
     def checkpoint(self) -> checkpoints.Checkpoint:
-        """Where to go on from after all blocks so far; for the time between two of them, or after the last."""
+        """The state to go on from after all blocks so far; for the time between two of them, or after the last."""
         return checkpoints.Checkpoint(
             self._identity, (self._paired or self._run).mark(), self._prepared.integrals
         )
@@ -195,7 +195,7 @@ class SimulationRun:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What there is to say so far: multipliers that are not unique, singular configurations that were passed,
+        """Remarks so far: multipliers that are not unique, singular configurations that were passed,
         integrals that are not held all the time."""
         account = self._run.account
         return (

@@ -1,4 +1,4 @@
-"""What an audit found: the checks, each with its worst place and the limit it was held against, and sentences."""
+"""The findings of an audit: the checks, each with its worst place and the limit it was held against, and sentences."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class Audit:
 
     @property
     def conclusion(self) -> str:
-        """What to make of the checks, in a sentence."""
+        """The verdict of all checks, in a sentence."""
         failed = sum(check.verdict == "fail" for check in self.checks)
         if failed:
             word = "checks fail" if failed > 1 else "check fails"
@@ -156,7 +156,7 @@ class Audit:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class CheckedLaw:
-    """What a check is called, the law it is about and its equation."""
+    """The name of a check, the law it is about and its equation."""
 
     name: str
     law: str

@@ -156,7 +156,7 @@ class Tape:
 
 
 class Gradient:
-    """What is collected at the leaves, an array (T, width) of each kind."""
+    """The derivatives collected at the leaves, an array (T, width) of each kind."""
 
     def __init__(self, data: Directions) -> None:
         self._data = data

@@ -152,7 +152,7 @@ class RecordedMotion:
         )
 
     def _resolved(self) -> Array:
-        """Whether the rows are close enough for each coordinate, (T, n); generalized ones carry particles."""
+        """True where the rows are close enough for each coordinate, (T, n); generalized ones carry particles."""
         slow, slow_x = self._e.is_resolved
         found = slow.copy()
         found[:, self._e.laws.cast.first_generalized :] &= np.all(slow_x, axis=1, keepdims=True)

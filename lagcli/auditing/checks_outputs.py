@@ -28,8 +28,8 @@ COLUMNS = CheckedLaw(
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class RecomputedResults:
-    """What a run was solved for at T rows: lambda (T, C), R and a of all particles, (T, 3 N); a is nan where it does
-    not follow from the row: `lagrangian` of a velocity."""
+    """The results a run was solved for at T rows: lambda (T, C), R and a of all particles, (T, 3 N); a is nan where
+    it does not follow from the row: `lagrangian` of a velocity."""
 
     lam: Array
     R: Array
@@ -164,7 +164,7 @@ class _Outputs:
         return np.concatenate(found, axis=1)
 
     def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Any:
-        """What stands in outputs alone; index vectors (K,) of a family give (T, K)."""
+        """The value of what stands in outputs alone; index vectors (K,) of a family give (T, K)."""
         if isinstance(node, tree.Call):
             return self._called(node, variables)
         assert isinstance(node, (tree.Name, tree.Member, tree.Index))

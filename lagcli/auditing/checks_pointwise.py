@@ -36,7 +36,7 @@ def constraints(e: Evidence) -> list[Check]:
 
 
 def demand(e: Evidence) -> list[Check]:
-    """What the forces do to B v + b, without any difference of rows; of models in Cartesian coordinates alone."""
+    """The demand of the forces on B v + b, without any difference of rows; of models in Cartesian coordinates alone."""
     laws, rows = e.laws, e.looked_at
     r = e.record.part(rows)
     if not laws.C or len(laws.cast.coordinates) or laws.model.lagrangian is not None:
@@ -134,7 +134,7 @@ def carried(e: Evidence) -> list[Check]:
 
 
 def _reaction_noise(e: Evidence) -> Array:
-    """How far R of dependent particles may be off, (T, 3 Nd): by rounding, and as F is."""
+    """The noise of R of dependent particles, (T, 3 Nd): by rounding, and as F is."""
     cast = e.laws.cast
     size = np.abs(e.record.R_x)
     noise = e.particle_noise[:, cast.dependent].reshape(size.shape)

@@ -230,14 +230,14 @@ def _shown_push(grid: TableSteps, found: list[Quantity]) -> Array:
 
 
 def _pushed(h: Array, one: Quantity, push: Array) -> Array:
-    """What a push (T - 1,) within the steps may change, (T - 1, k)."""
+    """The most that a push (T - 1,) within the steps may change, (T - 1, k)."""
     if one.second is None:
         return np.asarray((h * push)[:, None] * one.root)
     return np.asarray((h * h * push)[:, None] / one.root)
 
 
 def _too_far(grid: TableSteps, one: Quantity) -> Array:
-    """Where a particle is farther from its last place than it can come, however fast it swings between the rows."""
+    """True where a particle is farther from its last place than it can come, however fast it swings between rows."""
     if one.second is None:
         return np.zeros((len(grid.h), one.y.shape[1]), dtype=bool)
     h = grid.h[:, None]

@@ -95,7 +95,7 @@ class DifferenceGrid:
         return best
 
     def resolved(self, y: Array, noise: Array) -> Array:
-        """Whether columns y (T, k) vary slowly enough for the spacing, (T, k): wider stencils come closer together."""
+        """True where columns y (T, k) vary slowly enough for the spacing: wider stencils come closer together."""
         if len(self._stencils) < 3:
             return np.zeros(y.shape, dtype=bool)
         slopes, spread = [], np.zeros(y.shape)
@@ -128,7 +128,7 @@ class DifferenceGrid:
 
     @staticmethod
     def _mistimed(y: Array) -> Array:
-        """What the rounding of times does to integrals of columns y (T, k), as a part of the largest time, (T, k).
+        """The effect of the rounding of times on integrals of columns y (T, k), as a part of the largest time, (T, k).
 
         Each time is an end of two steps: with an integrand that stays the same no more is left of them all than of the
         first and the last.
@@ -145,7 +145,7 @@ class DifferenceGrid:
         return np.asarray(_widest(np.maximum(ends[1:], ends[:-1]), 1) * self._steps[:, None])
 
     def roughness(self, y: Array, rate: Array) -> Array:
-        """What a jump or a kink of the rates (T, k) may do to the derivative of columns y (T, k), (T, k).
+        """The effect that a jump or a kink of the rates (T, k) may have on the derivative of columns y (T, k), (T, k).
 
         A stencil across a kink converges by chance: two widths agree and both are wrong. Differences of high order
         show the kink, of y and of its rates alike; what one of them alone shows is an error of the table and excuses

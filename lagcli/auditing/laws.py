@@ -27,7 +27,7 @@ CHUNK = 200_000  # values of one array: what a cache holds
 
 @dataclasses.dataclass(slots=True)
 class LawValues:
-    """What the model says at T rows.
+    """The values of a model at T rows.
 
     x, u, x_t (T, 3 Nd): positions, velocities and explicit rates of the dependent particles; f (T, s); w = B v + b,
     b (T, C); pull (T, n) = B^T lambda (D.22). V, V_t (T,); V_q (T, n), V_x (T, 3 Nd). L, L_t (T,); L_q, L_v (T, n);
@@ -124,7 +124,7 @@ class ModelLaws:
         return self._pull(true, free, *self._laid(free), lam)
 
     def pattern(self, t: Array, q: Array, v: Array) -> Array:
-        """Which coordinates stand in which rows, bool (C, n): whatever a rate that is no number spoils."""
+        """True for the coordinates that stand in a row, bool (C, n): whatever a rate that is no number spoils."""
         if self._pattern is None:
             n = q.shape[1]
             moving = np.tile(v[:1], (n, 1))

@@ -1,4 +1,4 @@
-"""What the names of a model stand for at the rows of a table: arrays (T, K) on a tape."""
+"""The values of the names of a model at the rows of a table: arrays (T, K) on a tape."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ class ModelOnTable:
 
 
 class _ModelNames:
-    """What the leaves of one expression stand for."""
+    """The values of the leaves of one expression."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""What the forces do between two rows of a table: a pulse there changes velocities, and no row shows it."""
+"""Forces between two rows of a table: a pulse there changes velocities, and no row shows it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FORWARD = 2.0  # of the largest push in a step: how far the reactions may pass i
 
 
 def hidden_push(e: Evidence, steps: Array, shown: Array) -> Array:
-    """How much larger the forces are between the rows of steps than at their ends, (T - 1,).
+    """The excess of the forces between the rows of steps over those at their ends, (T - 1,).
 
     steps (K,): those in question, the worst first; others are 0, and so is what is no larger than `shown` (T - 1,).
     A push is divided by the root of the mass: in that metric reactions to a force are not larger than the force.

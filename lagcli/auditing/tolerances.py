@@ -1,4 +1,4 @@
-"""What all checks share: the record, what the model says at its rows, and how well each of it is known.
+"""The ground of all checks: the record, what the model says at its rows, and how well each of it is known.
 
 A run is made to a tolerance, so its states are off by delta = rtol |y| + atol. What a quantity gains by that is
 measured: everything is evaluated once more at states moved by delta with random signs. A limit is `SAFETY` times
@@ -34,8 +34,8 @@ COST = 3e8  # of the singular values of B, in multiplications
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Tolerance:
-    """How far a table may be from the laws: the tolerance of the run, and the constants by which rows jump where an
-    angle passes its cut, by number of the row."""
+    """The distance a table may have from the laws: the tolerance of the run, and the constants by which rows jump where
+    an angle passes its cut, by number of the row."""
 
     rtol: float
     atol: float
@@ -91,16 +91,16 @@ class Evidence:
 
     @functools.cached_property
     def moved_values(self) -> LawValues:
-        """What the model says at those, at times moved by their rounding: a force may jump at a row."""
+        """The values of the model at those states, at times moved by their rounding: a force may jump at a row."""
         t = self.record.t
         return self.laws.values(t + differences.CLOCK * np.abs(t).max(), *self.moved, self.record.lam)
 
     def noise(self, name: str) -> Array:
-        """How far one of the `Values` may be off, of its own shape, time first."""
+        """The noise of one of the `Values`, of its own shape, time first."""
         return self.spread(getattr(self.values, name), getattr(self.moved_values, name))
 
     def spread(self, one: Array, moved: Array) -> Array:
-        """The same for any quantity from its values at the states and at the moved ones."""
+        """The noise of any quantity from its values at the states and at the moved ones."""
         change = np.abs(one - moved)
         flat = change.reshape(len(change), int(np.prod(change.shape[1:])))
         usual = _usual(flat)
@@ -120,7 +120,7 @@ class Evidence:
 
     @functools.cached_property
     def is_resolved(self) -> tuple[Array, Array]:
-        """Whether the spacing resolves the motion of coordinates (T, n) and of dependent particles (T, 3 Nd).
+        """True where the spacing resolves the motion of coordinates (T, n) and of dependent particles (T, 3 Nd).
 
         The recorded rates say so, or the forces and reactions: an error in one of them leaves the others smooth.
         """
@@ -145,9 +145,9 @@ class Evidence:
 
     @functools.cached_property
     def is_fast(self) -> Array:
-        """Where particles can swing faster than the rows show, (T, n): the forces, those of the rows at the same lambda
-        included, change so much with the positions that (step)^2 dF/dr > m. Sampled so far apart, a swing looks slow.
-        """
+        """True where particles can swing faster than the rows show, (T, n): the forces, those of the rows at the same
+        lambda included, change so much with the positions that (step)^2 dF/dr > m. Sampled so far apart, a swing
+        looks slow."""
         found = np.zeros(self.record.q.shape, dtype=bool)
         own = self.laws.cast.first_generalized
         if own and len(found) > 1:
@@ -171,7 +171,7 @@ class Evidence:
         return not (self.is_coarse[0].any() or self.is_coarse[1].any())
 
     def unaliased(self, residual: Array, limit: Array, judged: Array) -> Array:
-        """What can be judged, less what may only look wrong because a fast motion is sampled slowly.
+        """The places that can be judged, less those that may only look wrong as a fast motion is sampled slowly.
 
         An error of the table is wrong at some rows; a motion too fast for the rows is so all along.
         """
@@ -194,8 +194,8 @@ class Evidence:
 
     @functools.cached_property
     def is_coarse(self) -> tuple[Array, Array]:
-        """Where a step of the table changes a velocity by more than itself, (n,) and (3 Nd,): no row speaks for its
-        neighbourhood there, whatever the differences say."""
+        """True where a step of the table changes a velocity by more than itself, (n,) and (3 Nd,): no row speaks for
+        its neighbourhood there, whatever the differences say."""
         cast, r = self.laws.cast, self.record
         if len(r.t) < 2:
             return np.ones(cast.n, dtype=bool), np.ones(r.x.shape[1], dtype=bool)
@@ -225,7 +225,7 @@ class Evidence:
 
     @functools.cached_property
     def particle_noise(self) -> Array:
-        """How far F_k may be off, (T, N, 3)."""
+        """The noise of F_k, (T, N, 3)."""
         cast, found = self.laws.cast, self.noise("F")
         own = cast.first_generalized
         found[:, cast.cartesian] += self.noise("V_q")[:, :own].reshape(len(found), -1, 3)
@@ -247,13 +247,13 @@ class Evidence:
 
     @functools.cached_property
     def _reaction_noise(self) -> Array:
-        """How far B^T lambda may be from R in a regular configuration, (T, n)."""
+        """The noise of B^T lambda against R in a regular configuration, (T, n)."""
         R = np.abs(self.record.R_q)
         return np.asarray(self.noise("pull") + ROUNDING * (R + R.max(initial=0.0)) + self.tolerance.atol)
 
     @functools.cached_property
     def reaction_limit(self) -> Array:
-        """The same where the rows may almost depend on each other: R is known to fewer digits there, (T, n)."""
+        """The limit of B^T lambda against R, (T, n): where rows may almost depend on each other R has fewer digits."""
         factor = np.ones(len(self.record.t))
         condition = self.displacements.condition
         usual = float(np.median(condition)) if condition.size else 1.0
@@ -279,7 +279,7 @@ class Evidence:
         return self.laws.pushed(self.record.t, self.record.q, self.record.v, F)
 
     def pushed_limit(self, limit: Array) -> Array:
-        """The same for limits: with random signs, of which the largest counts."""
+        """Limits pushed alike: with random signs, of which the largest counts."""
         if not limit.size:
             return np.zeros(self.record.q.shape)
         finite = np.where(np.isfinite(limit), limit, 0.0)
@@ -290,7 +290,7 @@ class Evidence:
 
 
 def _usual(flat: Array) -> Array:
-    """What nine in ten entries of each column are below: a pole at some rows is not the usual."""
+    """The bound that nine in ten entries of each column are below: a pole at some rows is not the usual."""
     if not flat.size:
         return np.zeros(flat.shape[1])
     known = np.where(np.isfinite(flat), flat, 0.0)

@@ -28,7 +28,7 @@ LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class AuditOptions:
-    """What the command line asks for besides the settings of the run."""
+    """The wishes of the command line besides the settings of the run."""
 
     table: str | None
     plot: str | None

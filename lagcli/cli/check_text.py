@@ -1,4 +1,4 @@
-"""What `check` and `dof --explain` tell a person."""
+"""The text of `check` and `dof --explain` for a person."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _constraints(constraints: tuple[ConstraintReport, ...]) -> None:
 
 
 def _joint(joint: JointReport) -> list[str]:
-    """What all rows are together: derived flag, growth vector, integrals."""
+    """The verdict on all rows together: derived flag, growth vector, integrals."""
     lines = []
     if joint.derived_flag:
         dims = ", ".join(map(str, joint.derived_flag))

@@ -18,7 +18,7 @@ COLOURS = {"stopped": "red"}
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class CompareOptions:
-    """What the command line asks for besides the settings of the runs."""
+    """The wishes of the command line besides the settings of the runs."""
 
     columns: str | None
     tolerance: float | None
@@ -77,7 +77,7 @@ def _digits(agreement: Mapping[str, Agreement], kind: str) -> str:
 
 
 def _disagreement(found: Comparison) -> str:
-    """Where the formulations differ most."""
+    """The place where the formulations differ most."""
     one, worst = max(
         (
             (one, agreement)

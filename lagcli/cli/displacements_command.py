@@ -88,7 +88,7 @@ def _table(found: Displacements) -> None:
 
 
 def _components(parts: Components) -> None:
-    """Which components are independent, and the others by them."""
+    """The independent components, and the others by them."""
     for label, places in (("independent", parts.independent), ("dependent", parts.dependent)):
         names = [_component(parts, i) for i in places[:MOST_LINES]]
         more = f" and {len(places) - MOST_LINES} more" if len(places) > MOST_LINES else ""

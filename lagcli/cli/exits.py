@@ -121,7 +121,7 @@ def _outcome(run: Callable[[], None]) -> int:
 
 @contextlib.contextmanager
 def writing(name: str) -> Iterator[None]:
-    """What fails inside is the writing of `name`. A closed pipe stays what it is. Raises `WriteError`.
+    """Take what fails inside as the writing of `name`. A closed pipe stays what it is. Raises `WriteError`.
 
     An interrupt inside is an exception, so that what has been written aside is put in order.
     """
@@ -136,7 +136,7 @@ def writing(name: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def drawing(name: str) -> Iterator[None]:
-    """What is inside loads matplotlib and writes a figure; matplotlib's remarks on its cache are no answer of ours."""
+    """Surround what loads matplotlib and writes a figure; matplotlib's remarks on its cache are no answer of ours."""
     import logging
 
     logging.getLogger("matplotlib").setLevel(logging.ERROR)

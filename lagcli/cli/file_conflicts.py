@@ -31,12 +31,12 @@ class File:
 
     @property
     def told(self) -> str:
-        """How a message begins that is about it."""
+        """The begin of a message about it."""
         return f"{self.option}, which writes {self.name}" if self.is_derived else f"{self.option} {self.name}"
 
     @property
     def keys(self) -> frozenset[object]:
-        """What it has in common with the same file under another name: by links of both kinds, or as a stream."""
+        """The keys it shares with the same file under another name: by links of both kinds, or as a stream."""
         found: set[object] = set()
         try:
             status = os.stat(self.name if self.number is None else self.number)

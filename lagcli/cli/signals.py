@@ -130,7 +130,7 @@ def leave(*texts: str) -> None:
 
 
 def last_words() -> Iterator[str]:
-    """What was left to be said, each text once."""
+    """The texts that were left to be said, each once."""
     while _last_words:
         text = _last_words.pop()
         if text not in _told:

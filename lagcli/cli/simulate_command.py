@@ -34,7 +34,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class OutputOptions:
-    """What the command line asks for besides the settings of the run."""
+    """The wishes of the command line besides the settings of the run."""
 
     output: str | None
     plot: str | None
@@ -280,7 +280,7 @@ def _account_of_ended(
 
 
 def _write_account(wishes: OutputOptions, stats: Stats) -> None:
-    """What `--stats` and `--json` ask for. A signal waits for it, but not long for a reader who takes nothing."""
+    """Write what `--stats` and `--json` ask for. A signal waits for it, but not long for a reader who takes nothing."""
     account = stats.as_json()
     with signals.shielded(signals.PATIENCE):
         if wishes.stats is not None:

@@ -48,7 +48,7 @@ signals.before_end(erase)
 
 
 class Status:
-    """Which phases are going on, and the line that shows the innermost one."""
+    """The phases that are going on, and the line that shows the innermost one."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -33,7 +33,7 @@ class Before:
 
     @property
     def sentence(self) -> str:
-        """What is said about them."""
+        """The sentence about them."""
         count = self.rows.count
         return f"with the {count} rows up to t = {self.t_end:.9g} of the run before, from {self.path}"
 
@@ -85,7 +85,7 @@ def require_kept(ready: SimulationRun, resume: str | None, file: str | None) -> 
 
 
 def elsewhere(ready: SimulationRun, resume: str | None) -> str:
-    """Where the rows before a resumed run are if their table was never completed, as a sentence, or nothing."""
+    """The place of the rows before a resumed run if their table was never completed, as a sentence, or nothing."""
     point = ready.resumed
     if point is None or point.table is None or resume is None:
         return ""

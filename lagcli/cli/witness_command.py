@@ -77,7 +77,7 @@ class Wish:
 
 
 def wish(row: str | None, plot: str | None, models: list[str]) -> Wish | None:
-    """What the options ask for. Raises `exits.UsageError`, and `exits.WriteError` for a folder that is closed."""
+    """The wish that the options make. Raises `exits.UsageError`, and `exits.WriteError` for a folder that is closed."""
     if row is None:
         if plot is not None:
             raise exits.UsageError("--plot draws the loop of --witness NAME; give that too")

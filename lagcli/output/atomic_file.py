@@ -99,7 +99,7 @@ def is_replaced(target: Path) -> bool:
 
 
 def partial_of(target: Path) -> Path:
-    """Where the rows of a run are kept that was broken off."""
+    """The path of the rows of a run that was broken off."""
     return target.with_name(target.name + ".partial")
 
 

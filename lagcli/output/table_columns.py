@@ -1,4 +1,4 @@
-"""What can be read off the rows of a table: the states, and the generalized forces that go with them."""
+"""Values read off the rows of a table: the states, and the generalized forces that go with them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROUNDING, STATES = 1e-13, 8
 
 
 class States:
-    """Where t, q and v stand in the rows of a table with all `columns` of a model."""
+    """The places of t, q and v in the rows of a table with all `columns` of a model."""
 
     def __init__(self, model: Model, columns: Sequence[str]) -> None:
         places = {name: i for i, name in enumerate(columns)}
@@ -52,7 +52,7 @@ def size(model: Model, columns: Sequence[str], rows: Floats) -> float:
 
 
 class Floors:
-    """How small values are rounding of zero, from the forces and the inertia of a run.
+    """The sizes below which values are rounding of zero, from the forces and the inertia of a run.
 
     Of rows of a table with all `columns`: G, the largest of h, M a, the parts lambda_i B_i of the reaction, and the
     inertial forces of motion in a curve, each as the length of force / sqrt(mass). What is below ROUNDING of it cannot
@@ -128,7 +128,7 @@ class Floors:
         return bool((self._largest[at] <= floors[at]).all() and (self._largest[at] > 0).any())
 
     def zeros(self) -> npt.NDArray[np.bool_]:
-        """Which columns are zero to rounding in all rows, but not exactly zero (columns,)."""
+        """True for columns that are zero to rounding in all rows, but not exactly zero (columns,)."""
         return (self._largest > 0) & (self._largest <= self.floors())
 
 

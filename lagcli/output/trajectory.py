@@ -1,4 +1,4 @@
-"""What a run gives: a table with named columns, and the account of how it was made."""
+"""The result of a run: a table with named columns, and the account of how it was made."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHOWN = 12  # names of columns in a repr: two or three lines of a terminal
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Provenance:
-    """Where a table comes from; equal runs have equal ones.
+    """The origin of a table; equal runs have equal ones.
 
     version: of lagcli; sha256: of the bytes of the model file; parameters: all values; set: the changes of `--set`
     as they were given; method, rtol, atol: of the run, atol None where it follows the sizes of the motion.
@@ -71,7 +71,7 @@ INTERRUPTED, NOT_WRITTEN = "interrupted", "not-written"
 
 @dataclasses.dataclass(slots=True)
 class Outcome:
-    """What has become of a run so far: the number of its rows, the time of the last one, and why it stopped."""
+    """The outcome of a run so far: the number of its rows, the time of the last one, and why it stopped."""
 
     rows: int = 0
     t_end: float | None = None

@@ -73,7 +73,7 @@ class RunState:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Identity:
-    """What must be the same for a run to go on: the text of the model, all that `--set` may change, the settings.
+    """The data that must agree for a run to go on: the text of the model, all that `--set` may change, the settings.
 
     q, v: the declared start, (n,) each; max_step: None where steps have no bound.
     """

@@ -124,7 +124,7 @@ def _sizes(land: BoundFunction, t: float, y: Floats) -> Floats:
 
 
 def sizes_of(packed: Floats) -> Floats:
-    """The same (2n + 1,) from `parts.Sizes.packed` (n + 3,)."""
+    """The sizes (2n + 1,) from `parts.Sizes.packed` (n + 3,)."""
     units, (q, v, a) = packed[:-3], packed[-3:].tolist()
     # What is at rest begins to move.
     speed = v or math.sqrt(q * a)
@@ -144,12 +144,12 @@ def landed(land: BoundFunction, t: float, y: Floats) -> Floats | None:
 
 
 def closest(count: int, place: float) -> float:
-    """How close to a place in a step a node comes, both as parts of the step."""
+    """The distance from a place in a step to the nearest node, both as parts of the step."""
     return float(np.abs(_gauss(count)[0] - place).min())
 
 
 def first(count: int) -> float:
-    """Where the first node lies, as a part of the step."""
+    """The place of the first node, as a part of the step."""
     return float(_gauss(count)[0][0])
 
 

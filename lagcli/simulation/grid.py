@@ -1,4 +1,4 @@
-"""Where the rows of the table stand in time."""
+"""The times of the rows of the table."""
 
 from __future__ import annotations
 

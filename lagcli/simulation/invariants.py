@@ -96,7 +96,7 @@ class Integrals:
         return self._charts.hold_for(system)
 
     def keeping(self, selection: Selection) -> Integrals:
-        """The same with a system stepped with other independent rows."""
+        """These integrals with a system stepped with other independent rows."""
         if selection not in self._kept:
             other = copy.copy(self)
             other._plain = RunFunctions(self._plain.numeric.keeping(selection))
@@ -185,7 +185,7 @@ class _Forms:
         return initial.metric_at(self._numeric, self._state)
 
     def dependent(self, taken: Iterable[tuple[int, Level]]) -> list[int]:
-        """Which integrals have a gradient that depends on the holonomic rows and on those before it."""
+        """The integrals with a gradient that depends on the holonomic rows and on those before it."""
         numbers, gradients = zip(*((i, self.gradient(i, level)) for i, level in taken), strict=True)
         s = self._whole.shape[0]
         rows = MetricRows(invariant_values.stacked(self._whole, gradients), self._metric)
@@ -205,7 +205,7 @@ class _Forms:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class EnforcedInvariants:
-    """What a run holds: a level of each of the integrals, or None where its velocity row alone keeps it.
+    """The integrals that a run holds: a level of each of the integrals, or None where its velocity row alone keeps it.
 
     p: the parameters of the system.
     """
@@ -220,7 +220,7 @@ class EnforcedInvariants:
         return self.integrals.functions(self.levels)
 
     def keeping(self, selection: Selection) -> EnforcedInvariants:
-        """The same with a system stepped with other independent rows."""
+        """These invariants with a system stepped with other independent rows."""
         return dataclasses.replace(self, integrals=self.integrals.keeping(selection))
 
     @property
@@ -230,7 +230,7 @@ class EnforcedInvariants:
 
     @property
     def plain(self) -> EnforcedInvariants:
-        """The same with none held."""
+        """The invariants with none held."""
         return dataclasses.replace(self, levels=(None,) * len(self.levels))
 
     @property
@@ -260,7 +260,7 @@ def begin(found: Integrals, state: State) -> tuple[EnforcedInvariants, tuple[str
 def let_go(
     held: EnforcedInvariants, state: State, ahead: State, tried: Tried
 ) -> tuple[EnforcedInvariants, tuple[str, ...], Tried]:
-    """The same without the levels that do not lead from a state to one ahead; other charts where they do.
+    """Let go of the levels that do not lead from a state to one ahead, with other charts where they do.
 
     `ahead` is where the system without integrals would go, in a step in which the levels held failed. `tried`:
     charts that failed in this step before, given back with those that do now.
@@ -285,7 +285,7 @@ def let_go(
 
 
 def _kept(integral: FirstIntegral) -> str:
-    """What becomes of an integral that is not held."""
+    """The fate of an integral that is not held."""
     names = ", ".join(f"`{row}`" for row in integral.rows)
     rows = f"the velocity row {names} keeps" if len(integral.rows) == 1 else f"the velocity rows {names} keep"
     return f"{rows} it to the tolerance"

@@ -1,4 +1,4 @@
-"""Whether rows that come closer to dependent ones part again: a look ahead that costs a part of the search.
+"""Tell if rows that come closer to dependent ones part again: a look ahead that costs a part of the search.
 
 The square of the angle between rows is a parabola in time near its minimum: zero there where rows become dependent,
 and more where they only come close.

@@ -1,4 +1,4 @@
-"""What is lost at a singular configuration: the rank of the rows there, and whether the branches really meet."""
+"""The loss at a singular configuration: the rank of the rows there, and whether the branches really meet."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class RankDrop:
 
 
 def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> RankDrop | None:
-    """What the independent rows lose at a state; None where they lose nothing, or where the branches do not meet.
+    """The loss of the independent rows at a state; None where they lose nothing, or where the branches do not meet.
 
     before: a state of the same motion at which rows have their lengths; rtol: relative error of positions.
     """

@@ -76,7 +76,7 @@ class SingularityMonitor:
         self.state = state
 
     def again(self) -> Prediction:
-        """What was foreseen last."""
+        """The singularity foreseen last."""
         instant, place, *rest = self.state[4:] or NEVER
         return Prediction(instant, int(place), *rest)
 
@@ -88,7 +88,7 @@ class SingularityMonitor:
 
     @property
     def nearness(self) -> tuple[float, bool]:
-        """How far rows are from dependent ones after the last step, as an angle or a part of the length of the one
+        """The distance of rows from dependent ones after the last step, as an angle or a part of the length of the one
         that vanishes, and whether it is the latter."""
         if not self.state:
             return 1.0, False

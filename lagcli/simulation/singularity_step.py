@@ -48,7 +48,7 @@ HALVINGS, ALONG = 30, 1e-5
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Point:
-    """Where a step begins: t, y and y' (2n + 1,), the parameters p, and `step_tolerance.of_steps`."""
+    """The begin of a step: t, y and y' (2n + 1,), the parameters p, and `step_tolerance.of_steps`."""
 
     t: float
     y: Floats
@@ -152,7 +152,7 @@ def _passage(land: BoundFunction, here: Point, foreseen: Prediction) -> Singular
 
 
 def _placed(land: BoundFunction, here: Point, foreseen: Prediction, part: float) -> SingularStep | None:
-    """The same with the instant at this part of the step, where no node is near."""
+    """The step with the instant at this part of it, where no node is near."""
     t, y, k, tolerance = here.t, here.y, here.k, here.tolerance
     instant, rtol = foreseen.instant, tolerance[0]
     step = collocation.rising(t, y, (instant - t) / part, k)

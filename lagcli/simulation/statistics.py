@@ -1,4 +1,4 @@
-"""What a run reports about itself, filled while it goes on."""
+"""The figures a run reports about itself, filled while it goes on."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Figures:
     unbalanced: float = 0.0
 
     def with_rows(self, rows: Floats) -> Figures:
-        """The same with more rows, (k, 5): position drift, velocity drift, H, its part without velocities, W."""
+        """The extremes with more rows, (k, 5): position drift, velocity drift, H, its part without velocities, W."""
         if not len(rows):
             return self
         position, velocity, jacobi, rest, work = rows.T

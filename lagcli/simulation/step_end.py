@@ -143,7 +143,7 @@ def _largest(estimate: Expression, scale: Expression) -> Expression:
 
 
 def _moved(by: Expression, scale: Expression, sizes: Expression) -> Expression:
-    """How far the projection moved (q, v), as a part of what it may.
+    """The way the projection moved (q, v), as a part of what it may.
 
     A step that is right to the tolerance lies about as close to the constraints. One that is moved much farther has
     come to another branch, or to no motion at all.

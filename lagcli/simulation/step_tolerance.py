@@ -1,4 +1,4 @@
-"""What the error of a step is compared with: relative to the state, and to the sizes of the motion or to `atol`.
+"""The measure of the error of a step: relative to the state, and to the sizes of the motion or to `atol`.
 
 Without `atol` a component near zero is held to a part of the size of the motion: of the speeds there are, of what they
 and the forces do in a step. These scale with the units of length, time and mass and of each coordinate, so that the

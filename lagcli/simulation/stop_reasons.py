@@ -51,7 +51,7 @@ class Sides:
     rounding: Floats
 
     def jumps(self) -> npt.NDArray[np.bool_]:
-        """Which of them have another value on the other side, however near that is."""
+        """True for those with another value on the other side, however near that is."""
         a, b, c, d = self.values
         with np.errstate(invalid="ignore", over="ignore"):
             near, far = np.abs(c - b), np.abs(d - a)
@@ -59,12 +59,12 @@ class Sides:
             return np.isfinite(near) & (near > least) & (near > STAYS * far) & (near < far / STAYS)
 
     def ends(self) -> npt.NDArray[np.bool_]:
-        """Which of them have a value before and none after."""
+        """True for those with a value before and none after."""
         a, b, _, d = (np.isfinite(x) for x in self.values)
         return a & b & ~d
 
     def grows(self) -> npt.NDArray[np.bool_]:
-        """Which of them grow beyond any bound."""
+        """True for those that grow beyond any bound."""
         a, b, c, d = map(np.abs, self.values)
         with np.errstate(invalid="ignore"):
             return (b > GROWS * a) & ~(c < GROWS * d) & (a > 0)
@@ -111,7 +111,7 @@ def _sentence(system: System, row: int, kind: str, in_value: bool, call: str) ->
 
 
 def _length(system: System, state: State) -> float:
-    """How long the run has gone on, or should, where it has not begun: a duration that is asked for is no scale."""
+    """The time the run has gone on, or should, where it has not begun: a duration that is asked for is no scale."""
     settings = system.model.simulation
     gone = abs(state.t - settings.start)
     return min(gone, settings.duration) or settings.duration
@@ -136,7 +136,7 @@ def _rows(numeric: NumericSystem, place: State) -> Floats:
 
 
 def _rounding(numeric: NumericSystem, place: State) -> Floats:
-    """What rounding may leave of f, and nothing for the gradients, (4 C,)."""
+    """The values that rounding may leave of f, and zero for the gradients, (4 C,)."""
     norms = LocalRows(numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)[0]).norms
     s, size = numeric.whole.size1_out(0), float(np.abs(place.q).max(initial=0.0))
     floor = np.zeros((4, norms.size))
@@ -145,7 +145,7 @@ def _rounding(numeric: NumericSystem, place: State) -> Floats:
 
 
 def _call(system: System, row: int, places: tuple[State, ...]) -> str:
-    """What the innermost function of a row does whose value or slope jumps, ends or grows between the places, or
+    """Name the innermost function of a row whose value or slope jumps, ends or grows between the places, or
     nothing."""
     names, function = edge_functions.of_row(system, row)
     if not names:

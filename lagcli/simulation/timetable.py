@@ -1,4 +1,4 @@
-"""Where steps must end because of what a model says about t alone, whatever the motion does.
+"""The times at which steps must end because of what a model says about t alone, whatever the motion does.
 
 At a switch (`sign`, `abs`, `min`, `max` of functions of t) forces jump or have a kink. A step ends shortly before, by a
 few roundings of the time, and the next one begins as shortly after, so that no stage falls on the switch or beyond.
@@ -215,7 +215,7 @@ def _halved(left: Floats, right: Floats, which: npt.NDArray[np.bool_]) -> tuple[
 
 
 def _crowded(left: Floats, right: Floats) -> npt.NDArray[np.bool_]:
-    """Which cells stand in a row of more than `RUN` without a gap."""
+    """True for cells in a row of more than `RUN` without a gap."""
     if not left.size:
         return np.zeros(0, dtype=bool)
     numbers = np.cumsum(np.concatenate([[0], left[1:] > right[:-1]]))
@@ -265,8 +265,8 @@ def _stations(
 
 
 def _change(bound: Range, value: Range) -> Floats:
-    """How much a function may change in each cell, as a part of its range: at all times, or in this piece where it has
-    no bound. Of a family the largest."""
+    """The most that a function may change in each cell, as a part of its range: at all times, or in this piece where
+    it has no bound. Of a family the largest."""
     low, high = (np.atleast_2d(part) for part in value)
     scale = np.atleast_2d(bound[1] - bound[0])
     here = (high.max(axis=1) - low.min(axis=1))[:, None]

@@ -45,7 +45,7 @@ class Assembly:
 
 
 def held(system: System, keep: tuple[str, ...]) -> Flags:
-    """Which of the n coordinates `keep` names (`theta`, `a`, `a.x`)."""
+    """True for those of the n coordinates that `keep` names (`theta`, `a`, `a.x`)."""
     names, kept = system.model.coordinate_names, frozenset(keep)
     return np.array([name in kept or name.partition(".")[0] in kept for name in names], dtype=bool)
 
@@ -212,7 +212,7 @@ def _curvature(search: Search, q: Floats) -> float:
 
 
 def _conditions(search: Search, q: Floats) -> tuple[Any, Any, Floats, Floats]:
-    """What Newton's method for the nearest point needs: H (n, n), independent rows B, M (q - q0) (n,), and f."""
+    """The terms of Newton's method for the nearest point: H (n, n), independent rows B, M (q - q0) (n,), and f."""
     state, step = search.state, q - search.state.q
     chosen = search.independent(range(search.system.holonomic_count), q)
     kept = chosen[0] if chosen else []

@@ -1,4 +1,4 @@
-"""Which initial values an assembly changed, from what to what."""
+"""The initial values that an assembly changed, from what to what."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Move:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Moves:
-    """What an assembly did: moved and moved_velocity as of `Assembly`; all coordinates and velocities it changed, in
-    their order."""
+    """The changes an assembly made: moved and moved_velocity as of `Assembly`; all coordinates and velocities it
+    changed, in their order."""
 
     moved: float
     moved_velocity: float
@@ -65,7 +65,7 @@ class Moves:
 
 
 def moves(model: nouns.Model, found: Assembly) -> Moves:
-    """What changed between the declared start and the assembled one."""
+    """The changes from the declared start to the assembled one."""
     names, kinds = model.coordinate_names, set(model.generalized_names)
     rates = [f"rate({n})" if n in kinds else f"{n[:-1]}v{n[-1]}" for n in names]
     before, after = found.declared, found.state

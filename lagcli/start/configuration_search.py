@@ -50,7 +50,7 @@ class ConfigurationResult:
 
     @property
     def told(self) -> str:
-        """What was tried, in words."""
+        """The attempts, in words."""
         starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
         more = f", and IPOPT from {self.by_optimization}" if self.by_optimization else ""
         return f"damped Gauss-Newton steps from {starts}{more}"
@@ -77,14 +77,14 @@ class Search:
         return Surface(self.numeric, self.state.t, self.state.p, self.metric, only)
 
     def touched(self, rows: Sequence[int]) -> Flags:
-        """Which coordinates (n,) some rows hold and may move, by structure."""
+        """True for coordinates (n,) that some rows hold and may move, by structure."""
         B = LocalRows(self.numeric.whole(self.state.t, self.state.q, self.state.p)[1])
         flags = np.zeros(self.fixed.size, dtype=bool)
         flags[B.column[np.isin(B.row, list(rows))]] = True
         return flags & ~self.fixed
 
     def size(self, q: Floats, touched: Flags) -> float:
-        """How large the part of a configuration is that some rows hold."""
+        """The size of the part of a configuration that some rows hold."""
         largest = 0.0
         if not self.system.model.coordinates:
             for axis in range(3):

@@ -75,7 +75,7 @@ def _rest(B: Floats, b: Floats) -> Floats:
 
 
 def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnostic:
-    """What to say where no configuration was found for some rows: the smallest set found that has none."""
+    """The message where no configuration was found for some rows: the smallest set found that has none."""
     found = smallest(search, failed)
     system, rows = search.system, list(found.rows)
     names, location = initial.names_of(system, rows), system.rows.rows[rows[-1]].location

@@ -80,7 +80,7 @@ class Residuals:
         return i < self.position.size and not self.position[i] <= self.position_limit[i]
 
     def size(self, i: int) -> float:
-        """How far a row is violated, in whole coordinates or else in velocities."""
+        """The violation of a row, in whole coordinates or else in velocities."""
         return float(self.position[i] if self.in_position(i) else self.velocity[i])
 
 
@@ -137,7 +137,7 @@ def require_finite(system: System, numeric: NumericSystem, state: State) -> None
 
 
 def _column_location(system: System, column: str) -> diagnostics.Location:
-    """Where the quantity of a column was declared, or what the energy is made of."""
+    """The place where the quantity of a column was declared, or what the energy is made of."""
     model = system.model
     for output in model.outputs:
         if column in output.columns:
@@ -151,7 +151,7 @@ def _column_location(system: System, column: str) -> diagnostics.Location:
 
 
 def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals:
-    """How far a state is from the constraints. Raises `diagnostics.ModelError` where a row is not finite."""
+    """The residuals of a state in the constraints. Raises `diagnostics.ModelError` where a row is not finite."""
     f, rows, b = finite_rows(system, numeric, state, forgiving=True)
     s, norms = f.size, rows.divisors
     # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
@@ -198,7 +198,7 @@ def finite_rows(
 
 
 def _explained(numeric: NumericSystem, state: State, rows: LocalRows) -> Floats:
-    """What the rounding of declared decimals explains: a part of the size of each row.
+    """The residual that the rounding of declared decimals explains: a part of the size of each row.
 
     The size of a row is that of its coordinates, but no more than its radius of curvature |B_i| / |dB_i/dq|: a
     rod of ten metres far from the origin is ten metres large.
@@ -240,7 +240,7 @@ def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagno
 
 
 def _violation(system: System, found: Residuals, i: int) -> diagnostics.Diagnostic:
-    """How far the start violates a row."""
+    """The violation of a row by the start."""
     row, units = system.rows.rows[i], system.model.units
     whole = found.in_position(i)
     kind, unit = ("positions", units.length) if whole else ("velocities", f"{units.length}/{units.time}")

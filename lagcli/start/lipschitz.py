@@ -1,4 +1,4 @@
-"""Whether a motion from a start is unique: forces, inertia and rows of (D.24) must be Lipschitz there."""
+"""Tell if a motion from a start is unique: forces, inertia and rows of (D.24) must be Lipschitz there."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class NoConfiguration(Exception):
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Reached:
-    """Where a descent ended: q (n,), and |f_i| / |B_i| of each row there; whether it is on the surface."""
+    """The end of a descent: q (n,), and |f_i| / |B_i| of each row there; whether it is on the surface."""
 
     q: Floats
     residuals: Floats
@@ -157,7 +157,7 @@ class Surface:
         return self.refined(self.feasible(q0), q0)
 
     def refined(self, q: Floats, q0: Floats, steps: int = REFINEMENTS) -> Floats:
-        """The same from a point q of the surface, in so many steps at most."""
+        """The point of the surface reached from a point q of it, in so many steps at most."""
         best = q
         size = _size(q0)
         for _ in range(steps):

@@ -114,7 +114,7 @@ def rows(numeric: NumericSystem, point: State) -> MetricRows:
 
 
 def size(q: Floats) -> float:
-    """How large the configuration is, or 1 where all of it is at zero."""
+    """The size of the configuration, or 1 where all of it is at zero."""
     return float(np.abs(q).max(initial=0.0)) or 1.0
 
 

@@ -80,7 +80,7 @@ def indefinite(M: Floats, names: Sequence[str]) -> Fault:
 
 
 def fallen(M: Any, before: Any, names: Sequence[str]) -> str:
-    """What the inertia M (n, n) of a later state has lost against `before` at the start, as a sentence, or nothing.
+    """The loss of the inertia M (n, n) of a later state against `before` at the start, as a sentence, or nothing.
 
     `before` is positive definite. The least v^T M v / v^T M_before v is asked for, which no units change.
     """

@@ -1,4 +1,4 @@
-"""What is to be classified: a system at a consistent state, and what numbers say of it, each asked for once."""
+"""The case to classify: a system at a consistent state, and what numbers say of it, each asked for once."""
 
 from __future__ import annotations
 

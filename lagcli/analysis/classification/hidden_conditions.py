@@ -42,7 +42,7 @@ class Classified:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is said of the conditions."""
+        """The sentences about the conditions."""
         return tuple(
             f"hidden condition {equation(one)}: {quoted(one.rows)} {'demands' if len(one.rows) == 1 else 'demand'} it,"
             " for a combination of these rows is a multiple of dt; it counts as a holonomic constraint"

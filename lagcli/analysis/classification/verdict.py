@@ -1,4 +1,4 @@
-"""What the classification finds: of every row, of every group of rows, and of all of them."""
+"""The findings of the classification: of every row, of every group of rows, and of all of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Proof = Literal["symbolic", "numeric", "none"]
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is proved of one row. `integral` and `integrating_factor` are texts in the model's notation."""
+    """The proved facts of one row. `integral` and `integrating_factor` are texts in the model's notation."""
 
     row: str
     declared: Declared
@@ -104,7 +104,7 @@ class Classification:
 
     @property
     def everything(self) -> tuple[FirstIntegral, ...]:
-        """The same, and those that hold for the motions from the start alone."""
+        """The integrals proved in general, and those that hold for the motions from the start alone."""
         return tuple(one for group in self.groups for one in (*group.integrals, *group.passing))
 
     @property
@@ -114,12 +114,12 @@ class Classification:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What the groups have to say besides, each once."""
+        """Further remarks of the groups, each once."""
         return tuple(dict.fromkeys(remark for group in self.groups for remark in group.remarks))
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What concerns this start and these parameters, each once."""
+        """The notes about this start and these parameters, each once."""
         return tuple(dict.fromkeys(note for group in self.groups for note in group.notes))
 
 

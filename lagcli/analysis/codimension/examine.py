@@ -190,7 +190,7 @@ def _batches(groups: list[Rows]) -> list[list[Rows]]:
 
 
 def _examined(case: _Case, among: Rows, some: Rows, kept: set[int]) -> _Set:
-    """What rows that share coordinates are, of which `some` depend on one another."""
+    """Examine rows that share coordinates, of which `some` depend on one another."""
     held = len(kept.intersection(among))
     unknown = _Set("undecided", held, held, some, [], [])
     if len(among) > metric_rows.DENSE:
@@ -233,7 +233,7 @@ def _joined(system: System, found: int, sets: list[_Set], flat: set[int]) -> Cod
 
 
 def _trouble(system: System, rows: Sequence[int], flat: set[int]) -> str:
-    """What is the matter with the gradients of rows where they are looked at."""
+    """The trouble with the gradients of rows where they are looked at."""
     alone, others = [i for i in rows if i in flat], [i for i in rows if i not in flat]
     told = []
     if alone:

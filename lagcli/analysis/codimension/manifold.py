@@ -1,4 +1,4 @@
-"""Whether equations of which some follow from the others at a point do so at finite distances around.
+"""Tell if equations of which some follow from the others at a point do so at finite distances around.
 
 F = 0 are E equations in N unknowns, of rank r at z0. With A (r, E) of that rank on the range of dF, A F = 0 cuts
 out a manifold of dimension N - r through z0, and F = 0 lies in it. Random points of the manifold are sought, some

@@ -39,7 +39,7 @@ class Equations(Protocol):
 
     @property
     def rounding(self) -> float:
-        """How far rounding moves values of F near zero."""
+        """The amount by which rounding moves values of F near zero."""
         ...
 
 
@@ -77,7 +77,7 @@ class ScaledPart:
         return q
 
     def moved(self, z: Floats, t: float) -> ScaledPart:
-        """The same about another point."""
+        """These equations about another point."""
         return dataclasses.replace(self, state=dataclasses.replace(self.state, q=self.place(z), t=t))
 
     @property
@@ -87,7 +87,7 @@ class ScaledPart:
 
     @property
     def rounding(self) -> float:
-        """How far the rounding of q moves values of F."""
+        """The amount by which the rounding of q moves values of F."""
         q = self.state.q[self.coordinates]
         return float(np.finfo(float).eps * np.max(np.abs(q) / self.unit, initial=1.0))
 
@@ -103,7 +103,7 @@ class _Second:
     shape: tuple[int, int]
 
     def changes(self, unit: Floats) -> Floats:
-        """How far gradients (k, m) change at most where each coordinate moves by its unit (m,)."""
+        """The most that gradients (k, m) change where each coordinate moves by its unit (m,)."""
         places = self.row * self.shape[1] + self.one
         found = np.bincount(places, self.sizes * unit[self.other], minlength=self.shape[0] * self.shape[1])
         return np.asarray(found.reshape(self.shape), dtype=float)

@@ -60,7 +60,7 @@ class Deflated:
 
     @property
     def rounding(self) -> float:
-        """How far rounding moves values of G."""
+        """The amount by which rounding moves values of G."""
         return self.part.rounding
 
 
@@ -84,7 +84,7 @@ def dimension(part: ScaledPart, rank: int, times: Sequence[float]) -> int | None
 
 
 def _shift(found: manifold.Manifold, deflated: Deflated, t: float) -> float:
-    """How far the start lies from the manifold, in its coordinates; inf where Newton's method finds no way to it."""
+    """The distance of the start from the manifold, in its coordinates; inf where Newton's method finds no way to it."""
     begin = deflated.begin
     F, J = deflated.at(begin, t)
     step = np.linalg.lstsq(J, F, rcond=rank_limits.SMALL)[0]
@@ -120,6 +120,6 @@ def _held(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[Floats, 
 
 
 def _clearly(sizes: Floats) -> int | None:
-    """How many sizes are not zero, or None where that is not clear."""
+    """The number of sizes that are not zero, or None where that is not clear."""
     some, all_but_nothing = int((sizes > SOMETHING).sum()), int((sizes > NOTHING).sum())
     return some if some == all_but_nothing else None

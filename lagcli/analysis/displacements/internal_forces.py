@@ -182,7 +182,7 @@ class _Laws:
     def _on_particles(
         self, force: nouns.ParticleForce, sign: int, vector: nouns.VectorExpression, only: frozenset[int]
     ) -> None:
-        """The same of a force, or of a term of it, on those of some pairs of a target and what acts on it that
+        """Record a force, or a term of it, on those of some pairs of a target and what acts on it that
         depend on other particles."""
         env, targets = self._env, force.action.targets
         own = {"m": taken(env.masses(), targets), "r": env.position(targets), "v": env.velocity(targets)}

@@ -38,7 +38,7 @@ class ControlledFrame(Protocol):
 
     @property
     def controls(self) -> Floats:
-        """What the steps take for a control u (m,): columns (., m)."""
+        """The arguments of the steps for a control u (m,): columns (., m)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,7 +102,7 @@ def velocity(frame: ControlledFrame, Z: Floats, U: Floats) -> Floats:
 
 
 def ends(frame: ControlledFrame, start: Floats, controls: Floats, steps: int) -> Floats:
-    """Where paths end, (N, k + 1): controls (N, S, m), `steps` in each segment, start (k + 1,) or (N, k + 1)."""
+    """The ends of paths, (N, k + 1): controls (N, S, m), `steps` in each segment, start (k + 1,) or (N, k + 1)."""
     Z = np.broadcast_to(start, (len(controls), start.shape[-1])).copy()
     is_shared = start.ndim == 1
     with np.errstate(all="ignore"):
@@ -125,7 +125,7 @@ def ends(frame: ControlledFrame, start: Floats, controls: Floats, steps: int) ->
 def turned(
     frame: ControlledFrame, start: Floats, controls: Floats, basis: Floats, steps: int
 ) -> tuple[Floats, Floats]:
-    """Where paths from start (k + 1,) end, (N, k + 1), and the derivatives by lengths x, (N, k + 1, q).
+    """The ends of paths from start (k + 1,), (N, k + 1), and their derivatives by lengths x, (N, k + 1, q).
 
     controls (N, S, m) change with x by basis (S, m, q).
     """

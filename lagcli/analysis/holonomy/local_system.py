@@ -134,7 +134,7 @@ class LocalPart:
 
     @cached_property
     def angles(self) -> npt.NDArray[np.bool_]:
-        """Which coordinates (k,) enter the rows as angles: with the period 2 pi and no smaller part of it."""
+        """True for coordinates (k,) that enter the rows as angles: with the period 2 pi and no smaller part of it."""
         random = np.random.default_rng(SEED)
         Z = self.start + 0.3 * random.standard_normal((SAMPLES, self.k + 1))
         here = self.forms(Z)
@@ -149,7 +149,7 @@ class LocalPart:
         return found
 
     def _forms(self, Z: Floats) -> Floats:
-        """The same in the units of the model."""
+        """The forms in the units of the model."""
         state, count = self.state, len(Z)
         q = np.repeat(state.q[:, None], count, axis=1)
         q[self.coordinates] = Z[:, : self.k].T

@@ -61,7 +61,7 @@ class LoopWords:
         return np.asarray(np.einsum("smq,nq->nsm", self.basis, X) + self.fixed)
 
     def offsets(self, goal: Goal, X: Floats, steps: int) -> Floats:
-        """Where paths end, relative to the start or to the path of rest, (N, k + 1)."""
+        """The ends of paths, relative to the start or to the path of rest, (N, k + 1)."""
         ends = controlled_paths.ends(self.frame, goal.start, self.controls(X), steps)
         return np.asarray(ends - self.resting(goal, steps))
 
@@ -187,11 +187,11 @@ def _polished(words: LoopWords, goal: Goal, near: list[tuple[Floats, Floats]]) -
 
 
 def _asked(goal: Goal, found: Floats) -> Floats:
-    """What the goal asks about of ends (N, k + 1, ...): (N, e, ...)."""
+    """The part of ends (N, k + 1, ...) that the goal asks about: (N, e, ...)."""
     return found[:, goal.closed if goal.amount is None else np.append(goal.closed, goal.along)]
 
 
 def _wanted(goal: Goal) -> Floats:
-    """Where those shall be, (e,)."""
+    """The values they shall have, (e,)."""
     zeros = np.zeros(goal.closed.size)
     return zeros if goal.amount is None else np.append(zeros, goal.amount)

@@ -1,4 +1,4 @@
-"""Which directions paths through a point can reach: the tangent space of its orbit.
+"""The directions that paths through a point can reach: the tangent space of its orbit.
 
 Fields carried to the point by flows span it (H. J. Sussmann, Trans. AMS 180 (1973) 171): for random paths w the
 vectors d/de w^-1(w(z) + e X). What it lacks are the integrable combinations of the rows (D.3), so that a row that
@@ -120,7 +120,7 @@ def _carried(
 def _returned(
     frame: controlled_paths.Projected, point: Floats, out: Floats, control: Floats, size: float, steps: int
 ) -> Floats:
-    """The same for each path `out` (N, S, m + 1) and each field, (N m, k + 1), some not finite."""
+    """The fields carried back along each path `out` (N, S, m + 1), (N m, k + 1), some not finite."""
     far = controlled_paths.ends(frame, point, out, steps)
     back, nudge = -out[:, ::-1], NUDGE * size
     ends = []

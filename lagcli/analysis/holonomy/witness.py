@@ -99,7 +99,7 @@ class Witness:
 
     @property
     def base(self) -> Floats:
-        """Where the paths begin, (k + 1,)."""
+        """The begin of the paths, (k + 1,)."""
         start: Floats = self.paths[0].corners[0]
         return start
 
@@ -131,7 +131,7 @@ def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> W
 
 
 def _places(system: System, numeric: NumericSystem, declared: State, row: int) -> Iterator[tuple[int, State]]:
-    """Where to begin: at the declared configuration, at bent ones, and beside the declared one."""
+    """The places to begin: at the declared configuration, at bent ones, and beside the declared one."""
     yield 0, declared
     if system.holonomic_count:
         bent = (_bent(system, numeric, declared, row, seed) for seed in range(BENDS))
@@ -313,7 +313,7 @@ class _WitnessSearch:
         return np.asarray(form / (np.linalg.norm(form) or 1.0))
 
     def _aims(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[_Aim]:
-        """Which coordinates to close besides the free ones; those with the fewest that follow first."""
+        """The coordinates to close besides the free ones; those with the fewest that follow first."""
         missing = found.tangent.shape[1] - free.size - 1
         others = [i for i in range(self.part.k) if i != along and i not in free]
         if missing < 0 or math.comb(len(others), missing) > COMBINATIONS:
@@ -467,17 +467,17 @@ class _Trial:
 
     @property
     def extra(self) -> int:
-        """How many coordinates must come back that do not do so by themselves."""
+        """The number of coordinates that must come back and do not do so by themselves."""
         return int(self.aim.closed.size - self.words.basis.shape[1])
 
     @property
     def goal(self) -> Goal:
-        """What the words shall do."""
+        """The goal of the words."""
         return Goal(self.search.base, self.aim.along, self.aim.closed, self.search.size)
 
     @cached_property
     def ends(self) -> tuple[Floats, Floats]:
-        """How far each word moves the coordinate, nan where it meets a pole, and how far it is from closing, (N,)."""
+        """The way each word moves the coordinate, nan where it meets a pole, and its distance from closing, (N,)."""
         found = self.words.offsets(self.goal, self.lengths, loop_words.FEW)
         with np.errstate(invalid="ignore"):
             wild = ~(np.abs(found).max(axis=1) < FAR * self.search.size)
@@ -575,7 +575,7 @@ def _free_names(frame: controlled_paths.ControlledFrame, names: tuple[str, ...])
 
 
 def _effort(words: LoopWords, x: Floats, amount: float, size: float) -> tuple[float, ...]:
-    """How hard a word is to redo by hand: its moves, an amount that is not round, lengths, an unclear amount."""
+    """The effort of redoing a word by hand: its moves, an amount that is not round, lengths, an unclear amount."""
     controls = words.controls(x[None])[0]
     count = int((np.abs(controls).max(axis=1) > 0).sum())
     halves = 2 * abs(amount) / size
@@ -591,7 +591,7 @@ def _effort(words: LoopWords, x: Floats, amount: float, size: float) -> tuple[fl
 
 
 def _subsets(count: int, conditions: int) -> npt.NDArray[np.bool_]:
-    """Which lengths to solve for: each by itself where one condition is to be met, and all."""
+    """The lengths to solve for: each by itself where one condition is to be met, and all."""
     each = np.eye(count, dtype=bool) if conditions == 1 else np.zeros((0, count), dtype=bool)
     return np.concatenate([each, np.ones((1, count), dtype=bool)])
 

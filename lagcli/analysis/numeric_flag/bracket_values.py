@@ -57,7 +57,7 @@ class BracketValues:
         self._limits = _beyond(limits or usual, OFF * place.error)
 
     def at(self, place: EvaluationPoint, limits: Limits) -> BracketValues:
-        """The same at another place."""
+        """These brackets at another place."""
         return BracketValues(place, self._deadline, self._is_spelled, limits)
 
     def span(self) -> Span:
@@ -91,7 +91,7 @@ class BracketValues:
         return lie_brackets.Brackets(self.place.block, self.place.independent)
 
     def _rough(self, shape: Shape, U: Floats) -> DigitSample:
-        """The same in doubles: at x moved by rounding the size is seen, but where all is rounding."""
+        """The values in doubles: at x moved by rounding the size is seen, but where all is rounding."""
         place, function = self.place, self._brackets.values(shape)
         aside = place.x + NUDGE * place.sizes * self._random.standard_normal(place.x.size)
         here, there = (np.array(function(x, place.p, U)).ravel() for x in (place.x, aside))

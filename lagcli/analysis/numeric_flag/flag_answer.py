@@ -1,4 +1,4 @@
-"""What a search finds: the derived flag, or why it is not known."""
+"""The answer of a search: the derived flag, or why it is not known."""
 
 from __future__ import annotations
 

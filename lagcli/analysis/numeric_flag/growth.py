@@ -1,4 +1,4 @@
-"""How a distribution grows by brackets, and the derived flag that follows.
+"""The growth of a distribution by brackets, and the derived flag that follows.
 
 Growth vector: dim D plus the ranks of brackets of 2, 3, ... fields. Derived flag: brackets of all that is there.
 """

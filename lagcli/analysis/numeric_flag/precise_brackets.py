@@ -72,7 +72,7 @@ class Exact:
 
     @cached_property
     def _shaken(self) -> Exact:
-        """The same with numbers that are off as those may be that were computed in doubles, the start among them: it
+        """These brackets with numbers off as those may be that were computed in doubles, the start among them: it
         may stand for a place that no double hits (sin(x) = 0 at pi)."""
         other = copy.copy(self)
         other._p, other._read = [multiprecision.shaken(a) for a in self._p], multiprecision.shaken_constant
@@ -127,7 +127,7 @@ class Exact:
         return self._run(self._field, [x, self._p, self._still, self._value(shape, x, columns, tag)])
 
     def _refined(self, x: list[Decimal], surface: Program) -> list[Decimal]:
-        """The same point with f = 0 of the independent holonomic rows to all digits, moved in the coordinates."""
+        """The point with f = 0 of the independent holonomic rows to all digits, moved in the coordinates."""
         block, place = self._place.block, self._place
         n, s = len(block.columns), len(block.holonomic)
         held = [i for i in place.independent if i < s]
@@ -167,7 +167,7 @@ def _in_contexts(
 
 
 def _sizes(exact: list[Decimal], others: list[tuple[list[Decimal], Decimal]]) -> list[Decimal]:
-    """How large each value is, or what it is made of."""
+    """The size of each value, or of what it is made of."""
     return [
         max([abs(a), *(factor * abs(values[i] - a) for values, factor in others)])
         for i, a in enumerate(exact)

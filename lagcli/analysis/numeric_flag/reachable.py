@@ -82,7 +82,7 @@ class ReachablePlaces:
         )
 
     def _ranges(self, place: EvaluationPoint) -> Floats:
-        """How far each variable may go (N,): as far as its kind is large, and angles less than one."""
+        """The range of each variable (N,): as far as its kind is large, and angles less than one."""
         n = len(self._block.columns)
         found = np.full(self._block.size, LATER * self._duration)
         values = np.abs(place.x[:n])

@@ -33,7 +33,7 @@ class Thinned:
             self._keep(kept)
 
     def rows(self) -> NDArray[np.float64]:
-        """What is left of all rows, shape (k, columns)."""
+        """The rows that are left, shape (k, columns)."""
         if self._last is None:
             return np.zeros((0, 0))
         ended = (self._arrived - 1) % self._stride == 0

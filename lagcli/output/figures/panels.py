@@ -1,4 +1,4 @@
-"""What a figure of a run shows: multipliers lambda_i(t) and constraint forces R_k(t), as panels of curves.
+"""The contents of a figure of a run: multipliers lambda_i(t) and constraint forces R_k(t), as panels of curves.
 
 R_k = sum_i lambda_i B_ik (D.13-D.22), so a multiplier has the unit of force times length over the unit of its
 f_i. That unit is not declared anywhere, and equations of one model may differ in it: multipliers share one
@@ -39,7 +39,7 @@ class PanelUnits(Protocol):
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class PanelFacts:
-    """What is known of the columns of a run.
+    """The known facts of the columns of a run.
 
     indeterminate: constraints of which lambda is not unique, by name; zeros: columns that are zero to rounding and are
     shown as zero; lengths: the dimension of rows as a power of a length, where it is known; is_choice: the columns are

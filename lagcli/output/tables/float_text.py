@@ -47,5 +47,5 @@ def json_lines(rows: NDArray[np.float64]) -> bytes:
 
 
 def parsed_json(text: bytes) -> Any:
-    """What a text of JSON says. Raises ValueError, also for numbers beyond all doubles and too deep lists."""
+    """The value of a text of JSON. Raises ValueError, also for numbers beyond all doubles and too deep lists."""
     return orjson.loads(text)

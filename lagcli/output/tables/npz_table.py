@@ -70,7 +70,7 @@ class Writer:
         self._lengths.append(block.shape[1])
 
     def _places(self, index: int) -> list[tuple[int, int]]:
-        """Where column ``index`` stands in the spool: (first byte, bytes) of each block."""
+        """The place of column ``index`` in the spool: (first byte, bytes) of each block."""
         places = []
         start = 0
         for length in self._lengths:

@@ -156,7 +156,7 @@ class _Csv:
 
 
 class _Tsv(_Csv):
-    """The same with tabs."""
+    """CSV with tabs."""
 
     separator, called, others = "\t", "tabs", "[;,]"
 

@@ -35,7 +35,7 @@ class SafeRows:
 
 
 def path_of(target: Path) -> Path:
-    """Where the rows of a table are kept while it is not complete."""
+    """The path of the rows of a table while it is not complete."""
     return target.with_name(target.name + ".rows")
 
 

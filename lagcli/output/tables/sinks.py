@@ -1,4 +1,4 @@
-"""Where the rows of a run go: ``open_sink`` chooses the format and gives a sink for them."""
+"""The sinks of the rows of a run: ``open_sink`` chooses the format and gives a sink for them."""
 
 import abc
 import contextlib
@@ -94,7 +94,7 @@ def open_sink(
 
 
 class _Base(abc.ABC):
-    """What all sinks do alike."""
+    """The common part of all sinks."""
 
     def __init__(self, columns: Sequence[str]) -> None:
         self._width = len(columns)
@@ -224,7 +224,7 @@ class _StreamSink(_Base):
 
 @contextlib.contextmanager
 def needing_pyarrow(path: Path) -> Iterator[None]:
-    """What is imported inside needs pyarrow, for this file. Raises `MissingExtra` if it is missing or too old."""
+    """Surround what imports pyarrow, for this file. Raises `MissingExtra` if it is missing or too old."""
     refusal = requirements.too_old(requirements.OPTIONAL)
     if refusal:
         raise MissingExtra(f'"{path.name}": {refusal}')

@@ -1,4 +1,4 @@
-"""What is known about the error of a run at its end, as numbers and as a sentence."""
+"""The known error of a run at its end, as numbers and as a sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where two runs of one model go apart at once, which errors of steps do not do: they have seen different forces."""
+"""The place where two runs of a model go apart at once, unlike by errors of steps: they have seen different forces."""
 
 from __future__ import annotations
 

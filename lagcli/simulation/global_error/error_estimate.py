@@ -64,13 +64,13 @@ def _held_to(settings: Simulation, rtol: float, atol: float) -> Simulation:
 
 
 def safety(settings: Simulation) -> float:
-    """What the distance of the two runs is multiplied by."""
+    """The factor on the distance of the two runs."""
     rtol = step_tolerance.of_steps(settings)[0]
     return next(factor for least, factor in SAFETY if rtol >= least)
 
 
 def places(system: System) -> tuple[list[int], ...]:
-    """Where the columns of each kind stand in a row of the table of a system, the first of which is t."""
+    """The places of the columns of each kind in a row of the table of a system, the first of which is t."""
     at = {name: i for i, name in enumerate(system.columns, 1)}
     particles, generalized = system.model.particle_names, system.model.generalized_names
     named = (
@@ -113,7 +113,7 @@ class Errors:
         return errors
 
     def accuracy(self, again: loop.Run, held_to: float) -> Accuracy | None:
-        """What is known after the rows so far, if any; `again`: the repeated run, held to this tolerance."""
+        """The accuracy after the rows so far, if any; `again`: the repeated run, held to this tolerance."""
         if math.isnan(self._last):
             return None
         errors = np.maximum(self._factor * self._gaps, FLOOR * self._sizes)

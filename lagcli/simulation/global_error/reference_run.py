@@ -101,7 +101,7 @@ class RunWithReference:
             self._mark = self._run.mark()
 
     def mark(self) -> RunState:
-        """Where to go on from after the rows handed out so far."""
+        """The state to go on from after the rows handed out so far."""
         if self._cut is None:
             return self._run.mark()
         return dataclasses.replace(self._mark or self._run.mark(), row=self._cut)
