@@ -10,22 +10,12 @@ import numpy as np
 import pytest
 
 import lagcli
+from tests import pendulum
 
 ROOT = Path(lagcli.__file__).parent.parent
 MODELS = Path(__file__).parent.parent / "models"
 
-PENDULUM = """\
-lagcli: 1
-parameters: {m: 1, L: 1, g: 9.81}
-particles:
-  a: {mass: m, position: [0, 0, -L]}
-forces:
-  weight: {to: all, force: [0, 0, -m*g]}
-holonomic:
-  rod: L = norm(a)
-  plane: a.y = 0
-simulation: {duration: 1, samples: 5}
-"""
+PENDULUM = pendulum.HANGING + "simulation: {duration: 1, samples: 5}\n"
 BAR = """\
 lagcli: 1
 coordinates: {theta: {value: 0.5}}
@@ -79,8 +69,8 @@ def test_an_invalid_model_raises_all_its_errors() -> None:
     with pytest.raises(lagcli.ModelError) as caught:
         lagcli.loads(PENDULUM.replace("norm(a)", "norm(b)").replace("a.y", "c.y"))
     assert [found.code for found in caught.value.diagnostics] == ["unknown-name", "unknown-name"]
-    assert [found.location.line for found in caught.value.diagnostics] == [8, 9]
-    assert "<text>:8:17: error[unknown-name]" in str(caught.value)
+    assert [found.location.line for found in caught.value.diagnostics] == [9, 10]
+    assert "<text>:9:17: error[unknown-name]" in str(caught.value)
 
 
 @pytest.mark.parametrize("value", [2, 2.0, "2", "1 + 1", np.float64(2)])

@@ -34,20 +34,9 @@ from lagcli.errors import catalogue, diagnostics
 from lagcli.output import endings
 from lagcli.output.figures import figure
 from lagcli.output.tables import sinks
+from tests import pendulum
 
-PENDULUM = """\
-lagcli: 1
-title: A pendulum
-parameters: {m: 1, L: 1, g: 9.81}
-particles:
-  a: {mass: m, position: [L, 0, 0], velocity: [0, 0, -1]}
-forces:
-  weight: {to: all, force: [0, 0, -m*g]}
-holonomic:
-  rod: L = norm(a)
-  plane: a.y = 0
-simulation: {duration: 0.5, samples: 6}
-"""
+PENDULUM = pendulum.PENDULUM + "simulation: {duration: 0.5, samples: 6}\n"
 ANGLE = """\
 lagcli: 1
 parameters: {m: 1, L: 1, g: 9.81}

@@ -28,6 +28,7 @@ import lagcli
 from lagcli.api import prepare_run, run_settings
 from lagcli.output import column_choice
 from lagcli.output.tables import sinks
+from tests.pendulum import PENDULUM
 
 if os.name != "posix":
     pytest.skip("signals, pipes and limits of POSIX", allow_module_level=True)
@@ -36,17 +37,6 @@ import fcntl
 import resource
 
 ROOT = Path(lagcli.__file__).parent.parent
-PENDULUM = """\
-lagcli: 1
-parameters: {m: 1, L: 1, g: 9.81}
-particles:
-  a: {mass: m, position: [L, 0, 0], velocity: [0, 0, -1]}
-forces:
-  weight: {to: all, force: [0, 0, -m*g]}
-holonomic:
-  rod: L = norm(a)
-  plane: a.y = 0
-"""
 COLUMNS = "t,a.x,a.z,lambda.rod,energy"
 ENDLESS = {"duration": 2e5, "samples": 100_000_001}
 SPARSE = {"duration": 1e6, "samples": 10_000_001}

@@ -11,22 +11,12 @@ import pytest
 from lagcli.cli import exits, file_conflicts
 from lagcli.output import atomic_file
 from lagcli.output.tables import sinks
+from tests import pendulum
 from tests.in_process import command
 
 __all__ = ["command"]
 
-PENDULUM = """\
-lagcli: 1
-parameters: {m: 1, L: 1, g: 9.81}
-particles:
-  a: {mass: m, position: [L, 0, 0], velocity: [0, 0, -1]}
-forces:
-  weight: {to: all, force: [0, 0, -m*g]}
-holonomic:
-  rod: L = norm(a)
-  plane: a.y = 0
-simulation: {duration: 0.5, samples: 6}
-"""
+PENDULUM = pendulum.PENDULUM + "simulation: {duration: 0.5, samples: 6}\n"
 KNIFE = """\
 lagcli: 1
 coordinates: {x: {rate: 1}, y: {}, theta: {rate: 1}}

@@ -13,20 +13,11 @@ import numpy as np
 import pytest
 
 import lagcli
+from tests import pendulum
 
-PENDULUM = """\
-lagcli: 1
-title: A pendulum
-parameters: {m: 1, L: 1, g: 9.81}
-particles:
-  a: {mass: m, position: [0, 0, -L], velocity: [1, 0, 0]}
-forces:
-  weight: {to: all, force: [0, 0, -m*g]}
-holonomic:
-  rod: L = norm(a)
-  plane: a.y = 0
-simulation: {duration: 1, samples: 5}
-"""
+PENDULUM = (
+    pendulum.HANGING.replace("-L]", "-L], velocity: [1, 0, 0]") + "simulation: {duration: 1, samples: 5}\n"
+)
 
 
 @pytest.fixture(scope="module")

@@ -20,22 +20,15 @@ from lagcli.cli import signals, table_output
 from lagcli.output import atomic_file, checkpoint_file
 from lagcli.output.tables import read_table, row_file, sinks
 from lagcli.simulation import checkpoint, controller, loop
+from tests import pendulum
 from tests.in_process import command
 
 __all__ = ["command"]
 
-PENDULUM = """\
-lagcli: 1
-parameters: {m: 1, L: 1, g: 9.81, k: [1, 2, 3]}
-particles:
-  a: {mass: m, position: [L, 0, 0], velocity: [0, 0, -1]}
-forces:
-  weight: {to: all, force: [0, 0, -m*g]}
-holonomic:
-  rod: L = norm(a)
-  plane: a.y = 0
-simulation: {duration: 2, samples: 201}
-"""
+PENDULUM = (
+    pendulum.PENDULUM.replace("g: 9.81}", "g: 9.81, k: [1, 2, 3]}")
+    + "simulation: {duration: 2, samples: 201}\n"
+)
 COLLAPSE = """\
 lagcli: 1
 coordinates: {x: {value: 1}}

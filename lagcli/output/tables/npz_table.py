@@ -31,7 +31,7 @@ class Writer:
         self._comment = _comment(provenance) if provenance is not None else b""
         self._path = path
         self._columns = tuple(columns)
-        self._gathered = row_buffer.Gathered(len(self._columns))
+        self._gathered = row_buffer.Gathered(len(self._columns), self._store)
         self._spool = tempfile.SpooledTemporaryFile(  # noqa: SIM115 (closed by finish or abandon)
             max_size=_BYTES_IN_MEMORY, dir=str(path.parent)
         )
@@ -39,13 +39,11 @@ class Writer:
 
     def write(self, rows: NDArray[np.float64]) -> None:
         """Append ``rows``, shape (k, columns)."""
-        for block in self._gathered.add(rows):
-            self._store(block)
+        self._gathered.add(rows)
 
     def finish(self) -> None:
         """Write the archive; its bytes depend on the table alone."""
-        for block in self._gathered.rest():
-            self._store(block)
+        self._gathered.flush()
         with self._spool, zipfile.ZipFile(self._path, "w") as archive:
             archive.comment = self._comment
             for index, name in enumerate(self._columns):

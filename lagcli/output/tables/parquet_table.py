@@ -26,19 +26,17 @@ class Writer:
         fields = [pyarrow.field(name, pyarrow.float64(), nullable=False) for name in columns]
         metadata = None if provenance is None else {"provenance": json.dumps(provenance, allow_nan=False)}
         self._schema = pyarrow.schema(fields, metadata=metadata)
-        self._gathered = row_buffer.Gathered(len(columns))
+        self._gathered = row_buffer.Gathered(len(columns), self._store)
         # Dictionaries do not shrink columns in which hardly a number comes twice.
         self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=False)
 
     def write(self, rows: NDArray[np.float64]) -> None:
         """Append ``rows``, shape (k, columns)."""
-        for block in self._gathered.add(rows):
-            self._store(block)
+        self._gathered.add(rows)
 
     def finish(self) -> None:
         """Complete and close the file."""
-        for block in self._gathered.rest():
-            self._store(block)
+        self._gathered.flush()
         self._writer.close()
 
     def abandon(self) -> None:

@@ -1,6 +1,6 @@
 """Small blocks of rows gathered into large ones, for formats that are written by column."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,17 +9,18 @@ _BYTES = 1 << 24
 
 
 class Gathered:
-    """Copies of the rows of a table of ``width`` columns, handed out as blocks of some sixteen megabytes.
+    """Copies of the rows of a table of ``width`` columns, stored as blocks of some sixteen megabytes.
 
-    A block has the shape (width, k), one contiguous line a column, and is good until the next one is asked for.
+    A block has the shape (width, k), one contiguous line a column, and is good until ``store`` returns.
     """
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, store: Callable[[NDArray[np.float64]], None]) -> None:
         self._block = np.empty((width, max(1, _BYTES // (8 * max(1, width)))))
         self._filled = 0
+        self._store = store
 
-    def add(self, rows: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-        """Take in ``rows``, shape (k, width), and yield the blocks that have become full."""
+    def add(self, rows: NDArray[np.float64]) -> None:
+        """Take in ``rows``, shape (k, width), and store the blocks that have become full."""
         taken = 0
         while taken < len(rows):
             part = rows[taken : taken + self._block.shape[1] - self._filled]
@@ -27,14 +28,14 @@ class Gathered:
             taken += len(part)
             self._filled += len(part)
             if self._filled == self._block.shape[1]:
-                yield from self.rest()
+                self.flush()
 
-    def rest(self) -> Iterator[NDArray[np.float64]]:
-        """Yield what is left as one block, if there is anything.
+    def flush(self) -> None:
+        """Store what is left as one block, if there is anything.
 
         The rows are forgotten first: where the receiver is interrupted, rows may miss at the end of a partial
         file, but none can stand there twice.
         """
         filled, self._filled = self._filled, 0
         if filled:
-            yield self._block[:, :filled]
+            self._store(self._block[:, :filled])
