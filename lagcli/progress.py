@@ -1,4 +1,4 @@
-"""Which part of the work is going on, told to whoever listens in this thread: a terminal, or nobody."""
+"""The part of the work that is going on, told to whoever listens in this thread: a terminal, or nobody."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class YamlNode:
 
     @property
     def location(self) -> diagnostics.Location:
-        """Where the node stands."""
+        """The place of the node."""
         return self.text.locate(self.start, self.end)
 
 
@@ -272,7 +272,7 @@ def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
 
 
 def _colonless(text: Text, line: int) -> str:
-    """What is wrong with the last line up to a 1-based one that holds anything, where it is a colon, or nothing."""
+    """The fault of the last line up to a 1-based one that holds anything, where it is a colon, or nothing."""
     while line and not text.lines[line - 1].partition("#")[0].strip():
         line -= 1
     written = text.lines[line - 1].partition("#")[0].strip() if line else ""

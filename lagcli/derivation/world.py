@@ -237,7 +237,7 @@ def view(members: Family, place: int, own: Mapping[str, Any] | None = None) -> V
     return View({n: int(values[place]) for n, values in members.variables.items()}, own or {})
 
 
-class SympyAlgebra(Operators):
+class SympyAlgebra(Operators[sympy.Expr]):
     """SymPy scalars as an algebra for `expression.evaluate`."""
 
     def __init__(self, world: World, there: View) -> None:

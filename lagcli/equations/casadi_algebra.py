@@ -23,7 +23,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 
 
-class SymbolicAlgebra(Operators):
+class SymbolicAlgebra(Operators[ca.SX]):
     """Scalars are SX expressions, (1, 1) or columns (K, 1) over the members of a family.
 
     What a name stands for comes from `atom` and `special`.

@@ -1,4 +1,4 @@
-"""What is said to the user about a model file: located, coded, collected, and raised once.
+"""The errors and warnings about a model file: located, coded, collected, and raised once.
 
 A diagnostic is data. How it looks on a terminal is decided here too (`render`), so that every door of the
 program prints the same thing; what a code means at length stands in `catalogue`.
@@ -107,7 +107,7 @@ def _window(columns: list[int], spot: int) -> tuple[int, int]:
 
 
 def _columns(character: str) -> int:
-    """How many columns of a terminal a character takes."""
+    """The number of columns of a terminal that a character takes."""
     if unicodedata.combining(character):
         return 0
     return 2 if unicodedata.east_asian_width(character) in "WF" else 1

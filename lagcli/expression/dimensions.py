@@ -28,7 +28,7 @@ def of_relation(relation: tree.Node, is_particle: Callable[[str], bool]) -> Powe
 
 
 def _terms(node: tree.Node) -> Iterator[tree.Node]:
-    """What is added in an expression; a number alone, as in `a.z = 1`, tells nothing."""
+    """The terms added in an expression; a number alone, as in `a.z = 1`, tells nothing."""
     if isinstance(node, tree.Sum):
         for _, term in node.terms:
             yield from _terms(term)

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from typing import Generic, NoReturn, Protocol, TypeAlias, TypeVar
 
 from lagcli.errors import diagnostics
 from lagcli.expression import hints, messages, tree
 from lagcli.expression.tree import ExpressionError
 
 S = TypeVar("S")
+Triple = tuple[S, S, S]
+Value: TypeAlias = S | tuple[S, S, S]  # a vector or a scalar
+Operation = Callable[[tree.Node, S, S], S]
 
 SCALAR_FUNCTIONS: dict[str, int] = {
     **dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan"), 1),
@@ -37,15 +40,15 @@ COMPONENTS = ("x", "y", "z")
 
 
 class Algebra(Protocol[S]):
-    """What a set of scalars must offer. Every operation is told its node, so that errors can be located."""
+    """A set of scalars with their operations. Each is told its node, so that errors can be located."""
 
     def number(self, node: tree.Number) -> S:
         """The value of a literal."""
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Value[S]:
         """The scalar or vector a name stands for."""
 
-    def special(self, node: tree.Call) -> Any:
+    def special(self, node: tree.Call) -> Value[S]:
         """`rate`, `d`, `multiplier`, `reaction`: functions of what is written, not of a value."""
 
     def add(self, node: tree.Node, left: S, sign: int, right: S) -> S:
@@ -67,18 +70,17 @@ class Algebra(Protocol[S]):
         """A scalar function, by its name in the model format."""
 
 
-def evaluate(node: tree.Node, algebra: Algebra[S]) -> Any:
+def evaluate(node: tree.Node, algebra: Algebra[S]) -> Value[S]:
     """The value of a tree: a scalar, or a tuple of three for a vector. Raises `ExpressionError`."""
     return _Walk(algebra).value(node)
 
 
 def scalar(node: tree.Node, algebra: Algebra[S]) -> S:
     """The value of a tree that must be a scalar."""
-    value: S = _Walk(algebra).scalar(node)
-    return value
+    return _Walk(algebra).scalar(node)
 
 
-def vector(node: tree.Node, algebra: Algebra[S]) -> tuple[S, S, S]:
+def vector(node: tree.Node, algebra: Algebra[S]) -> Triple[S]:
     """The value of a tree that must be a vector."""
     return _Walk(algebra).vector(node)
 
@@ -95,7 +97,7 @@ def difference(relation: tree.Relation, algebra: Algebra[S]) -> tuple[S, ...]:
     return result if isinstance(result, tuple) else (result,)
 
 
-def component(node: tree.Node, value: Any, member: str, owner: str) -> Any:
+def component(node: tree.Node, value: Value[S], member: str, owner: str) -> S:
     """`.x`, `.y` or `.z` of a vector."""
     if member not in COMPONENTS:
         message = f"`{owner}` has no component `{member}`"
@@ -111,10 +113,10 @@ def _is_zero(node: tree.Node) -> bool:
     return isinstance(node, tree.Number) and float(node.text) == 0.0
 
 
-class _Walk:
-    def __init__(self, algebra: Algebra[Any]) -> None:
+class _Walk(Generic[S]):
+    def __init__(self, algebra: Algebra[S]) -> None:
         self._algebra = algebra
-        self._by_node: dict[type[tree.Node], Callable[[Any], Any]] = {
+        self._by_node: dict[type[tree.Node], Callable[..., Value[S]]] = {
             tree.Number: algebra.number,
             tree.Name: algebra.atom,
             tree.Member: algebra.atom,
@@ -128,22 +130,22 @@ class _Walk:
             tree.Relation: self._relation,
         }
 
-    def value(self, node: tree.Node) -> Any:
+    def value(self, node: tree.Node) -> Value[S]:
         return self._by_node[type(node)](node)
 
     @staticmethod
-    def _relation(node: tree.Relation) -> Any:
+    def _relation(node: tree.Relation) -> NoReturn:
         raise ExpressionError("syntax", "an equation has no value", node.start, node.end)
 
-    def _component(self, node: tree.Component) -> Any:
+    def _component(self, node: tree.Component) -> S:
         vector = node.vector
         owner = f"{vector.function}(...)" if isinstance(vector, tree.Call) else "(...)"
         return component(node, self.value(vector), node.member, owner)
 
-    def _power(self, node: tree.Power) -> Any:
+    def _power(self, node: tree.Power) -> S:
         return self._algebra.power(node, self.scalar(node.base), self.scalar(node.exponent))
 
-    def scalar(self, node: tree.Node) -> Any:
+    def scalar(self, node: tree.Node) -> S:
         value = self.value(node)
         if isinstance(value, tuple):
             message = "a scalar is needed here, and this is a vector"
@@ -151,7 +153,7 @@ class _Walk:
             raise ExpressionError("not-a-scalar", message, node.start, node.end, hint)
         return value
 
-    def vector(self, node: tree.Node) -> tuple[Any, Any, Any]:
+    def vector(self, node: tree.Node) -> Triple[S]:
         value = self.value(node)
         if not isinstance(value, tuple):
             message = "a vector is needed here, and this is a scalar"
@@ -159,22 +161,26 @@ class _Walk:
             raise ExpressionError("not-a-vector", message, node.start, node.end, hint)
         return value[0], value[1], value[2]
 
-    def add(self, node: tree.Node, left: Any, sign: int, right: Any) -> Any:
-        algebra = self._algebra
-        if isinstance(left, tuple) != isinstance(right, tuple):
+    def add(self, node: tree.Node, left: Value[S], sign: int, right: Value[S]) -> Value[S]:
+        if isinstance(left, tuple) and isinstance(right, tuple):
+            return self._vector_sum(node, left, sign, right)
+        if isinstance(left, tuple) or isinstance(right, tuple):
             message = "a vector and a scalar cannot be added"
             hint = "a vector is written `[x, y, z]`"
             raise ExpressionError("vector-mismatch", message, node.start, node.end, hint)
-        if isinstance(left, tuple):
-            return tuple(algebra.add(node, u, sign, w) for u, w in zip(left, right, strict=True))
-        return algebra.add(node, left, sign, right)
+        return self._algebra.add(node, left, sign, right)
 
-    def _sum(self, node: tree.Sum) -> Any:
+    def _vector_sum(self, node: tree.Node, left: Triple[S], sign: int, right: Triple[S]) -> Triple[S]:
+        x, y, z = (self._algebra.add(node, u, sign, w) for u, w in zip(left, right, strict=True))
+        return x, y, z
+
+    def _sum(self, node: tree.Sum) -> Value[S]:
         sign, first = node.terms[0]
         total = self.value(first)
         if sign < 0:
             if isinstance(total, tuple):
-                total = tuple(self._algebra.negate(node, u) for u in total)
+                x, y, z = (self._algebra.negate(node, u) for u in total)
+                total = x, y, z
             else:
                 total = self._algebra.negate(node, total)
         by_node, plain = self._by_node, self._algebra.add
@@ -187,7 +193,7 @@ class _Walk:
                 total = plain(term, total, sign, value)
         return total
 
-    def _product(self, node: tree.Product) -> Any:
+    def _product(self, node: tree.Product) -> Value[S]:
         algebra = self._algebra
         total = self.value(node.factors[0][1])
         last = node.factors[-1][1]
@@ -208,19 +214,21 @@ class _Walk:
         return total
 
     @staticmethod
-    def _scaled(node: tree.Node, value: Any, by: Any, operation: Any) -> Any:
+    def _scaled(node: tree.Node, value: Value[S], by: S, operation: Operation[S]) -> Value[S]:
         if isinstance(value, tuple):
-            return tuple(operation(node, u, by) for u in value)
+            x, y, z = (operation(node, u, by) for u in value)
+            return x, y, z
         return operation(node, value, by)
 
-    def _vector_literal(self, node: tree.Vector) -> tuple[Any, ...]:
+    def _vector_literal(self, node: tree.Vector) -> Triple[S]:
         if len(node.components) != 3:
             message = f"a vector has three components, and this one has {len(node.components)}"
             hint = hints.vector(len(node.components))
             raise ExpressionError("vector-length", message, node.start, node.end, hint)
-        return tuple(self.scalar(part) for part in node.components)
+        x, y, z = map(self.scalar, node.components)
+        return x, y, z
 
-    def _call(self, node: tree.Call) -> Any:
+    def _call(self, node: tree.Call) -> Value[S]:
         name = node.function
         if name in SPECIAL_FUNCTIONS:
             self._count(node, *SPECIAL_FUNCTIONS[name])
@@ -250,23 +258,23 @@ class _Walk:
             hint = hints.ARGUMENTS.get(node.function, "")
             raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
 
-    def _vector_function(self, node: tree.Node, name: str, vectors: list[tuple[Any, Any, Any]]) -> Any:
+    def _vector_function(self, node: tree.Node, name: str, vectors: list[Triple[S]]) -> Value[S]:
         algebra = self._algebra
         if name == "dot":
             return self._dot(node, *vectors)
         if name == "norm":
             return algebra.function(node, "sqrt", (self._dot(node, vectors[0], vectors[0]),))
         if name == "distance":
-            u = self.add(node, vectors[0], -1, vectors[1])
+            u = self._vector_sum(node, vectors[0], -1, vectors[1])
             return algebra.function(node, "sqrt", (self._dot(node, u, u),))
         (a, b, c), (x, y, z) = vectors
 
-        def minor(p: Any, q: Any, r: Any, s: Any) -> Any:
+        def minor(p: S, q: S, r: S, s: S) -> S:
             return algebra.add(node, algebra.multiply(node, p, s), -1, algebra.multiply(node, q, r))
 
         return minor(b, c, y, z), minor(c, a, z, x), minor(a, b, x, y)
 
-    def _dot(self, node: tree.Node, u: tuple[Any, Any, Any], w: tuple[Any, Any, Any]) -> Any:
+    def _dot(self, node: tree.Node, u: Triple[S], w: Triple[S]) -> S:
         algebra = self._algebra
         terms = [algebra.multiply(node, a, b) for a, b in zip(u, w, strict=True)]
         return algebra.add(node, algebra.add(node, terms[0], 1, terms[1]), 1, terms[2])

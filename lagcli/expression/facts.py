@@ -1,4 +1,4 @@
-"""What can be said about an expression before any dynamics: its value if constant, what it reads, its degree.
+"""The facts about an expression known before any dynamics: its value if constant, what it reads, its degree.
 
 This is one more algebra for `evaluate`. It finds what is wrong with a formula and where: a name that is not
 known or not allowed, a constant that is not finite, a differential that enters nonlinearly.
@@ -11,7 +11,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +47,9 @@ class Facts:
     high: int = 0
 
 
+Either = Facts | tuple[Facts, Facts, Facts]  # of a scalar, or of the three components of a vector
+Lookup = Callable[[tree.Node], Either]
+
 FLAG_ERRORS: dict[str, tuple[str, str]] = {
     "position": ("position-not-allowed", "may not depend on positions or coordinates"),
     "cartesian": ("position-not-allowed", "may not depend on the positions of Cartesian particles"),
@@ -68,7 +71,7 @@ class FactsAlgebra:
 
     def __init__(
         self,
-        lookup: Callable[[tree.Node], Any],
+        lookup: Lookup,
         allowed: frozenset[Flag],
         subject: str,
         linear: bool = False,
@@ -87,15 +90,15 @@ class FactsAlgebra:
             known = self._numbers[node.text] = Facts(self._finite(node, float(node.text)))
         return known
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Either:
         return self._leaf(node, self._lookup(node))
 
-    def special(self, node: tree.Call) -> Any:
+    def special(self, node: tree.Call) -> Either:
         if node.function == "d":
             return self._differential(node)
         return self._leaf(node, self._lookup(node))
 
-    def _leaf(self, node: tree.Node, value: Any) -> Any:
+    def _leaf(self, node: tree.Node, value: Either) -> Either:
         for part in value if isinstance(value, tuple) else (value,):
             if part.high > 1 or not part.reads <= self._allowed:
                 self._refuse(node, part)
@@ -118,14 +121,15 @@ class FactsAlgebra:
         message, hint = messages.nonlinear(term, fact.high, frozenset(fact.reads), quotient)
         raise ExpressionError("nonlinear-differential", message, node.start, node.end, hint)
 
-    def _differential(self, node: tree.Call) -> Any:
+    def _differential(self, node: tree.Call) -> Either:
         if "differential" not in self._allowed:
             self._refuse(node, _differential_of(Facts()))
         argument = node.arguments[0]
         inner = FactsAlgebra(self._lookup, POSITION, "a differential `d(...)` is of positions and time; it")
         value = evaluate.evaluate(argument, inner)
         if isinstance(value, tuple):
-            return self._leaf(node, tuple(_differential_of(part) for part in value))
+            x, y, z = map(_differential_of, value)
+            return self._leaf(node, (x, y, z))
         return self._leaf(node, _differential_of(value))
 
     def add(self, node: tree.Node, left: Facts, sign: int, right: Facts) -> Facts:
@@ -199,7 +203,7 @@ class FactsAlgebra:
         return self._checked(node, Facts(None, reads, 0, high))
 
     def _each(
-        self, node: tree.Node, compute: Callable[..., Any], again: Callable[..., Facts], *values: Value
+        self, node: tree.Node, compute: Callable[..., Value], again: Callable[..., Facts], *values: Value
     ) -> Facts:
         """A constant for each member. For the first that is not finite, `again` says what is wrong."""
         with np.errstate(all="ignore"):
@@ -215,7 +219,7 @@ class FactsAlgebra:
                 raise
         return Facts(found if found.ndim else float(found))
 
-    def _constant(self, node: tree.Node, name: str, compute: Callable[..., float], *values: Any) -> float:
+    def _constant(self, node: tree.Node, name: str, compute: Callable[..., float], *values: Value) -> float:
         try:
             value = compute(*values)
         except (ValueError, ZeroDivisionError):
@@ -231,6 +235,12 @@ class FactsAlgebra:
             message = "this constant is not finite: it is larger than 1.8e308 or not a number"
             raise ExpressionError("not-finite", message, node.start, node.end)
         return value
+
+
+def constant(fact: Facts) -> Value:
+    """The value of what depends on parameters and indices only."""
+    assert fact.value is not None
+    return fact.value
 
 
 def _whole_extent(exponent: Value | None) -> tuple[int, int] | None:
@@ -289,7 +299,7 @@ FLOAT_FUNCTIONS: dict[str, Callable[..., float]] = {
     "max": lambda *values: max(values),
 }
 
-ARRAY_FUNCTIONS: dict[str, Callable[..., Any]] = {
+ARRAY_FUNCTIONS: dict[str, Callable[..., npt.NDArray[np.float64]]] = {
     **{
         name: getattr(np, name)
         for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")

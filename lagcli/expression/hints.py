@@ -1,4 +1,4 @@
-"""What to write instead: hints for notations of other programs, of paper, and for numbers with units.
+"""Hints for notations of other programs, of paper, and for numbers with units.
 
 Each function returns a sentence, or an empty text where nothing is known.
 """

@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +20,7 @@ from lagcli.expression.tree import ExpressionError
 
 Whole = int | npt.NDArray[np.int64]
 Truth = bool | npt.NDArray[np.bool_]
-Lookup = Callable[[tree.Name], Any]
+Lookup = Callable[[tree.Name], object]  # an int, a float, an array (K,), or what is no number
 
 LIMIT = 2**53
 _FUNCTIONS = ("min", "max", "abs")
@@ -49,7 +48,7 @@ def evaluate(node: tree.Node, lookup: Lookup) -> Whole:
 
 
 def holds(node: tree.Node, lookup: Lookup) -> Truth:
-    """Whether a filter holds: a `bool`, or bool of shape (K,) where it is asked of K members.
+    """The truth of a filter: a `bool`, or bool of shape (K,) where it is asked of K members.
 
     Every comparison is evaluated for every member, whatever those before it say. Raises as `evaluate`.
     """
@@ -79,7 +78,7 @@ _RELATIONS: dict[str, Callable[[Whole], Truth]] = {
 
 
 def _all(truths: list[Truth]) -> Truth:
-    total: Any = True
+    total: Truth = True
     for truth in truths:
         total = truth & total
     return total if isinstance(total, bool) else np.asarray(total, dtype=bool)
@@ -216,7 +215,7 @@ def _raised(node: tree.Node, base: Whole, times: Whole) -> Whole:
         return _limited(node, np.power(base, times), np.power(base, times, dtype=float))
 
 
-def _whole(node: tree.Node, value: Any) -> Whole:
+def _whole(node: tree.Node, value: object) -> Whole:
     """A number or array that a name stands for, as whole numbers."""
     if isinstance(value, int):
         return _limited(node, value)
@@ -234,18 +233,19 @@ def _whole(node: tree.Node, value: Any) -> Whole:
     return _limited(node, array.astype(np.int64) if array.ndim else int(array))
 
 
-def _limited(node: tree.Node, value: Whole, rough: Any = 0.0) -> Whole:
+def _limited(node: tree.Node, value: Whole, rough: float | npt.NDArray[np.float64] = 0.0) -> Whole:
     """The value, unless it is beyond the limit; `rough`, in float64, tells where an int64 wrapped around."""
-    _refuse_large(node, (value > LIMIT) | (value < -LIMIT) | (abs(rough) > 2.0 * LIMIT))
+    size = abs(rough) if isinstance(rough, float) else np.abs(rough)
+    _refuse_large(node, (value > LIMIT) | (value < -LIMIT) | (size > 2.0 * LIMIT))
     return value
 
 
-def _first(failing: Any) -> int | None:
+def _first(failing: Truth) -> int | None:
     """The first failing member; None where the failure is not that of a member."""
     return int(np.argmax(failing)) if np.ndim(failing) else None
 
 
-def _refuse(node: tree.Node, failing: Any, message: str, value: _Fraction) -> None:
+def _refuse(node: tree.Node, failing: Truth, message: str, value: _Fraction) -> None:
     if np.any(failing):
         place = _first(failing)
         top, bottom = (
@@ -255,14 +255,14 @@ def _refuse(node: tree.Node, failing: Any, message: str, value: _Fraction) -> No
         raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, place=place)
 
 
-def _refuse_large(node: tree.Node, failing: Any) -> None:
+def _refuse_large(node: tree.Node, failing: Truth) -> None:
     if failing is False or not np.any(failing):
         return
     message = "this is beyond the whole numbers up to 2**53"
     raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, place=_first(failing))
 
 
-def _refuse_zero(node: tree.Node, failing: Any) -> None:
+def _refuse_zero(node: tree.Node, failing: Truth) -> None:
     if np.any(failing):
         message = "this divides by zero"
         raise ExpressionError("not-finite", message, node.start, node.end, place=_first(failing))

@@ -101,7 +101,7 @@ def _wave(function: Callable[[Floats], Floats], a: Range, crest: float) -> Range
 
 
 def _holds(a: Range, place: float, period: float) -> npt.NDArray[np.bool_]:
-    """Whether a cell holds a place or one that is whole periods away."""
+    """True if a cell holds a place or one that is whole periods away."""
     return np.asarray(np.floor((a[1] - place) / period) > np.floor((a[0] - place) / period))
 
 

@@ -99,7 +99,7 @@ def nonlinear(term: str, degree: int, kinds: frozenset[str], quotient: bool) -> 
 
 
 def derivative_of(name: str, coordinates: Container[str]) -> str:
-    """What to write for an undeclared `xdot`, `x_dot`, `dx`, `ẋ` where x is a coordinate, or an empty text."""
+    """The text to write for an undeclared `xdot`, `x_dot`, `dx`, `ẋ` where x is a coordinate, or an empty text."""
     plain = hints.dotted(name)
     if plain:
         return f"write `rate({plain})`" if plain in coordinates else _DERIVATIVE
@@ -122,7 +122,7 @@ def derivative_of(name: str, coordinates: Container[str]) -> str:
 
 
 def way_out(flag: str, subject: str, written: str) -> str:
-    """What to do where an expression may not read `flag`, or an empty text; `written`: the name or call."""
+    """The advice where an expression may not read `flag`, or an empty text; `written`: the name or call."""
     if flag == "result":
         return _instead_of_result(subject, written)
     for start, hint in _WAYS_OUT.get(flag, ()):
@@ -182,7 +182,7 @@ _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
 
 
 def _instead_of_result(subject: str, written: str) -> str:
-    """What to do where a result of the motion stands in what determines it."""
+    """The advice where a result of the motion stands in what determines it."""
     if written in ("kinetic", "potential"):
         return "energies follow from the motion and are recorded under `outputs`; write the formula out here"
     record = f"record `{written}` under `outputs`"

@@ -264,7 +264,7 @@ class _Parser:
         return inner
 
     def _grouped(self) -> tree.Node:
-        """What stands between parentheses."""
+        """The contents of parentheses."""
         return self._sum()
 
     def _missing(self, token: Token) -> ExpressionError:
@@ -280,7 +280,7 @@ class _Parser:
         return ExpressionError("syntax", message, token.start, token.end, hint)
 
     def _items(self, closing: str, opened: Token) -> tuple[tree.Node, ...]:
-        """What stands between brackets, the opening one being read."""
+        """The items between brackets, the opening one being read."""
         items: list[tree.Node] = []
         if self._kinds[self._at] == closing:
             self._at += 1
@@ -316,7 +316,7 @@ class _Parser:
         return tree.Name(start, start + len(name), name)
 
     def _component(self, start: int, vector: tree.Node) -> tree.Node:
-        """What a closing parenthesis ends, or a component of it: `reaction(a).x`."""
+        """The expression that a closing parenthesis ends, or a component of it: `reaction(a).x`."""
         if self._kinds[self._at] != ".":
             return vector
         member = self._member()

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from typing import Any
 
 
 class ExpressionError(Exception):
@@ -159,7 +158,7 @@ class Or(Node):
     parts: tuple[Node, ...]
 
 
-_CHILDREN: dict[type[Node], Callable[[Any], tuple[Node, ...]]] = {
+_CHILDREN: dict[type[Node], Callable[..., tuple[Node, ...]]] = {
     Call: lambda node: node.arguments,
     Sum: lambda node: tuple(term for _, term in node.terms),
     Product: lambda node: tuple(factor for _, factor in node.factors),

@@ -281,7 +281,7 @@ class _Document:
                 self._look(name.value)
         return tuple(read)
 
-    def _look(self, key: str) -> Any:
+    def _look(self, key: str) -> facts.Either | None:
         """Have the facts of an entry found now; whatever is wrong has been reported."""
         return self._scope.names.settle(key)
 
@@ -325,18 +325,18 @@ class _Document:
 
     def _definition_finder(
         self, name: str, expression: model.Expression | None, order: Mapping[str, int]
-    ) -> Callable[[], Any]:
-        def lookup(node: tree.Node) -> Any:
+    ) -> Callable[[], facts.Either | None]:
+        def lookup(node: tree.Node) -> facts.Either:
             used = str(getattr(node, "owner", getattr(node, "name", "")))
             if used in order and order[used] >= order[name]:
                 message = f"the definition `{used}` is used before it is declared"
                 raise ExpressionError("used-before-declared", message, node.start, node.end)
             return self._scope.lookup(node)
 
-        def find() -> Any:
+        def find() -> facts.Either | None:
             if expression is None:
                 return None
-            return self._formulas.facts(expression, facts.MOTION, "a definition", lookup, "either")
+            return self._formulas.either_facts(expression, facts.MOTION, "a definition", lookup)
 
         return find
 
@@ -458,7 +458,7 @@ class _Document:
             self._formulas.report(fields.get(key, node), "bad-setting", message)
         return simulation
 
-    def _setting(self, key: str, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...]) -> Any:
+    def _setting(self, key: str, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...]) -> object:
         if key == "keep":
             return self._keep(node, particles)
         if key in ("method", "assemble"):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from lagcli import yaml_tree
@@ -56,7 +54,9 @@ def text(formulas: Formulas, node: yaml_tree.AnyNode) -> str:
     return node.value
 
 
-def parameter(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[Any, model.Expression | None]:
+def parameter(
+    formulas: Formulas, node: yaml_tree.AnyNode
+) -> tuple[facts.Either | None, model.Expression | None]:
     """Facts of a parameter (a number, an expression of earlier parameters, or a constant vector) and its formula.
 
     The facts are None where there is a fault; a vector in brackets has several formulas, and so none.
@@ -68,15 +68,15 @@ def parameter(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[Any, model.E
     expression = formulas.parse(node, parser.parse)
     if expression is None:
         return None, None
-    return formulas.facts(expression, facts.NOTHING, subject, shape="either"), expression
+    return formulas.either_facts(expression, facts.NOTHING, subject), expression
 
 
-def parameter_value(found: Any) -> float | model.Vector3:
+def parameter_value(found: facts.Either) -> float | model.Vector3:
     """The number or the vector these facts are of."""
     if isinstance(found, tuple):
-        x, y, z = (float(part.value) for part in found)
+        x, y, z = (float(facts.constant(part)) for part in found)
         return x, y, z
-    return float(found.value)
+    return float(facts.constant(found))
 
 
 def coordinate(
@@ -108,7 +108,7 @@ class ParticleReader:
         self._fields = fields(formulas, node, keys.FORMAT.key("particles")) or {}
         place = self._fields.get("position")
         self._position = None if place is None else formulas.vector_expression(place)
-        self._facts: tuple[facts.Facts, ...] | None = None
+        self._facts: tuple[facts.Facts, facts.Facts, facts.Facts] | None = None
 
     @property
     def uses(self) -> frozenset[str]:
@@ -116,7 +116,7 @@ class ParticleReader:
         parts = self._position.parts if self._position is not None else ()
         return frozenset[str]().union(*(tree.names(part.tree) for part in parts))
 
-    def find(self) -> Any:
+    def find(self) -> tuple[facts.Facts, facts.Facts, facts.Facts]:
         """Facts of the position as others see it: coordinates of its own, or functions of q and t."""
         if self._position is not None:
             self._facts = self._formulas.vector_facts(
@@ -126,7 +126,8 @@ class ParticleReader:
             # What is wrong has been reported; what others say about this particle can still be checked.
             return (facts.Facts(None, frozenset(("position",))),) * 3
         if scope.reads(self._facts):
-            return tuple(facts.Facts(None, part.reads) for part in self._facts)
+            x, y, z = (facts.Facts(None, part.reads) for part in self._facts)
+            return x, y, z
         return (facts.Facts(None, frozenset(("position", "cartesian"))),) * 3
 
     def read(self, file_position: yaml_tree.AnyNode | None) -> model.Particle | None:
@@ -180,7 +181,7 @@ class ParticleReader:
         found = None if expression is None else formulas.facts(expression, facts.NOTHING, "a mass")
         if found is None:
             return None, nothing
-        masses = formulas.values(found.value)
+        masses = formulas.values(facts.constant(found))
         if not (masses > 0.0).all():
             first = int(np.argmin(masses > 0.0))
             message = f"a mass must be positive, and this one is {masses[first]:g}{formulas.where(first)}"
@@ -224,7 +225,7 @@ def force(formulas: Formulas, node: yaml_tree.AnyNode) -> model.Force | None:
 
 
 def _targets(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[namespace.Kind, model.Action] | None:
-    """What `to:` says: the kind of the targets, and which member of the force acts on which of them."""
+    """The meaning of `to:`: the kind of the targets, and which member of the force acts on which of them."""
     named = references(formulas, node, ("particle", "coordinate"), everything=True)
     if named is None:
         return None
@@ -255,7 +256,7 @@ Named = tuple[namespace.Kind, model.Whole, bool]
 def references(
     formulas: Formulas, node: yaml_tree.AnyNode, kinds: tuple[namespace.Kind, ...], everything: bool = False
 ) -> list[Named] | None:
-    """What one name or a list of names stands for: kind, numbers, and whether there is one for each member.
+    """The meaning of one name or a list of names: kind, numbers, and whether there is one for each member.
 
     The bare name of a family stands for all its members, `all` (where `everything`) for all particles.
     """
@@ -384,9 +385,11 @@ def _is_family(formulas: Formulas, node: yaml_tree.AnyNode) -> bool:
     return isinstance(node, yaml_tree.Scalar) and formulas.scope.names.is_family(node.value.strip())
 
 
-def either(formulas: Formulas, node: yaml_tree.AnyNode, allowed: frozenset[facts.Flag], subject: str) -> Any:
+def either(
+    formulas: Formulas, node: yaml_tree.AnyNode, allowed: frozenset[facts.Flag], subject: str
+) -> tuple[model.Expression | None, facts.Either | None]:
     """Expression and facts of a scalar or vector, or a pair of None."""
     expression = formulas.parse(node, parser.parse)
     if expression is None:
         return None, None
-    return expression, formulas.facts(expression, allowed, subject, shape="either")
+    return expression, formulas.either_facts(expression, allowed, subject)

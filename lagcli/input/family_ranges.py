@@ -31,7 +31,7 @@ def base(name: yaml_tree.Scalar) -> str:
 
 @dataclasses.dataclass(slots=True)
 class Budget:
-    """How many members a model may still have."""
+    """The number of members that a model may still have."""
 
     left: int = MAX_MEMBERS
 

@@ -42,6 +42,7 @@ class Indexed:
             if isinstance(value, tuple):
                 message = f"an index is a number, and `{node.name}` is a vector"
                 raise ExpressionError("not-a-whole-number", message, node.start, node.end)
+            assert isinstance(value, float)
             self.structure[node.name] = value
             return float(value)
 

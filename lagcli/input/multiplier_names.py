@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, tree
-from lagcli.expression.facts import Facts
+from lagcli.expression.facts import Either, Facts
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input.indexed_references import Indexed
@@ -56,7 +56,7 @@ class LawNames:
         self._shapes.append(shape)
         return self._roll.add(members)
 
-    def multiplier(self, argument: tree.Node, variables: Mapping[str, Whole]) -> Any:
+    def multiplier(self, argument: tree.Node, variables: Mapping[str, Whole]) -> Either:
         """The facts of `multiplier(argument)`. Raises `ExpressionError`."""
         name, shapes = self._shapes_of(argument, variables, "multiplier(...)")
         return _facts(argument, name, shapes) if shapes else RESULT
@@ -96,7 +96,7 @@ class LawNames:
         return name, shapes
 
 
-def _facts(argument: tree.Node, name: str, shapes: set[Shape], call: str = "multiplier(...)") -> Any:
+def _facts(argument: tree.Node, name: str, shapes: set[Shape], call: str = "multiplier(...)") -> Either:
     """The facts of the multipliers of laws of these shapes."""
     member = str(getattr(argument, "member", ""))
     if len(shapes) > 1:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable
-from typing import Any, Literal
+from typing import Literal
 
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, hints, messages, tokens, tree
-from lagcli.expression.facts import Facts
+from lagcli.expression.facts import Either, Facts, Value
 from lagcli.expression.tree import ExpressionError
 from lagcli.model.family import Family, MemberIndex
 
@@ -36,9 +36,9 @@ class Entry:
 
     kind: Kind
     is_family: bool = False
-    find: Callable[[], Any] | None = None
+    find: Callable[[], Either | None] | None = None
     uses: frozenset[str] = frozenset()
-    value: Any = None
+    value: Either | str | None = None  # BROKEN where something is wrong with it
     searching: bool = False
 
     @property
@@ -95,14 +95,14 @@ class Namespace:
         self._numbered[kind].append(key)
         return self.rolls[kind].add(members)
 
-    def define(self, key: str, find: Callable[[], Any], uses: Iterable[str] = ()) -> None:
+    def define(self, key: str, find: Callable[[], Either | None], uses: Iterable[str] = ()) -> None:
         """Say how the facts of a declared entry are found; from here on it may be used."""
         entry = self._entries.get(key)
         if entry is not None and entry.find is None:
             entry.find, entry.uses = find, frozenset(uses)
 
     def kind(self, base: str) -> Kind | None:
-        """What the name was declared as."""
+        """The kind of thing that the name was declared as."""
         keys = self._keys.get(base)
         return self._entries[keys[0]].kind if keys else None
 
@@ -128,28 +128,28 @@ class Namespace:
         assert kind is not None
         return [self._numbered[kind][entry] for entry in numbers] or self._keys[base][:1]
 
-    def constant(self, name: str) -> Any:
+    def constant(self, name: str) -> Value | tuple[Value | None, ...] | None:
         """Value of a parameter: a float, a tuple of three, or None while it is broken."""
         found = self._entries[name].value
         if isinstance(found, tuple):
             return tuple(part.value for part in found)
         return found.value if isinstance(found, Facts) else None
 
-    def settle(self, key: str) -> Any:
+    def settle(self, key: str) -> Either | None:
         """The facts of an entry, found now; None where it is broken."""
         entry = self._entries[key]
         if entry.find is not None and entry.value is None:
             self._settle(key)
-        return None if entry.value is BROKEN else entry.value
+        return None if isinstance(entry.value, str) else entry.value
 
-    def value(self, node: tree.Node, name: str) -> Any:
+    def value(self, node: tree.Node, name: str) -> Either:
         """The facts of what has a name of its own. Raises `ExpressionError`."""
         keys = self._keys.get(name)
         if not keys:
             raise self.unknown(node, name)
         return self.value_of(node, keys[0], name)
 
-    def value_of(self, node: tree.Node, key: str, name: str) -> Any:
+    def value_of(self, node: tree.Node, key: str, name: str) -> Either:
         """The facts of one entry. Raises `ExpressionError`."""
         entry = self._entries[key]
         if not entry.is_reached:
@@ -165,9 +165,11 @@ class Namespace:
                 message = f"`{name}` depends on itself"
                 raise ExpressionError("circular", message, node.start, node.end)
             self._settle(key)
-        if entry.value is BROKEN:
+        found = entry.value
+        if isinstance(found, str):
             raise broken(node)
-        return entry.value
+        assert found is not None
+        return found
 
     def _settle(self, key: str) -> None:
         """Find the facts of an entry, those of all it uses before: a long chain needs no deep stack."""

@@ -71,14 +71,14 @@ def _of_member(root: yaml_tree.Mapping, name: str, value: yaml_tree.AnyNode) -> 
 
 
 def _parts(name: str) -> tuple[str, str]:
-    """What stands before and after the dot of `p[1].x`."""
+    """The texts before and after the dot of `p[1].x`."""
     head, bracket, rest = name.rpartition("]")
     word, _, field = rest.partition(".")
     return head + bracket + word, field
 
 
 def _node(label: str, value: object) -> yaml_tree.AnyNode:
-    """What a change says: a text, a number, or a list of three of them."""
+    """The value of a change: a text, a number, or a list of three of them."""
     if isinstance(value, str):
         if not value.strip():
             raise OverrideError(f"{label}: an expression is missing")

@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, facts, hints, messages, parser, tree
-from lagcli.expression.facts import FactsAlgebra, Flag
+from lagcli.expression.facts import Either, Facts, FactsAlgebra, Flag, Lookup
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input import scope as scopes
@@ -20,7 +20,7 @@ from lagcli.model import family
 from lagcli.model.family import Family
 from lagcli.model.model import Expression, Floats, VectorExpression
 
-Lookup = Callable[[tree.Node], Any]
+T = TypeVar("T")
 
 ALONE = family.one("")
 
@@ -33,7 +33,7 @@ LARGE = 1000  # members from which on parts are counted
 
 @dataclasses.dataclass(slots=True)
 class Reading:
-    """What the expressions of one model share: the trees of texts that were read, and the work that is left.
+    """The data shared by the expressions of one model: the trees of texts that were read, and the work that is left.
 
     A long model writes the same short texts again and again; trees hold offsets in their own text only.
     """
@@ -67,7 +67,7 @@ class Formulas:
         return self.scope.lookup_in(self.members, own=True)
 
     def within(self, members: Family) -> Formulas:
-        """The same for expressions of an entry with these members."""
+        """These formulas for an entry with these members."""
         return Formulas(self.scope, self.found, members, self._reading)
 
     def report(self, node: yaml_tree.AnyNode, code: str, message: str, hint: str = "") -> None:
@@ -81,7 +81,7 @@ class Formulas:
         self.found.add(diagnostics.Diagnostic(code, message, location, hint, "warning"))
 
     def silent(self) -> Formulas:
-        """The same scope with a collector of its own, for asking without reporting."""
+        """These formulas with a collector of its own, for asking without reporting."""
         return Formulas(self.scope, diagnostics.Collector(), self.members)
 
     def trouble(self, origin: yaml_tree.Scalar, error: ExpressionError) -> None:
@@ -149,13 +149,25 @@ class Formulas:
         allowed: frozenset[Flag],
         subject: str,
         lookup: Lookup | None = None,
-        shape: str = "scalar",
-    ) -> Any:
-        """Facts of a checked expression, or None where it is wrong. `shape`: scalar, vector or either."""
+    ) -> Facts | None:
+        """Facts of a checked scalar expression, or None where it is wrong."""
         algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
-        how = {"scalar": evaluate.scalar, "vector": evaluate.vector, "either": evaluate.evaluate}[shape]
+        return self._checked(expression, lookup, lambda: evaluate.scalar(expression.tree, algebra))
+
+    def either_facts(
+        self,
+        expression: Expression,
+        allowed: frozenset[Flag],
+        subject: str,
+        lookup: Lookup | None = None,
+    ) -> Either | None:
+        """Facts of a checked expression of a scalar or a vector, or None where it is wrong."""
+        algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
+        return self._checked(expression, lookup, lambda: evaluate.evaluate(expression.tree, algebra))
+
+    def _checked(self, expression: Expression, lookup: Lookup | None, compute: Callable[[], T]) -> T | None:
         try:
-            return how(expression.tree, algebra)
+            return compute()
         except ExpressionError as error:
             self.trouble(expression.origin, error)
             self.unknown_names(expression, lookup or self.lookup)
@@ -193,7 +205,7 @@ class Formulas:
         if expression is None:
             return None
         found = self.facts(expression, facts.NOTHING, subject)
-        return None if found is None else self.values(found.value)
+        return None if found is None else self.values(facts.constant(found))
 
     def values(self, value: float | Floats) -> Floats:
         """A constant as one value for each member, (K,)."""
@@ -223,12 +235,13 @@ class Formulas:
 
     def vector_facts(
         self, vector: VectorExpression, allowed: frozenset[Flag], subject: str, lookup: Lookup | None = None
-    ) -> Any:
+    ) -> tuple[Facts, Facts, Facts] | None:
         """Facts of the three components, or None."""
         if len(vector.parts) == 1:
-            return self.facts(vector.parts[0], allowed, subject, lookup, "vector")
-        found = [self.facts(part, allowed, subject, lookup) for part in vector.parts]
-        return None if any(part is None for part in found) else tuple(found)
+            whole, algebra = vector.parts[0], FactsAlgebra(lookup or self.lookup, allowed, subject)
+            return self._checked(whole, lookup, lambda: evaluate.vector(whole.tree, algebra))
+        x, y, z = (self.facts(part, allowed, subject, lookup) for part in vector.parts)
+        return None if x is None or y is None or z is None else (x, y, z)
 
     def constant_vectors(self, node: yaml_tree.AnyNode, subject: str) -> Floats | None:
         """The values of a vector of parameters and indices, one for each member, (K, 3)."""
@@ -236,9 +249,9 @@ class Formulas:
         found = None if vector is None else self.vector_facts(vector, facts.NOTHING, subject)
         return None if found is None else self.vectors(found)
 
-    def vectors(self, found: Any) -> Floats:
+    def vectors(self, found: tuple[Facts, Facts, Facts]) -> Floats:
         """The values of three constants, one vector for each member, (K, 3)."""
-        values = [part.value for part in found]
+        values = [facts.constant(part) for part in found]
         if self.members.count == 1 and all(isinstance(value, float) for value in values):
             return np.array([values])
         return np.column_stack([self.values(value) for value in values])

@@ -1,12 +1,11 @@
-"""What the leaves of an expression stand for where it is read: their facts, or the error that says why not."""
+"""The leaves of an expression where it is read: their facts, or the error that says why not."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 from lagcli.expression import evaluate, facts, hints, messages, tree
-from lagcli.expression.facts import Facts
+from lagcli.expression.facts import Either, Facts, Lookup
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input.indexed_references import Indexed
@@ -15,11 +14,9 @@ from lagcli.input.namespace import Kind, Namespace
 from lagcli.model.family import Family, Whole
 from lagcli.model.model import CONSTANTS
 
-Lookup = Callable[[tree.Node], Any]
-
 VELOCITY = Facts(None, frozenset(("velocity",)), 1, 1)
 ACCELERATION = Facts(None, frozenset(("acceleration",)))
-OWN: dict[str, Any] = {
+OWN: dict[str, Either] = {
     "m": Facts(None, frozenset(("mass",))),
     "r": (Facts(None, frozenset(("position", "cartesian"))),) * 3,
     "v": (VELOCITY,) * 3,
@@ -43,11 +40,11 @@ class Scope:
         """The lookup for an expression of an entry; `own` opens `m`, `r`, `v` of a particle."""
         return lambda node: self._lookup(node, members.variables, own)
 
-    def lookup(self, node: tree.Node) -> Any:
+    def lookup(self, node: tree.Node) -> Either:
         """The facts a leaf or special call stands for in an expression of no family."""
         return self._lookup(node, {}, False)
 
-    def _lookup(self, node: tree.Node, variables: Mapping[str, Whole], own: bool) -> Any:
+    def _lookup(self, node: tree.Node, variables: Mapping[str, Whole], own: bool) -> Either:
         match node:
             case tree.Name():
                 return self._name(node, variables, own)
@@ -60,7 +57,7 @@ class Scope:
             case _:
                 raise TypeError(node)
 
-    def _name(self, node: tree.Name, variables: Mapping[str, Whole], own: bool) -> Any:
+    def _name(self, node: tree.Name, variables: Mapping[str, Whole], own: bool) -> Either:
         name = node.name
         if name in variables:
             return Facts(variables[name].astype(float))
@@ -78,7 +75,7 @@ class Scope:
             raise self.names.bare(node, name)
         return self.names.value(node, name)
 
-    def _member(self, node: tree.Member, variables: Mapping[str, Whole], own: bool) -> Any:
+    def _member(self, node: tree.Member, variables: Mapping[str, Whole], own: bool) -> Either:
         spot = tree.Name(node.start, node.start + len(node.owner), node.owner)
         owner = self._name(spot, variables, own)
         if self.names.kind(node.owner) == "particle" and not (own and node.owner in OWN):
@@ -89,7 +86,7 @@ class Scope:
             raise ExpressionError("unknown-component", message, node.start, node.end, hint)
         return evaluate.component(node, owner, node.member, node.owner)
 
-    def _of_family(self, node: tree.Index, variables: Mapping[str, Whole]) -> Any:
+    def _of_family(self, node: tree.Index, variables: Mapping[str, Whole]) -> Either:
         """The facts of `p[i]`, `p[i].x`, `theta[i]`: of all entries its members belong to together."""
         names, base = self.names, node.owner
         kind = names.kind(base)
@@ -109,7 +106,7 @@ class Scope:
             return _particle_member(node, value, node.member)
         return evaluate.component(node, value, node.member, base) if node.member else value
 
-    def _special(self, node: tree.Call, variables: Mapping[str, Whole]) -> Any:
+    def _special(self, node: tree.Call, variables: Mapping[str, Whole]) -> Either:
         argument = node.arguments[0]
         if node.function == "rate":
             return self._rate(node, argument, variables)
@@ -121,7 +118,7 @@ class Scope:
             raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
         return self.laws.multiplier(argument, variables)
 
-    def _reaction(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Any:
+    def _reaction(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Either:
         """The facts of R of a particle, or with a second argument of the part that one constraint has in it."""
         if not _is_whole(argument) or self._argument_kind(argument) != "particle":
             name = _owner(argument)
@@ -138,7 +135,7 @@ class Scope:
     def _argument_kind(self, argument: tree.Node) -> Kind | None:
         return self.names.kind(_owner(argument))
 
-    def _rate(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Any:
+    def _rate(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Either:
         found = (VELOCITY, ACCELERATION)[_order(node) - 1]
         kind = self._argument_kind(argument)
         if kind in ("coordinate", "particle"):
@@ -195,7 +192,7 @@ def _is_whole(argument: tree.Node) -> bool:
     return isinstance(argument, tree.Name) or (isinstance(argument, tree.Index) and not argument.member)
 
 
-def _particle_member(node: tree.Member | tree.Index, position: Any, member: str) -> Any:
+def _particle_member(node: tree.Member | tree.Index, position: Either, member: str) -> Either:
     if member in _MOTIONS:
         found = _MOTIONS[member]
         return (found,) * 3 if len(member) == 1 else found
@@ -206,7 +203,7 @@ def _particle_member(node: tree.Member | tree.Index, position: Any, member: str)
     return evaluate.component(node, position, member, node.owner)
 
 
-def _together(node: tree.Node, values: list[Any]) -> Any:
+def _together(node: tree.Node, values: list[Either]) -> Either:
     """Facts that hold for any of several entries of a family."""
     if len(values) == 1:
         return values[0]
@@ -217,10 +214,13 @@ def _together(node: tree.Node, values: list[Any]) -> Any:
         Facts(None, reads(tuple(parts)), min(p.low for p in parts), max(p.high for p in parts))
         for parts in zip(*(v if isinstance(v, tuple) else (v,) for v in values), strict=True)
     ]
-    return tuple(merged) if isinstance(values[0], tuple) else merged[0]
+    if len(merged) == 1:
+        return merged[0]
+    x, y, z = merged
+    return x, y, z
 
 
-def reads(value: Any) -> frozenset[facts.Flag]:
+def reads(value: Either | tuple[Facts, ...]) -> frozenset[facts.Flag]:
     """All that a scalar or vector reads."""
     parts = value if isinstance(value, tuple) else (value,)
     return frozenset[facts.Flag]().union(*(part.reads for part in parts))

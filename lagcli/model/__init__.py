@@ -1,4 +1,4 @@
-"""What a file declares: particles, coordinates, forces, constraints, settings; no dynamics yet.
+"""The contents of a file: particles, coordinates, forces, constraints, settings; no dynamics yet.
 
 In: checked values and expression trees
 Out: `model.Model`

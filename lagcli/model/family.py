@@ -1,4 +1,4 @@
-"""What an entry of a model stands for: one thing, or a family of them numbered by indices."""
+"""The members of an entry of a model: one thing, or a family of them numbered by indices."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class MemberIndex:
         return numbers
 
     def entries(self, numbers: Whole) -> Whole:
-        """Which of the entries the members of these numbers belong to."""
+        """The entries to which the members of these numbers belong."""
         return np.searchsorted(np.array(self._ends, dtype=np.int64), numbers, side="right")
 
     def first(self, entry: int) -> int:

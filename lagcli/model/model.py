@@ -43,7 +43,7 @@ class Expression:
 
     @property
     def location(self) -> diagnostics.Location:
-        """Where the expression stands."""
+        """The place of the expression."""
         return self.origin.location
 
 
@@ -55,7 +55,7 @@ class VectorExpression:
 
     @property
     def location(self) -> diagnostics.Location:
-        """Where it begins."""
+        """The place at which it begins."""
         return self.parts[0].location
 
 
@@ -119,7 +119,7 @@ class Definition:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Action:
-    """What a force acts on: P pairs of a target, by its number among all particles or among all generalized
+    """The targets of a force: P pairs of a target, by its number among all particles or among all generalized
     coordinates, and the member of the force that acts on it. Shapes (P,)."""
 
     targets: Whole
@@ -223,8 +223,8 @@ class Output:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Simulation:
-    """How to run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`); max_step: what no
-    step is longer than."""
+    """The settings of a run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`);
+    max_step: what no step is longer than."""
 
     start: float = 0.0
     duration: float = 10.0
@@ -332,7 +332,7 @@ class Model:
         return (*(f"{name}.{axis}" for name in cartesian for axis in "xyz"), *self.generalized_names)
 
     def location(self, coordinate: str) -> diagnostics.Location:
-        """Where one of `coordinate_names` was declared."""
+        """The place at which one of `coordinate_names` was declared."""
         for entry in self.coordinates:
             if coordinate in entry.members.names:
                 return entry.location

@@ -75,7 +75,7 @@ def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
 
 
 def _no_method(name: str) -> str:
-    """What to say to a method that there is not."""
+    """The fault of a method that there is not."""
     if not name:
         return f"the method has no name; there are {', '.join(METHODS)}"
     sentence = f"there is no method `{name}`; there are {', '.join(METHODS)}"

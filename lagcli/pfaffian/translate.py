@@ -182,7 +182,7 @@ def _is_large(exponent: Any) -> bool:
     return bool(exponent.is_Rational and abs(exponent) > MAX_EXPONENT)
 
 
-class _FormNames(Operators):
+class _FormNames(Operators[sympy.Expr]):
     """SymPy scalars as an algebra for `expression.evaluate`."""
 
     def __init__(self, model: nouns.Model) -> None:
