@@ -11,6 +11,7 @@ import sympy
 
 import lagcli
 from lagcli.api import cache, known_integrals, prepare_run, run_settings, simulation_run
+from lagcli.cli import preflight
 from lagcli.cli import simulate_command as telling
 from lagcli.compiled import NumericSystem, numeric
 from lagcli.equations.system import System
@@ -489,18 +490,10 @@ differential: {row: (t - 1)*(d(x) - d(y)) = 0}
 
 
 def test_notes_stand_in_the_account(capsys: pytest.CaptureFixture[str]) -> None:
-    wishes = {
-        "output": None,
-        "plot": None,
-        "stats": None,
-        "columns": None,
-        "as_json": False,
-        "verbose": False,
-    }
     found = held("y/x", ENDING["log"], ENDING["good"])
     for quiet in (False, True):
         going = ready(LINE % (-1, 1, -0.5, 0.5), found, duration=1, samples=3)
-        telling.run(going, telling.OutputOptions(**wishes, quiet=quiet))
+        telling.run(going, preflight.SimulateOptions(quiet=quiet))
         told = capsys.readouterr().err
         assert ("note: from t = 0." in told) == (not quiet)
         assert ("the integral y/x is held in another form\n" in told) == (not quiet)

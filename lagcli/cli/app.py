@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import collections
-import math
-import os
 import textwrap
 import time
 from collections.abc import Callable
@@ -13,6 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from lagcli.cli import command_group, exits, json_output
+from lagcli.cli.options import (
+    AssembleOption,
+    DebugOption,
+    JsonOption,
+    LimitOption,
+    ModelArgument,
+    OutputStepOption,
+    QuietOption,
+    SetOption,
+    VerboseOption,
+)
 from lagcli.errors import diagnostics
 from lagcli.model import settings
 
@@ -30,31 +38,6 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-def _seconds(value: float) -> float:
-    """A limit as it is. Raises `typer.BadParameter` for nan, which no lower bound refuses."""
-    if math.isnan(value):
-        raise typer.BadParameter("must be a number of seconds, not nan")
-    return value
-
-
-ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="model file; - for standard input")]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=EXPR",
-        help="a different value for a parameter (m=2) or a start (theta.value=pi/3, a.z=-1); repeatable",
-    ),
-]
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, errors too")]
-LimitOption = Annotated[
-    float, typer.Option("--limit", metavar="SECONDS", min=0.0, callback=_seconds, help="time for proofs")
-]
-QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="only errors on standard error")]
-VerboseOption = Annotated[bool, typer.Option("-v", "--verbose", help="more on standard error")]
-DebugOption = Annotated[bool, typer.Option("--debug", help="a traceback where lagcli itself fails")]
 
 
 def _version(wanted: bool) -> None:
@@ -121,9 +104,7 @@ def check(
     changes: SetOption = None,
     as_json: JsonOption = False,
     strict: Annotated[bool, typer.Option("--strict", help="exit 1 on warnings")] = False,
-    assemble: Annotated[
-        bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
-    ] = False,
+    assemble: AssembleOption = False,
     limit: LimitOption = settings.LIMIT,
     witness: Annotated[
         str | None,
@@ -141,11 +122,10 @@ def check(
     With --json one object for one MODEL; for several a list in the order of the MODELs, each with path and title.
     """
     from lagcli.api import check as checking
-    from lagcli.cli import check_text
-    from lagcli.cli import witness_command as showing
+    from lagcli.cli import check_text, preflight, witness_command
 
-    _require_files(models)
-    wish = showing.wish(witness, plot, models)
+    options = preflight.CheckOptions(strict, assemble, limit, witness, plot, as_json, quiet, verbose)
+    options.require(models)
     answers: list[dict[str, Any]] = []
     codes: list[int] = []
     for path in models:
@@ -153,7 +133,7 @@ def check(
         try:
             read = _load(path, changes)
             report = checking.check(read, assemble=assemble, limit=limit)
-            shown = wish.shown(read, report, limit, assemble) if wish is not None else None
+            shown = witness_command.shown(read, report, options) if witness is not None else None
         except diagnostics.ModelError as error:
             codes.append(exits.of(error))
             answers.append({**({"path": path} if len(models) > 1 else {}), **json_output.errors(error)})
@@ -193,7 +173,7 @@ def simulate(
         str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
     ] = None,
     duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
-    output_step: Annotated[float | None, typer.Option("--output-step", help="time between rows")] = None,
+    output_step: OutputStepOption = None,
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
     rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
     atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
@@ -201,9 +181,7 @@ def simulate(
         float | None, typer.Option("--max-step", help="no step is longer: for forces that steps may miss")
     ] = None,
     method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
-    assemble: Annotated[
-        bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
-    ] = False,
+    assemble: AssembleOption = False,
     columns: Annotated[
         str | None, typer.Option(metavar="PATTERNS", help="columns to write, such as 't,lambda.*,R.a.*'")
     ] = None,
@@ -233,12 +211,12 @@ def simulate(
     so far are in FILE.partial, and FILE is as it was.
     """
     from lagcli.api import run_settings
-    from lagcli.cli import simulate_command
+    from lagcli.cli import preflight, simulate_command
 
-    wishes = simulate_command.OutputOptions(
+    options = preflight.SimulateOptions(
         output, plot, stats, columns, as_json, quiet, verbose, checkpoint, resume, limit, digits
     )
-    wishes.check(model)
+    options.require(model)
     read = _reported(lambda: _load(model, changes), as_json)
     given = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
@@ -248,7 +226,7 @@ def simulate(
         chosen = run_settings.chosen(read, given)
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
-    simulate_command.run(_reported(lambda: simulate_command.ready(read, chosen, wishes), as_json), wishes)
+    simulate_command.run(_reported(lambda: simulate_command.ready(read, chosen, options), as_json), options)
 
 
 @app.command(short_help="Run a model in several formulations and compare them.")
@@ -259,16 +237,14 @@ def compare(
         str | None, typer.Argument(metavar="[OTHER]", help="a second model, compared on shared columns")
     ] = None,
     duration: Annotated[float | None, typer.Option(help="length of the runs")] = None,
-    output_step: Annotated[float | None, typer.Option("--output-step", help="time between rows")] = None,
+    output_step: OutputStepOption = None,
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted (101)")] = None,
     rtol: Annotated[float | None, typer.Option(help="relative tolerance of the runs")] = None,
     atol: Annotated[float | None, typer.Option(help="absolute tolerance of the runs")] = None,
     max_step: Annotated[
         float | None, typer.Option("--max-step", help="no step of the runs is longer")
     ] = None,
-    assemble: Annotated[
-        bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
-    ] = False,
+    assemble: AssembleOption = False,
     columns: Annotated[
         str | None, typer.Option(metavar="PATTERNS", help="columns to compare, such as 'a.*,R.*'")
     ] = None,
@@ -287,20 +263,20 @@ def compare(
     Newton with multipliers, Lagrange with multipliers, reduced by the null space. Exit 1 where they disagree, 3 where
     a run stops before its end.
     """
-    from lagcli.cli import compare_command as comparing
+    from lagcli.cli import compare_command, preflight
 
     paths = [model] if other is None else [model, other]
-    _require_files(paths)
+    preflight.require_models(paths)
     read = _reported(lambda: [_load(path, changes) for path in paths], as_json)
     given = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
-    wishes = comparing.CompareOptions(columns, tolerance, as_json, quiet)
+    options = preflight.CompareOptions(columns, tolerance, as_json, quiet)
     if verbose:
         exits.say_all(warning.render() for one in read for warning in one.warnings)
     second = read[1] if other is not None else None
-    _reported(lambda: comparing.run(read[0], second, given, wishes), as_json)
+    _reported(lambda: compare_command.run(read[0], second, given, options), as_json)
 
 
 @app.command(short_help="A second opinion on a run, from its table alone.")
@@ -323,9 +299,7 @@ def audit(
     max_step: Annotated[
         float | None, typer.Option("--max-step", help="no step of the new run is longer")
     ] = None,
-    assemble: Annotated[
-        bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
-    ] = False,
+    assemble: AssembleOption = False,
     digits: Annotated[
         bool, typer.Option("--digits", help="how many digits of the table are right, from the run repeated")
     ] = False,
@@ -339,18 +313,17 @@ def audit(
 
     Exit 1 where a check fails, 3 where the new run stops before its end.
     """
-    from lagcli.cli import audit_command as auditing
+    from lagcli.cli import audit_command, preflight
 
-    wishes = auditing.AuditOptions(run, plot, digits, as_json, quiet, verbose)
-    wishes.check(model)
-    if run is not None and (duration is not None or samples is not None):
-        raise exits.UsageError("--run: the table has its own rows; --duration and --samples are of a new run")
+    has_rows = duration is not None or samples is not None
+    options = preflight.AuditOptions(run, plot, digits, as_json, quiet, verbose, has_rows)
+    options.require(model)
     read = _reported(lambda: _load(model, changes), as_json)
     given = {
         "duration": duration, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
-    _reported(lambda: auditing.run(read, given, wishes), as_json)
+    _reported(lambda: audit_command.run(read, given, options), as_json)
 
 
 @app.command(short_help="Allowed and virtual displacements at an instant.")
@@ -360,9 +333,7 @@ def displacements(
     at: Annotated[
         float | None, typer.Option(metavar="T", help="the time to run to; by default the start")
     ] = None,
-    assemble: Annotated[
-        bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
-    ] = False,
+    assemble: AssembleOption = False,
     changes: SetOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -408,13 +379,15 @@ def derive(
     Constraints, rows, reactions, energies, Newton's and Lagrange's equations, the identity between them verified, and
     the linear system for lambda.
     """
-    from lagcli.cli import derive_command as deriving
+    from lagcli.cli import derive_command, preflight
 
-    form = deriving.require_format("json" if as_json else form)
+    form = "json" if as_json else form
+    options = preflight.DeriveOptions(form, solve, everything, values, limit)
+    options.require()
     read = _reported(lambda: _load(model, changes), form == "json")
     began = time.perf_counter()
-    page = _reported(lambda: deriving.derived(read, solve, everything, values, limit), form == "json")
-    deriving.write(page, form)
+    page = _reported(lambda: derive_command.derived(read, options), form == "json")
+    derive_command.write(page, form)
     if not quiet:
         exits.say_all(warning.render() for warning in (read.warnings if verbose else ()))
     if verbose:
@@ -450,16 +423,6 @@ def explain(
         )
         raise exits.UsageError(f"unknown error code `{code}`; {hint}")
     print(catalogue.render(page))
-
-
-def _require_files(paths: list[str]) -> None:
-    """One MODEL that does not exist is told before the others are worked on."""
-    for path in paths:
-        if path != "-" and not os.path.exists(path):
-            raise exits.UsageError(f"there is no file {path}")
-    for path, times in collections.Counter(paths).items():
-        if path == "-" and times > 1:
-            raise exits.UsageError("standard input can be read once only")
 
 
 def _load(path: str, changes: list[str] | None) -> nouns.Model:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-import os
 import pathlib
 import textwrap
 from typing import TYPE_CHECKING, Any
 
 from lagcli.api import audit
 from lagcli.auditing.table_input import TableError
-from lagcli.cli import console, exits, file_conflicts, json_output
+from lagcli.cli import console, exits, json_output
+from lagcli.cli.preflight import AuditOptions
 from lagcli.errors import diagnostics
 from lagcli.output import endings
 from lagcli.output.tables import read_table
@@ -26,50 +25,19 @@ UNREAD = 12  # names of columns that no check looks at
 LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class AuditOptions:
-    """The wishes of the command line besides the settings of the run."""
-
-    table: str | None
-    plot: str | None
-    digits: bool
-    as_json: bool
-    quiet: bool
-    verbose: bool
-
-    def check(self, model: str) -> None:
-        """Refuse what cannot be done before anything is computed. Raises `exits.UsageError`, `exits.WriteError`."""
-        try:
-            if self.plot is not None:
-                endings.of(pathlib.Path(self.plot), endings.FIGURES)
-            if self.table is not None:
-                endings.of(pathlib.Path(self.table), endings.TABLES)
-        except endings.UnknownFormat as error:
-            raise exits.UsageError(str(error)) from None
-        if self.table is not None and not os.path.exists(self.table):
-            raise exits.UsageError(f"--run: there is no file {self.table}")
-        if self.plot is not None:
-            read = [file_conflicts.File("--run", self.table)] if self.table is not None else []
-            figure = file_conflicts.File("--plot", self.plot, is_written=True)
-            file_conflicts.require_separate(
-                (*file_conflicts.model(model), *read, figure, *file_conflicts.stdout())
-            )
-            exits.check_writable(self.plot)
-
-
-def run(model: Model, given: dict[str, Any], wishes: AuditOptions) -> None:
+def run(model: Model, given: dict[str, Any], options: AuditOptions) -> None:
     """Audit and tell. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before its end."""
-    found = _audited(model, given, wishes)
-    if wishes.plot is not None:
-        with exits.drawing(wishes.plot):
+    found = _audited(model, given, options)
+    if options.plot is not None:
+        with exits.drawing(options.plot):
             from lagcli.output.figures import audit_figure
 
-            audit_figure.draw(pathlib.Path(wishes.plot), found, model.units.time)
-    if wishes.as_json:
+            audit_figure.draw(pathlib.Path(options.plot), found, model.units.time)
+    if options.as_json:
         print(json_output.text(found.as_json()))
     else:
-        _tell(found, wishes)
-    if not wishes.quiet:
+        _tell(found, options)
+    if not options.quiet:
         exits.say_all(f"note: {note}" for note in found.notes)
     if not found.passed:
         raise exits.Exit(exits.INVALID)
@@ -77,21 +45,21 @@ def run(model: Model, given: dict[str, Any], wishes: AuditOptions) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def _audited(model: Model, given: dict[str, Any], wishes: AuditOptions) -> Audit:
+def _audited(model: Model, given: dict[str, Any], options: AuditOptions) -> Audit:
     """The audit. Raises `exits.UsageError` for a table that is none, or not of this model."""
     try:
-        return audit.audit(model, wishes.table, digits=wishes.digits, **given)
+        return audit.audit(model, options.table, digits=options.digits, **given)
     except OSError as error:
-        raise exits.UsageError(f"--run: cannot read {wishes.table}: {error.strerror}") from None
+        raise exits.UsageError(f"--run: cannot read {options.table}: {error.strerror}") from None
     except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
         raise exits.UsageError(f"--run: {error}") from None
     except TableError as error:
-        raise exits.UsageError(f"--run {wishes.table}: {error}") from None
+        raise exits.UsageError(f"--run {options.table}: {error}") from None
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
 
 
-def _tell(found: Audit, wishes: AuditOptions) -> None:
+def _tell(found: Audit, options: AuditOptions) -> None:
     """The report: a table of checks, what fails by name, and what the rows say about uniqueness."""
     name = found.title or found.path
     console.paragraph(
@@ -101,7 +69,7 @@ def _tell(found: Audit, wishes: AuditOptions) -> None:
     )
     print(
         "\n"
-        + "\n".join(diagnostics.printable(line) for line in _table_of(found.checks, wishes.verbose))
+        + "\n".join(diagnostics.printable(line) for line in _table_of(found.checks, options.verbose))
         + "\n"
     )
     for check in found.checks:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
 from lagcli.api import compare
 from lagcli.cli import console, exits, json_output
+from lagcli.cli.preflight import CompareOptions
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import KINDS, TITLES, Agreement, Comparison
 from lagcli.model.model import Model
@@ -16,33 +16,23 @@ LABELS = {"lambda": "λ"}
 COLOURS = {"stopped": "red"}
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class CompareOptions:
-    """The wishes of the command line besides the settings of the runs."""
-
-    columns: str | None
-    tolerance: float | None
-    as_json: bool
-    quiet: bool
-
-
-def run(model: Model, other: Model | None, settings: Mapping[str, Any], wishes: CompareOptions) -> None:
+def run(model: Model, other: Model | None, settings: Mapping[str, Any], options: CompareOptions) -> None:
     """Compare and tell. Raises `exits.UsageError`, `exits.Exit` where they disagree or a run stopped."""
     try:
         found = compare.compare(
             model,
             other,
-            columns=wishes.columns or "*",
-            tolerance=comparison.TOLERANCE if wishes.tolerance is None else wishes.tolerance,
+            columns=options.columns or "*",
+            tolerance=comparison.TOLERANCE if options.tolerance is None else options.tolerance,
             **settings,
         )
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
-    if wishes.as_json:
+    if options.as_json:
         print(json_output.text(found.as_json()))
     else:
         _tell(found)
-    if not wishes.quiet:
+    if not options.quiet:
         exits.say_all(f"note: {note}" for note in found.notes)
     if found.agree is False:
         exits.say(f"lagcli: {_disagreement(found)}")

@@ -7,26 +7,21 @@ import sys
 
 from lagcli.api import derive
 from lagcli.cli import exits, json_output
+from lagcli.cli.preflight import DeriveOptions
 from lagcli.derivation import Derivation
 from lagcli.model.model import Model
 
-FORMATS = ("text", "latex", "markdown", "html", "json")
 # Text is at least and at most so wide on a terminal, and WIDTH where there is none.
 NARROW, WIDE, WIDTH = 60, 140, 100
 
 
-def require_format(chosen: str) -> str:
-    """The format. Raises `exits.UsageError` for one there is not."""
-    if chosen not in FORMATS:
-        raise exits.UsageError(f"--format {chosen}: the formats are {', '.join(FORMATS)}")
-    return chosen
-
-
-def derived(model: Model, solve: bool, everything: bool, values: str, limit: float) -> Derivation:
+def derived(model: Model, options: DeriveOptions) -> Derivation:
     """The derivation. Raises `exits.UsageError` for values of parameters there are not, `ModelError`."""
-    names = [name.strip() for name in values.split(",") if name.strip()]
+    names = [name.strip() for name in options.values.split(",") if name.strip()]
     try:
-        return derive.derive(model, solve=solve, everything=everything, values=names, limit=limit)
+        return derive.derive(
+            model, solve=options.solve, everything=options.everything, values=names, limit=options.limit
+        )
     except ValueError as error:
         raise exits.UsageError(f"--values: {error}") from None
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import functools
 import os
-import pathlib
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator
@@ -142,18 +140,6 @@ def drawing(name: str) -> Iterator[None]:
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     with writing(name):
         yield
-
-
-def check_writable(name: str) -> None:
-    """Refuse a file that cannot be made or replaced, before a long run and not after it. Raises `WriteError`."""
-    with writing(name):
-        target = atomic_file.destination(pathlib.Path(name))
-        # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
-        is_replaced = atomic_file.is_replaced(target)
-        place, rights = (target.parent, os.W_OK | os.X_OK) if is_replaced else (target, os.W_OK)
-        os.stat(place)
-        if not os.access(place, rights):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 def _drop_stdout() -> None:

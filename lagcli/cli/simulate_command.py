@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
-import os
 import pathlib
 import signal
 import sys
@@ -17,139 +16,64 @@ import numpy.typing as npt
 
 from lagcli.api import prepare_run
 from lagcli.api.simulation_run import SimulationRun
-from lagcli.cli import console, exits, file_conflicts, json_output, signals, table_output
+from lagcli.cli import console, exits, json_output, signals, table_output
+from lagcli.cli.preflight import SimulateOptions
 from lagcli.equations import rows as row_lengths
-from lagcli.model import settings
 from lagcli.model.model import Model, Simulation
-from lagcli.output import atomic_file, column_choice, endings, trajectory
+from lagcli.output import atomic_file, column_choice, trajectory
 from lagcli.output.figures import decimate
-from lagcli.output.tables import row_file
 from lagcli.output.trajectory import Outcome, Stats, Stopped
 from lagcli.simulation import checkpoint, run_stop, step_tolerance
-from lagcli.simulation.global_error import error_estimate
 from lagcli.start import assembly_moves
 
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class OutputOptions:
-    """The wishes of the command line besides the settings of the run."""
-
-    output: str | None
-    plot: str | None
-    stats: str | None
-    columns: str | None
-    as_json: bool
-    quiet: bool
-    verbose: bool
-    checkpoint: str | None = None
-    resume: str | None = None
-    limit: float = settings.LIMIT
-    digits: bool = False
-
-    @property
-    def to_stdout(self) -> bool:
-        """True if the table goes to standard output."""
-        return self.output == "-" or (self.output is None and self.plot is None)
-
-    @property
-    def file(self) -> str | None:
-        """The file of the table, if it goes to one."""
-        return None if self.output == "-" else self.output
-
-    def check(self, model: str) -> None:
-        """Refuse what cannot be written before anything is computed.
-
-        Raises `exits.UsageError`, and `exits.WriteError` for a folder that is missing or closed.
-        """
-        if self.digits and self.resume is not None:
-            raise exits.UsageError(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
-        try:
-            if self.file is not None:
-                endings.of(pathlib.Path(self.file), endings.TABLES)
-            if self.plot is not None:
-                endings.of(pathlib.Path(self.plot), endings.FIGURES)
-        except endings.UnknownFormat as error:
-            raise exits.UsageError(str(error)) from None
-        for option, name, instead in (
-            ("--stats", self.stats, "; --json prints the account"),
-            ("--checkpoint", self.checkpoint, ""),
-            ("--resume", self.resume, ""),
-        ):
-            if name == "-":
-                raise exits.UsageError(f"{option}: a file name is needed{instead}")
-        file_conflicts.require_separate(self._files(model), frozenset(("--checkpoint", "--resume")))
-        for file in self._files(model):
-            if file.is_written and file.number is None:
-                exits.check_writable(file.name)
-
-    def _files(self, model: str) -> Iterator[file_conflicts.File]:
-        """All files of the command, those that belong to others after them."""
-        yield from file_conflicts.model(model)
-        for option, name in (
-            ("--output", self.file),
-            ("--plot", self.plot),
-            ("--stats", self.stats),
-            ("--checkpoint", self.checkpoint),
-            ("--resume", self.resume),
-        ):
-            if name is not None:
-                yield file_conflicts.File(option, name, is_written=option != "--resume")
-        if self.file is not None and atomic_file.is_replaced(pathlib.Path(self.file)):
-            partial = os.fspath(atomic_file.partial_of(pathlib.Path(os.path.realpath(self.file))))
-            yield file_conflicts.File("--output", partial, is_written=True, is_derived=True)
-            if self.checkpoint is not None:
-                rows = os.fspath(row_file.path_of(pathlib.Path(os.path.realpath(self.file))))
-                yield file_conflicts.File("--output", rows, is_written=True, is_derived=True)
-        yield from file_conflicts.stdout()
-
-
-def ready(model: Model, chosen: Simulation, wishes: OutputOptions) -> SimulationRun:
+def ready(model: Model, chosen: Simulation, options: SimulateOptions) -> SimulationRun:
     """The run, from its start or from a checkpoint. Raises `exits.UsageError`, `diagnostics.ModelError`."""
     try:
         return prepare_run.prepare(
-            model, chosen, wishes.resume, wishes.limit, wishes.digits, may_be_over=True
+            model, chosen, options.resume, options.limit, options.digits, may_be_over=True
         )
     except checkpoint.CheckpointError as error:
         raise exits.UsageError(f"--resume {error}") from None
     except FileNotFoundError:
-        raise exits.UsageError(f"--resume: there is no file {wishes.resume}") from None
+        raise exits.UsageError(f"--resume: there is no file {options.resume}") from None
     except OSError as error:
-        raise exits.UsageError(f"--resume: cannot read {wishes.resume}: {error.strerror}") from None
+        raise exits.UsageError(f"--resume: cannot read {options.resume}: {error.strerror}") from None
 
 
-def run(ready: SimulationRun, wishes: OutputOptions) -> None:
+def run(ready: SimulationRun, options: SimulateOptions) -> None:
     """Integrate and write. Raises `exits.Exit` with 3 where the run stopped before its end."""
-    picked = _picked(ready.columns, wishes, ready.by_name)
+    picked = _picked(ready.columns, options, ready.by_name)
     everything = (*ready.columns, *ready.by_name)
     names = [everything[i] for i in picked]
-    first = table_output.before(ready, wishes.resume, wishes.file, names)
+    first = table_output.before(ready, options.resume, options.file, names)
     if first is None:
-        _require_rows_left(ready, wishes)
-        table_output.require_kept(ready, wishes.resume, wishes.file)
-    for warning in () if wishes.quiet else ready.warnings:
+        _require_rows_left(ready, options)
+        table_output.require_kept(ready, options.resume, options.file)
+    for warning in () if options.quiet else ready.warnings:
         exits.say(warning.render())
-    _tell_start(ready, wishes, first)
+    _tell_start(ready, options, first)
     kept = decimate.Thinned()
     signals.leave()
     outcome = dataclasses.replace(ready.outcome)  # of the rows that have been written
     with signals.unwinding():
         try:
-            with table_output.opened(ready, wishes.file, wishes.to_stdout, names) as written:
-                if wishes.checkpoint is not None:
-                    written.keep_checkpoints(wishes.checkpoint, names, ready.grid.step, first)
+            with table_output.opened(ready, options.file, options.to_stdout, names) as written:
+                if options.checkpoint is not None:
+                    written.keep_checkpoints(options.checkpoint, names, ready.grid.step, first)
                 if first is not None:
-                    is_whole = wishes.plot is not None and names == list(ready.columns)
+                    is_whole = options.plot is not None and names == list(ready.columns)
                     written.begin(first, names, kept.add if is_whole else lambda block: None)
-                stopped = _write_rows(ready, wishes, picked, written, kept, outcome)
+                stopped = _write_rows(ready, options, picked, written, kept, outcome)
         except (signals.Interrupted, exits.WriteError, OSError) as error:
-            _account_of_ended(ready, wishes, outcome, error)
+            _account_of_ended(ready, options, outcome, error)
             raise
-        _write_account(wishes, ready.stats)
-        _draw(ready, wishes, kept)
+        _write_account(options, ready.stats)
+        _draw(ready, options, kept)
         signals.check()
-    if not wishes.quiet:
+    if not options.quiet:
         for note in ready.notes:
             exits.say(f"note: {note}")
         _tell_account(ready.stats, step_tolerance.sentence(ready.model.simulation), stopped is None)
@@ -158,37 +82,37 @@ def run(ready: SimulationRun, wishes: OutputOptions) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def _require_rows_left(ready: SimulationRun, wishes: OutputOptions) -> None:
+def _require_rows_left(ready: SimulationRun, options: SimulateOptions) -> None:
     try:
         ready.require_rows_left()
     except checkpoint.CheckpointError as error:
-        raise exits.UsageError(f"--resume {wishes.resume}: {error}") from None
+        raise exits.UsageError(f"--resume {options.resume}: {error}") from None
 
 
-def _picked(names: tuple[str, ...], wishes: OutputOptions, by_name: tuple[str, ...] = ()) -> list[int]:
+def _picked(names: tuple[str, ...], options: SimulateOptions, by_name: tuple[str, ...] = ()) -> list[int]:
     try:
-        if wishes.columns is None:
+        if options.columns is None:
             return list(range(len(names)))
-        return column_choice.select(names, wishes.columns, by_name)
+        return column_choice.select(names, options.columns, by_name)
     except column_choice.UnknownColumn as error:
         raise exits.UsageError(f"--columns: {error}") from None
 
 
-def _tell_start(ready: SimulationRun, wishes: OutputOptions, first: table_output.Before | None) -> None:
-    if wishes.quiet:
+def _tell_start(ready: SimulationRun, options: SimulateOptions, first: table_output.Before | None) -> None:
+    if options.quiet:
         return
     if first is not None:
-        exits.say(f"note: {wishes.file} begins {first.sentence}")
-    elif lost := table_output.elsewhere(ready, wishes.resume):
+        exits.say(f"note: {options.file} begins {first.sentence}")
+    elif lost := table_output.elsewhere(ready, options.resume):
         exits.say(f"note: {lost}")
     if ready.assembly is not None:
         exits.say_all(assembly_moves.moves(ready.model, ready.assembly).lines(ready.model.units))
     if ready.passed_over:
         exits.say(
-            f"note: {ready.passed_over} rows are skipped: they are from before the state in {wishes.resume}"
+            f"note: {ready.passed_over} rows are skipped: they are from before the state in {options.resume}"
             " and were not asked for in the run before"
         )
-    if wishes.verbose:
+    if options.verbose:
         chosen = ready.model.simulation
         exits.say(
             f"compiled in {ready.stats.compile_seconds:.3f} s; {ready.grid.count} rows of"
@@ -199,7 +123,7 @@ def _tell_start(ready: SimulationRun, wishes: OutputOptions, first: table_output
 
 def _write_rows(
     ready: SimulationRun,
-    wishes: OutputOptions,
+    options: SimulateOptions,
     picked: list[int],
     written: table_output.TableOutput,
     kept: decimate.Thinned,
@@ -211,12 +135,12 @@ def _write_rows(
     """
     stopped: run_stop.RunStop | None = None
     try:
-        with _progress(ready, wishes) as bar:
+        with _progress(ready, options) as bar:
             for block in _blocks(ready, bar):
-                point = ready.checkpoint() if wishes.checkpoint is not None else None
+                point = ready.checkpoint() if options.checkpoint is not None else None
                 written.take(block, ready.taken(block, picked), point)
                 outcome.rows, outcome.t_end = ready.outcome.rows, ready.outcome.t_end
-                if wishes.plot is not None:
+                if options.plot is not None:
                     kept.add(block)
     except run_stop.RunStop as stop:
         stopped = stop
@@ -247,15 +171,15 @@ def _blocks(ready: SimulationRun, bar: console.Progress) -> Iterator[Floats]:
 
 
 def _progress(
-    ready: SimulationRun, wishes: OutputOptions
+    ready: SimulationRun, options: SimulateOptions
 ) -> contextlib.AbstractContextManager[console.Progress]:
     # Rows and a bar on one terminal would overwrite each other.
-    silent = wishes.quiet or (wishes.to_stdout and sys.stdout.isatty())
+    silent = options.quiet or (options.to_stdout and sys.stdout.isatty())
     return console.progress(ready.grid.start, ready.grid.end, silent)
 
 
 def _account_of_ended(
-    ready: SimulationRun, wishes: OutputOptions, outcome: Outcome, error: BaseException
+    ready: SimulationRun, options: SimulateOptions, outcome: Outcome, error: BaseException
 ) -> None:
     """The account of the rows that are kept of a run that this has ended; what fails here does not hide it."""
     reason, code = str(error), trajectory.NOT_WRITTEN
@@ -263,7 +187,7 @@ def _account_of_ended(
         reason, code = f"interrupted by {signal.Signals(error.number).name}", trajectory.INTERRUPTED
     elif isinstance(error, BrokenPipeError):
         reason = "the reader of the rows went away"
-    if code == trajectory.NOT_WRITTEN and not wishes.to_stdout:
+    if code == trajectory.NOT_WRITTEN and not options.to_stdout:
         outcome = Outcome()  # the file is as it was
     outcome.stopped = ready.outcome.stopped
     if outcome.stopped is None and outcome.t_end != ready.grid.end:
@@ -272,38 +196,38 @@ def _account_of_ended(
         ready.stats, stopped=outcome.stopped, rows=outcome.rows, t_end=outcome.t_end
     )
     try:
-        _write_account(wishes, account)
+        _write_account(options, account)
     except (exits.WriteError, OSError) as error:
         exits.say(f"lagcli: {error}")
     except signals.Interrupted:
         pass  # a later signal; the caller raises the first
 
 
-def _write_account(wishes: OutputOptions, stats: Stats) -> None:
+def _write_account(options: SimulateOptions, stats: Stats) -> None:
     """Write what `--stats` and `--json` ask for. A signal waits for it, but not long for a reader who takes nothing."""
     account = stats.as_json()
     with signals.shielded(signals.PATIENCE):
-        if wishes.stats is not None:
-            with exits.writing(wishes.stats):
-                _write_json(wishes.stats, account)
-        if wishes.as_json and not wishes.to_stdout:
+        if options.stats is not None:
+            with exits.writing(options.stats):
+                _write_json(options.stats, account)
+        if options.as_json and not options.to_stdout:
             print(json_output.text(account), flush=True)
 
 
-def _draw(ready: SimulationRun, wishes: OutputOptions, kept: decimate.Thinned) -> None:
+def _draw(ready: SimulationRun, options: SimulateOptions, kept: decimate.Thinned) -> None:
     """The figure, where one is asked for."""
     rows = kept.rows()
-    if wishes.plot is not None and len(rows):
+    if options.plot is not None and len(rows):
         # matplotlib takes a third of a second to load: only where a figure is asked for.
         from lagcli.output.figures import panels
 
-        names, drawn = _drawn(ready.columns, rows, wishes, ready.by_name)
+        names, drawn = _drawn(ready.columns, rows, options, ready.by_name)
         title = ready.model.title or pathlib.Path(ready.model.path).stem
-        with exits.drawing(wishes.plot):
+        with exits.drawing(options.plot):
             from lagcli.output.figures import figure
 
             figure.draw(
-                pathlib.Path(wishes.plot),
+                pathlib.Path(options.plot),
                 names,
                 drawn,
                 title=title,
@@ -318,13 +242,13 @@ def _draw(ready: SimulationRun, wishes: OutputOptions, kept: decimate.Thinned) -
 
 
 def _drawn(
-    names: tuple[str, ...], rows: Floats, wishes: OutputOptions, by_name: tuple[str, ...]
+    names: tuple[str, ...], rows: Floats, options: SimulateOptions, by_name: tuple[str, ...]
 ) -> tuple[tuple[str, ...], Floats]:
     """The columns of the figure: those of multipliers and reactions that `--columns` names, all where it names none."""
-    if wishes.columns is None:
+    if options.columns is None:
         return names, rows
     everything = (*names, *by_name)
-    chosen = [everything[i] for i in _picked(names, wishes, by_name)]
+    chosen = [everything[i] for i in _picked(names, options, by_name)]
     # A reaction of a particle is drawn with all its components.
     groups = {
         name.removesuffix(f".{name[-1]}") for name in chosen if name.startswith("R.") and name[-2] == "."
@@ -336,7 +260,7 @@ def _drawn(
     ]
     kept = [i for i in kept if names[i].startswith(("lambda.", "R."))]
     if not kept:
-        if not wishes.quiet:
+        if not options.quiet:
             exits.say("note: --columns names no multiplier and no reaction; the figure shows all of them")
         return names, rows
     kept = [names.index("t"), *kept]

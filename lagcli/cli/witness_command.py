@@ -9,9 +9,9 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from lagcli.cli import console, exits, file_conflicts
+from lagcli.cli import console, exits
+from lagcli.cli.preflight import CheckOptions
 from lagcli.errors import diagnostics
-from lagcli.output import endings
 
 if TYPE_CHECKING:
     from lagcli.analysis.check_report import ConstraintReport, Report
@@ -23,83 +23,9 @@ MOST_DIGITS = 12
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Wish:
-    """The row that is asked about, and the file of the figure."""
-
-    row: str
-    plot: str | None
-
-    def shown(self, model: Model, report: Report, limit: float, assemble: bool = False) -> Answer:
-        """The answer within `limit` seconds. Raises `exits.UsageError` where no differential row is meant."""
-        constraint = self._constraint(report)
-        verdict = constraint.verdict
-        if verdict.kind == "undecided":
-            reason = f"undecided: whether `{self.row}` is integrable: {verdict.method}"
-            return Answer(self, None, reason, exits.UNDECIDED)
-        if verdict.kind != "nonholonomic":
-            integral = "" if verdict.integral is None else f": {verdict.integral} = const"
-            together = " together with other rows" if verdict.kind == "jointly-integrable" else ""
-            reason = f"`{self.row}` is integrable{together}{integral}, so that no loop shows the contrary"
-            return Answer(self, None, reason, exits.INVALID)
-        # Most checks need no witness, and its search no room of theirs.
-        from lagcli.analysis.holonomy import witness
-        from lagcli.api import assemble_start, cache
-
-        if assemble or model.simulation.assemble:
-            model, _ = assemble_start.assembled(model)
-        ready = cache.compiled(model)
-        found = witness.find(ready.system, ready.numeric, self.row, time.monotonic() + limit)
-        if found is None:
-            reason = f"undecided: no loop that shows `{self.row}` to be nonholonomic was found in {limit:g} s"
-            return Answer(self, None, reason, exits.UNDECIDED)
-        if self.plot is not None:
-            with exits.drawing(self.plot):
-                from lagcli.output.figures import loop_figure
-
-                loop_figure.draw(pathlib.Path(self.plot), found)
-        return Answer(self, found, "", exits.DONE)
-
-    def _constraint(self, report: Report) -> ConstraintReport:
-        rows = {c.name: c for c in report.constraints}
-        differential = [name for name, c in rows.items() if c.verdict.declared == "differential"]
-        if self.row in differential:
-            return rows[self.row]
-        if self.row in rows:
-            kind = rows[self.row].verdict.declared
-            raise exits.UsageError(
-                f"--witness {self.row}: that row is {kind}; only differential rows have one"
-            )
-        parts = [name for name in differential if name.startswith((f"{self.row}.", f"{self.row}["))]
-        hint = f"its rows are `{parts[0]}` to `{parts[-1]}`" if parts else ""
-        hint = hint or diagnostics.nearest(self.row, differential)
-        hint = hint or ("`check` lists them" if differential else "the model has none")
-        raise exits.UsageError(f"--witness {self.row}: there is no differential row `{self.row}`; {hint}")
-
-
-def wish(row: str | None, plot: str | None, models: list[str]) -> Wish | None:
-    """The wish that the options make. Raises `exits.UsageError`, and `exits.WriteError` for a folder that is closed."""
-    if row is None:
-        if plot is not None:
-            raise exits.UsageError("--plot draws the loop of --witness NAME; give that too")
-        return None
-    if len(models) > 1:
-        raise exits.UsageError("--witness takes one MODEL")
-    if plot is not None:
-        try:
-            endings.of(pathlib.Path(plot), endings.FIGURES)
-        except endings.UnknownFormat as error:
-            raise exits.UsageError(str(error)) from None
-        figure = file_conflicts.File("--plot", plot, is_written=True)
-        file_conflicts.require_separate((*file_conflicts.model(models[0]), figure, *file_conflicts.stdout()))
-        exits.check_writable(plot)
-    return Wish(row, plot)
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
 class Answer:
     """A witness, or the reason why there is none, with its exit code."""
 
-    wish: Wish
     found: Witness | None
     reason: str
     code: int
@@ -135,6 +61,53 @@ class Answer:
             "surface_residual": found.surface_residual,
             "closure": found.closure,
         }
+
+
+def shown(model: Model, report: Report, options: CheckOptions) -> Answer:
+    """The answer within the limit. Raises `exits.UsageError` where no differential row is meant."""
+    row = options.witness
+    assert row is not None
+    verdict = _constraint(report, row).verdict
+    if verdict.kind == "undecided":
+        reason = f"undecided: whether `{row}` is integrable: {verdict.method}"
+        return Answer(None, reason, exits.UNDECIDED)
+    if verdict.kind != "nonholonomic":
+        integral = "" if verdict.integral is None else f": {verdict.integral} = const"
+        together = " together with other rows" if verdict.kind == "jointly-integrable" else ""
+        reason = f"`{row}` is integrable{together}{integral}, so that no loop shows the contrary"
+        return Answer(None, reason, exits.INVALID)
+    # Most checks need no witness, and its search no room of theirs.
+    from lagcli.analysis.holonomy import witness
+    from lagcli.api import assemble_start, cache
+
+    if options.assemble or model.simulation.assemble:
+        model, _ = assemble_start.assembled(model)
+    ready = cache.compiled(model)
+    found = witness.find(ready.system, ready.numeric, row, time.monotonic() + options.limit)
+    if found is None:
+        reason = f"undecided: no loop that shows `{row}` to be nonholonomic was found in {options.limit:g} s"
+        return Answer(None, reason, exits.UNDECIDED)
+    if options.plot is not None:
+        with exits.drawing(options.plot):
+            from lagcli.output.figures import loop_figure
+
+            loop_figure.draw(pathlib.Path(options.plot), found)
+    return Answer(found, "", exits.DONE)
+
+
+def _constraint(report: Report, row: str) -> ConstraintReport:
+    rows = {c.name: c for c in report.constraints}
+    differential = [name for name, c in rows.items() if c.verdict.declared == "differential"]
+    if row in differential:
+        return rows[row]
+    if row in rows:
+        kind = rows[row].verdict.declared
+        raise exits.UsageError(f"--witness {row}: that row is {kind}; only differential rows have one")
+    parts = [name for name in differential if name.startswith((f"{row}.", f"{row}["))]
+    hint = f"its rows are `{parts[0]}` to `{parts[-1]}`" if parts else ""
+    hint = hint or diagnostics.nearest(row, differential)
+    hint = hint or ("`check` lists them" if differential else "the model has none")
+    raise exits.UsageError(f"--witness {row}: there is no differential row `{row}`; {hint}")
 
 
 def lines(found: Witness) -> list[str]:

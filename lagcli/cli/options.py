@@ -1,0 +1,37 @@
+"""Options that several commands have."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import typer
+
+
+def _seconds(value: float) -> float:
+    """A limit as it is. Raises `typer.BadParameter` for nan, which no lower bound refuses."""
+    if math.isnan(value):
+        raise typer.BadParameter("must be a number of seconds, not nan")
+    return value
+
+
+ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="model file; - for standard input")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=EXPR",
+        help="a different value for a parameter (m=2) or a start (theta.value=pi/3, a.z=-1); repeatable",
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, errors too")]
+LimitOption = Annotated[
+    float, typer.Option("--limit", metavar="SECONDS", min=0.0, callback=_seconds, help="time for proofs")
+]
+QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="only errors on standard error")]
+VerboseOption = Annotated[bool, typer.Option("-v", "--verbose", help="more on standard error")]
+DebugOption = Annotated[bool, typer.Option("--debug", help="a traceback where lagcli itself fails")]
+AssembleOption = Annotated[
+    bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
+]
+OutputStepOption = Annotated[float | None, typer.Option("--output-step", help="time between rows")]

@@ -1,0 +1,213 @@
+"""The options of each command, and what is refused about them before any work: options that exclude each other, files
+that are missing, of a wrong format, or not to be written.
+
+`require` of the options raises `exits.UsageError`, and `exits.WriteError` for a folder that is missing or closed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import os
+import pathlib
+from collections.abc import Iterable, Iterator
+
+from lagcli.cli import exits, file_conflicts
+from lagcli.model import settings
+from lagcli.output import atomic_file, endings
+
+DERIVE_FORMATS = ("text", "latex", "markdown", "html", "json")
+
+
+def require_models(paths: list[str]) -> None:
+    """One MODEL that does not exist is told before the others are worked on. Raises `exits.UsageError`."""
+    for path in paths:
+        if path != "-" and not os.path.exists(path):
+            raise exits.UsageError(f"there is no file {path}")
+    if paths.count("-") > 1:
+        raise exits.UsageError("standard input can be read once only")
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class CheckOptions:
+    """Options of `check`; `witness`: the row whose loop is asked for, `plot`: the file of its figure."""
+
+    strict: bool
+    assemble: bool
+    limit: float
+    witness: str | None
+    plot: str | None
+    as_json: bool
+    quiet: bool
+    verbose: bool
+
+    def require(self, models: list[str]) -> None:
+        """Refuse what cannot be done for these MODELs."""
+        require_models(models)
+        if self.witness is None:
+            if self.plot is not None:
+                raise exits.UsageError("--plot draws the loop of --witness NAME; give that too")
+            return
+        if len(models) > 1:
+            raise exits.UsageError("--witness takes one MODEL")
+        if self.plot is not None:
+            _require_ending(self.plot, endings.FIGURES)
+            _require_writable(
+                file_conflicts.model(models[0]), [file_conflicts.File("--plot", self.plot, is_written=True)]
+            )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class SimulateOptions:
+    """Options of `simulate` besides the settings of the run."""
+
+    output: str | None = None
+    plot: str | None = None
+    stats: str | None = None
+    columns: str | None = None
+    as_json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    checkpoint: str | None = None
+    resume: str | None = None
+    limit: float = settings.LIMIT
+    digits: bool = False
+
+    @property
+    def to_stdout(self) -> bool:
+        """True if the table goes to standard output."""
+        return self.output == "-" or (self.output is None and self.plot is None)
+
+    @property
+    def file(self) -> str | None:
+        """The file of the table, if it goes to one."""
+        return None if self.output == "-" else self.output
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        if self.digits and self.resume is not None:
+            from lagcli.simulation.global_error import error_estimate
+
+            raise exits.UsageError(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
+        _require_ending(self.file, endings.TABLES)
+        _require_ending(self.plot, endings.FIGURES)
+        for option, name, instead in (
+            ("--stats", self.stats, "; --json prints the account"),
+            ("--checkpoint", self.checkpoint, ""),
+            ("--resume", self.resume, ""),
+        ):
+            if name == "-":
+                raise exits.UsageError(f"{option}: a file name is needed{instead}")
+        _require_writable(file_conflicts.model(model), self._files(), frozenset(("--checkpoint", "--resume")))
+
+    def _files(self) -> Iterator[file_conflicts.File]:
+        """All files of the options, those that belong to others after them."""
+        for option, name in (
+            ("--output", self.file),
+            ("--plot", self.plot),
+            ("--stats", self.stats),
+            ("--checkpoint", self.checkpoint),
+            ("--resume", self.resume),
+        ):
+            if name is not None:
+                yield file_conflicts.File(option, name, is_written=option != "--resume")
+        if self.file is not None and atomic_file.is_replaced(pathlib.Path(self.file)):
+            # The tables of other commands are read: only here are rows kept.
+            from lagcli.output.tables import row_file
+
+            table = pathlib.Path(os.path.realpath(self.file))
+            derived = [atomic_file.partial_of(table)]
+            derived += [row_file.path_of(table)] if self.checkpoint is not None else []
+            for path in derived:
+                yield file_conflicts.File("--output", os.fspath(path), is_written=True, is_derived=True)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class CompareOptions:
+    """Options of `compare` besides the settings of the runs."""
+
+    columns: str | None
+    tolerance: float | None
+    as_json: bool
+    quiet: bool
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class AuditOptions:
+    """Options of `audit` besides the settings of the run; `has_rows`: --duration or --samples is given."""
+
+    table: str | None
+    plot: str | None
+    digits: bool
+    as_json: bool
+    quiet: bool
+    verbose: bool
+    has_rows: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        _require_ending(self.plot, endings.FIGURES)
+        _require_ending(self.table, endings.TABLES)
+        if self.table is not None and not os.path.exists(self.table):
+            raise exits.UsageError(f"--run: there is no file {self.table}")
+        if self.plot is not None:
+            read = [file_conflicts.File("--run", self.table)] if self.table is not None else []
+            figure = file_conflicts.File("--plot", self.plot, is_written=True)
+            _require_writable(file_conflicts.model(model), [*read, figure])
+        if self.table is not None and self.has_rows:
+            raise exits.UsageError(
+                "--run: the table has its own rows; --duration and --samples are of a new run"
+            )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class DeriveOptions:
+    """Options of `derive`; `form`: one of `DERIVE_FORMATS`, `values`: names of parameters to put in as numbers."""
+
+    form: str
+    solve: bool
+    everything: bool
+    values: str
+    limit: float
+
+    def require(self) -> None:
+        """Refuse a format there is not."""
+        if self.form not in DERIVE_FORMATS:
+            raise exits.UsageError(f"--format {self.form}: the formats are {', '.join(DERIVE_FORMATS)}")
+
+
+def _require_ending(name: str | None, known: tuple[str, ...]) -> None:
+    """Refuse a file whose name ends in none of the known formats."""
+    if name is None:
+        return
+    try:
+        endings.of(pathlib.Path(name), known)
+    except endings.UnknownFormat as error:
+        raise exits.UsageError(str(error)) from None
+
+
+def _require_writable(
+    model: Iterable[file_conflicts.File],
+    files: Iterable[file_conflicts.File],
+    together: frozenset[str] = frozenset(),
+) -> None:
+    """Refuse files that are one, and those that cannot be made or replaced, before a long run and not after it.
+
+    together: two options that may name one file.
+    """
+    everything = (*model, *files, *file_conflicts.stdout())
+    file_conflicts.require_separate(everything, together)
+    for file in everything:
+        if file.is_written and file.number is None:
+            _require_place(file.name)
+
+
+def _require_place(name: str) -> None:
+    with exits.writing(name):
+        target = atomic_file.destination(pathlib.Path(name))
+        # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
+        is_replaced = atomic_file.is_replaced(target)
+        place, rights = (target.parent, os.W_OK | os.X_OK) if is_replaced else (target, os.W_OK)
+        os.stat(place)
+        if not os.access(place, rights):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
