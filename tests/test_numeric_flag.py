@@ -14,7 +14,7 @@ import pytest
 
 import lagcli
 from lagcli.analysis import numeric_flag
-from lagcli.analysis.numeric_flag import multiprecision
+from lagcli.analysis.numeric_flag import multiprecision, term_sizes
 from lagcli.compiled import kernel_fields, program
 from lagcli.equations import system
 from lagcli.start import initial
@@ -371,6 +371,49 @@ def test_what_rounding_leaves_of_large_terms_is_no_bracket(values, form):
 def test_what_rounding_leaves_of_numbers_is_not_certain(coefficient, parameters):
     found = flag(model(FOUR, [], [f"d(z) - ({coefficient})*y*d(x) = 0"], parameters))
     assert found.extra in ((), (1, 1))
+
+
+CANCELLED = [
+    ("sqrt((1 - cos(x))/2) - sin(x/2)", 1.0),
+    ("sqrt((1 - cos(x))/2) - sin(x/2)", 4.0),
+    ("asin(sin(x)) - x", 1.0),
+    ("asin(sin(x)) + x", 2.5),
+    ("asin(sin(x)) + x", -2.0),
+    ("sqrt(1 - sin(x)**2) - cos(x)", 6.0),
+    ("cosh(x) - sqrt(1 + sinh(x)**2)", -3.0),
+]
+
+
+@pytest.mark.parametrize("is_rough", [False, True], ids=["digits", "doubles"])
+@pytest.mark.parametrize(("constant", "x"), CANCELLED)
+def test_what_cancels_within_an_entry_is_rounding(constant, x, is_rough, monkeypatch):
+    """Around the start these functions are constants, whose derivatives doubles may meet exactly or not."""
+    if is_rough:
+        monkeypatch.setattr(kernel_fields, "pivots", refuse)
+    values = {"x": x, "y": 0.3, "z": 0.2, "w": 0.1}
+    for entry in (constant, f"exp({constant})"):
+        form = f"d(z) - ({entry})*d(w) = 0"
+        found = flag(model(values, [], [form]))
+        assert found.extra in (((1, 1),) if not is_rough else ((1, 1), ()))
+        found = flag(model(values, [], [form, "d(w) - y*d(x) = 0"]))
+        assert found.extra in (((2, 1, 1),) if not is_rough else ((2, 1, 1), ()))
+
+
+@pytest.mark.parametrize("name", sorted({*multiprecision.SLOPES, *multiprecision.BINARY}))
+def test_the_size_of_terms_bounds_what_other_numbers_change(name):
+    """For each function that values in many digits know; constpow and pow stand for each other."""
+    a, b = ca.SX.sym("a"), ca.SX.sym("b")
+    two, code = name in multiprecision.BINARY, getattr(ca, f"OP_{name.upper()}")
+    value = ca.SX.binary(code, a, b) if two else ca.SX.unary(code, a)
+    written = program.written_out(ca.Function("f", [a, b], [value]))
+    one, other = (1.35, 0.4) if name == "acosh" else (0.35, 0.4)
+    (size,) = term_sizes.of(written, [np.array([one]), np.array([other])])
+    here, there = (
+        multiprecision.run(written, [[Decimal(x) * h], [Decimal(y) / h]], Decimal)[0]
+        for h, x, y in ((Decimal(1), one, other), (Decimal("1.000001"), one, other))
+    )
+    assert size < 20
+    assert float(abs(there - here)) <= 1.1e-6 * size
 
 
 @pytest.mark.parametrize("size", [0.3, 0.7e-9])

@@ -74,14 +74,6 @@ class RowBlock:
         return ca.Function("curl", self._arguments, [ca.densify(ca.sum2(one) - ca.sum2(other))])
 
     @cached_property
-    def sizes(self) -> Any:
-        """sizes(x, p, Y, Z) -> the sums of |terms| that d omega_i(Y, Z) is made of (m,)."""
-        one, other = self._turning
-        return ca.Function(
-            "sizes", self._arguments, [ca.densify(ca.sum2(ca.fabs(one)) + ca.sum2(ca.fabs(other)))]
-        )
-
-    @cached_property
     def has_kinks(self) -> bool:
         """True if abs, sign, min or max change how the rows are to be computed from place to place."""
         steps = (*program.written_out(self.along).steps, *program.written_out(self.curl).steps)

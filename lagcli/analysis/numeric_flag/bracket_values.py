@@ -95,8 +95,7 @@ class BracketValues:
         place, function = self.place, self._brackets.values(shape)
         aside = place.x + NUDGE * place.sizes * self._random.standard_normal(place.x.size)
         here, there = (np.array(function(x, place.p, U)).ravel() for x in (place.x, aside))
-        terms = np.array(place.block.sizes(place.x, place.p, U[:, 0], U[:, 1])).ravel()[place.kept]
-        terms *= 1.0 if lie_brackets.leaves(shape) == 2 else DEEPER
+        terms = place.terms[place.kept] * (1.0 if lie_brackets.leaves(shape) == 2 else DEEPER)
         sizes = np.maximum(np.maximum(np.abs(here), np.abs(there - here) / NUDGE), terms)
         if not np.isfinite(sizes).all():
             raise undecided.Undecided("a bracket is not finite")

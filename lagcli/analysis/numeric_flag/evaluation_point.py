@@ -5,16 +5,14 @@ Where these brackets are certainly as many as there are rows, no longer ones are
 
 from __future__ import annotations
 
-import decimal
 import math
-from decimal import Decimal
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.numeric_flag import multiprecision
+from lagcli.analysis.numeric_flag import term_sizes
 from lagcli.analysis.numeric_flag.point_ranks import Ranks
 from lagcli.compiled import program
 from lagcli.compiled.row_block import RowBlock
@@ -25,8 +23,8 @@ Floats = npt.NDArray[np.float64]
 CERTAIN = 1e-6
 # A value that vanishes on the orbit is less than this many times its size and how far the point is off.
 OFF = 100.0
-# So many pairs are looked at in so many digits.
-LOOKED_AT, FEWER = 3, 30
+# So many pairs of fields show the sizes of terms.
+LOOKED_AT = 3
 SEED = 20062
 
 
@@ -55,40 +53,20 @@ class EvaluationPoint(Ranks):
         free = random.standard_normal((2 * len(kept) + 2, self.block.size))
         held = np.array([self.in_kernel(u) for u in free]) * self.sizes
         pairs = [(a, b) for i, a in enumerate(held) for b in held[:i]]
-        loose = free * self.sizes
-        size = self._of(self.block.sizes, [(a, b) for i, a in enumerate(loose) for b in loose[:i]])
-        values = self._of(self.block.curl, pairs)
-        size = np.maximum(size.max(axis=1, initial=0.0), self._blur(pairs[:LOOKED_AT], values))
-        values = values[kept] / np.where(size > 0, size, 1.0)[kept][:, None]
+        values, size = self._of(self.block.curl, pairs)[kept], self.terms[kept]
+        values = values / np.where(size > 0, size, 1.0)[:, None]
         if not np.isfinite(values).all():
             return np.zeros(0)
         return np.asarray(np.linalg.svd(values, compute_uv=False)) / math.sqrt(values.shape[1])
 
+    @cached_property
+    def terms(self) -> Floats:
+        """The sizes (m,) of what d omega_i of fields of this size is made of, for the differential rows."""
+        curl, random = program.written_out(self.block.curl), np.random.default_rng(SEED)
+        fields = random.standard_normal((LOOKED_AT, 2, self.block.size)) * self.sizes
+        sizes = [term_sizes.of(curl, [self.x, self.p, Y, Z]) for Y, Z in fields]
+        return np.asarray(np.max(sizes, axis=0))
+
     def _of(self, function: Any, pairs: list[tuple[Floats, Floats]]) -> Floats:
         """A function (x, p, Y, Z) -> (m,) of pairs of fields, (m, pairs)."""
         return np.array([np.array(function(self.x, self.p, *pair)).ravel() for pair in pairs]).T
-
-    def _blur(self, pairs: list[tuple[Floats, Floats]], values: Floats) -> Floats:
-        """Sizes (m,) of what cancelled in these values: what rounding has changed, and what shaken numbers do."""
-        curl, found = program.written_out(self.block.curl), np.zeros(values.shape[0])
-        x, p = _decimals(self.x), _decimals(self.p)
-        other_x, other_p = ([multiprecision.shaken(a) for a in some] for some in (x, p))
-        for (Y, Z), value in zip(pairs, values.T.tolist(), strict=False):
-            fields = _decimals(Y), _decimals(Z)
-            try:
-                with decimal.localcontext(prec=FEWER):
-                    plain = multiprecision.run(curl, [x, p, *fields], Decimal)
-                    other = multiprecision.run(
-                        curl, [other_x, other_p, *fields], multiprecision.shaken_constant
-                    )
-            except multiprecision.NotFinite:
-                return np.full(found.size, math.inf)
-            changes = [
-                max(abs(a - b), abs(a - Decimal(c))) for a, b, c in zip(plain, other, value, strict=True)
-            ]
-            found = np.maximum(found, [float(change / multiprecision.SHAKE) for change in changes])
-        return found
-
-
-def _decimals(values: Floats) -> list[Decimal]:
-    return [Decimal(a) for a in values.tolist()]

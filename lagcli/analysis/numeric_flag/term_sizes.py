@@ -1,0 +1,190 @@
+"""Sizes of the terms that the values of a program are made of, those that cancel within one entry too.
+
+The size of a value is what it would change by, to first order, if every input and every result on the way to it
+changed by its own size. What rounding and numbers that were computed in doubles leave of a value that is zero is far
+below that. It is bounded here, not observed: a value that is zero may by chance be met exactly, beside others that
+are not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.program import Program
+
+Floats = npt.NDArray[np.float64]
+Pair = tuple[float, float]  # a value and its size
+
+# Within this part of its size a value may lie on the other side of a switch.
+DOUBT = 1e-13
+WHOLE = 2.0**53  # the doubles below are exact where they are whole
+
+
+def of(program: Program, inputs: Sequence[Floats]) -> Floats:
+    """The sizes of the results of a program (results,); infinite where there is no value, or a switch is near.
+
+    Whole numbers among constants and inputs are what they are.
+    """
+    held: list[Pair] = [(0.0, 0.0)] * program.registers
+    found = np.zeros(program.results)
+    given = [part.tolist() for part in inputs]
+    for name, out, of, constant in program.steps:
+        if name == "input":
+            held[out[0]] = _input(given[of[0]][of[1]])
+        elif name == "const":
+            held[out[0]] = constant, 0.0 if constant.is_integer() else max(abs(constant), 1.0)
+        elif name == "output":
+            if out[0] == 0:
+                found[out[1]] = held[of[0]][1]
+        else:
+            held[out[0]] = _result(name, [held[i] for i in of])
+    return np.where(np.isnan(found), math.inf, found)
+
+
+def _input(value: float) -> Pair:
+    return value, 0.0 if value.is_integer() else abs(value)
+
+
+def _result(name: str, parts: list[Pair]) -> Pair:
+    try:
+        value, size = TWO[name](*parts) if name in TWO else _along(name, parts[0])
+    except (ArithmeticError, ValueError):
+        return math.nan, math.inf
+    if name in EXACT and size == 0.0 and value.is_integer() and abs(value) <= WHOLE:
+        return value, 0.0
+    return value, size if name in SWITCHES else size + abs(value)
+
+
+def _along(name: str, part: Pair) -> Pair:
+    value, size = part
+    function, slope = ONE[name]
+    result = function(value)
+    if not size:
+        return result, 0.0
+    if name in STEPS:
+        return result, math.inf if abs(value - STEPS[name](value)) <= DOUBT * size else 0.0
+    return result, abs(slope(value, result)) * size
+
+
+def _root_of(u: float) -> float:
+    return 1.0 / math.sqrt(u)
+
+
+# Functions of one number, and their slopes from the argument and the value.
+ONE: dict[str, tuple[Callable[[float], float], Callable[[float, float], float]]] = {
+    "inv": (lambda a: 1.0 / a, lambda a, f: f * f),
+    "sq": (lambda a: a * a, lambda a, f: 2.0 * a),
+    "twice": (lambda a: a + a, lambda a, f: 2.0),
+    "assign": (lambda a: a, lambda a, f: 1.0),
+    "neg": (lambda a: -a, lambda a, f: 1.0),
+    "sqrt": (math.sqrt, lambda a, f: 0.5 / f),
+    "exp": (math.exp, lambda a, f: f),
+    "log": (math.log, lambda a, f: 1.0 / a),
+    "fabs": (abs, lambda a, f: 1.0),
+    "sign": (lambda a: float((a > 0) - (a < 0)), lambda a, f: 0.0),
+    "not": (lambda a: float(a == 0), lambda a, f: 0.0),
+    "floor": (lambda a: float(math.floor(a)), lambda a, f: 0.0),
+    "ceil": (lambda a: float(math.ceil(a)), lambda a, f: 0.0),
+    "sin": (math.sin, lambda a, f: math.cos(a)),
+    "cos": (math.cos, lambda a, f: math.sin(a)),
+    "tan": (math.tan, lambda a, f: 1.0 + f * f),
+    "asin": (math.asin, lambda a, f: _root_of(1.0 - a * a)),
+    "acos": (math.acos, lambda a, f: _root_of(1.0 - a * a)),
+    "atan": (math.atan, lambda a, f: 1.0 / (1.0 + a * a)),
+    "sinh": (math.sinh, lambda a, f: math.cosh(a)),
+    "cosh": (math.cosh, lambda a, f: math.sinh(a)),
+    "tanh": (math.tanh, lambda a, f: 1.0 - f * f),
+    "asinh": (math.asinh, lambda a, f: _root_of(a * a + 1.0)),
+    "acosh": (math.acosh, lambda a, f: _root_of(a * a - 1.0)),
+    "atanh": (math.atanh, lambda a, f: 1.0 / (1.0 - a * a)),
+    "log1p": (math.log1p, lambda a, f: 1.0 / (1.0 + a)),
+    "expm1": (math.expm1, lambda a, f: f + 1.0),
+}
+# Where functions that step do so, next to a number.
+STEPS: dict[str, Callable[[float], float]] = {
+    "sign": lambda a: 0.0,
+    "not": lambda a: 0.0,
+    "floor": lambda a: float(round(a)),
+    "ceil": lambda a: float(round(a)),
+}
+
+
+def _product(a: Pair, b: Pair) -> Pair:
+    return a[0] * b[0], _times(a[1], b[0]) + _times(b[1], a[0])
+
+
+def _times(size: float, factor: float) -> float:
+    return size * abs(factor) if size else 0.0  # not infinity times nothing
+
+
+def _quotient(a: Pair, b: Pair) -> Pair:
+    return a[0] / b[0], a[1] / abs(b[0]) + _times(b[1], a[0] / b[0] / b[0])
+
+
+def _power(a: Pair, b: Pair) -> Pair:
+    value = math.pow(a[0], b[0])
+    size = _times(a[1], b[0] * math.pow(a[0], b[0] - 1.0) if b[0] else 0.0) if a[1] else 0.0
+    return value, size + (_times(b[1], value * math.log(a[0])) if b[1] else 0.0)
+
+
+def _angle(y: Pair, x: Pair) -> Pair:
+    square = x[0] * x[0] + y[0] * y[0]
+    size = (_times(y[1], x[0]) + _times(x[1], y[0])) / square
+    jumps = bool(x[0] < 0 and y[1] and abs(y[0]) <= DOUBT * y[1])
+    return math.atan2(y[0], x[0]), math.inf if jumps else size
+
+
+def _length(a: Pair, b: Pair) -> Pair:
+    value = math.hypot(a[0], b[0])
+    size = _times(a[1], a[0]) + _times(b[1], b[0])
+    return value, size / value if size else 0.0
+
+
+def _are_apart(a: Pair, b: Pair) -> bool:
+    """True if it is certain which of the two is larger, or that they are equal."""
+    size = a[1] + b[1]
+    return not size or abs(a[0] - b[0]) > DOUBT * size
+
+
+def _compared(holds: Callable[[float, float], bool]) -> Callable[[Pair, Pair], Pair]:
+    return lambda a, b: (float(holds(a[0], b[0])), 0.0 if _are_apart(a, b) else math.inf)
+
+
+def _chosen(takes_first: Callable[[float, float], bool]) -> Callable[[Pair, Pair], Pair]:
+    return lambda a, b: ((a if takes_first(a[0], b[0]) else b)[0], max(a[1], b[1]))
+
+
+def _joined(holds: Callable[[bool, bool], bool]) -> Callable[[Pair, Pair], Pair]:
+    return lambda a, b: (float(holds(bool(a[0]), bool(b[0]))), max(a[1], b[1]))
+
+
+def _if(a: Pair, b: Pair) -> Pair:
+    value, size = b if a[0] else (0.0, 0.0)
+    return value, math.inf if a[1] == math.inf else size
+
+
+TWO: dict[str, Callable[[Pair, Pair], Pair]] = {
+    "add": lambda a, b: (a[0] + b[0], a[1] + b[1]),
+    "sub": lambda a, b: (a[0] - b[0], a[1] + b[1]),
+    "mul": _product,
+    "div": _quotient,
+    "pow": _power,
+    "constpow": _power,
+    "atan2": _angle,
+    "hypot": _length,
+    "fmin": _chosen(lambda a, b: a <= b),
+    "fmax": _chosen(lambda a, b: a >= b),
+    "lt": _compared(lambda a, b: a < b),
+    "le": _compared(lambda a, b: a <= b),
+    "eq": _compared(lambda a, b: a == b),
+    "ne": _compared(lambda a, b: a != b),
+    "and": _joined(lambda a, b: a and b),
+    "or": _joined(lambda a, b: a or b),
+    "if_else_zero": _if,
+}
+EXACT = {"add", "sub", "mul", "sq", "twice", "neg", "assign", "fabs", "fmin", "fmax", "if_else_zero"}
+SWITCHES = {"sign", "not", "floor", "ceil", "lt", "le", "eq", "ne", "and", "or", "if_else_zero"}
