@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -79,7 +79,7 @@ def compare(
     return dataclasses.replace(found, notes=(*found.notes, note))
 
 
-def _settings(model: Model, other: Model | None, changes: Mapping[str, Any]) -> Simulation:
+def _settings(model: Model, other: Model | None, changes: Mapping[str, object]) -> Simulation:
     """The settings of all runs: the first model's, as long as both last."""
     given = {key: value for key, value in changes.items() if value is not None}
     if not given.keys() & {"samples", "output_step"}:

@@ -219,7 +219,7 @@ def _curve(t: Array, ratio: Array) -> tuple[tuple[float, float], ...]:
     return tuple(zip(t[known].tolist(), ratio[known].tolist(), strict=True))
 
 
-def _place(place: TableLocation | None) -> dict[str, Any] | None:
+def _place(place: TableLocation | None) -> dict[str, object] | None:
     if place is None:
         return None
     return {

@@ -24,7 +24,7 @@ class Edge:
     """y[:, into] += partial * parent[:, taken]; the partial of a `rate` is d/dt of the parent instead."""
 
     parent: TapeNode
-    partial: Any
+    partial: Array | float | None
     taken: Whole | None = None
     into: slice | None = None
 
@@ -46,7 +46,10 @@ class TapeNode:
         return self.kind == "rate"
 
 
-Scalar = Any  # a Node, or an array or number that does not depend on the state
+# The second is an array that does not depend on the state.
+Scalar = TapeNode | Array
+Triple = tuple[Scalar, Scalar, Scalar]
+Value = Scalar | Triple
 
 
 def value(x: Scalar) -> Array:
@@ -82,7 +85,7 @@ class Tape:
         self.nodes.append(found)
         return found
 
-    def result(self, result: Array, *operands: tuple[Scalar, Any]) -> Scalar:
+    def result(self, result: Array, *operands: tuple[Scalar, Array | float]) -> Scalar:
         """The result of an operation on operands with their partial derivatives; a constant of constants."""
         links = [Edge(x, partial) for x, partial in operands if isinstance(x, TapeNode)]
         return self.node(result, links) if links else result

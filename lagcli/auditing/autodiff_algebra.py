@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from lagcli.auditing.autodiff import Array, Scalar, Tape, value
+from lagcli.auditing.autodiff import Array, Scalar, Tape, Value, value
 from lagcli.expression import tree
 
+Reference = tree.Name | tree.Member | tree.Index
 Derivative = Callable[[Array, Array], Array]
 
 
@@ -46,12 +46,12 @@ class NumberAlgebra:
     def __init__(
         self,
         tape: Tape,
-        atom: Callable[[Any], Any],
-        special: Callable[[tree.Call, Any], Any],
+        atom: Callable[[Reference], Value],
+        special: Callable[[tree.Call, NumberAlgebra], Value],
     ) -> None:
         self._tape, self.atom, self._special = tape, atom, special
 
-    def special(self, node: tree.Call) -> Any:
+    def special(self, node: tree.Call) -> Value:
         return self._special(node, self)
 
     def number(self, node: tree.Number) -> Scalar:
@@ -79,7 +79,7 @@ class NumberAlgebra:
             return self.function(node, "sqrt", (base,))
         result = _power(x, e)
         by_base = np.where(e == 0.0, 0.0, e * _power(x, np.where(e == 0.0, 1.0, e - 1.0)))
-        by_exponent: Any = 0.0
+        by_exponent: Array | float = 0.0
         if value(exponent) is not exponent:  # it is a node: the base is positive then
             by_exponent = result * np.log(x)
         return self._tape.result(result, (base, by_base), (exponent, by_exponent))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from lagcli.auditing.audit_report import Check, CheckedLaw, judge
-from lagcli.auditing.autodiff import Array
+from lagcli.auditing.autodiff import Array, Scalar, Value
+from lagcli.auditing.autodiff_algebra import Reference
 from lagcli.auditing.differences import CLOCK
 from lagcli.auditing.laws import LawValues, ModelLaws
-from lagcli.auditing.model_values import ModelOnTable, Reference
+from lagcli.auditing.model_values import ModelOnTable
 from lagcli.auditing.table_input import ENERGY
 from lagcli.auditing.tolerances import Evidence
 from lagcli.errors import diagnostics
@@ -163,14 +163,15 @@ class _Outputs:
             self.known += [True] * width
         return np.concatenate(found, axis=1)
 
-    def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Any:
+    def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Value:
         """The value of what stands in outputs alone; index vectors (K,) of a family give (T, K)."""
         if isinstance(node, tree.Call):
             return self._called(node, variables)
         assert isinstance(node, (tree.Name, tree.Member, tree.Index))
         if isinstance(node, tree.Name) and node.name == "kinetic":
             v = np.concatenate([self._wide(part) for part in self._scene.velocity(self._all)], axis=1)
-            return (np.tile(self._laws.cast.masses, 3) * v**2 / 2).sum(axis=1, keepdims=True)
+            energy: Array = (np.tile(self._laws.cast.masses, 3) * v**2 / 2).sum(axis=1, keepdims=True)
+            return energy
         if isinstance(node, tree.Name) and node.name == "potential":
             return self._laws.potential(self._scene)[:, None]
         if not isinstance(node, tree.Name) and node.owner in self._laws.cast.particles:
@@ -181,7 +182,7 @@ class _Outputs:
         parts = tuple(np.concatenate(part, axis=1) for part in zip(*known, strict=True))
         return parts if len(parts) == 3 else parts[0]
 
-    def _called(self, node: tree.Call, variables: Mapping[str, Whole]) -> Any:
+    def _called(self, node: tree.Call, variables: Mapping[str, Whole]) -> Value:
         cast, argument = self._laws.cast, node.arguments[0]
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         if node.function == "multiplier":
@@ -198,7 +199,7 @@ class _Outputs:
         assert isinstance(law, (tree.Name, tree.Member, tree.Index))
         return self._part(numbers, law, variables)
 
-    def _part(self, numbers: Whole, law: Reference, variables: Mapping[str, Whole]) -> Any:
+    def _part(self, numbers: Whole, law: Reference, variables: Mapping[str, Whole]) -> Value:
         """lambda_i B_ik of a constraint on particles (K,), or of one for each of K constraints (D.22)."""
         names = self._names(law, variables)
         member = "" if isinstance(law, tree.Name) else law.member
@@ -213,9 +214,10 @@ class _Outputs:
             return _triple(parts[0], numbers)
         numbers = np.broadcast_to(numbers, len(parts))
         each = [_triple(part, numbers[k : k + 1]) for k, part in enumerate(parts)]
-        return tuple(np.concatenate([one[axis] for one in each], axis=1) for axis in range(3))
+        x, y, z = (np.concatenate([one[axis] for one in each], axis=1) for axis in range(3))
+        return x, y, z
 
-    def _acceleration(self, node: Reference, member: str, variables: Mapping[str, Whole]) -> Any:
+    def _acceleration(self, node: Reference, member: str, variables: Mapping[str, Whole]) -> Value:
         found = _triple(self._results.a, self._numbers(node, self._laws.cast.particles, variables))
         if np.isnan(found[0]).all():
             raise _UnknownError
@@ -229,7 +231,7 @@ class _Outputs:
     def _all(self) -> Whole:
         return np.arange(len(self._laws.cast.particles))
 
-    def _wide(self, x: Any) -> Array:
+    def _wide(self, x: Scalar) -> Array:
         return self._scene.wide(x, len(self._laws.cast.particles))
 
     def _names(self, node: Reference, variables: Mapping[str, Whole]) -> list[str]:
@@ -241,7 +243,7 @@ class _Outputs:
             places = list(zip(*(vector.tolist() for vector in vectors), strict=True))
         return [family.name(base, place) for place in places]
 
-    def _multipliers(self, node: Reference, variables: Mapping[str, Whole]) -> Any:
+    def _multipliers(self, node: Reference, variables: Mapping[str, Whole]) -> Value:
         """lambda of a row, or of the three of a vector equation."""
         member = "" if isinstance(node, tree.Name) else node.member
         names = self._names(node, variables)
@@ -249,7 +251,8 @@ class _Outputs:
             return self._lambda(node, [f"{name}.{member}" for name in names])
         if all(name in self._rows for name in names):
             return self._lambda(node, names)
-        return tuple(self._lambda(node, [f"{name}.{axis}" for name in names]) for axis in "xyz")
+        x, y, z = (self._lambda(node, [f"{name}.{axis}" for name in names]) for axis in "xyz")
+        return x, y, z
 
     def _lambda(self, node: Reference, names: list[str]) -> Array:
         return np.asarray(self._results.lam[:, [self._row(node, name) for name in names]])
@@ -265,5 +268,5 @@ def _triple(y: Array, numbers: Whole) -> tuple[Array, Array, Array]:
     return x, y, z
 
 
-def _located(error: ExpressionError, location: Any) -> diagnostics.ModelError:
+def _located(error: ExpressionError, location: diagnostics.Location) -> diagnostics.ModelError:
     return diagnostics.ModelError([diagnostics.Diagnostic(error.code, error.message, location, error.hint)])

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from lagcli.auditing import row_turns
-from lagcli.auditing.autodiff import Array, Directions, Scalar, TapeNode, scatter
+from lagcli.auditing.autodiff import Array, Directions, Scalar, TapeNode, Triple, Value, scatter
 from lagcli.auditing.autodiff_algebra import NumberAlgebra
-from lagcli.auditing.model_values import ModelIndex, ModelOnTable, Triple
+from lagcli.auditing.model_values import ModelIndex, ModelOnTable
 from lagcli.equations import rigid
 from lagcli.expression import evaluate, tree
 from lagcli.model import model as nouns
@@ -298,7 +297,7 @@ class ModelLaws:
             targets = force.action.targets
             if targets.size == 0:
                 continue
-            own: dict[str, Any] = {
+            own: dict[str, Value] = {
                 "m": self.cast.masses[targets][None, :],
                 "r": scene.position(targets),
                 "v": scene.velocity(targets),

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
-from lagcli.auditing.autodiff import Array, Directions, Edge, Scalar, Tape, TapeNode
-from lagcli.auditing.autodiff_algebra import NumberAlgebra
+from lagcli.auditing.autodiff import Array, Directions, Edge, Scalar, Tape, TapeNode, Triple, Value
+from lagcli.auditing.autodiff_algebra import NumberAlgebra, Reference
 from lagcli.expression import evaluate, integers, tree
 from lagcli.model import model as nouns
 from lagcli.model.family import MemberIndex, Whole
 
-Triple = tuple[Scalar, Scalar, Scalar]
-Reference = tree.Name | tree.Member | tree.Index
 ACCELERATIONS = ("a", "ax", "ay", "az")
-Results = Callable[[tree.Node, Mapping[str, Whole]], Any]  # what stands in outputs alone, with index vectors
+Results = Callable[
+    [tree.Node, Mapping[str, Whole]], Value
+]  # what stands in outputs alone, with index vectors
 
 
 class ModelIndex:
@@ -40,10 +39,10 @@ class ModelIndex:
         self.parameters = {p.name: p.value for p in model.parameters}
         self.constants = {"dt": 1.0, **model.constants}
 
-    def indices(self, node: tree.Index, variables: Mapping[str, Whole]) -> list[Any]:
+    def indices(self, node: tree.Index, variables: Mapping[str, Whole]) -> list[integers.Whole]:
         """The values of the indices of a reference: numbers, or vectors (K,) of a family."""
 
-        def lookup(name: tree.Name) -> Any:
+        def lookup(name: tree.Name) -> float | Whole | nouns.Vector3:
             return variables[name.name] if name.name in variables else self.parameters[name.name]
 
         return [integers.evaluate(index, lookup) for index in node.indices]
@@ -70,7 +69,7 @@ class ModelOnTable:
         self._positions: dict[int, tuple[Triple, Whole]] = {}
         self._batch: Whole = np.full(len(cast.particles), -1, dtype=np.int64)
         self._row: Whole = np.zeros(len(cast.particles), dtype=np.int64)
-        self._values: dict[str, Any] = {}
+        self._values: dict[str, Value] = {}
         self._fill()
 
     @property
@@ -93,7 +92,7 @@ class ModelOnTable:
     def algebra(
         self,
         variables: Mapping[str, Whole] | None = None,
-        own: Mapping[str, Any] | None = None,
+        own: Mapping[str, Value] | None = None,
         results: Results | None = None,
     ) -> NumberAlgebra:
         """An algebra with index vectors (K,) of a family, `m`, `r`, `v` of a particle, and results of the run."""
@@ -107,7 +106,7 @@ class ModelOnTable:
         x, y, z = (evaluate.scalar(part.tree, algebra) for part in vector.parts)
         return x, y, z
 
-    def definition(self, name: str) -> Any:
+    def definition(self, name: str) -> Value:
         """The value of a definition."""
         if name not in self._values:
             self._values[name] = evaluate.evaluate(self.cast.definitions[name], self.algebra())
@@ -138,12 +137,12 @@ class ModelOnTable:
         if not dependent.any() or (self._free and dependent.all()):
             kind = ("v" if rates else "q") if not dependent.any() else ("u" if rates else "x")
             first = 3 * cast.rank[numbers]
-            x, y, z = (self.tape.leaf(kind, first + axis) for axis in range(3))
-            return x, y, z
+            a, b, c = (self.tape.leaf(kind, first + axis) for axis in range(3))
+            return a, b, c
         groups = np.where(dependent, -2 if self._free else self._batch[numbers], -1)
         if np.unique(groups).size == 1:
             return self._evaluated(int(groups[0]), numbers, rates)
-        parts: list[list[tuple[Scalar, slice | Whole]]] = [[], [], []]
+        parts: list[list[tuple[Scalar, Whole]]] = [[], [], []]
         for group in np.unique(groups):
             places = np.flatnonzero(groups == group)
             if group < 0:
@@ -175,7 +174,7 @@ class ModelOnTable:
             else numbers[:, rows]
         )
 
-    def _joined(self, parts: list[tuple[Scalar, Any]], count: int) -> Scalar:
+    def _joined(self, parts: list[tuple[Scalar, Whole]], count: int) -> Scalar:
         """Scalars of several groups of members put together in the order asked for."""
         pieces = [(x, self.wide(x, places.size)) for x, places in parts]
         order = np.argsort(np.concatenate([places for _, places in parts]), kind="stable")
@@ -198,13 +197,13 @@ class _ModelNames:
         self,
         scene: ModelOnTable,
         variables: Mapping[str, Whole],
-        own: Mapping[str, Any],
+        own: Mapping[str, Value],
         results: Results | None,
     ) -> None:
         self._scene, self._cast, self._variables, self._own = scene, scene.cast, variables, own
         self._results = results
 
-    def atom(self, node: Reference) -> Any:
+    def atom(self, node: Reference) -> Value:
         cast = self._cast
         if isinstance(node, tree.Name):
             return self._named(node, node.name)
@@ -213,20 +212,22 @@ class _ModelNames:
         if isinstance(node, tree.Index):
             if node.owner in cast.coordinates:
                 return self._scene.generalized(self._numbers(node, cast.coordinates), rates=False)
-            found = self._result(node)
-            return evaluate.component(node, found, node.member, node.owner) if node.member else found
-        owner = self._named(tree.Name(node.start, node.end, node.owner), node.owner)
-        return evaluate.component(node, owner, node.member, node.owner)
+            owner = self._result(node)
+            if not node.member:
+                return owner
+        else:
+            owner = self._named(tree.Name(node.start, node.end, node.owner), node.owner)
+        assert isinstance(owner, tuple), node  # others have no components, and the reader has refused them
+        return owner[evaluate.COMPONENTS.index(node.member)]
 
-    def special(self, node: tree.Call, algebra: NumberAlgebra) -> Any:
+    def special(self, node: tree.Call, algebra: NumberAlgebra) -> Value:
         argument, scene = node.arguments[0], self._scene
         if node.function == "d":
             found = evaluate.evaluate(argument, algebra)
-            return (
-                tuple(map(self._differential, found))
-                if isinstance(found, tuple)
-                else self._differential(found)
-            )
+            if isinstance(found, tuple):
+                x, y, z = map(self._differential, found)
+                return x, y, z
+            return self._differential(found)
         if node.function != "rate" or len(node.arguments) > 1:  # `rate(x, 2)` is a result of the run
             return self._result(node)
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
@@ -237,7 +238,7 @@ class _ModelNames:
         member = "" if isinstance(argument, tree.Name) else argument.member
         return velocity["xyz".index(member)] if member else velocity
 
-    def _result(self, node: tree.Node) -> Any:
+    def _result(self, node: tree.Node) -> Value:
         assert self._results is not None, node
         return self._results(node, self._variables)
 
@@ -250,7 +251,7 @@ class _ModelNames:
 
         return roll.find(node.owner, self._cast.indices(node, self._variables))
 
-    def _particle(self, node: tree.Member | tree.Index) -> Any:
+    def _particle(self, node: tree.Member | tree.Index) -> Value:
         numbers = self._numbers(node, self._cast.particles)
         if node.member.startswith("v"):
             velocity = self._scene.velocity(numbers)
@@ -258,7 +259,7 @@ class _ModelNames:
         position = self._scene.position(numbers)
         return position["xyz".index(node.member)] if node.member else position
 
-    def _named(self, node: tree.Name, name: str) -> Any:
+    def _named(self, node: tree.Name, name: str) -> Value:
         cast = self._cast
         if name in self._variables:
             return self._variables[name].astype(float)[None, :]
@@ -271,7 +272,8 @@ class _ModelNames:
         if name in cast.parameters:
             known = cast.parameters[name]
             if isinstance(known, tuple):
-                return tuple(np.full((1, 1), part) for part in known)
+                x, y, z = (np.full((1, 1), part) for part in known)
+                return x, y, z
             return np.full((1, 1), float(known))
         if name in cast.particles:
             return self._scene.position(cast.particles.find(name, ()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -126,7 +126,7 @@ def check(
 
     options = preflight.CheckOptions(strict, assemble, limit, witness, plot, as_json, quiet, verbose)
     options.require(models)
-    answers: list[dict[str, Any]] = []
+    answers: list[dict[str, object]] = []
     codes: list[int] = []
     for path in models:
         began = time.perf_counter()
@@ -268,7 +268,7 @@ def compare(
     paths = [model] if other is None else [model, other]
     preflight.require_models(paths)
     read = _reported(lambda: [_load(path, changes) for path in paths], as_json)
-    given = {
+    given: compare_command.ComparedRuns = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
@@ -319,7 +319,7 @@ def audit(
     options = preflight.AuditOptions(run, plot, digits, as_json, quiet, verbose, has_rows)
     options.require(model)
     read = _reported(lambda: _load(model, changes), as_json)
-    given = {
+    given: audit_command.AuditedRun = {
         "duration": duration, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import pathlib
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict
 
 from lagcli.api import audit
 from lagcli.auditing.table_input import TableError
@@ -25,7 +25,18 @@ UNREAD = 12  # names of columns that no check looks at
 LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
 
 
-def run(model: Model, given: dict[str, Any], options: AuditOptions) -> None:
+class AuditedRun(TypedDict):
+    """The settings of the run, None where the file's stays."""
+
+    duration: float | None
+    samples: int | None
+    rtol: float | None
+    atol: float | None
+    max_step: float | None
+    assemble: bool | None
+
+
+def run(model: Model, given: AuditedRun, options: AuditOptions) -> None:
     """Audit and tell. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before its end."""
     found = _audited(model, given, options)
     if options.plot is not None:
@@ -45,7 +56,7 @@ def run(model: Model, given: dict[str, Any], options: AuditOptions) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def _audited(model: Model, given: dict[str, Any], options: AuditOptions) -> Audit:
+def _audited(model: Model, given: AuditedRun, options: AuditOptions) -> Audit:
     """The audit. Raises `exits.UsageError` for a table that is none, or not of this model."""
     try:
         return audit.audit(model, options.table, digits=options.digits, **given)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import Any  # the classes of a context and of a command are other ones by the version of typer
 
 from typer.core import TyperGroup
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TypedDict
 
 from lagcli.api import compare
 from lagcli.cli import console, exits, json_output
@@ -16,7 +16,19 @@ LABELS = {"lambda": "λ"}
 COLOURS = {"stopped": "red"}
 
 
-def run(model: Model, other: Model | None, settings: Mapping[str, Any], options: CompareOptions) -> None:
+class ComparedRuns(TypedDict):
+    """The settings of the runs, None where the file's stays."""
+
+    duration: float | None
+    output_step: float | None
+    samples: int | None
+    rtol: float | None
+    atol: float | None
+    max_step: float | None
+    assemble: bool | None
+
+
+def run(model: Model, other: Model | None, settings: ComparedRuns, options: CompareOptions) -> None:
     """Compare and tell. Raises `exits.UsageError`, `exits.Exit` where they disagree or a run stopped."""
     try:
         found = compare.compare(

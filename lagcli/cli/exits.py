@@ -8,7 +8,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeVar
+from typing import ParamSpec
 
 from lagcli.cli import signals, status_line
 from lagcli.errors import diagnostics
@@ -55,14 +55,14 @@ def of(error: diagnostics.ModelError) -> int:
     return USAGE if ours else INVALID
 
 
-Command = TypeVar("Command", bound=Callable[..., None])
+P = ParamSpec("P")
 
 
-def command(function: Command) -> Command:
+def command(function: Callable[P, None]) -> Callable[P, None]:
     """Give a command its exit code: it always ends in `SystemExit`."""
 
     @functools.wraps(function)
-    def ended(*arguments: Any, **options: Any) -> None:
+    def ended(*arguments: P.args, **options: P.kwargs) -> None:
         try:
             with status_line.showing(bool(options.get("quiet"))):
                 code = guarded(lambda: function(*arguments, **options), debug=bool(options.get("debug")))
@@ -70,7 +70,7 @@ def command(function: Command) -> Command:
             atomic_file.sweep()
         raise SystemExit(code)
 
-    return ended  # type: ignore[return-value] # the same parameters, by functools.wraps
+    return ended
 
 
 def guarded(run: Callable[[], None], debug: bool = False) -> int:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 from lagcli.errors import diagnostics
 
 
-def text(value: Any) -> str:
+def text(value: object) -> str:
     """One line of JSON. Letters stay as they are; what a terminal would act on is escaped."""
     line = json.dumps(value, ensure_ascii=False, allow_nan=False)
     # Characters that are not printable stand inside of strings only, where an escape means the same.
     return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in line)
 
 
-def errors(error: diagnostics.ModelError) -> dict[str, Any]:
+def errors(error: diagnostics.ModelError) -> dict[str, object]:
     """The object for an invalid model."""
     return {"errors": [found.as_json() for found in error.diagnostics]}

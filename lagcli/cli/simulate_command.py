@@ -9,7 +9,6 @@ import pathlib
 import signal
 import sys
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -274,7 +273,7 @@ def _zeros(ready: SimulationRun, rows: Floats) -> list[str]:
     return [name for name, is_zero in zip(ready.columns, floors.zeros(), strict=True) if is_zero]
 
 
-def _write_json(path: str, value: dict[str, Any]) -> None:
+def _write_json(path: str, value: dict[str, object]) -> None:
     file = atomic_file.Aside(pathlib.Path(path))
     with atomic_file.undone_by(file.discard):
         text = json.dumps(value, indent=2, allow_nan=False)

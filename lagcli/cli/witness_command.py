@@ -7,7 +7,7 @@ import math
 import pathlib
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lagcli.cli import console, exits
 from lagcli.cli.preflight import CheckOptions
@@ -40,7 +40,7 @@ class Answer:
                 console.paragraph(line, "    ")
         return self.code
 
-    def as_json(self) -> dict[str, Any] | None:
+    def as_json(self) -> dict[str, object] | None:
         """The object `witness` of `check --json`."""
         found = self.found
         if found is None:

@@ -161,7 +161,7 @@ class Trajectory(dict[str, Floats]):
     __ne__ = object.__ne__
     __hash__ = object.__hash__  # type: ignore[assignment] # it is not to be changed
 
-    def __reduce__(self) -> tuple[type[Trajectory], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[type[Trajectory], tuple[object, ...]]:
         return Trajectory, (self.columns, self.rows, self.stats, self.notes)
 
     def __repr__(self) -> str:

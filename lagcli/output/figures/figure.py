@@ -12,7 +12,7 @@ import itertools
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypedDict, Unpack
 
 import matplotlib
 import numpy as np
@@ -23,6 +23,24 @@ from numpy.typing import NDArray
 from lagcli.output import atomic_file, endings
 from lagcli.output.figures import labels, panels
 
+_Dash = Literal["-"] | tuple[float, tuple[float, ...]]
+
+
+class _TextStyle(TypedDict, total=False):
+    ha: str
+    va: str
+    rotation: float
+    multialignment: str
+    weight: str
+    color: str
+
+
+class _LineStyle(TypedDict, total=False):
+    color: str
+    linestyle: _Dash
+    linewidth: float
+
+
 _WIDTH = 7.2
 _MARGIN = 0.12
 _DPI = 200
@@ -30,7 +48,7 @@ _INK = "#222222"
 _GREY = "#888888"
 # Okabe and Ito's colours, which the colour-blind can tell apart; dashes tell apart curves that coincide.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-_DASHES: tuple[Any, ...] = (
+_DASHES: tuple[_Dash, ...] = (
     "-",
     (0, (5, 2)),
     (0, (1.5, 1.5)),
@@ -54,7 +72,7 @@ _FALLBACK_FONTS = (
     "Noto Sans Thai",
     "Arial Unicode MS",
 )
-_STYLE: dict[Any, Any] = {
+_STYLE: dict[Any, str | float] = {  # matplotlib's keys are literals
     "text.parse_math": False,
     "text.usetex": False,
     "text.color": _INK,
@@ -166,7 +184,7 @@ class _Page:
             (left / _WIDTH, bottom / self._height, width / _WIDTH, height / self._height)
         )
 
-    def text(self, left: float, top: float, text: str, size: float, **style: Any) -> None:
+    def text(self, left: float, top: float, text: str, size: float, **style: Unpack[_TextStyle]) -> None:
         # Line by line on its baseline: matplotlib aligns by the ink, which differs with the letters.
         for number, line in enumerate(text.split("\n") if text else []):
             below = top + (number + 0.75) * _high("", size)
@@ -174,10 +192,10 @@ class _Page:
 
     def upright(self, left: float, middle: float, text: str, size: float) -> None:
         """Text that reads upwards, for the axis of values."""
-        style: dict[str, Any] = {"rotation": 90, "va": "center", "multialignment": "center"}
+        style: _TextStyle = {"rotation": 90, "va": "center", "multialignment": "center"}
         self.figure.text(left / _WIDTH, 1 - middle / self._height, text, fontsize=size, **style)
 
-    def line(self, left: float, right: float, top: float, **style: Any) -> None:
+    def line(self, left: float, right: float, top: float, **style: Unpack[_LineStyle]) -> None:
         height = 1 - top / self._height
         self.figure.add_artist(lines.Line2D([left / _WIDTH, right / _WIDTH], [height, height], **style))
 
@@ -304,7 +322,7 @@ def _legend(ruler: _Ruler, labels: Sequence[str]) -> _FigureBlock:
     return _FigureBlock(below + 0.04, draw)
 
 
-def _look(place: int) -> dict[str, Any]:
+def _look(place: int) -> _LineStyle:
     return {
         "color": _COLOURS[place % len(_COLOURS)],
         "linestyle": _DASHES[place % len(_DASHES)],

@@ -6,7 +6,6 @@ Behind the rows ``"provenance"``, where it is known.
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ class Writer:
     """Writes a table to ``path`` as its rows arrive."""
 
     def __init__(
-        self, path: Path, columns: Sequence[str], provenance: Mapping[str, Any] | None = None
+        self, path: Path, columns: Sequence[str], provenance: Mapping[str, object] | None = None
     ) -> None:
         self._end = b"\n]}\n"
         if provenance is not None:

@@ -11,7 +11,6 @@ import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ class Writer:
     """Writes a table to ``path`` once all its rows have arrived."""
 
     def __init__(
-        self, path: Path, columns: Sequence[str], provenance: Mapping[str, Any] | None = None
+        self, path: Path, columns: Sequence[str], provenance: Mapping[str, object] | None = None
     ) -> None:
         self._comment = _comment(provenance) if provenance is not None else b""
         self._path = path
@@ -77,7 +76,7 @@ class Writer:
         return places
 
 
-def _comment(provenance: Mapping[str, Any]) -> bytes:
+def _comment(provenance: Mapping[str, object]) -> bytes:
     """The provenance as JSON; what makes it too long, thousands of parameters, is null then."""
     kept = dict(provenance)
     while len(text := json.dumps(kept, allow_nan=False).encode()) > _MOST_COMMENT:

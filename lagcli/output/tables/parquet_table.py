@@ -4,7 +4,6 @@ import contextlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow
@@ -21,7 +20,7 @@ class Writer:
     ``provenance`` as JSON."""
 
     def __init__(
-        self, path: Path, columns: Sequence[str], provenance: Mapping[str, Any] | None = None
+        self, path: Path, columns: Sequence[str], provenance: Mapping[str, object] | None = None
     ) -> None:
         fields = [pyarrow.field(name, pyarrow.float64(), nullable=False) for name in columns]
         metadata = None if provenance is None else {"provenance": json.dumps(provenance, allow_nan=False)}

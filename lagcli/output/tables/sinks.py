@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Protocol, Self, TextIO, cast
+from typing import BinaryIO, Protocol, Self, TextIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,7 @@ def open_sink(
     target: str | os.PathLike[str] | BinaryIO | TextIO,
     columns: Sequence[str],
     fmt: str | None = None,
-    provenance: Mapping[str, Any] | None = None,
+    provenance: Mapping[str, object] | None = None,
 ) -> Sink:
     """A sink for the table with the names ``columns``.
 
@@ -238,7 +238,7 @@ def needing_pyarrow(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _writer(path: Path, fmt: str, provenance: Mapping[str, Any] | None) -> Make:
+def _writer(path: Path, fmt: str, provenance: Mapping[str, object] | None) -> Make:
     match fmt:
         case "csv":
             return csv_table.Writer
