@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from typing import Any
+from collections.abc import Callable
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -21,6 +22,7 @@ from lagcli.equations.symbols import Symbols
 from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
+T = TypeVar("T", npt.NDArray[np.float64], ca.SX)
 
 _WORDS = re.compile(r"\batan2?\s*\(")
 PERIODS = {ca.OP_ATAN2: 2 * np.pi, ca.OP_ATAN: np.pi}
@@ -44,15 +46,15 @@ class Cuts:
     (t, q, p) -> that by which a row changes, its slope, and its scale, where numbers decide.
     """
 
-    f: Any
-    references: Any
-    value: Any
-    angles: Any
+    f: ca.SX
+    references: ca.SX
+    value: ca.Function
+    angles: ca.Function
     periods: Floats
     rows: tuple[int, ...]
     nodes: tuple[int, ...]
     verdicts: tuple[int, ...]
-    change: Any
+    change: ca.Function
 
     @property
     def count(self) -> int:
@@ -96,7 +98,7 @@ class Cuts:
 
 
 def find(
-    model: nouns.Model, s: Symbols, p: Any, laid: ConstraintRows, start: tuple[float, Floats, Floats]
+    model: nouns.Model, s: Symbols, p: ca.SX, laid: ConstraintRows, start: tuple[float, Floats, Floats]
 ) -> Cuts | None:
     """The cuts of the holonomic rows of a model, judged at its start t, q, p; None where they have none."""
     if not laid.f.numel() or not _speaks_of_angles(model):
@@ -108,7 +110,7 @@ def find(
     verdicts = _verdicts(change, *start)
     passed = [k for k, verdict in enumerate(verdicts) if verdict == PASSED]
     references = ca.SX.sym("reference", len(periods))
-    turns = _turns(angles, references, ca.DM(periods), ca.ceil)
+    turns = _turns(angles, references, ca.SX(ca.DM(periods)), ca.ceil)
     continued = ca.SX(laid.f)
     for k in passed:
         continued[rows[k]] -= turns[nodes[k]] * by[k]
@@ -126,8 +128,8 @@ def find(
     )
 
 
-def jumping(value: Any, s: Symbols, p: Any, start: tuple[float, Floats, Floats]) -> list[int]:
-    """Which entries of a column of (t, q, v, p) jump at the cut of an angle in them, by a constant or not."""
+def jumping(value: ca.SX, s: Symbols, p: ca.SX, start: tuple[float, Floats, Floats]) -> list[int]:
+    """The entries of a column of (t, q, v, p) that jump at the cut of an angle in them, by a constant or not."""
     judged = _judged(value, s, p)
     if judged is None:
         return []
@@ -137,8 +139,8 @@ def jumping(value: Any, s: Symbols, p: Any, start: tuple[float, Floats, Floats])
 
 
 def _judged(
-    f: Any, s: Symbols, p: Any
-) -> tuple[Any, list[float], tuple[int, ...], tuple[int, ...], Any, Any] | None:
+    f: ca.SX, s: Symbols, p: ca.SX
+) -> tuple[ca.SX, list[float], tuple[int, ...], tuple[int, ...], ca.SX, ca.Function] | None:
     """The angles (J,) in a column, their periods, the entries and angles that go together, by how much one turn of the
     angle changes the entry, and `Cuts.change`; None without angles."""
     f, angles, periods, symbols = _opened(f, s, p)
@@ -158,19 +160,19 @@ def _judged(
     return angles, periods, rows, nodes, ca.substitute(by, symbols, angles), change
 
 
-def _turns(here: Any, last: Any, periods: Any, ceil: Any) -> Any:
+def _turns(here: T, last: T, periods: T, ceil: Callable[[T], T]) -> T:
     """Whole periods by which angles are ahead of the last ones; none for -pi < theta <= pi beside 0."""
     return ceil((here - last) / periods - 0.5)
 
 
-def _opened(f: Any, s: Symbols, p: Any) -> tuple[Any, Any, list[float], Any]:
+def _opened(f: ca.SX, s: Symbols, p: ca.SX) -> tuple[ca.SX, ca.SX, list[float], ca.SX]:
     """f with a symbol for each angle; the angles (J,) as the functions give them, their periods, and the symbols."""
     place = ca.vertcat(s.t, s.q)
-    values: list[Any] = []
-    symbols: list[Any] = []
+    values: list[ca.SX] = []
+    symbols: list[ca.SX] = []
     periods: list[float] = []
 
-    def visit(op: int, parts: list[Any], value: Any) -> Any:
+    def visit(op: int, parts: list[ca.SX], value: ca.SX) -> ca.SX:
         if op not in PERIODS or not ca.depends_on(value, ca.vertcat(place, *symbols)):
             return value
         # One within the arguments of another stands there as it is.
@@ -183,7 +185,9 @@ def _opened(f: Any, s: Symbols, p: Any) -> tuple[Any, Any, list[float], Any]:
     return opened, ca.vertcat(ca.SX(0, 1), *values), periods, ca.vertcat(ca.SX(0, 1), *symbols)
 
 
-def _change(by: Any, slope: Any, moving: Any, given: tuple[Symbols, Any, Any, Any]) -> Any:
+def _change(
+    by: ca.SX, slope: ca.SX, moving: ca.SX, given: tuple[Symbols, ca.SX, ca.SX, ca.SX]
+) -> ca.Function:
     """change(t, q, p, direction) -> by how much rows change in one turn, this along a direction, and df/dtheta times
     the period; all rates are 1."""
     s, p, symbols, angles = given
@@ -194,8 +198,8 @@ def _change(by: Any, slope: Any, moving: Any, given: tuple[Symbols, Any, Any, An
     return ca.Function("change", [s.t, s.q, p, direction], [columns])
 
 
-def _verdicts(change: Any, t: float, q: Floats, p: Floats) -> tuple[int, ...]:
-    """What one turn does, for each row and angle, from numbers at the start and beside it."""
+def _verdicts(change: ca.Function, t: float, q: Floats, p: Floats) -> tuple[int, ...]:
+    """The effect of one turn, for each row and angle, from numbers at the start and beside it."""
     random = np.random.default_rng(0)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     found = []

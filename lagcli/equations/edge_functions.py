@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from lagcli.equations import operation_graph
@@ -29,14 +27,14 @@ CALLS = {
 }
 
 
-def of_row(system: System, row: int) -> tuple[list[str], Any]:
+def of_row(system: System, row: int) -> tuple[list[str], ca.Function]:
     """Names of K calls in a row, inner ones first; (t, q, v, p) -> their values, and rates at constant v (2 K,)."""
     s, whole = system.symbols, row < system.holonomic_count
     value = system.rows.f[row] if whole else system.rows.B[row, :] @ s.v + system.rows.b[row]
     names: list[str] = []
-    nodes: list[Any] = []
+    nodes: list[ca.SX] = []
 
-    def visit(op: int, parts: list[Any], result: Any) -> Any:
+    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
         if op in CALLS:
             names.append(CALLS[op])
             nodes.append(result)

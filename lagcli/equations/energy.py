@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import Triple, column, interleaved, scattered, taken
+from lagcli.equations.family_columns import Triple, Value, column, interleaved, scattered, taken
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
@@ -18,7 +17,7 @@ from lagcli.model.family import Whole
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Dynamics:
-    """What stands in M a = h + B^T lambda, with the energies that certify it.
+    """The terms of M a = h + B^T lambda, with the energies that certify it.
 
     M (n, n); h (n): all forces and inertial terms but the constraint's. T and V of particles and declared
     potentials, `energy` = T + V + qd . dL/dqd - L of the `lagrangian`; `jacobi` = v . dL/dv - L of the whole
@@ -30,16 +29,16 @@ class Dynamics:
     carriers: what acts on generalized coordinates directly, by name, with the rows of q it touches.
     """
 
-    M: Any
-    h: Any
-    kinetic: Any
-    potential: Any
-    energy: Any
-    jacobi: Any
-    rest: Any
-    power: Any
-    driving: Any
-    applied: Any
+    M: ca.SX
+    h: ca.SX
+    kinetic: ca.SX
+    potential: ca.SX
+    energy: ca.SX
+    jacobi: ca.SX
+    rest: ca.SX
+    power: ca.SX
+    driving: ca.SX
+    applied: ca.SX
     carriers: Mapping[str, frozenset[int]]
 
 
@@ -81,7 +80,7 @@ def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents
 class _Forces:
     """The forces of a model over an environment, each evaluated over all pairs of a target and what acts on it."""
 
-    def __init__(self, model: nouns.Model, environment: Environment, masses: Any) -> None:
+    def __init__(self, model: nouns.Model, environment: Environment, masses: ca.SX) -> None:
         self._model, self._environment, self._masses = model, environment, masses
 
     def _on_particles(self, constant: bool) -> Iterator[tuple[Whole, Triple]]:
@@ -92,7 +91,7 @@ class _Forces:
                 targets = force.action.targets
                 if targets.size == 0:
                     continue
-                own = {
+                own: dict[str, Value] = {
                     "m": taken(self._masses, targets),
                     "r": environment.position(targets),
                     "v": environment.velocity(targets),
@@ -101,7 +100,7 @@ class _Forces:
                 x, y, z = (column(part, targets.size) for part in environment.vector(force.force, algebra))
                 yield targets, (x, y, z)
 
-    def potential(self) -> Any:
+    def potential(self) -> ca.SX:
         """V: declared potentials, and -F.r of every constant force."""
         V = ca.SX(0)
         for force in self._model.forces:
@@ -114,7 +113,7 @@ class _Forces:
             V -= sum(ca.dot(a, x) for a, x in zip(F, r, strict=True))
         return V
 
-    def generalized(self) -> Any:
+    def generalized(self) -> ca.SX:
         """Q_j = sum_k F_k . dr_k/dq_j (D.30) of all forces without a potential."""
         environment, n = self._environment, self._environment.symbols.q.numel()
         Q = ca.SX.zeros(n)
@@ -137,7 +136,7 @@ class _Forces:
                 Q += scattered(value, environment.first_generalized + targets, n)
         return Q
 
-    def applied(self) -> Any:
+    def applied(self) -> ca.SX:
         """The sum of the forces without a potential on each dependent particle, (3 times their number, 1)."""
         environment = self._environment
         count = environment.dependent.size
@@ -151,7 +150,7 @@ class _Forces:
         return F_sum
 
 
-def _kinetic(environment: Environment, masses: Any, numbers: Whole) -> Any:
+def _kinetic(environment: Environment, masses: ca.SX, numbers: Whole) -> ca.SX:
     """T of some of the particles."""
     if numbers.size == 0:
         return ca.SX(0)
@@ -159,7 +158,7 @@ def _kinetic(environment: Environment, masses: Any, numbers: Whole) -> Any:
     return ca.dot(taken(masses, numbers) / 2, square)
 
 
-def _cartesian_masses(environment: Environment, masses: Any) -> Any:
+def _cartesian_masses(environment: Environment, masses: ca.SX) -> ca.SX:
     """The masses on the diagonal of M, structurally zero at generalized coordinates."""
     own = taken(masses, environment.cartesian)
     generalized = environment.symbols.q.numel() - 3 * environment.cartesian.size
@@ -177,7 +176,7 @@ def _free(environment: Environment) -> tuple[Triple, Triple] | None:
 
 def _applied(
     model: nouns.Model, true: Environment, fixed: FixedExponents, free: tuple[Triple, Triple] | None
-) -> Any:
+) -> ca.SX:
     """F_k on the dependent particles: declared forces, and -grad_k V with the particles taken as free.
 
     x of all of them, then y, then z: (3 times their number, 1).
@@ -216,6 +215,6 @@ def _carriers(
     return {name: touched for name, touched in found.items() if touched}
 
 
-def _rows_of(value: Any, vector: Any) -> frozenset[int]:
+def _rows_of(value: ca.SX, vector: ca.SX) -> frozenset[int]:
     """The entries of a vector of symbols that an expression depends on."""
     return frozenset(ca.jacobian(value, vector).sparsity().get_triplet()[1])

@@ -1,4 +1,4 @@
-"""Where a potential, the Lagrangian or the place of a dependent particle jumps: the force there is an impulse.
+"""The jumps of potentials, of the Lagrangian and of places of dependent particles: the force there is an impulse.
 
 `3*sign(p.y)` has no slope anywhere but at p.y = 0, where it is infinite; `atan2` has such a place at its cut. Equations
 of motion (D.24) see slopes only, so that a run would go over the jump as if there were none.
@@ -11,7 +11,6 @@ import functools
 import itertools
 import re
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -56,7 +55,7 @@ HINT = "write a force that is steep but finite, as from `tanh(x/w)`, or the torq
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Subject:
-    """What jumps, in words, and where it is declared."""
+    """A thing that jumps, in words, and where it is declared."""
 
     told: str
     location: diagnostics.Location
@@ -87,16 +86,16 @@ class EnergyJumps:
     subjects: tuple[Subject, ...]
     words: tuple[str, ...]
     owners: tuple[int, ...]
-    switches: Any
-    slopes: Any
-    values: Any
+    switches: ca.Function
+    slopes: ca.Function
+    values: ca.Function
 
     def signs(self, place: Place, p: Floats) -> Floats:
         """The side of each switch on which a place lies, (K,)."""
         return np.asarray(np.sign(np.array(self.switches(*place, p)).ravel()))
 
     def is_crossed(self, way: Way, parts: Floats, p: Floats) -> bool:
-        """Whether any switch has another sign at one of the parts of a way than at the first."""
+        """True if any switch has another sign at one of the parts of a way than at the first."""
         first = self.signs(way(parts[0]), p)
         return any((self.signs(way(part), p) != first).any() for part in parts[1:])
 
@@ -165,7 +164,7 @@ def _through(centre: Place, across: Floats, part: float) -> Place:
     return t, q + (2 * part - 1) * across, v
 
 
-def find(model: nouns.Model, s: Symbols, p: Any, env: Environment) -> EnergyJumps | None:
+def find(model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> EnergyJumps | None:
     """The switches in potentials, Lagrangian and places of a model; None where they have none. `p`: all parameters."""
     if not any(_WORDS.search(text) for text in _texts(model)):
         return None
@@ -212,7 +211,7 @@ def warnings(jumps: EnergyJumps | None, place: Place, p: Floats) -> tuple[diagno
     )
 
 
-def _subjects(model: nouns.Model, env: Environment) -> Iterator[tuple[Subject, Any]]:
+def _subjects(model: nouns.Model, env: Environment) -> Iterator[tuple[Subject, ca.SX]]:
     for force in model.forces:
         if isinstance(force, nouns.Potential) and force.members.count:
             value = env.scalar(force.expression, env.algebra(force.members.variables))
@@ -231,7 +230,7 @@ def _subjects(model: nouns.Model, env: Environment) -> Iterator[tuple[Subject, A
                 for factor, part in zip((1, 2**0.5, 3**0.5), env.position(numbers), strict=True)
             ]
             told = Subject(f"the place of the particle `{particle.members.base}`", particle.location)
-            yield told, sum(parts)
+            yield told, sum(parts, ca.SX(0))
 
 
 def _texts(model: nouns.Model) -> Iterator[str]:
@@ -242,11 +241,11 @@ def _texts(model: nouns.Model) -> Iterator[str]:
     yield from (part.text for p in model.particles if p.is_dependent for part in p.position.parts)
 
 
-def _arguments(value: Any, inputs: list[Any]) -> list[tuple[str, Any]]:
+def _arguments(value: ca.SX, inputs: list[ca.SX]) -> list[tuple[str, ca.SX]]:
     """Functions that may jump, with what changes its sign there, those without another within first."""
-    found: list[tuple[str, Any]] = []
+    found: list[tuple[str, ca.SX]] = []
 
-    def visit(op: int, parts: list[Any], result: Any) -> Any:
+    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
         if op in _SWITCHES:
             argument = parts[1] if op == ca.OP_DIV else parts[0]
             if argument.op() not in _NEVER_NEGATIVE:

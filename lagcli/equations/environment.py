@@ -1,15 +1,14 @@
-"""What the expressions of a model stand for: CasADi columns, of a family for all its members at once."""
+"""The values of a model's expressions: CasADi columns, of a family for all its members at once."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from lagcli.equations.casadi_algebra import SymbolicAlgebra
-from lagcli.equations.family_columns import Columns, Triple, column, interleaved, rate, taken
+from lagcli.equations.family_columns import Columns, Triple, Value, column, interleaved, rate, taken
 from lagcli.equations.leaves import Atoms, LeafNames, Leaves, Results
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.expression import evaluate, tree
@@ -37,7 +36,7 @@ class Environment:
         self._fixed = fixed
         self.names = LeafNames(model, symbols)
         self.particles, self.coordinates = self.names.particles, self.names.coordinates
-        self._values: dict[str, Any] = {}
+        self._values: dict[str, Value] = {}
         self._positions, self._velocities = Columns(len(self.particles)), Columns(len(self.particles))
         self.is_dependent = np.repeat(
             np.array([p.is_dependent for p in model.particles], dtype=bool),
@@ -57,17 +56,17 @@ class Environment:
         self._fill()
 
     @property
-    def t(self) -> Any:
+    def t(self) -> ca.SX:
         """Time."""
         return self.symbols.t
 
     @property
-    def q(self) -> Any:
+    def q(self) -> ca.SX:
         """All coordinates, (n, 1)."""
         return self.symbols.q
 
     @property
-    def v(self) -> Any:
+    def v(self) -> ca.SX:
         """Their rates, (n, 1)."""
         return self.symbols.v
 
@@ -78,7 +77,7 @@ class Environment:
     def algebra(
         self,
         variables: Mapping[str, Whole] | None = None,
-        own: Mapping[str, Any] | None = None,
+        own: Mapping[str, Value] | None = None,
         results: Results | None = None,
         leaves: Leaves | None = None,
     ) -> SymbolicAlgebra:
@@ -88,11 +87,11 @@ class Environment:
         atoms = Atoms(self.names, leaves or self, variables or {}, own or {}, results)
         return SymbolicAlgebra(atoms.atom, atoms.special, self._fixed)
 
-    def scalar(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> Any:
+    def scalar(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> ca.SX:
         """SX of a scalar expression."""
         return evaluate.scalar(expression.tree, algebra or self._plain)
 
-    def either(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> list[Any]:
+    def either(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> list[ca.SX]:
         """SX of a scalar or vector expression, as one or three."""
         value = evaluate.evaluate(expression.tree, algebra or self._plain)
         return list(value) if isinstance(value, tuple) else [value]
@@ -105,13 +104,13 @@ class Environment:
         x, y, z = (evaluate.scalar(part.tree, used) for part in vector.parts)
         return x, y, z
 
-    def equation(self, law: nouns.Holonomic | nouns.Differential) -> Any:
+    def equation(self, law: nouns.Holonomic | nouns.Differential) -> ca.SX:
         """left - right of all members of a law, one after another."""
         assert isinstance(law.equation.tree, tree.Relation)
         parts = evaluate.difference(law.equation.tree, self.algebra(law.members.variables))
         return interleaved(parts, law.members.count)
 
-    def masses(self) -> Any:
+    def masses(self) -> ca.SX:
         """m of all particles, (N, 1)."""
         values = [
             column(self.scalar(p.mass, self.algebra(p.members.variables)), p.members.count)
@@ -122,8 +121,7 @@ class Environment:
 
     def position(self, numbers: Whole) -> Triple:
         """r of particles, columns (K, 1)."""
-        x, y, z = self._positions.take(numbers)
-        return x, y, z
+        return self._positions.vectors(numbers)
 
     def velocity(self, numbers: Whole) -> Triple:
         """v of particles, columns (K, 1); of dependent ones the total time derivative of x(q, t)."""
@@ -132,10 +130,9 @@ class Environment:
             able = self._positions.has(self.dependent) & ~self._velocities.has(self.dependent)
             x, y, z = (self.rate(part) for part in self.position(self.dependent[able]))
             self._velocities.fill(self.dependent[able], (x, y, z))
-        x, y, z = self._velocities.take(numbers)
-        return x, y, z
+        return self._velocities.vectors(numbers)
 
-    def rate(self, value: Any) -> Any:
+    def rate(self, value: ca.SX) -> ca.SX:
         """d/dt of a function of (q, t), and of free positions: its differential, divided by dt."""
         found = rate(value, self.q, self.v, self.t)
         if self._free is None:
@@ -143,15 +140,15 @@ class Environment:
         places, rates = (ca.vertcat(*parts) for parts in self._free)
         return ca.densify(found + ca.jtimes(value, places, rates))
 
-    def generalized(self, numbers: Whole, rates: bool) -> Any:
+    def generalized(self, numbers: Whole, rates: bool) -> ca.SX:
         """Generalized coordinates or their rates, (K, 1)."""
         return taken(self.symbols.v if rates else self.symbols.q, self.first_generalized + numbers)
 
-    def variable(self, name: str, values: Whole) -> Any:
+    def variable(self, name: str, values: Whole) -> ca.SX:
         """The values of an index variable, (K, 1)."""
         return ca.SX(ca.DM(values.astype(float)))
 
-    def definition(self, name: str) -> Any:
+    def definition(self, name: str) -> Value:
         """The value of a definition."""
         if name not in self._values:
             self._values[name] = evaluate.evaluate(self.names.meaning(name), self._plain)
@@ -174,6 +171,6 @@ class Environment:
             x, y, z = (column(part, numbers.size) for part in self.vector(particle.position, algebra))
             self._positions.fill(numbers, (x, y, z))
 
-    def _own_components(self, vector: Any) -> Triple:
+    def _own_components(self, vector: ca.SX) -> Triple:
         x, y, z = (vector[axis : self.first_generalized : 3] for axis in range(3))
         return x, y, z

@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,7 +27,7 @@ from lagcli.model.family import Whole
 Truths = npt.NDArray[np.bool_]
 
 
-def entries(matrix: Any, row: Whole, column: Whole) -> Any:
+def entries(matrix: ca.SX, row: Whole, column: Whole) -> ca.SX:
     """Entries (K, 1) of a sparse matrix at rows and columns (K,)."""
     height = matrix.size1()
     rows_, columns_ = (np.asarray(part, dtype=np.int64) for part in matrix.sparsity().get_triplet())
@@ -46,7 +45,7 @@ class _Gradient:
     """df/dr of the rows of one law by the dependent particles, (rows, 3 D), x of all before y and z."""
 
     rows: dict[str, int]
-    B: Any
+    B: ca.SX
 
 
 class DependentForces:
@@ -57,7 +56,7 @@ class DependentForces:
         model: nouns.Model,
         env: Environment,
         bodies: Sequence[rigid.Geometry],
-        constants: Sequence[Any],
+        constants: Sequence[ca.SX],
     ) -> None:
         self._model, self._environment = model, env
         self._bodies = dict(
@@ -98,14 +97,14 @@ class DependentForces:
                 raise ExpressionError("share-not-determined", message, node.start, node.end, hint)
 
     def _coordinates_of(self, base: str) -> Truths:
-        """Which coordinates enter the rows of a law by their differentials, (rows, n)."""
+        """True where a coordinate enters a row of a law by its differential, (rows, n)."""
         s = self._environment.symbols
         values = self._values(base, self._environment)
         return _pattern(ca.jacobian(values, s.v if self._is_differential(base) else s.q))
 
     @cached_property
     def _moving(self) -> Truths:
-        """Which coordinates move which dependent particle, (D, n)."""
+        """True where a coordinate moves a dependent particle, (D, n)."""
         env = self._environment
         parts = [_pattern(ca.jacobian(part, env.symbols.q)) for part in env.position(env.dependent)]
         return np.asarray(parts[0] | parts[1] | parts[2])
@@ -133,7 +132,7 @@ class DependentForces:
     def _is_differential(self, base: str) -> bool:
         return any(law.members.base == base for law in self._model.differential)
 
-    def _values(self, base: str, env: Environment) -> Any:
+    def _values(self, base: str, env: Environment) -> ca.SX:
         """left - right of all rows of a constraint."""
         if base in self._bodies:
             body = next(body for body in self._model.rigid if body.name == base)
@@ -142,14 +141,14 @@ class DependentForces:
         return ca.vertcat(*(env.equation(law) for law in self._laws(base)))
 
 
-def _triple(column: Any) -> Triple:
+def _triple(column: ca.SX) -> Triple:
     """A column (3 K, 1) as three of K."""
     x, y, z = ca.vertsplit(column, column.numel() // 3)
     return x, y, z
 
 
-def _pattern(matrix: Any) -> Truths:
-    """Where a matrix has entries."""
+def _pattern(matrix: ca.SX) -> Truths:
+    """True where a matrix has entries."""
     found = np.zeros(matrix.shape, dtype=bool)
     rows_, columns_ = matrix.sparsity().get_triplet()
     found[rows_, columns_] = True

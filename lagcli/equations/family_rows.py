@@ -8,13 +8,13 @@ share is found once.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
 from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import Triple, rate, scattered
+from lagcli.equations.family_columns import Triple, Value, rate, scattered
 from lagcli.expression import evaluate, tree
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
@@ -24,21 +24,21 @@ WORTH = 4
 
 
 class Rates(Protocol):
-    """What rows are differentiated by: t, coordinates q and their rates v; gamma is -rate(B v + b) with v held."""
+    """The variables of rows: t, coordinates q and their rates v; gamma is -rate(B v + b) with v held."""
 
     @property
-    def t(self) -> Any:
+    def t(self) -> ca.SX:
         """Time."""
 
     @property
-    def q(self) -> Any:
+    def q(self) -> ca.SX:
         """Coordinates, (m, 1)."""
 
     @property
-    def v(self) -> Any:
+    def v(self) -> ca.SX:
         """Their rates, (m, 1)."""
 
-    def rate(self, value: Any) -> Any:
+    def rate(self, value: ca.SX) -> ca.SX:
         """d/dt of a function of q and t; of one that holds v too, with v held."""
 
 
@@ -50,10 +50,10 @@ class NotAlike(Exception):
 class FamilyBlock:
     """Rows of one law, those of one member after another: f (C,) or nothing, B (C, n), b (C,), gamma (C,)."""
 
-    f: Any
-    B: Any
-    b: Any
-    gamma: Any
+    f: ca.SX
+    B: ca.SX
+    b: ca.SX
+    gamma: ca.SX
 
 
 def block(law: nouns.Holonomic | nouns.Differential, environment: Environment) -> FamilyBlock | None:
@@ -70,18 +70,18 @@ def block(law: nouns.Holonomic | nouns.Differential, environment: Environment) -
     lay = holonomic if isinstance(law, nouns.Holonomic) else differential
     one = lay(ca.densify(ca.vertcat(*values)), leaves)
     count = law.members.count
-    mapped = leaves.mapped([one.f, ca.vertcat(ca.SX(0, 1), *one.B.nonzeros()), one.b, one.gamma], count)
+    mapped = leaves.mapped([one.f, ca.vec(one.B.nz[:]), one.b, one.gamma], count)
     f, entries, b, gamma = (ca.vec(output) for output in mapped)
     return FamilyBlock(f, _placed(one.B.sparsity(), entries, leaves.table(count), environment), b, gamma)
 
 
-def holonomic(f: Any, leaves: Rates) -> FamilyBlock:
+def holonomic(f: ca.SX, leaves: Rates) -> FamilyBlock:
     """Rows f = 0 (D.2), differentiated: B = df/dq, b = df/dt (D.6, D.7)."""
     B, b = ca.jacobian(f, leaves.q), ca.jtimes(f, leaves.t, ca.SX(1))
     return FamilyBlock(f, B, ca.densify(b), ca.densify(-leaves.rate(leaves.rate(f))))
 
 
-def differential(value: Any, leaves: Rates) -> FamilyBlock:
+def differential(value: ca.SX, leaves: Rates) -> FamilyBlock:
     """Rows B v + b = 0 given as they are, `value` = B v + b (D.3, D.4)."""
     v = leaves.v
     B, b = ca.jacobian(value, v), ca.substitute(value, v, ca.SX.zeros(v.shape))
@@ -100,7 +100,7 @@ def _has_index_in_exponent(law: nouns.Holonomic | nouns.Differential) -> bool:
     return any(tree.names(node.exponent) & indices for node in powers)
 
 
-def _placed(pattern: Any, entries: Any, table: Whole, environment: Environment) -> Any:
+def _placed(pattern: ca.Sparsity, entries: ca.SX, table: Whole, environment: Environment) -> ca.SX:
     """B (C, n) from the entries of all members: in each those of `pattern` (rows, m), table (m, K) of q rows."""
     rows, columns = (np.asarray(part, dtype=np.int64) for part in pattern.get_triplet())
     each, members, n = pattern.size1(), table.shape[1], environment.symbols.q.numel()
@@ -125,23 +125,23 @@ class MemberLeaves:
         self._environment = environment
         self._places: dict[bytes, int] = {}
         self._rows: list[Whole] = []
-        self._u: list[Any] = []
-        self._w: list[Any] = []
-        self._c: dict[str, Any] = {}
-        self._columns: list[Any] = []
+        self._u: list[ca.SX] = []
+        self._w: list[ca.SX] = []
+        self._c: dict[str, ca.SX] = {}
+        self._columns: list[ca.DM] = []
 
     @property
-    def t(self) -> Any:
+    def t(self) -> ca.SX:
         """Time."""
         return self._environment.symbols.t
 
     @property
-    def q(self) -> Any:
+    def q(self) -> ca.SX:
         """The coordinates a member touches, (m, 1)."""
         return ca.vertcat(ca.SX(0, 1), *self._u)
 
     @property
-    def v(self) -> Any:
+    def v(self) -> ca.SX:
         """Their rates, (m, 1)."""
         return ca.vertcat(ca.SX(0, 1), *self._w)
 
@@ -158,29 +158,29 @@ class MemberLeaves:
         """v of particles."""
         return self._components(numbers, self._w)
 
-    def generalized(self, numbers: Whole, rates: bool) -> Any:
+    def generalized(self, numbers: Whole, rates: bool) -> ca.SX:
         """Generalized coordinates or their rates."""
         place = self._place(self._environment.first_generalized + numbers)
         return (self._w if rates else self._u)[place]
 
-    def variable(self, name: str, values: Whole) -> Any:
+    def variable(self, name: str, values: Whole) -> ca.SX:
         """An index variable."""
         if name not in self._c:
             self._c[name] = ca.SX.sym(f"index {name}")
             self._columns.append(ca.DM(values.astype(float)).T)
         return self._c[name]
 
-    def definition(self, name: str) -> Any:
+    def definition(self, name: str) -> Value:
         """The value of a definition, evaluated over these leaves."""
         return evaluate.evaluate(
             self._environment.names.meaning(name), self._environment.algebra(leaves=self)
         )
 
-    def rate(self, value: Any) -> Any:
+    def rate(self, value: ca.SX) -> ca.SX:
         """d/dt of a function of (u, t)."""
         return rate(value, self.q, self.v, self.t)
 
-    def mapped(self, outputs: list[Any], count: int) -> list[Any]:
+    def mapped(self, outputs: list[ca.SX], count: int) -> list[ca.SX]:
         """Dense outputs (k,) of one member as (k, K) over all members."""
         s, table = self._environment.symbols, self.table(count)
         q, v, indices = self.q, self.v, ca.vertcat(ca.SX(0, 1), *self._c.values())
@@ -193,7 +193,7 @@ class MemberLeaves:
         columns = ca.vertcat(ca.DM(0, count), *self._columns)
         return list(one.call([*arguments, ca.SX(columns), ca.repmat(shared, 1, count)]))
 
-    def _components(self, numbers: Whole, vector: list[Any]) -> Triple:
+    def _components(self, numbers: Whole, vector: list[ca.SX]) -> Triple:
         if self._environment.is_dependent[numbers].any():
             raise NotAlike
         first = self._environment.rows_of(numbers)

@@ -1,4 +1,4 @@
-"""Where `abs`, `sign`, `min` or `max` makes the gradient of a constraint jump.
+"""The places at which `abs`, `sign`, `min` or `max` makes the gradient of a constraint jump.
 
 At such a place the constraint surface has an edge. The rule of multipliers needs a gradient there, and the velocity
 of a motion that goes over the edge would have to jump: an impact, which the equations (D.24) do not describe.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -39,8 +38,8 @@ class Kinks:
     """
 
     rows: tuple[Row, ...]
-    switches: Any
-    slopes: Any
+    switches: ca.Function
+    slopes: ca.Function
 
     def at(self, t: float, q: Floats, p: Floats) -> Row | None:
         """A row that jumps at a configuration, itself or its gradient, or None."""
@@ -88,7 +87,7 @@ class Kinks:
         return np.array(self.slopes(t, q, p)).reshape(len(self.rows), -1)
 
 
-def find(model: nouns.Model, s: Symbols, p: Any, laid: ConstraintRows) -> Kinks | None:
+def find(model: nouns.Model, s: Symbols, p: ca.SX, laid: ConstraintRows) -> Kinks | None:
     """The switches of the constraints of a model; None where they have none. `p`: all parameters."""
     if not _speaks_of_switches(model):
         return None
@@ -138,11 +137,11 @@ def _speaks_of_switches(model: nouns.Model) -> bool:
     return any(_WORDS.search(text) for text in texts)
 
 
-def _arguments(value: Any, inputs: Sequence[Any]) -> list[Any]:
-    """What is compared with zero by `abs` and `sign`, and the difference of what `min` and `max` compare."""
-    found: list[Any] = []
+def _arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
+    """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max` compare."""
+    found: list[ca.SX] = []
 
-    def visit(op: int, parts: list[Any], result: Any) -> Any:
+    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
         if op in (ca.OP_FABS, ca.OP_SIGN):
             found.append(parts[0])
         elif op in (ca.OP_FMIN, ca.OP_FMAX):

@@ -1,20 +1,20 @@
-"""What the leaves of an expression stand for: names, members of families, `d`, `rate`, `multiplier`, `reaction`."""
+"""The values of the leaves of an expression: names, members of families, `d`, `rate`, `multiplier`, `reaction`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
-from lagcli.equations.family_columns import Triple
+from lagcli.equations.family_columns import Triple, Value
 from lagcli.equations.symbols import Symbols
 from lagcli.expression import evaluate, integers, tree
 from lagcli.model import model as nouns
 from lagcli.model.family import MemberIndex, Whole
 
-Results = Callable[[tree.Node, Mapping[str, Whole]], Any]
+Results = Callable[[tree.Node, Mapping[str, Whole]], Value]
 Reference = tree.Name | tree.Member | tree.Index
 
 
@@ -36,7 +36,7 @@ class LeafNames:
     def __init__(self, model: nouns.Model, symbols: Symbols) -> None:
         self.particles = MemberIndex(particle.members for particle in model.particles)
         self.coordinates = MemberIndex(coordinate.members for coordinate in model.coordinates)
-        self.constants: dict[str, Any] = {"t": symbols.t, "dt": ca.SX(1)}
+        self.constants: dict[str, Value] = {"t": symbols.t, "dt": ca.SX(1)}
         self.constants |= {name: ca.SX(value) for name, value in model.constants.items()}
         self.constants |= symbols.parameters
         self._definitions = {d.name: d.expression.tree for d in model.definitions}
@@ -69,7 +69,7 @@ class LeafNames:
 
 
 class Leaves(Protocol):
-    """What the coordinates, rates, indices and definitions of a model stand for in one algebra."""
+    """The values of the coordinates, rates, indices and definitions of a model in one algebra."""
 
     def position(self, numbers: Whole) -> Triple:
         """r of particles."""
@@ -77,34 +77,34 @@ class Leaves(Protocol):
     def velocity(self, numbers: Whole) -> Triple:
         """v of particles."""
 
-    def generalized(self, numbers: Whole, rates: bool) -> Any:
+    def generalized(self, numbers: Whole, rates: bool) -> ca.SX:
         """Generalized coordinates, or their rates."""
 
-    def variable(self, name: str, values: Whole) -> Any:
+    def variable(self, name: str, values: Whole) -> ca.SX:
         """An index variable with its values, (K,)."""
 
-    def definition(self, name: str) -> Any:
+    def definition(self, name: str) -> Value:
         """The value of a definition."""
 
-    def rate(self, value: Any) -> Any:
+    def rate(self, value: ca.SX) -> ca.SX:
         """d/dt of a function of coordinates and time."""
 
 
 class Atoms:
-    """What the leaves of one expression stand for."""
+    """The values of the leaves of one expression."""
 
     def __init__(
         self,
         names: LeafNames,
         leaves: Leaves,
         variables: Mapping[str, Whole],
-        own: Mapping[str, Any],
+        own: Mapping[str, Value],
         results: Results | None,
     ) -> None:
         self._names, self._leaves, self._variables, self._own = names, leaves, variables, own
         self._results = results
 
-    def atom(self, node: Reference) -> Any:
+    def atom(self, node: Reference) -> Value:
         """A name, a component, or a member of a family."""
         names = self._names
         if isinstance(node, tree.Name):
@@ -121,12 +121,15 @@ class Atoms:
         owner = self._named(tree.Name(node.start, node.end, node.owner), node.owner)
         return evaluate.component(node, owner, node.member, node.owner)
 
-    def special(self, node: tree.Call, algebra: evaluate.Algebra[Any]) -> Any:
+    def special(self, node: tree.Call, algebra: evaluate.Algebra[ca.SX]) -> Value:
         """`d`, `rate`, `multiplier`, `reaction`; `algebra` is the one that asks."""
         argument, leaves = node.arguments[0], self._leaves
         if node.function == "d":
             value = evaluate.evaluate(argument, algebra)
-            return tuple(map(leaves.rate, value)) if isinstance(value, tuple) else leaves.rate(value)
+            if not isinstance(value, tuple):
+                return leaves.rate(value)
+            x, y, z = map(leaves.rate, value)
+            return x, y, z
         if node.function == "rate" and not is_second(node):
             assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
             owner = argument.name if isinstance(argument, tree.Name) else argument.owner
@@ -137,17 +140,17 @@ class Atoms:
             return velocity["xyz".index(member)] if member else velocity
         return self._result(node)
 
-    def _result(self, node: tree.Node) -> Any:
-        """What is known only of a motion: multipliers, reactions, accelerations, energies and outputs."""
+    def _result(self, node: tree.Node) -> Value:
+        """A value that is known only of a motion: multipliers, reactions, accelerations, energies and outputs."""
         assert self._results is not None, node
         return self._results(node, self._variables)
 
-    def _coordinate(self, node: Reference, rates: bool) -> Any:
+    def _coordinate(self, node: Reference, rates: bool) -> ca.SX:
         return self._leaves.generalized(
             self._names.numbers(node, self._names.coordinates, self._variables), rates
         )
 
-    def _particle(self, node: tree.Member | tree.Index) -> Any:
+    def _particle(self, node: tree.Member | tree.Index) -> Value:
         numbers = self._names.numbers(node, self._names.particles, self._variables)
         if node.member == "v":
             return self._leaves.velocity(numbers)
@@ -156,7 +159,7 @@ class Atoms:
         position = self._leaves.position(numbers)
         return position["xyz".index(node.member)] if node.member else position
 
-    def _named(self, node: tree.Name, name: str) -> Any:
+    def _named(self, node: tree.Name, name: str) -> Value:
         names = self._names
         if name in self._variables:
             return self._leaves.variable(name, self._variables[name])

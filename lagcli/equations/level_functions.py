@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from typing import Any
+from typing import NoReturn
 
 import casadi as ca
 
 from lagcli.equations.casadi_algebra import SymbolicAlgebra
+from lagcli.equations.family_columns import Value
 from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
 from lagcli.expression import evaluate, integers, parser, tree
@@ -19,9 +20,9 @@ from lagcli.model import family, invariant
 class LevelExpression:
     """A chart of `conserved`, as scalar SX of `System.symbols`; period None where there is none."""
 
-    above: Any
-    below: Any
-    period: Any | None
+    above: ca.SX
+    below: ca.SX
+    period: ca.SX | None
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ def charts(system: System, written: Iterable[invariant.LevelFunction]) -> Charts
     names = _LevelNames(system)
     algebra = SymbolicAlgebra(names.atom, names.special, fixed)
 
-    def scalar(text: str) -> Any:
+    def scalar(text: str) -> ca.SX:
         return evaluate.scalar(parser.parse(text), algebra)
 
     found = tuple(
@@ -66,11 +67,11 @@ def has_time(system: System, chart: LevelExpression) -> bool:
 
 
 class _LevelNames:
-    """What the names in a chart stand for. Dependent particles and definitions do not occur in them."""
+    """The values of the names in a chart. Dependent particles and definitions do not occur in them."""
 
     def __init__(self, system: System) -> None:
         s = system.symbols
-        self._values: dict[str, Any] = {"t": s.t, "pi": ca.SX(ca.pi)}
+        self._values: dict[str, Value] = {"t": s.t, "pi": ca.SX(ca.pi)}
         for name, value in s.parameters.items():
             if isinstance(value, tuple):
                 self._values |= {f"{name}.{axis}": x for axis, x in zip("xyz", value, strict=True)}
@@ -79,7 +80,7 @@ class _LevelNames:
         self._q = s.q
         self._places = {name: i for i, name in enumerate(system.model.coordinate_names)}
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Value:
         """A name, a component, or a member of a family with its indices as numbers."""
         if isinstance(node, tree.Name):
             name = node.name
@@ -93,7 +94,7 @@ class _LevelNames:
             raise UnknownName(name)
         return self._values[name]
 
-    def special(self, node: tree.Call, algebra: Any) -> Any:
+    def special(self, node: tree.Call, algebra: SymbolicAlgebra) -> NoReturn:
         """`d`, `rate` and results of a run do not occur."""
         raise UnknownName(node.function)
 

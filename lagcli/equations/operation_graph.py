@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import casadi as ca
 
 # (operation, operands, value) -> what stands for the value from there on.
-Visit = Callable[[int, list[Any], Any], Any]
+Visit = Callable[[int, list[ca.SX], ca.SX], ca.SX]
 
 
-def replayed(value: Any, inputs: Sequence[Any], visit: Visit) -> Any:
+def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
     """A column (k, 1) of the `inputs`, computed again operation by operation; `visit` may replace each result."""
     function = ca.Function("replayed", list(inputs), [value])
     flat = [ca.vertsplit(part) if part.numel() > 1 else [part] for part in inputs]
-    work: dict[int, Any] = {}
-    found: list[Any] = [ca.SX(0)] * value.numel()
+    work: dict[int, ca.SX] = {}
+    found: list[ca.SX] = [ca.SX(0)] * value.numel()
     for k in range(function.n_instructions()):
         op, taken, given = (
             function.instruction_id(k),

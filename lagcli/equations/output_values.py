@@ -1,4 +1,4 @@
-"""What outputs may read besides the motion: multipliers, reactions, accelerations, energies, earlier outputs.
+"""Values that outputs may read besides the motion: multipliers, reactions, accelerations, energies, earlier outputs.
 
 a, lambda and R are those of (D.24) at the row; the part of one constraint in R_k is lambda_i times its row (D.22).
 """
@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from lagcli.equations import energy, explicit_gradient, family_columns, rows
 from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import Columns, Triple
+from lagcli.equations.family_columns import Columns, Triple, Value
 from lagcli.equations.leaves import Reference, is_second
 from lagcli.errors import diagnostics
 from lagcli.expression import tree
@@ -29,14 +28,14 @@ class SolvedValues:
     """The rows of a system and what is solved for: lam (C,), a (n,), a_k and R_k of all particles."""
 
     rows: rows.ConstraintRows
-    lam: Any
-    a: Any
+    lam: ca.SX
+    a: ca.SX
     accelerations: Columns
     R: Columns
 
 
 class OutputValues:
-    """What `multiplier`, `reaction`, accelerations, `kinetic`, `potential` and earlier outputs stand for."""
+    """The values of `multiplier`, `reaction`, accelerations, `kinetic`, `potential` and earlier outputs."""
 
     def __init__(
         self,
@@ -59,12 +58,12 @@ class OutputValues:
         self._roll = MemberIndex(output.members for output in outputs)
         self._outputs = Columns(len(self._roll))
 
-    def keep(self, entry: int, count: int, parts: Sequence[Any]) -> None:
+    def keep(self, entry: int, count: int, parts: Sequence[ca.SX]) -> None:
         """An output that later outputs may use."""
         values = tuple(family_columns.column(part, count) for part in parts)
         self._outputs.fill(np.arange(count) + self._roll.first(entry), values)
 
-    def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Any:
+    def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Value:
         if isinstance(node, tree.Name) and node.name in self._energies:
             return self._energies[node.name]
         if isinstance(node, tree.Call):
@@ -73,12 +72,12 @@ class OutputValues:
         names = self._environment.names
         if not isinstance(node, tree.Name) and node.owner in self._environment.particles:
             numbers = names.numbers(node, self._environment.particles, variables)
-            found = self._solved.accelerations.take(numbers)
+            found = self._solved.accelerations.vectors(numbers)
             return found["xyz".index(node.member[1])] if len(node.member) == 2 else found
-        found = self._outputs.take(names.numbers(node, self._roll, variables))
-        return found if len(found) == 3 else found[0]
+        parts = self._outputs.take(names.numbers(node, self._roll, variables))
+        return (parts[0], parts[1], parts[2]) if len(parts) == 3 else parts[0]
 
-    def _called(self, node: tree.Call, variables: Mapping[str, Whole]) -> Any:
+    def _called(self, node: tree.Call, variables: Mapping[str, Whole]) -> Value:
         env, argument = self._environment, node.arguments[0]
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         if is_second(node):
@@ -87,19 +86,19 @@ class OutputValues:
             return self._multipliers(argument, variables)
         numbers = env.names.numbers(argument, env.particles, variables)
         if len(node.arguments) == 1:
-            return self._solved.R.take(numbers)
+            return self._solved.R.vectors(numbers)
         law = node.arguments[1]
         assert isinstance(law, (tree.Name, tree.Member, tree.Index))
         return self._part(numbers, law, variables)
 
-    def _second(self, argument: Reference, variables: Mapping[str, Whole]) -> Any:
+    def _second(self, argument: Reference, variables: Mapping[str, Whole]) -> Value:
         """`rate(x, 2)` of a coordinate, a particle or one of its components."""
         env = self._environment
         owner = argument.name if isinstance(argument, tree.Name) else argument.owner
         if owner in env.coordinates:
             numbers = env.names.numbers(argument, env.coordinates, variables)
             return family_columns.taken(self._solved.a, env.first_generalized + numbers)
-        found = self._solved.accelerations.take(env.names.numbers(argument, env.particles, variables))
+        found = self._solved.accelerations.vectors(env.names.numbers(argument, env.particles, variables))
         member = "" if isinstance(argument, tree.Name) else argument.member
         return found["xyz".index(member)] if member else found
 
@@ -129,8 +128,7 @@ class OutputValues:
         if dependent.size:
             wanted = [self._solved.rows.rows[i] for i in row[dependent].tolist()]
             found.fill(dependent, self._forces.gradients(numbers[dependent], wanted, law))
-        x, y, z = found.take(np.arange(numbers.size))
-        return x, y, z
+        return found.vectors(np.arange(numbers.size))
 
     def _law_names(self, node: Reference, variables: Mapping[str, Whole]) -> list[str]:
         """The names of the constraints a reference stands for, without a component."""
@@ -148,7 +146,7 @@ class OutputValues:
         self._require(node, f"{name}.{member}")
         return [self._rows[f"{name}.{member}"]]
 
-    def _multipliers(self, node: Reference, variables: Mapping[str, Whole]) -> Any:
+    def _multipliers(self, node: Reference, variables: Mapping[str, Whole]) -> Value:
         """lambda of a row, or of the three of a vector equation."""
         member = "" if isinstance(node, tree.Name) else node.member
         names = self._law_names(node, variables)
@@ -156,9 +154,10 @@ class OutputValues:
             return self._lam_of(node, [f"{name}.{member}" for name in names])
         if all(name in self._rows for name in names):
             return self._lam_of(node, names)
-        return tuple(self._lam_of(node, [f"{name}.{axis}" for name in names]) for axis in "xyz")
+        x, y, z = (self._lam_of(node, [f"{name}.{axis}" for name in names]) for axis in "xyz")
+        return x, y, z
 
-    def _lam_of(self, node: Reference, names: list[str]) -> Any:
+    def _lam_of(self, node: Reference, names: list[str]) -> ca.SX:
         for name in names:
             self._require(node, name)
         return family_columns.taken(
@@ -173,9 +172,9 @@ class OutputValues:
             raise ExpressionError("unknown-row", message, node.start, node.end, hint)
 
 
-def outputs(model: nouns.Model, env: Environment, named: OutputValues) -> Any:
+def outputs(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:
     """All outputs, flattened. Raises `diagnostics.ModelError` for a row that does not exist."""
-    values: list[Any] = []
+    values: list[ca.SX] = []
     named.number(model.outputs)
     for entry, output in enumerate(model.outputs):
         if not output.members.count:

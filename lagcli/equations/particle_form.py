@@ -13,7 +13,6 @@ has the same a and the same lambda, because J a = gamma holds, and a matrix that
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -79,7 +78,7 @@ def build(built: system.System, freed: nouns.Model) -> system.System:
     return system.build(freed, tied)
 
 
-def _gap(built: system.System, env: Environment, places: npt.NDArray[np.int64]) -> Any:
+def _gap(built: system.System, env: Environment, places: npt.NDArray[np.int64]) -> ca.SX:
     """r_k - x_k(q, t) of the freed particles, (3 times their number, 1), over the symbols of `env`."""
     everyone = np.arange(len(env.particles))
     r = family_columns.interleaved(env.position(everyone), everyone.size)

@@ -45,7 +45,7 @@ class Geometry:
 
     @property
     def shape(self) -> tuple[tuple[int, ...], tuple[int, ...], bool]:
-        """What the rows look like, whatever their constants are."""
+        """The form of the rows, whatever their constants are."""
         return self.base, self.further, bool(self.gamma.size)
 
     @property

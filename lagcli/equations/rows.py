@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -30,14 +29,14 @@ class ConstraintRows:
     """f (s): holonomic and rigid rows; w (C): all rows as B v + b (D.6), the holonomic ones differentiated."""
 
     rows: tuple[Row, ...]
-    f: Any
-    B: Any
-    b: Any
-    gamma: Any
+    f: ca.SX
+    B: ca.SX
+    b: ca.SX
+    gamma: ca.SX
 
 
 def lay_down(
-    model: nouns.Model, environment: Environment, bodies: Sequence[tuple[rigid.Geometry, Sequence[Any]]]
+    model: nouns.Model, environment: Environment, bodies: Sequence[tuple[rigid.Geometry, Sequence[ca.SX]]]
 ) -> ConstraintRows:
     """All rows. `bodies`: for each rigid body its geometry and the symbols of its constants.
 
@@ -69,7 +68,7 @@ class _Pile:
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
         self.names: list[Row] = []
-        self._parts: list[family_rows.FamilyBlock | list[Any]] = []
+        self._parts: list[family_rows.FamilyBlock | list[ca.SX]] = []
 
     def add(self, law: nouns.Holonomic | nouns.Differential) -> None:
         """The rows of a law."""
@@ -82,7 +81,7 @@ class _Pile:
         self._parts.append(block)
         self.names += _rows(law)
 
-    def add_plain(self, values: Any, names: list[Row]) -> None:
+    def add_plain(self, values: ca.SX, names: list[Row]) -> None:
         """Rows given by their values."""
         last = self._parts[-1] if self._parts else None
         if isinstance(last, list):
@@ -92,7 +91,7 @@ class _Pile:
         self.names += names
 
     def blocks(
-        self, lay: Callable[[Any, Environment], family_rows.FamilyBlock]
+        self, lay: Callable[[ca.SX, Environment], family_rows.FamilyBlock]
     ) -> list[family_rows.FamilyBlock]:
         """All rows; `lay` makes a block of values."""
         return [
@@ -107,13 +106,13 @@ def _rows(law: nouns.Holonomic | nouns.Differential) -> list[Row]:
     return [Row(name, law.members.names[k // each], location) for k, name in enumerate(law.rows)]
 
 
-def _stack(values: list[Any]) -> Any:
+def _stack(values: list[ca.SX]) -> ca.SX:
     return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
 
 
 def of_body(
-    body: nouns.RigidBody, environment: Environment, geometry: rigid.Geometry, constants: Sequence[Any]
-) -> Any:
+    body: nouns.RigidBody, environment: Environment, geometry: rigid.Geometry, constants: Sequence[ca.SX]
+) -> ca.SX:
     """The rows f of a rigid body, (k, 1)."""
     columns = environment.position(np.array(body.particles))
     places = list(zip(*(ca.vertsplit(part) for part in columns), strict=True))
@@ -121,8 +120,8 @@ def of_body(
 
 
 def _rigid_rows(
-    positions: Sequence[tuple[Any, Any, Any]], geometry: rigid.Geometry, constants: Sequence[Any]
-) -> list[Any]:
+    positions: Sequence[tuple[ca.SX, ca.SX, ca.SX]], geometry: rigid.Geometry, constants: Sequence[ca.SX]
+) -> list[ca.SX]:
     base = [positions[k] for k in geometry.base]
     rows = []
     for number, (i, j) in enumerate(geometry.pairs):
@@ -134,20 +133,20 @@ def _rigid_rows(
     for k, weights in zip(geometry.further, alpha, strict=True):
         height = next(rest) if normal is not None else None
         for axis in range(3):
-            place = sum(w * r[axis] for w, r in zip(weights, base, strict=True))
-            if normal is not None:
+            place = sum((w * r[axis] for w, r in zip(weights, base, strict=True)), ca.SX(0))
+            if normal is not None and height is not None:
                 place += height * normal[axis]
             rows.append(positions[k][axis] - place)
     return rows
 
 
-def _normal(base: Sequence[tuple[Any, Any, Any]]) -> tuple[Any, Any, Any]:
+def _normal(base: Sequence[tuple[ca.SX, ca.SX, ca.SX]]) -> tuple[ca.SX, ca.SX, ca.SX]:
     """(r_2 - r_1) x (r_3 - r_1)."""
     (a, b, c), (x, y, z) = ([p - q for p, q in zip(base[i], base[0], strict=True)] for i in (1, 2))
     return b * z - c * y, c * x - a * z, a * y - b * x
 
 
-def _refuse_empty(names: Sequence[Row], B: Any, f: Any, b: Any, q: Any) -> None:
+def _refuse_empty(names: Sequence[Row], B: ca.SX, f: ca.SX, b: ca.SX, q: ca.SX) -> None:
     """A row in which no coordinate enters says nothing about the motion, or can never hold; b: of differential rows.
 
     A component 0 = 0 of a vector equation says nothing either, but belongs to an equation that does: it stays, as

@@ -1,4 +1,4 @@
-"""How large a model may be: what would take more than about 2 GB is refused before it is begun, with its place."""
+"""Limits on the size of a model: what would take more than about 2 GB is refused before it is begun, with its place."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def require_run(system: System) -> None:
 
 
 def rows(law: nouns.Holonomic | nouns.Differential | nouns.RigidBody) -> int:
-    """How many rows a constraint stands for, at most."""
+    """The number of rows a constraint stands for, at most."""
     if isinstance(law, nouns.RigidBody):
         return 3 * len(law.particles)
     return law.members.count * (3 if law.is_vector else 1)
 
 
 def _sizes(model: nouns.Model) -> list[tuple[int, diagnostics.Location]]:
-    """How large each entry is, and where it stands."""
+    """The size and the place of each entry."""
     sizes = [(3 * p.members.count, p.location) for p in model.particles]
     sizes += [(c.members.count, c.location) for c in model.coordinates]
     for law in model.constraints():

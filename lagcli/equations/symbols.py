@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
 
 import casadi as ca
 
+from lagcli.expression import evaluate
 from lagcli.model import model as nouns
 
 
@@ -15,11 +15,11 @@ from lagcli.model import model as nouns
 class Symbols:
     """t, q (n), v (n) and the parameters p, with those that belong to names."""
 
-    t: Any
-    q: Any
-    v: Any
-    p: Any
-    parameters: Mapping[str, Any]  # name -> scalar or triple of SX
+    t: ca.SX
+    q: ca.SX
+    v: ca.SX
+    p: ca.SX
+    parameters: Mapping[str, evaluate.Value[ca.SX]]
 
 
 class FixedExponents:
@@ -36,7 +36,7 @@ class FixedExponents:
                 self._values[label] = number
         self._used: set[str] = set()
 
-    def __call__(self, exponent: Any) -> float | None:
+    def __call__(self, exponent: ca.SX) -> float | None:
         """The number, or None where the exponent depends on more than parameters."""
         symbols = ca.symvar(exponent)
         if any(symbol.name() not in self._values for symbol in symbols):
@@ -63,11 +63,11 @@ def _labelled(name: str, value: float | nouns.Vector3) -> list[tuple[str, float]
 
 def symbols(model: nouns.Model) -> Symbols:
     """Fresh symbols for a model; parameters are named so that `FixedExponents` knows them."""
-    parameters: dict[str, Any] = {}
+    parameters: dict[str, evaluate.Value[ca.SX]] = {}
     flat = []
     for parameter in model.parameters:
         parts = [ca.SX.sym(label) for label, _ in _labelled(parameter.name, parameter.value)]
-        parameters[parameter.name] = tuple(parts) if len(parts) == 3 else parts[0]
+        parameters[parameter.name] = (parts[0], parts[1], parts[2]) if len(parts) == 3 else parts[0]
         flat += parts
     n = len(model.coordinate_names)
     return Symbols(

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -50,16 +49,16 @@ class System:
 
     model: nouns.Model
     symbols: Symbols
-    p: Any
-    lam: Any
-    a: Any
+    p: ca.SX
+    lam: ca.SX
+    a: ca.SX
     dynamics: energy.Dynamics
     rows: rows.ConstraintRows
-    Q_R: Any
-    R: Any
-    r: Any
-    r_dot: Any
-    outputs: Any
+    Q_R: ca.SX
+    R: ca.SX
+    r: ca.SX
+    r_dot: ca.SX
+    outputs: ca.SX
     bodies: tuple[rigid.Geometry, ...]
     built_in: tuple[tuple[str, float], ...]
     kinks: kinks.Kinks | None
@@ -68,7 +67,7 @@ class System:
     warnings: tuple[diagnostics.Diagnostic, ...]
 
     @property
-    def f(self) -> Any:
+    def f(self) -> ca.SX:
         """f (s,), continued across the cuts of angles."""
         return self.rows.f if self.cuts is None else self.cuts.f
 
@@ -147,13 +146,13 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     )
 
 
-def reaction(B: Any, lam: Any) -> Any:
+def reaction(B: ca.SX, lam: ca.SX) -> ca.SX:
     """Q_R (n,) = + B^T lambda (D.22): the sign of lambda, here and nowhere else."""
     return ca.densify(B.T @ lam)
 
 
 def with_values(built: System, model: nouns.Model) -> System | None:
-    """The same system for other values of parameters and start, or None where it must be built anew.
+    """This system with other values of parameters and start, or None where it must be built anew.
 
     `model` must be of the same text. A new build is needed where a built-in exponent changes, or a rigid body
     gets another base.
@@ -180,7 +179,7 @@ def _place(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> tuple[float,
     return model.simulation.start, start(model)[0], parameter_values(model, bodies)
 
 
-def _flat(vectors: Sequence[Any]) -> Any:
+def _flat(vectors: Sequence[ca.SX]) -> ca.SX:
     """Columns x, y, z as x1, y1, z1, x2, ..."""
     return family_columns.interleaved(vectors, vectors[0].numel())
 
@@ -239,7 +238,7 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[rigid.
     return tuple(found)
 
 
-def _accelerations(env: Environment, a: Any) -> Columns:
+def _accelerations(env: Environment, a: ca.SX) -> Columns:
     """a_k of all particles: components of a, or of a dependent particle the second derivative of x(q, t)."""
     found = Columns(len(env.particles))
     if env.cartesian.size:
@@ -252,7 +251,7 @@ def _accelerations(env: Environment, a: Any) -> Columns:
     return found
 
 
-def _reactions(env: Environment, dynamics: energy.Dynamics, Q_R: Any, accelerations: Columns) -> Columns:
+def _reactions(env: Environment, dynamics: energy.Dynamics, Q_R: ca.SX, accelerations: Columns) -> Columns:
     """R_k: the particle's part of B^T lambda; of a dependent particle m a_k - F_k (D.10)."""
     R = Columns(len(env.particles))
     if env.cartesian.size:

@@ -1,4 +1,4 @@
-"""What a model says about t alone: where it switches, and the functions that may rise and fall within a step.
+"""The functions of t alone in a model: where it switches, and what may rise and fall within a step.
 
 An explicit scheme sees forces at its stages only. A step that grew while nothing moved may lead over a pulse, and its
 error estimate is zero. What depends on t and parameters alone is known before the run, whatever the motion: the
@@ -11,7 +11,7 @@ import dataclasses
 import math
 import operator
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,7 @@ class TimeFunctions:
     switches: tuple[int, ...]
     waves: tuple[int, ...]
     is_mixed: bool
-    kept: dict[Any, Any] = dataclasses.field(default_factory=dict, compare=False, repr=False)
+    kept: dict[tuple[float, ...], Any] = dataclasses.field(default_factory=dict, compare=False, repr=False)
 
     @property
     def is_bounded(self) -> bool:
@@ -161,6 +161,15 @@ _MOTION = _Value()
 _MOTION_AND_TIME = _Value(is_timed=True)
 
 
+def _moved(value: _Value) -> _Value:
+    return _MOTION_AND_TIME if value.is_timed else _MOTION
+
+
+def _three(parts: Iterable[_Value]) -> evaluate.Triple[_Value]:
+    x, y, z = parts
+    return x, y, z
+
+
 class _Record:
     """The operations so far, each of them once; most: operations of any kind."""
 
@@ -196,7 +205,7 @@ class _Record:
         return _Value(place=self._put(Operation(name, taken), members), is_timed=True)
 
     def _mix(self, name: str, parts: tuple[_Value, ...]) -> _Value:
-        """The same with what depends on the motion."""
+        """An operation on what depends on the motion."""
         is_timed = any(part.is_timed for part in parts)
         # A quotient by what does not depend on both is a product.
         own = parts[1:] if name == "divide" else parts
@@ -253,13 +262,13 @@ def _is_steady(operation: Operation) -> bool:
 
 
 class _Leaves:
-    """What names stand for."""
+    """The values of names."""
 
     def __init__(self, model: nouns.Model, timed: set[str]) -> None:
         self._timed = timed
         self._particles = {particle.members.base for particle in model.particles}
         self._meanings = {d.name: d.expression.tree for d in model.definitions}
-        self._known: dict[str, Any] = {
+        self._known: dict[str, evaluate.Value[_Value]] = {
             "t": _Value(place=0, is_timed=True),
             "pi": _Value(number=intervals.constant(np.pi)),
             "dt": _Value(number=intervals.constant(1.0)),
@@ -267,7 +276,7 @@ class _Leaves:
         for parameter in model.parameters:
             value = parameter.value
             self._known[parameter.name] = (
-                tuple(_Value(number=intervals.constant(part)) for part in value)
+                _three(_Value(number=intervals.constant(part)) for part in value)
                 if isinstance(value, tuple)
                 else _Value(number=intervals.constant(value))
             )
@@ -276,11 +285,11 @@ class _Leaves:
         """Evaluate a definition after those it uses."""
         self._known[name] = evaluate.evaluate(self._meanings[name], _Algebra(record, self, {}))
 
-    def named(self, name: str, member: str) -> Any:
+    def named(self, name: str, member: str) -> evaluate.Value[_Value]:
         """A name, or a component or velocity of what it stands for: the value, three of them for a vector."""
         if name in self._known:
             value = self._known[name]
-            return value["xyz".index(member)] if member else value
+            return value["xyz".index(member)] if member and isinstance(value, tuple) else value
         motion = _MOTION_AND_TIME if name in self._timed else _MOTION
         is_vector = member in ("", "v") if name in self._particles or name in ("r", "v") else False
         return (motion,) * 3 if is_vector else motion
@@ -296,7 +305,7 @@ class _Algebra:
         """The value of a literal."""
         return _Value(number=intervals.constant(float(node.text)))
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> evaluate.Value[_Value]:
         """The value a name stands for."""
         if isinstance(node, tree.Name):
             if node.name in self._variables:
@@ -304,14 +313,12 @@ class _Algebra:
             return self._leaves.named(node.name, "")
         return self._leaves.named(node.owner, node.member)
 
-    def special(self, node: tree.Call) -> Any:
+    def special(self, node: tree.Call) -> evaluate.Value[_Value]:
         """Rates and differentials: of the motion."""
         argument = node.arguments[0]
         if node.function == "d":
             value = evaluate.evaluate(argument, self)
-            parts = value if isinstance(value, tuple) else (value,)
-            found = tuple(_MOTION_AND_TIME if part.is_timed else _MOTION for part in parts)
-            return found if isinstance(value, tuple) else found[0]
+            return _three(map(_moved, value)) if isinstance(value, tuple) else _moved(value)
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         return self.atom(argument)
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import Triple, column, taken
+from lagcli.equations.family_columns import Triple, Value, column, taken
 from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
 from lagcli.expression import tree
@@ -185,7 +185,8 @@ class _Laws:
         """Record a force, or a term of it, on those of some pairs of a target and what acts on it that
         depend on other particles."""
         env, targets = self._env, force.action.targets
-        own = {"m": taken(env.masses(), targets), "r": env.position(targets), "v": env.velocity(targets)}
+        r, v = env.position(targets), env.velocity(targets)
+        own: dict[str, Value] = {"m": taken(env.masses(), targets), "r": r, "v": v}
         algebra = env.algebra(force.action.variables(force.members), own)
         parts = [column(part, targets.size) for part in env.vector(vector, algebra)]
         touched: dict[int, set[int]] = {}
@@ -205,9 +206,9 @@ class _Laws:
             name = force.members.names[int(force.action.acting[pair])]
             self._add(name, (k,), F, frozenset(particles | {k}), False)
         if divided:
-            (part,) = vector.parts
-            for one, term in _terms(part.tree):
-                piece = nouns.VectorExpression((dataclasses.replace(part, tree=term),))
+            (whole,) = vector.parts
+            for one, term in _terms(whole.tree):
+                piece = nouns.VectorExpression((dataclasses.replace(whole, tree=term),))
                 self._on_particles(force, sign * one, piece, frozenset(divided))
 
     def _add(self, law: str, on: tuple[int, ...], F: Any, touched: frozenset[int], is_complete: bool) -> None:
