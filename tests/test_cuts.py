@@ -9,6 +9,8 @@ import pytest
 
 import lagcli
 from lagcli.api import prepare_run
+from lagcli.compiled import pattern
+from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.output.trajectory import Trajectory
 from lagcli.simulation import checkpoint
@@ -102,6 +104,29 @@ def test_several_angles_with_incommensurable_factors_and_families_of_them():
     for i in (3, 4):
         np.testing.assert_allclose(run[f"p[{i}].x"], 3 * i + np.cos(i + t**2), rtol=0, atol=1e-8)
         np.testing.assert_allclose(run[f"lambda.drive[{i}]"], 2 * i, rtol=1e-7)  # the torque m r^2 theta''
+
+
+ALONE = """\
+lagcli: 1
+particles:
+  a: {mass: 1, position: [1, 0.5, 0], velocity: [-0.5, 1, 0]}
+  b: {mass: 2, position: [2, 1, 0], velocity: [-1, 2, 0]}
+holonomic:
+  gear: atan2(a.y, a.x) = atan2(b.y, b.x)
+simulation: {duration: 2, samples: 11}
+"""
+
+
+def test_a_row_that_stands_alone_may_hold_two_angles():
+    """CasADi takes the entries of a single row as a row, and those behind the last of a single entry too."""
+    model = lagcli.loads(ALONE)
+    assert [d.code for d in lagcli.check(model).warnings] == ["branch-cut"]
+    run = lagcli.simulate(model)
+    angles = [np.arctan2(run[f"{name}.y"], run[f"{name}.x"]) for name in "ab"]
+    np.testing.assert_allclose(angles[0], angles[1], rtol=0, atol=1e-12)
+    rows, moved = pattern.coordinates(system.build(model))
+    assert rows.tolist() == [0] * 4
+    assert sorted(moved.tolist()) == [0, 1, 3, 4]
 
 
 ANGLES = """\

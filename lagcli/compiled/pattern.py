@@ -16,7 +16,7 @@ Numbers = npt.NDArray[np.int64]
 def coordinates(system: System) -> tuple[Numbers, Numbers]:
     """Pairs (row, coordinate): the row moves the coordinate, or, where it is differential, depends on it."""
     B, b, s = system.rows.B, system.rows.b, system.holonomic_count
-    w = ca.densify(B[s:, :] @ system.symbols.v + b[s:])
+    w = ca.densify(B[s:, :] @ system.symbols.v + b[s:, :])
     rows, columns = _places(B)
     depending, on = _places(ca.jacobian(w, system.symbols.q)) if w.numel() else (rows[:0], columns[:0])
     return np.concatenate([rows, depending + s]), np.concatenate([columns, on])

@@ -149,7 +149,7 @@ def _judged(
     slopes = ca.jacobian(f, symbols)
     rows, nodes = (tuple(part) for part in slopes.sparsity().get_triplet())
     moving = ca.vertcat(s.t, s.q, symbols)
-    each = ca.densify(ca.vertcat(ca.SX(0, 1), slopes.nz[:]))
+    each = ca.densify(ca.vec(slopes.nz[:]))
     varying = sorted(set(ca.jacobian_sparsity(each, moving).row())) if rows else []
     slope = each * ca.vertcat(ca.SX(0, 1), *(periods[j] for j in nodes))
     by = ca.SX(slope)

@@ -43,7 +43,7 @@ def _rows(built: System) -> Iterator[tuple[int, str]]:
         elif verdict == branch_cuts.JUMPS:
             yield i, jumps
     first, v = built.holonomic_count, built.symbols.v
-    rows = built.rows.B[first:, :] @ v + built.rows.b[first:]
+    rows = built.rows.B[first:, :] @ v + built.rows.b[first:, :]
     for i in _jumping(built, ca.densify(rows)):
         yield first + i, jumps
 
