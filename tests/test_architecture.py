@@ -51,6 +51,7 @@ DOORS = {
         "lagcli.analysis.displacements.displacement_set",
         "lagcli.analysis.displacements.internal_forces",
         "lagcli.simulation.dop853",
+        "lagcli.simulation.jump_curve",
         "lagcli.simulation.line_functions",
         "lagcli.simulation.singular_point",
         "lagcli.simulation.step_end",

@@ -167,22 +167,40 @@ def _turns(here: T, last: T, periods: T, ceil: Callable[[T], T]) -> T:
 
 def _opened(f: ca.SX, s: Symbols, p: ca.SX) -> tuple[ca.SX, ca.SX, list[float], ca.SX]:
     """f with a symbol for each angle; the angles (J,) as the functions give them, their periods, and the symbols."""
-    place = ca.vertcat(s.t, s.q)
+    inputs = [s.t, s.q, s.v, p]
+    calls = iter(_calls(f, inputs))
     values: list[ca.SX] = []
     symbols: list[ca.SX] = []
     periods: list[float] = []
 
     def visit(op: int, parts: list[ca.SX], value: ca.SX) -> ca.SX:
-        if op not in PERIODS or not ca.depends_on(value, ca.vertcat(place, *symbols)):
+        if op not in PERIODS:
             return value
         # One within the arguments of another stands there as it is.
-        values.append(ca.substitute(value, ca.vertcat(*symbols), ca.vertcat(*values)) if symbols else value)
+        angle = next(calls)
+        if angle is None:
+            return value
+        values.append(angle)
         periods.append(PERIODS[op])
         symbols.append(ca.SX.sym(f"angle {len(symbols)}"))
         return symbols[-1]
 
-    opened = operation_graph.replayed(f, [s.t, s.q, s.v, p], visit)
+    opened = operation_graph.replayed(f, inputs, visit)
     return opened, ca.vertcat(ca.SX(0, 1), *values), periods, ca.vertcat(ca.SX(0, 1), *symbols)
+
+
+def _calls(f: ca.SX, inputs: list[ca.SX]) -> list[ca.SX | None]:
+    """The angles in a column of t, q and more, in the order of its operations; None for one without t and q."""
+    found: list[ca.SX | None] = []
+
+    def look(op: int, parts: list[bool], expression: operation_graph.Expression) -> bool:
+        is_moving = any(parts)
+        if op in PERIODS:
+            found.append(expression() if is_moving else None)
+        return is_moving
+
+    operation_graph.folded(f, inputs, lambda given, number: given in (0, 1), look)
+    return found
 
 
 def _change(

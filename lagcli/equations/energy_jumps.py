@@ -7,58 +7,47 @@ of motion (D.24) see slopes only, so that a run would go over the jump as if the
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph
+from lagcli.equations import jump_search, jump_switches
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import column
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
+from lagcli.model.family import Whole
 
 Floats = npt.NDArray[np.float64]
-# t, q and v on a way; a way by its part from 0 to 1.
-Place = tuple[float, Floats, Floats]
-Way = Callable[[float], Place]
+Place = jump_search.Place
 
 _WORDS = re.compile(r"\b(sign|atan2?|abs|sqrt|tanh)\s*\(")
-QUOTIENT = "a quotient"
-_SWITCHES = {
-    ca.OP_SIGN: "sign",
-    ca.OP_ATAN2: "atan2",
-    ca.OP_ATAN: "atan",
-    ca.OP_DIV: QUOTIENT,
-    ca.OP_INV: QUOTIENT,
-}
 PHRASES = {
     "sign": "`sign` switches",
     "atan2": "`atan2` crosses its cut",
     "atan": "the argument of `atan` goes through infinity",
-    QUOTIENT: "the divisor of a quotient goes through zero",
+    jump_switches.QUOTIENT: "the divisor of a quotient goes through zero",
 }
-_NEVER_NEGATIVE = frozenset((ca.OP_SQRT, ca.OP_SQ, ca.OP_EXP, ca.OP_FABS))
-HALVINGS = 60
-# A value jumps where it differs across a switch by so many times what it changes by in the same distance, ASIDE of the
-# way, on either side, and by more than its rounding.
-ASIDE, ABRUPT, ROUNDED = 1e-9, 10.0, 1e-10
-# Places of a switch are sought from so many points, of the size of the start, by so many steps of Newton's method.
-POINTS, NEWTON, ON_SWITCH = 12, 30, 1e-9
+# A check looks at so many members of a family, evenly spread, and in each subject at so many switches of each word.
+MEMBERS, SWITCHES = 16, 32
 HINT = "write a force that is steep but finite, as from `tanh(x/w)`, or the torque of an angle as a force"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Subject:
-    """A thing that jumps, in words, and where it is declared."""
+    """A thing that jumps, in words, and where it is declared; value: that of the members in these places, (1, 1)."""
 
     told: str
     location: diagnostics.Location
+    count: int
+    value: Callable[[Whole], ca.SX]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -75,123 +64,115 @@ class Jump:
         return f"{self.subject.told} jumps there ({PHRASES[self.word]})"
 
 
+class Way(Protocol):
+    """A way by its part from 0 to 1, with what is known along it."""
+
+    def switches(self, part: float) -> Sequence[float]:
+        """`Crossings.switches` there, (K,), until the next call."""
+
+    def values(self, part: float) -> Sequence[float]:
+        """`Crossings.values` there, (J,), until the next call."""
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
-class EnergyJumps:
+class Crossings:
     """The K switches of J subjects: words (K,) and owners (K,) by number.
 
-    switches: (t, q, v, p) -> (K,), each changes its sign where its function may jump; slopes: their gradients (K, n);
-    values: the subjects (J,).
+    switches: (t, q, v, p) -> (K,), each changes its sign where its function may jump; values: the subjects (J,).
     """
 
     subjects: tuple[Subject, ...]
     words: tuple[str, ...]
     owners: tuple[int, ...]
     switches: ca.Function
-    slopes: ca.Function
     values: ca.Function
 
-    def signs(self, place: Place, p: Floats) -> Floats:
-        """The side of each switch on which a place lies, (K,)."""
-        return np.asarray(np.sign(np.array(self.switches(*place, p)).ravel()))
-
-    def is_crossed(self, way: Way, parts: Floats, p: Floats) -> bool:
-        """True if any switch has another sign at one of the parts of a way than at the first."""
-        first = self.signs(way(parts[0]), p)
-        return any((self.signs(way(part), p) != first).any() for part in parts[1:])
-
-    def first(self, way: Way, parts: Floats, p: Floats) -> Jump | None:
+    def first(self, way: Way, parts: Floats) -> Jump | None:
         """The first jump between neighbouring parts of a way, or None."""
-        before = self.signs(way(parts[0]), p)
-        for low, high in itertools.pairwise(parts):
-            after = self.signs(way(high), p)
-            found = [self._between(k, way, (low, high), p) for k in np.flatnonzero(before != after).tolist()]
+        before = np.sign(way.switches(parts[0]))
+        for low, high in itertools.pairwise(parts.tolist()):
+            after = np.sign(way.switches(high))
+            found = [self._between(k, way, (low, high)) for k in np.flatnonzero(before != after).tolist()]
             jumps = [jump for jump in found if jump is not None]
             if jumps:
                 return min(jumps, key=lambda jump: jump.part)
             before = after
         return None
 
-    def anywhere(self, place: Place, p: Floats) -> Iterator[Jump]:
-        """The jumps that are found across switches near a place, one for each subject at most."""
-        t, q, v = place
-        random = np.random.default_rng(0)
-        size = float(np.abs(q).max(initial=0.0)) or 1.0
-        speed = v + (float(np.abs(v).max(initial=0.0)) or 1.0) * random.standard_normal(v.size)
-        starts = [q, *(q + size * random.standard_normal((POINTS, q.size)))]
-        known: set[int] = set()
-        for k, owner in enumerate(self.owners):
-            for start in starts if owner not in known else ():
-                jump = self._beside(k, (t, start, speed), size, p)
-                if jump is not None:
-                    known.add(owner)
-                    yield jump
-                    break
-
-    def _beside(self, k: int, place: Place, size: float, p: Floats) -> Jump | None:
-        """A jump across switch k where Newton's method comes upon it from a place."""
-        t, q, v = place
-        for _ in range(NEWTON):
-            value = float(self.switches(t, q, v, p)[k])
-            slope = np.array(self.slopes(t, q, v, p))[k]
-            square = float(slope @ slope)
-            if not (np.isfinite(value) and np.isfinite(square) and square > 0):
-                return None
-            step = value / square * slope
-            q = q - step
-            if np.abs(step).max() < ON_SWITCH * size:
-                across = size * ASIDE**0.5 * slope / np.sqrt(square)
-                return self._between(k, functools.partial(_through, (t, q, v), across), (0.0, 1.0), p)
-        return None
-
-    def _between(self, k: int, way: Way, ends: tuple[float, float], p: Floats) -> Jump | None:
+    def _between(self, k: int, way: Way, ends: tuple[float, float]) -> Jump | None:
         low, high = ends
-        sign = self.signs(way(low), p)[k]
-        for _ in range(HALVINGS):
+        side = _side(way.switches(low)[k])
+        for _ in range(jump_search.HALVINGS):
             middle = (low + high) / 2
-            if self.signs(way(middle), p)[k] == sign:
+            if middle in (low, high):
+                break
+            if _side(way.switches(middle)[k]) == side:
                 low = middle
             else:
                 high = middle
-        parts = low - 2 * ASIDE, low - ASIDE, high + ASIDE, high + 2 * ASIDE
-        a, b, c, d = (float(self.values(*way(part), p)[self.owners[k]]) for part in parts)
-        least = max(ABRUPT * max(abs(b - a), abs(d - c)), ROUNDED * max(abs(b), abs(c)))
-        return Jump(low, self.subjects[self.owners[k]], self.words[k]) if abs(c - b) > least else None
+        aside, owner = jump_search.ASIDE, self.owners[k]
+        parts = low - 2 * aside, low - aside, high + aside, high + 2 * aside
+        values = np.array([way.values(part)[owner] for part in parts])
+        return Jump(low, self.subjects[owner], self.words[k]) if jump_search.is_abrupt(values) else None
 
 
-def _through(centre: Place, across: Floats, part: float) -> Place:
-    """A straight way through a place."""
-    t, q, v = centre
-    return t, q + (2 * part - 1) * across, v
+def _side(u: float) -> int:
+    return (u > 0.0) - (u < 0.0)
+
+
+class EnergyJumps:
+    """The things in a model that may jump: each looked for when it is first asked."""
+
+    def __init__(self, subjects: tuple[Subject, ...], inputs: list[ca.SX]) -> None:
+        self._subjects, self._inputs = subjects, inputs
+
+    @cached_property
+    def crossings(self) -> Crossings | None:
+        """The switches of all members, for a run; None where nothing can change its sign."""
+        kept: list[Subject] = []
+        values: list[ca.SX] = []
+        found: list[tuple[int, jump_switches.Switch]] = []
+        for subject in self._subjects:
+            value = subject.value(np.arange(subject.count))
+            switches = jump_switches.of(value, self._inputs)
+            if switches:
+                found += [(len(kept), switch) for switch in switches]
+                kept.append(subject)
+                values.append(value)
+        if not kept:
+            return None
+        arguments = ca.densify(ca.vertcat(*(switch.argument for _, switch in found)))
+        return Crossings(
+            tuple(kept),
+            tuple(switch.word for _, switch in found),
+            tuple(owner for owner, _ in found),
+            ca.Function("switches", self._inputs, [arguments]),
+            ca.Function("values", self._inputs, [ca.densify(ca.vertcat(*values))]),
+        )
+
+    def anywhere(self, place: Place, p: Floats) -> Iterator[tuple[Subject, str]]:
+        """The jumps that are found across switches near a place, with their words, one for each subject at most.
+
+        MEMBERS of a family stand for all of it, for their text is the same, and SWITCHES of each word for all of a
+        sum, where some of every shape are taken: what this costs does not grow with their number.
+        """
+        begin = jump_search.starts(place, p)
+        for subject in self._subjects:
+            spread = np.linspace(0, subject.count - 1, min(subject.count, MEMBERS))
+            value = subject.value(np.unique(spread.round().astype(np.int64)))
+            switches = jump_switches.examples(jump_switches.of(value, self._inputs), SWITCHES)
+            whole = jump_search.Local(value, self._inputs) if switches else None
+            for switch in switches:
+                if whole is not None and jump_search.jumps(whole, switch.argument, self._inputs, begin):
+                    yield subject, switch.word
+                    break
 
 
 def find(model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> EnergyJumps | None:
-    """The switches in potentials, Lagrangian and places of a model; None where they have none. `p`: all parameters."""
+    """The things in a model that may jump; None where nothing speaks of it. `p`: all parameters."""
     if not any(_WORDS.search(text) for text in _texts(model)):
         return None
-    subjects: list[Subject] = []
-    words: list[str] = []
-    owners: list[int] = []
-    values, switches = [], []
-    inputs = [s.t, s.q, s.v, p]
-    for subject, value in _subjects(model, env):
-        found = [(word, u) for word, u in _arguments(value, inputs) if ca.depends_on(u, s.q)]
-        if found:
-            owners += [len(subjects)] * len(found)
-            subjects.append(subject)
-            values.append(value)
-            words += [word for word, _ in found]
-            switches += [u for _, u in found]
-    if not subjects:
-        return None
-    u = ca.densify(ca.vertcat(*switches))
-    return EnergyJumps(
-        tuple(subjects),
-        tuple(words),
-        tuple(owners),
-        ca.Function("switches", inputs, [u]),
-        ca.Function("slopes", inputs, [ca.densify(ca.jacobian(u, s.q))]),
-        ca.Function("values", inputs, [ca.densify(ca.vertcat(*values))]),
-    )
+    return EnergyJumps(tuple(_subjects(model, env)), [s.t, s.q, s.v, p])
 
 
 def warnings(jumps: EnergyJumps | None, place: Place, p: Floats) -> tuple[diagnostics.Diagnostic, ...]:
@@ -201,36 +182,51 @@ def warnings(jumps: EnergyJumps | None, place: Place, p: Floats) -> tuple[diagno
     return tuple(
         diagnostics.Diagnostic(
             "energy-jump",
-            f"{jump.subject.told} jumps where {PHRASES[jump.word]}: the force there is an impulse, and a run that gets"
-            " there stops",
-            jump.subject.location,
+            f"{subject.told} jumps where {PHRASES[word]}: the force there is an impulse, and a run that gets there"
+            " stops",
+            subject.location,
             HINT,
             "warning",
         )
-        for jump in jumps.anywhere(place, p)
+        for subject, word in jumps.anywhere(place, p)
     )
 
 
-def _subjects(model: nouns.Model, env: Environment) -> Iterator[tuple[Subject, ca.SX]]:
+def _subjects(model: nouns.Model, env: Environment) -> Iterator[Subject]:
     for force in model.forces:
         if isinstance(force, nouns.Potential) and force.members.count:
-            value = env.scalar(force.expression, env.algebra(force.members.variables))
-            told = Subject(f"the potential `{force.members.base}`", force.expression.location)
-            yield told, ca.sum1(column(value, force.members.count))
+            told = f"the potential `{force.members.base}`"
+            yield Subject(told, force.expression.location, force.members.count, _potential(force, env))
     if model.lagrangian is not None:
-        yield Subject("the Lagrangian", model.lagrangian.location), env.scalar(model.lagrangian)
+        yield Subject("the Lagrangian", model.lagrangian.location, 1, _lagrangian(model.lagrangian, env))
     first = 0
     for particle in model.particles:
-        numbers = np.arange(particle.members.count) + first
-        first += particle.members.count
-        if particle.is_dependent and numbers.size:
-            # What jumps in one place does so in their sum, with factors that have nothing in common.
-            parts = [
-                factor * ca.sum1(part)
-                for factor, part in zip((1, 2**0.5, 3**0.5), env.position(numbers), strict=True)
-            ]
-            told = Subject(f"the place of the particle `{particle.members.base}`", particle.location)
-            yield told, sum(parts, ca.SX(0))
+        count = particle.members.count
+        if particle.is_dependent and count:
+            told = f"the place of the particle `{particle.members.base}`"
+            yield Subject(told, particle.location, count, _position(first, env))
+        first += count
+
+
+def _potential(force: nouns.Potential, env: Environment) -> Callable[[Whole], ca.SX]:
+    def value(places: Whole) -> ca.SX:
+        found = env.scalar(force.expression, env.algebra(force.members.taken(places)))
+        return ca.sum1(column(found, places.size))
+
+    return value
+
+
+def _lagrangian(expression: nouns.Expression, env: Environment) -> Callable[[Whole], ca.SX]:
+    return lambda places: env.scalar(expression)
+
+
+def _position(first: int, env: Environment) -> Callable[[Whole], ca.SX]:
+    def value(places: Whole) -> ca.SX:
+        # What jumps in one place does so in their sum, with factors that have nothing in common.
+        parts = zip((1, 2**0.5, 3**0.5), env.position(first + places), strict=True)
+        return sum((factor * ca.sum1(part) for factor, part in parts), ca.SX(0))
+
+    return value
 
 
 def _texts(model: nouns.Model) -> Iterator[str]:
@@ -239,18 +235,3 @@ def _texts(model: nouns.Model) -> Iterator[str]:
         yield model.lagrangian.text
     yield from (definition.expression.text for definition in model.definitions)
     yield from (part.text for p in model.particles if p.is_dependent for part in p.position.parts)
-
-
-def _arguments(value: ca.SX, inputs: list[ca.SX]) -> list[tuple[str, ca.SX]]:
-    """Functions that may jump, with what changes its sign there, those without another within first."""
-    found: list[tuple[str, ca.SX]] = []
-
-    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        if op in _SWITCHES:
-            argument = parts[1] if op == ca.OP_DIV else parts[0]
-            if argument.op() not in _NEVER_NEGATIVE:
-                found.append((_SWITCHES[op], argument))
-        return result
-
-    operation_graph.replayed(ca.densify(value), inputs, visit)
-    return found

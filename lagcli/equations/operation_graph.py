@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import casadi as ca
 
 # (operation, operands, value) -> what stands for the value from there on.
 Visit = Callable[[int, list[ca.SX], ca.SX], ca.SX]
+T = TypeVar("T")
+# The expression of an operation, made when it is asked for.
+Expression = Callable[[], ca.SX]
+# (operation, what was found for its operands, its expression) -> what is found for it.
+Look = Callable[[int, list[T], Expression], T]
+# (the number of the input, 0), or (None, the constant) -> what is found for it.
+Leaf = Callable[[int | None, float], T]
 
 
 def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
@@ -33,3 +42,22 @@ def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
             result = ca.SX.binary(op, *parts) if len(parts) == 2 else ca.SX.unary(op, *parts)
             work[given[0]] = visit(op, parts, result)
     return ca.vertcat(ca.SX(0, 1), *found)
+
+
+def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) -> None:
+    """Looks at the operations of a column (k, 1) of the `inputs`, operands before results; none is built again."""
+    function = ca.Function("folded", list(inputs), [ca.densify(value)])
+    expressions = function.instructions_sx()
+    work: dict[int, T] = {}
+    for k in range(function.n_instructions()):
+        op = function.instruction_id(k)
+        if op == ca.OP_OUTPUT:
+            continue
+        taken, (given,) = function.instruction_input(k), function.instruction_output(k)
+        if op == ca.OP_INPUT:
+            work[given] = leaf(taken[0], 0.0)
+        elif op == ca.OP_CONST:
+            work[given] = leaf(None, function.instruction_constant(k))
+        else:
+            parts = [work[place] for place in taken]
+            work[given] = look(op, parts, functools.partial(expressions.__getitem__, k))

@@ -21,7 +21,7 @@ from lagcli.simulation import line_functions, run_start
 from lagcli.simulation.angle_turns import Turns
 from lagcli.simulation.checkpoint import CheckpointError, RunState
 from lagcli.simulation.event import Event, SwitchEvent
-from lagcli.simulation.impulse import ImpulseWatch
+from lagcli.simulation.impulse_event import ImpulseEvent
 from lagcli.simulation.invariants import EnforcedInvariants
 from lagcli.simulation.row_writer import RowWriter
 from lagcli.simulation.run_start import RunStart
@@ -112,7 +112,7 @@ class Run:
         self._row, self.passed_over = row, passed_over
         self._switches: Event | None = SwitchEvent(stepper) if stepper.timetable.is_any else None
         self._singular: Event = SingularEvent(stepper)
-        self._impulses = ImpulseWatch(stepper)
+        self._impulses = ImpulseEvent.of(stepper)
 
     @property
     def origin(self) -> float:
@@ -220,7 +220,8 @@ class Run:
             return
         if not self._singular.passes():
             self._stepper.advance()
-        self._impulses.end_at_jump()
+        if self._impulses is not None:
+            self._impulses.cut()
 
     def _stopped(self, failure: StepFailure) -> Stop:
         t = self.origin + self.t

@@ -1,0 +1,43 @@
+"""Jumps of a potential, the Lagrangian or a place within a step: the force there is an impulse, and the run ends."""
+
+from __future__ import annotations
+
+from lagcli.equations.energy_jumps import Crossings, Way
+from lagcli.simulation import jump_curve
+from lagcli.simulation.stepper import Stepper
+
+
+class ImpulseEvent:
+    """A jump of what the equations take for smooth."""
+
+    def __init__(self, stepper: Stepper, crossings: Crossings) -> None:
+        self._stepper, self._crossings = stepper, crossings
+        self._functions = jump_curve.CurveFunctions(crossings, stepper.method)
+        self._curve = jump_curve.StepCurve(self._functions, stepper)
+
+    @classmethod
+    def of(cls, stepper: Stepper) -> ImpulseEvent | None:
+        """That of a run; None where nothing can jump."""
+        jumps = stepper.bound.held.integrals.system.jumps
+        crossings = None if jumps is None else jumps.crossings
+        return None if crossings is None else cls(stepper, crossings)
+
+    def cut(self) -> None:
+        """End the step just found where something jumps in it."""
+        run, found = self._stepper, self._stepper.found
+        if not self._curve.is_of(run):
+            self._curve = jump_curve.StepCurve(self._functions, run)
+        if found.passage is None and not found.has_dense:
+            if not self._curve.is_crossed():
+                return
+            run.bound.staged.trigger()
+            run.account.evaluations += run.method.evaluations
+            run.make_dense()
+        found.barrier = self._crossings.first(self._way(), jump_curve.PARTS)
+        if found.barrier is not None:
+            found.reached = run.t + found.barrier.part * found.taken
+
+    def _way(self) -> Way:
+        if self._stepper.found.passage is not None:
+            return jump_curve.PassageCurve(self._crossings, self._stepper)
+        return self._curve
