@@ -643,4 +643,4 @@ def test_the_account_holds_the_wall_time(rows: int) -> None:
         seconds = time.perf_counter() - began
         missing.append(seconds - run.stats.compile_seconds - run.stats.solve_seconds)
     # Beside other work a run may be put to sleep at any moment: the best of a few counts.
-    assert -1e-6 <= min(missing) < 0.005
+    assert -1e-6 <= min(missing) < 0.05  # a machine may be slow; what was forgotten once took seconds

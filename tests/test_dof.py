@@ -1,11 +1,11 @@
 """Degrees of freedom by ranks: counts, redundant and contradictory rows, and counts that stay open."""
 
 import itertools
-import time
 
 import numpy as np
 import pytest
 import reference_models
+import spent
 
 import lagcli
 from lagcli.linear import metric_rows
@@ -377,12 +377,11 @@ def test_a_form_too_large_for_exact_algebra_is_undecided_at_once(coefficient):
         f"definitions: {{d0: a.x*a.y{chain}, many: d29 + 1}}\n"
         f'differential: {{w: "d(a.z) - {coefficient}*d(a.x)", u: d(a.y)}}\n'
     )
-    began = time.process_time()
-    verdicts = [c.verdict for c in lagcli.check(lagcli.loads(text)).constraints]
+    with spent.at_most(300_000):
+        verdicts = [c.verdict for c in lagcli.check(lagcli.loads(text)).constraints]
     assert verdicts[1].kind == "exact"
     assert verdicts[0].integral is None
     assert verdicts[0].proof != "symbolic"
-    assert time.process_time() - began < 10.0
 
 
 def test_a_number_below_the_smallest_double_is_zero_in_exact_algebra_too():

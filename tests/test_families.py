@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import re
-import time
 from collections.abc import Mapping
 from typing import Any
 from unittest import mock
@@ -16,6 +15,7 @@ import systems
 import written_out
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from spent import at_most_calls
 
 import lagcli
 from lagcli.api import cache
@@ -571,10 +571,8 @@ NASTY = {
 
 @pytest.mark.parametrize("name", NASTY)
 def test_a_hostile_family_is_refused_at_once(name: str) -> None:
-    began = time.process_time()
-    with pytest.raises(lagcli.ModelError):
+    with at_most_calls(2_000_000), pytest.raises(lagcli.ModelError):
         lagcli.loads(NASTY[name])
-    assert time.process_time() - began < 2.0
 
 
 pieces = st.sampled_from(
@@ -611,9 +609,8 @@ def test_any_text_in_a_family_gives_a_model_or_an_error(text: str, place: int) -
 
 
 def test_a_hundred_thousand_members_are_read_in_a_moment() -> None:
-    began = time.process_time()
-    model = lagcli.loads(CHAIN.partition("outputs:")[0], {"N": 100_000})
-    assert time.process_time() - began < 5.0
+    with at_most_calls(5_000_000):
+        model = lagcli.loads(CHAIN.partition("outputs:")[0], {"N": 100_000})
     assert len(model.holonomic[2].rows) == 99_999
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+import spent
 
 import lagcli
 from lagcli.analysis import numeric_flag
@@ -236,9 +237,7 @@ def test_a_car_with_trailers_reaches_everything_a_step_at_a_time(n):
 
 
 def test_five_trailers_end_at_the_limit_or_with_the_flag():
-    began = time.monotonic()
-    found = flag(trailers(5), deadline=began + 1)
-    assert time.monotonic() - began < 15
+    found = flag(trailers(5), deadline=time.monotonic() + 1)
     assert not found.is_certain or found.extra == tuple(range(7, -1, -1))
 
 
@@ -264,9 +263,8 @@ HEADING = "coordinates:\n  th: {value: 0.3}\nlagrangian: rate(th)**2/2"
 @pytest.mark.parametrize("links", [100, 1000])
 def test_a_knife_edge_on_the_first_bead_of_a_chain(links):
     built = system.build(lagcli.loads(chain(links, EDGE, HEADING)))
-    began = time.perf_counter()
-    found = numeric_flag.flag(built, initial.declared(built), range(links + 1))
-    assert time.perf_counter() - began < 5  # some 0.2 s for a thousand links
+    with spent.at_most_calls(1_000 * links):
+        found = numeric_flag.flag(built, initial.declared(built), range(links + 1))
     assert (found.extra, found.growth, found.is_certain) == ((1, 0), (0, 1), True)
     assert found.dimension == 2 * links
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import pathlib
-import time
 
 import pytest
+from spent import at_most_calls
 
 from lagcli.errors import diagnostics
 from lagcli.input import document, keys, overrides
@@ -497,25 +497,23 @@ def test_a_change_does_not_hide_an_error_of_the_file() -> None:
 def test_ten_thousand_entries_are_read_in_a_moment() -> None:
     rows = "".join(f"  c{i}: distance(a, b) = L + {i}\n" for i in range(10_000))
     text = BALL + "  b: {mass: 1, position: [2, 0, 0]}\nparameters: {L: 1}\nholonomic:\n" + rows
-    begun = time.process_time()
-    assert len(read(text).holonomic) == 10_000
-    assert time.process_time() - begun < 8.0  # about one and a half seconds on an idle machine
+    with at_most_calls(10_000_000):
+        assert len(read(text).holonomic) == 10_000
 
 
 def test_a_flood_of_errors_ends() -> None:
     rows = "".join(f"  c{i}: a.x = b{i}\n" for i in range(20_000))
-    begun = time.process_time()
-    found = errors_of(BALL + "holonomic:\n" + rows)
-    assert len(found) == diagnostics.MAX_ERRORS + 1
-    assert found[-1].code == "too-many-errors"
-    assert time.process_time() - begun < 20.0
+    with at_most_calls(5_000_000):
+        found = errors_of(BALL + "holonomic:\n" + rows)
+        assert len(found) == diagnostics.MAX_ERRORS + 1
+        assert found[-1].code == "too-many-errors"
 
 
 def test_a_long_expression_is_taken_and_an_endless_one_refused() -> None:
     potential = "+".join(["a.x*2"] * 100_000)
     assert len(read(BALL + f"forces: {{f: {{potential: {potential}}}}}\n").forces) == 1
-    begun = time.process_time()
     found = errors_of(BALL + "outputs: {o: " + "1+" * 5_000_000 + "1}\n")
     assert [d.code for d in found] == ["expression-too-long"]
     assert len(found[0].render()) < 1000
-    assert time.process_time() - begun < 5.0
+    with at_most_calls(30_000_000):
+        errors_of(BALL + "outputs: {o: " + "1+" * 500_000 + "1}\n")

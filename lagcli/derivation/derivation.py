@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -34,7 +33,7 @@ COMPONENT = 40
 @dataclasses.dataclass(frozen=True, slots=True)
 class Options:
     """solve: lambda and accelerations in closed form. everything: all members of families, all terms of sums.
-    values: parameters that are put in as numbers. limit: seconds of processor time for it."""
+    values: parameters that are put in as numbers. limit: seconds for it."""
 
     solve: bool = False
     everything: bool = False
@@ -45,8 +44,7 @@ class Options:
 def derive(built: System, options: Options) -> Derivation:
     """The equations of motion. Raises `diagnostics.ModelError` for what is too large to be written out."""
     try:
-        # In processor time: what else the machine does refuses no model.
-        return time_limit.run(math.inf, lambda: _derived(built, options), effort=options.limit)
+        return time_limit.run(time_limit.after(options.limit), lambda: _derived(built, options))
     except RecursionError:
         raise _too_large(built, "an expression is nested too deeply") from None
     except time_limit.TimeUpError:

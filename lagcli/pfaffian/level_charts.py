@@ -12,6 +12,7 @@ removed by functions of phi:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from functools import reduce
 from math import gcd, lcm
@@ -28,7 +29,7 @@ Quotient = tuple[sympy.Expr, sympy.Expr]
 
 # Larger powers are not multiplied out; longer expressions are not searched for common factors.
 MOST_TURNS, SHORT = 6, 300
-SECONDS = 2.0
+BUDGET = 60_000  # operations
 _REGULAR = (sympy.sin, sympy.cos, sympy.exp, sympy.sinh, sympy.cosh)
 
 
@@ -39,7 +40,7 @@ def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[inv
     """
     variables = tuple(sorted(phi.free_symbols - set(constants), key=sympy.default_sort_key))
     try:
-        return time_limit.run(time_limit.after(SECONDS), lambda: _charts(phi, variables))
+        return time_limit.run(math.inf, lambda: _charts(phi, variables), BUDGET)
     except time_limit.NO_ANSWER:
         pass
     if not _is_continuous(phi, variables):

@@ -29,9 +29,8 @@ from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius, memo
 from lagcli.start import initial
 
-# Seconds of processor time for the exact flag of a group before numbers are asked, and after they have shown that it
-# does not vanish.
-PROMPT, PATIENT = 0.6, 2.0
+# Operations for the exact flag of a group before numbers are asked, and after they have shown that it does not vanish.
+PROMPT, PATIENT = 25_000, 80_000
 # More holonomic rows than these are not treated exactly.
 MOST_ROWS = 40
 # Longer expressions are not told as places where the flag is another.
@@ -132,9 +131,9 @@ class Classifier:
         return self._translation.block(parts[: len(names)], parts[len(names) :])
 
     def _flagged(
-        self, group: coupling.CoupledGroup, block: PfaffianBlock | None, effort: float
+        self, group: coupling.CoupledGroup, block: PfaffianBlock | None, budget: int
     ) -> tuple[PfaffianBlock | None, joint.Flagged | None]:
-        """The flag of exact algebra, None where `effort` (seconds of processor time) is too little for it.
+        """The flag of exact algebra, None where the budget of operations is too little for it.
 
         Where the parameters have values for which the flag may be another than in general, the block is given back
         with these values put in. Raises `diagnostics.ModelError` where a combination of rows says dt = 0, and
@@ -148,9 +147,9 @@ class Classifier:
             return self._joint.flagged(block, translate.TIME, values, self._deadline)
 
         try:
-            found = time_limit.run(self._deadline, work, effort)
+            found = time_limit.run(self._deadline, work, budget)
         except function_field.ExceptionalError:
-            return self._flagged(group, block.with_values(self._translation.values), effort)
+            return self._flagged(group, block.with_values(self._translation.values), budget)
         except (function_field.NotDecidedError, time_limit.TimeUpError):
             return block, None
         if found.flag.contradiction:

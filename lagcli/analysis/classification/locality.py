@@ -22,8 +22,8 @@ from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.start.initial import State
 
-# Seconds of processor time for the equations of a set and for the integrals on it.
-EFFORT = 2.0
+# Operations for the equations of a set and for the integrals on it.
+BUDGET = 60_000
 MOST_TOLD = 3  # equations that are named
 
 
@@ -50,7 +50,7 @@ class Locality:
         """True if a holonomic row has other factors than those that vanish along the motions from the start."""
         points = [self._point(state) for state in numbers.places]
         try:
-            return bool(time_limit.run(self._deadline, lambda: special_places.sheets(block, points), EFFORT))
+            return bool(time_limit.run(self._deadline, lambda: special_places.sheets(block, points), BUDGET))
         except time_limit.NO_ANSWER:
             return False
 
@@ -151,7 +151,7 @@ class Locality:
             )
 
         try:
-            own = time_limit.run(self._deadline, work, EFFORT)
+            own = time_limit.run(self._deadline, work, BUDGET)
         except time_limit.NO_ANSWER:
             own = []
         return [own, [*own, *special_places.still(block, points)]]
@@ -167,7 +167,7 @@ class Locality:
         there = dataclasses.replace(plain, surface=surface)
         try:
             found = time_limit.run(
-                self._deadline, lambda: joint.flagged(there, translate.TIME, {}, self._deadline), EFFORT
+                self._deadline, lambda: joint.flagged(there, translate.TIME, {}, self._deadline), BUDGET
             )
         except function_field.NotDecidedError:
             return None
@@ -184,7 +184,7 @@ class Locality:
             return ()
         try:
             return time_limit.run(
-                self._deadline, lambda: joint.solution(found, single, self._deadline).integrals, EFFORT
+                self._deadline, lambda: joint.solution(found, single, self._deadline).integrals, BUDGET
             )
         except time_limit.NO_ANSWER:
             return ()

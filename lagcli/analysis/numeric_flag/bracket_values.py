@@ -5,7 +5,6 @@ Random brackets of a shape span what all brackets of that shape span.
 
 from __future__ import annotations
 
-import time
 from decimal import Decimal
 from functools import cached_property
 
@@ -27,8 +26,10 @@ ROUGH_ZERO, ROUGH_SURE, NUDGE = Decimal("1e-13"), Decimal("1e-8"), 1e-13
 DEEPER = 1e-4
 # Random components are whole numbers up to this, so that one random bracket stands for all.
 LETTERS = 10**6
-# Seconds of one bracket beyond which no longer one is tried.
-SLOW = 5.0
+# Multiplications beyond which no bracket is computed; in many digits a million of them takes about a second.
+LARGEST = 4_000_000
+# The same for a component of x in doubles.
+DOUBLES = 5
 SEED = 20062
 
 
@@ -46,8 +47,8 @@ class BracketValues:
         self.place, self._deadline, self._is_spelled = place, deadline, is_spelled
         self.count = len(place.kept)
         self._random = np.random.default_rng(SEED)
-        self._seconds_of_work = 0.0
         self.exact = in_digits(place, is_spelled)
+        self._length = DOUBLES * place.block.size if self.exact is None else self.exact.length
         self.digits = 16 if self.exact is None else precise_brackets.DIGITS
         usual = (
             Limits(ROUGH_ZERO, ROUGH_SURE)
@@ -69,12 +70,9 @@ class BracketValues:
         added: list[DigitSample] = []
         while span.rank < end:
             undecided.require_time(self._deadline)
-            work = _work(shape)
-            if self._seconds_of_work * work > SLOW:
+            if _work(shape) * self._length > LARGEST:
                 raise undecided.Undecided(f"brackets of {lie_brackets.leaves(shape)} fields are too large")
-            began = time.perf_counter()
             sample = self._sample(shape)
-            self._seconds_of_work = (time.perf_counter() - began) / work
             if not span.add(sample):
                 break
             added.append(sample)
@@ -116,6 +114,6 @@ def in_digits(place: EvaluationPoint, is_spelled: bool) -> Exact | None:
 
 
 def _work(shape: Shape, depth: int = 0) -> float:
-    """Multiplications for one of the functions of the place, with derivatives so deep."""
+    """Evaluations of the functions of the place, with derivatives so deep."""
     inner = sum(_work(part, depth + 1) for part in shape if part != LEAF)
     return 3.0**depth + inner + (_work(shape[0], depth) if shape[0] != LEAF else 0.0)

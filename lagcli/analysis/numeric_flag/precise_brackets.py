@@ -48,6 +48,7 @@ class Exact:
         self._field = program.written_out(kernel_fields.expanded(block, place.independent, order))
         self._curl, self._along = program.written_out(block.curl), program.written_out(block.along)
         surface = program.written_out(block.surface)
+        self.length = len(self._field.steps) + len(self._curl.steps)
         for one in (self._field, self._curl, self._along, surface):
             multiprecision.require_known(one)
         self._read = multiprecision.spelled if is_spelled else Decimal

@@ -1,4 +1,7 @@
-"""A hard time limit for computer algebra, on every platform and in every thread.
+"""Hard limits for computer algebra, on every platform and in every thread: a time, and a budget of operations.
+
+A verdict must not depend on the machine. So what a search may cost is a budget of operations (`operations`), and
+the time, which `--limit` gives, only bounds it from above.
 
 SymPy's solvers and integrators may run for ever on small input. Signals work only in the main thread of a
 POSIX process, and a process of its own must import SymPy again (half a second) and has to copy the
@@ -8,6 +11,7 @@ exception at its next bytecode.
 """
 
 import ctypes
+import math
 import sys
 import threading
 import time
@@ -16,13 +20,17 @@ from typing import Any, TypeVar
 
 from sympy.polys.polyerrors import BasePolynomialError
 
+from lagcli.pfaffian.exact import operations
+
 Value = TypeVar("Value")
 
 _STACK_BYTES = 64 * 1024 * 1024
 _KILL_INTERVAL = 0.02
 _KILL_PATIENCE = 1.0
 _POLL = 0.05
+_LEAST = 0.2  # seconds of processor time that the smallest budget of operations has
 _local = threading.local()
+_turn = threading.Lock()
 
 
 class TimeUpError(Exception):
@@ -59,31 +67,51 @@ def left(deadline: float) -> float:
 
 
 def check(deadline: float) -> None:
-    """Raise `TimeUpError` when `deadline` has passed."""
+    """Raise `TimeUpError` when `deadline` has passed, or the budget of the work that calls it is spent."""
     if left(deadline) <= 0:
         raise TimeUpError("no time left")
+    if operations.done() > getattr(_local, "end", math.inf):
+        raise TimeUpError("the budget of operations is spent")
 
 
-def run(deadline: float, work: Callable[[], Value], effort: float | None = None) -> Value:
+def run(deadline: float, work: Callable[[], Value], budget: int | None = None) -> Value:
     """The value of `work()`, computed before `deadline` (monotonic clock, s).
 
-    With `effort` the work also ends after so many seconds of processor time of this process: what is found does
-    not depend on what else the machine is doing. Exceptions of `work` are raised here. Raises `TimeUpError` at
-    the limit; the worker is ended. Inside a limited piece of work a later or equal deadline costs nothing: the
-    outer limit already holds.
+    With a budget the work also ends after so many operations (`operations.done`): what is found does not depend on
+    the speed of the machine. What comes later than that counts as late, though it came. Exceptions of `work` are
+    raised here. Raises `TimeUpError` at the limit; the worker is ended. Inside a limited piece of work a later or
+    equal deadline costs nothing: the outer limit already holds.
     """
     check(deadline)
     outer: float | None = getattr(_local, "deadline", None)
-    if outer is not None and deadline >= outer and effort is None:
+    if outer is None:
+        return _alone(deadline, lambda: _limited(deadline, work, budget))
+    if deadline >= outer and budget is None:
         return work()
+    return _limited(min(deadline, outer), work, budget)
+
+
+def _alone(deadline: float, work: Callable[[], Value]) -> Value:
+    """The value of `work()`, while no other thread has one in hand: operations are counted for the whole process."""
+    if not _turn.acquire(timeout=min(max(0.0, left(deadline)), threading.TIMEOUT_MAX)):
+        raise TimeUpError("the time limit was reached")
+    try:
+        return work()
+    finally:
+        _turn.release()
+
+
+def _limited(until: float, work: Callable[[], Value], budget: int | None) -> Value:
     values: list[Value] = []
     errors: list[Exception] = []
-    until = deadline if outer is None else min(deadline, outer)
+    begun, spent = operations.done(), time.process_time()
+    end = min(getattr(_local, "end", math.inf), math.inf if budget is None else begun + budget)
+    seconds = math.inf if budget is None else _LEAST + budget / operations.SLOWEST
 
     inner: list[_Work] = []
 
     def worker() -> None:
-        _local.deadline, _local.inner = until, inner
+        _local.deadline, _local.inner, _local.end = until, inner, end
         try:
             values.append(work())
         except Exception as error:  # noqa: BLE001 - handed on to the caller below, whatever it is
@@ -91,7 +119,6 @@ def run(deadline: float, work: Callable[[], Value], effort: float | None = None)
         except _INTERRUPT:
             return
 
-    spent = time.process_time()
     thread = threading.Thread(target=worker, name="lagcli-algebra", daemon=True)
     own = _Work(thread, inner)
     # Known to the outer work before it runs: an interrupt may come while the thread is being started.
@@ -100,17 +127,17 @@ def run(deadline: float, work: Callable[[], Value], effort: float | None = None)
     try:
         _start(thread)
         while thread.is_alive():
-            rest = left(until) if effort is None else min(left(until), spent + effort - time.process_time())
-            if rest <= 0:
-                raise TimeUpError("the time limit was reached")
+            rest = min(left(until), spent + seconds - time.process_time())
+            if rest <= 0 or operations.done() > end:
+                raise TimeUpError("the limit was reached")
             thread.join(min(rest, _POLL))  # short: an interrupt from outside waits for the end of a join
     finally:
         _end(own)
         around.remove(own)
     if errors:
         raise errors[0]
-    if not values:
-        raise TimeUpError("the time limit was reached")
+    if not values or operations.done() > end:
+        raise TimeUpError("the limit was reached")
     return values[0]
 
 
@@ -136,18 +163,30 @@ def _start(thread: threading.Thread) -> None:
 
 
 def _end(work: _Work) -> None:
-    """Interrupt all its threads again and again: a `finally` or a bare `except` inside may swallow one
-    interrupt.
+    """Interrupt all its threads again and again: a `finally` or a bare `except` inside may swallow one interrupt,
+    and a long piece of machine code meets none. After `_KILL_PATIENCE` another thread goes on with it: what is late
+    must not go on to work beside what comes next.
     """
     give_up = after(_KILL_PATIENCE)
+    while (threads := work.alive()) and left(give_up) > 0:
+        _interrupt(threads)
+    if threads:
+        threading.Thread(target=_pursue, args=(work,), name="lagcli-late", daemon=True).start()
+
+
+def _pursue(work: _Work) -> None:
+    while threads := work.alive():
+        _interrupt(threads)
+
+
+def _interrupt(threads: list[threading.Thread]) -> None:
     with _quiet:
-        while (threads := work.alive()) and left(give_up) > 0:
-            for thread in threads:
-                if thread.ident is not None:
-                    ctypes.pythonapi.PyThreadState_SetAsyncExc(
-                        ctypes.c_ulong(thread.ident), ctypes.py_object(_INTERRUPT)
-                    )
-            threads[0].join(_KILL_INTERVAL)
+        for thread in threads:
+            if thread.ident is not None:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                    ctypes.c_ulong(thread.ident), ctypes.py_object(_INTERRUPT)
+                )
+        threads[0].join(_KILL_INTERVAL)
 
 
 class _Quiet:

@@ -25,8 +25,8 @@ from lagcli.pfaffian.single_form import frobenius
 
 Floats = npt.NDArray[np.float64]
 
-# Seconds of processor time for the search of joint integrals, which rarely ends by itself without a closed form.
-SEARCH = 1.2
+# Operations for the search of joint integrals, which rarely ends by itself without a closed form.
+SEARCH = 40_000
 # A gradient counts as a combination of others below this part of its length, at points with few digits of rounding.
 DEPENDENT = 1e-9
 
@@ -166,7 +166,7 @@ def solution(found: Flagged, verdicts: Sequence[frobenius.FormVerdict | None], d
     if len(kept) < wanted:
         names = tuple(f"form {i + 1}" for i in range(wanted))
         end = PfaffianBlock(names, block.variables, found.flag.integrable, block.parameters, block.surface)
-        more = first_integrals.search(end, deadline, effort=SEARCH)
+        more = first_integrals.search(end, deadline, budget=SEARCH)
         kept += [one.integral for one in more if basis.takes(one.integral)]
     told = tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in kept)
     unsolved = [_as_text(block, row) for row in found.flag.integrable if not basis.holds(row)]

@@ -21,31 +21,31 @@ from lagcli.pfaffian.integrals import descent, guesses, integral_search
 Found = integral_search.SearchResult
 
 _WAYS: integral_search.Ways = (
-    (guesses.fixed, 1.0),
-    (partial(guesses.polynomials, (1, 2, 3)), 2.0),
-    (guesses.products, 2.0),
-    (guesses.rational, 1.0),
-    (guesses.turned, 1.5),
-    (guesses.linear_flow, 2.0),
-    (guesses.invariant_surfaces, 1.5),
-    (descent.eliminations, 3.0),
-    (guesses.one_form, 3.0),
-    (guesses.single_rows, 2.0),
-    (descent.eliminations, 3.0),
-    (descent.reductions, 3.0),
-    (partial(guesses.polynomials, (4,)), 1.0),
+    (guesses.fixed, 40_000),
+    (partial(guesses.polynomials, (1, 2, 3)), 80_000),
+    (guesses.products, 80_000),
+    (guesses.rational, 40_000),
+    (guesses.turned, 60_000),
+    (guesses.linear_flow, 80_000),
+    (guesses.invariant_surfaces, 60_000),
+    (descent.eliminations, 120_000),
+    (guesses.one_form, 120_000),
+    (guesses.single_rows, 80_000),
+    (descent.eliminations, 120_000),
+    (descent.reductions, 120_000),
+    (partial(guesses.polynomials, (4,)), 40_000),
 )
-"""Ways of searching, cheap ones first, and the seconds that each may take."""
+"""Ways of searching, cheap ones first, and the operations that each may take."""
 
 
 def search(
-    block: blocks.PfaffianBlock, deadline: float, wanted: int | None = None, effort: float | None = None
+    block: blocks.PfaffianBlock, deadline: float, wanted: int | None = None, budget: int | None = None
 ) -> tuple[Found, ...]:
     """Verified and independent first integrals of the rows (C, n), at most C; ends at `deadline`.
 
     The rows are completely integrable, on the surface of the block where it has one; the deadline is a value of
     the monotonic clock, s. Fewer than C, or none, where no closed form was found. Where the rows are not completely
-    integrable, `wanted` tells how many integrals there are. `effort`: seconds of processor time.
+    integrable, `wanted` tells how many integrals there are. `budget`: of operations for all ways together.
     """
     real = {s: sympy.Symbol(s.name, real=True) for s in (*block.variables, *block.parameters)}
     spoken = {r: s for s, r in real.items()}
@@ -54,7 +54,7 @@ def search(
         plain, back = time_limit.run(deadline, lambda: elimination.in_angles(flat))
     except time_limit.NO_ANSWER:
         return ()
-    found = integral_search.pursued(plain, _WAYS, deadline, wanted, effort)
+    found = integral_search.pursued(plain, _WAYS, deadline, wanted, budget)
     return tuple(Found(_put_back(f.integral, back).xreplace(spoken), f.how) for f in found)
 
 

@@ -31,8 +31,8 @@ class SearchResult:
 Proposals = Iterator[SearchResult]
 Strategy = Callable[["IntegralSearch", float], Proposals]
 """Takes the search and its deadline."""
-Ways = Sequence[tuple[Strategy, float]]
-"""Strategies, cheap ones first, and the seconds that each may take."""
+Ways = Sequence[tuple[Strategy, int]]
+"""Strategies, cheap ones first, and the operations that each may take."""
 
 
 def pursued(
@@ -40,15 +40,15 @@ def pursued(
     ways: Ways,
     deadline: float,
     wanted: int | None = None,
-    effort: float | None = None,
+    budget: int | None = None,
 ) -> list[SearchResult]:
     """The verified and independent integrals found in the time.
 
-    `wanted`: how many there are, one for each row else; `effort`: seconds of processor time.
+    `wanted`: how many there are, one for each row else; `budget`: of operations.
     """
     quest = IntegralSearch(block, ways, deadline, wanted)
     with contextlib.suppress(*time_limit.NO_ANSWER):
-        time_limit.run(deadline, quest.pursue, effort)
+        time_limit.run(deadline, quest.pursue, budget)
     return quest.found
 
 
@@ -73,13 +73,12 @@ class IntegralSearch:
         Raises `time_limit.TimeUpError` and `time_limit.FAILURES`.
         """
         time_limit.run(self._deadline, self._prepare)
-        for strategy, seconds in self._ways:
+        for strategy, budget in self._ways:
             if self.is_complete:
                 return
             time_limit.check(self._deadline)
-            slot = min(self._deadline, time_limit.after(seconds))
             with contextlib.suppress(*time_limit.NO_ANSWER):
-                time_limit.run(slot, partial(self._take, strategy, slot))
+                time_limit.run(self._deadline, partial(self._take, strategy, self._deadline), budget)
 
     def smaller(self, block: blocks.PfaffianBlock, slot: float) -> list[SearchResult]:
         """What the same search finds for another block."""
@@ -127,6 +126,9 @@ class IntegralSearch:
             ways.insert(0, time_limit.run(slot, lambda: neat(phi, self.frame)))
         for way in dict.fromkeys(ways):
             if self.is_integral(way, slot) and self._is_new(way, slot):
+                time_limit.check(
+                    slot
+                )  # what comes after the budget is not found, at whatever moment it is ended
                 self.found.append(SearchResult(way, proposal.how))
                 return True
         return False

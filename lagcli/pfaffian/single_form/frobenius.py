@@ -25,9 +25,12 @@ Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
 
 _CLOSED = "The mixed partial derivatives agree, so the form is exact"
 _SEARCH_SHARE = 0.8
-_SEARCH_EFFORT = 1.8
-_WITNESS_SECONDS = 2.0
-_SHARED_EFFORT = 0.3
+# Budgets of operations: of the search for an integrating factor, of the symbolic proof that a witness is not zero, of
+# its tidy form, of the factors that all components share.
+_SEARCH = 100_000
+_WITNESS = 60_000
+_TIDY = 15_000
+_SHARED = 10_000
 # Operations of all coefficients beyond which neither the shortest witness nor common factors are sought.
 _LONG = 200
 _SHOWN = 160
@@ -124,21 +127,26 @@ def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
     orders = [form, forms.Form(form.name, form.variables[::-1], form.coefficients[::-1], form.parameters)]
     given = frozenset().union(*(a.atoms(sympy.log) for a in form.coefficients))
     for way in orders:
-        until = min(deadline, time_limit.after(integrating_factors.SLICE))
-        try:
-            phi = time_limit.run(until, partial(potential.of, way))
-            if phi is None:
-                continue
-            for each in (
-                time_limit.run(until, partial(tidy_integral.potential, phi, form.variables, given)),
-                phi,
-            ):
-                pairs = zip(form.variables, form.coefficients, strict=True)
-                defects = [forms.partial(each, x) - a for x, a in pairs]
-                if potential.writable(each) and zero_test.vanish(defects, until).truth is zero_test.Truth.YES:
-                    return each
-        except time_limit.NO_ANSWER:
-            continue
+        with contextlib.suppress(*time_limit.NO_ANSWER):
+            work = partial(_potential_of, way, form, given, deadline)
+            phi = time_limit.run(deadline, work, integrating_factors.PROOF)
+            if phi is not None:
+                return phi
+    return None
+
+
+def _potential_of(
+    way: forms.Form, form: forms.Form, given: frozenset[sympy.Expr], deadline: float
+) -> sympy.Expr | None:
+    """A verified potential of the form, found in one order of its variables."""
+    phi = potential.of(way)
+    if phi is None:
+        return None
+    for each in (tidy_integral.potential(phi, form.variables, given), phi):
+        pairs = zip(form.variables, form.coefficients, strict=True)
+        defects = [forms.partial(each, x) - a for x, a in pairs]
+        if potential.writable(each) and zero_test.vanish(defects, deadline).truth is zero_test.Truth.YES:
+            return each
     return None
 
 
@@ -163,7 +171,7 @@ def _not_exact(form: forms.Form, closed: zero_test.Finding, deadline: float) -> 
 def _search(form: forms.Form, deadline: float) -> integrating_factors.FactorResult | None:
     try:
         until = time_limit.after(_SEARCH_SHARE * time_limit.left(deadline))
-        return time_limit.run(until, lambda: integrating_factors.search(form, until), _SEARCH_EFFORT)
+        return time_limit.run(until, lambda: integrating_factors.search(form, until), _SEARCH)
     except time_limit.TimeUpError:
         return None
 
@@ -201,23 +209,24 @@ def _frobenius(form: forms.Form, deadline: float) -> FormVerdict:
 def _nonholonomic(
     form: forms.Form, index: tuple[int, ...], component: sympy.Expr, deadline: float
 ) -> FormVerdict:
-    until = min(deadline, time_limit.after(_WITNESS_SECONDS))
-    exact = zero_test.is_zero_exactly(component, until)
-    numeric = zero_test.is_zero(component, until).value
+    numeric = zero_test.is_zero(component, deadline).value
     try:
-        shown = time_limit.run(until, lambda: tidy_integral.ratio(component, sympy.Integer(1)))
-    except time_limit.NO_ANSWER:
-        shown = component
+        work = partial(zero_test.is_zero_exactly, component, deadline)
+        is_symbolic = time_limit.run(deadline, work, _WITNESS).proof == "symbolic"
+    except time_limit.TimeUpError:
+        is_symbolic = False
+    shown = component
+    with contextlib.suppress(*time_limit.NO_ANSWER):
+        tidy = partial(tidy_integral.ratio, component, sympy.Integer(1))
+        shown = time_limit.run(deadline, tidy, _TIDY)
     shared: tuple[sympy.Expr, ...] = ()
     if sum(a.count_ops() for a in form.coefficients) <= _LONG:
         with contextlib.suppress(*time_limit.NO_ANSWER):
-            shared = time_limit.run(until, lambda: _shared_factors(form), _SHARED_EFFORT)
+            shared = time_limit.run(deadline, partial(_shared_factors, form), _SHARED)
     exceptional = tuple(p for p in shared if p.free_symbols <= set(form.parameters))
     special = tuple(p for p in shared if p not in exceptional)
     i, j, k = (form.variables[n] for n in index)
-    proof: zero_test.Proof = (
-        "symbolic" if exact.truth is zero_test.Truth.NO and exact.proof == "symbolic" else "numeric"
-    )
+    proof: zero_test.Proof = "symbolic" if is_symbolic else "numeric"
     value = f" = {printing.written(shown)}" if len(str(shown)) <= _SHOWN else ""
     text = (
         f"The component ({i}, {j}, {k}) of omega ^ d omega{value} is not zero: no integrating factor exists"

@@ -5,6 +5,7 @@ A strategy proposes a first integral phi; it counts only when mu omega = d phi h
 phi_k/A_k.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial, reduce
@@ -19,9 +20,9 @@ from lagcli.pfaffian.single_form import ansatz, potential, reduction, tidy_integ
 
 Value = TypeVar("Value")
 
-SLICE = 3.0
-EFFORT = 0.8
-"""Seconds of processor time for one step of a strategy."""
+# Budgets of operations: for one step of a strategy, and for the proof of what it proposes.
+STEP = 50_000
+PROOF = 100_000
 MAX_KINKS = 4
 
 
@@ -37,7 +38,7 @@ class FactorResult:
 def search(form: forms.Form, deadline: float) -> FactorResult | None:
     """A verified integral and integrating factor of the integrable form, or None. Ends at `deadline`."""
     for phi, how in _proposals(form, deadline):
-        found = _accepted(form, phi, how, min(deadline, time_limit.after(SLICE)))
+        found = _attempt(partial(_accepted, form, phi, how, deadline), deadline, PROOF)
         if found is not None:
             return found
     return None
@@ -108,13 +109,13 @@ def _integral(form: forms.Form, deadline: float) -> sympy.Expr | None:
     return None if found is None else found.integral
 
 
-def _attempt(work: Callable[[], Value], deadline: float) -> Value | None:
-    """The value of one strategy, None where it fails or is late. Raises `time_limit.TimeUpError` after the whole
+def _attempt(work: Callable[[], Value], deadline: float, budget: int = STEP) -> Value | None:
+    """The value of one step, None where it fails or is late. Raises `time_limit.TimeUpError` after the whole
     deadline.
     """
     time_limit.check(deadline)
     try:
-        return time_limit.run(deadline, work, EFFORT)
+        return time_limit.run(deadline, work, budget)
     except time_limit.NO_ANSWER:
         return None
 
@@ -208,7 +209,7 @@ def _closed(form: forms.Form, factor: sympy.Expr) -> sympy.Expr | None:
 
 
 def _vanishes(expression: sympy.Expr) -> bool:
-    return zero_test.is_zero(expression, time_limit.after(SLICE)).truth is zero_test.Truth.YES
+    return zero_test.is_zero(expression, math.inf).truth is zero_test.Truth.YES  # a step of a strategy
 
 
 def _without_common_factor(form: forms.Form, parts: ansatz.Pieces) -> Hints:
