@@ -503,7 +503,6 @@ def alive():
 
 
 def test_late_work_is_ended_and_leaves_no_thread():
-
     def forever():
         while True:
             try:
