@@ -13,8 +13,8 @@ import numpy as np
 
 from lagcli.auditing.autodiff import Array, Scalar, Tape, Value, value
 from lagcli.expression import tree
+from lagcli.model.resolve import Reference
 
-Reference = tree.Name | tree.Member | tree.Index
 Derivative = Callable[[Array, Array], Array]
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array, Scalar, Value
-from lagcli.auditing.autodiff_algebra import Reference
 from lagcli.auditing.differences import CLOCK
 from lagcli.auditing.laws import LawValues, ModelLaws
 from lagcli.auditing.model_values import ModelOnTable
@@ -18,8 +17,8 @@ from lagcli.auditing.tolerances import Evidence
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.model import family
 from lagcli.model.family import MemberIndex, Whole
+from lagcli.model.resolve import Reference
 
 COLUMNS = CheckedLaw(
     "columns", "D.10, D.35", "energy and outputs follow from t, r, v, lambda and R of the same row"
@@ -176,7 +175,7 @@ class _Outputs:
             return self._laws.potential(self._scene)[:, None]
         if not isinstance(node, tree.Name) and node.owner in self._laws.cast.particles:
             return self._acceleration(node, node.member[1:], variables)
-        known = [self._known[number] for number in self._numbers(node, self._roll, variables)]
+        known = [self._known[number] for number in self._laws.cast.names.numbers(node, self._roll, variables)]
         if not all(known):
             raise _UnknownError
         parts = tuple(np.concatenate(part, axis=1) for part in zip(*known, strict=True))
@@ -192,7 +191,7 @@ class _Outputs:
                 raise _UnknownError  # d/dt of dL/dq' would have to be solved for it
             member = "" if isinstance(argument, tree.Name) else argument.member
             return self._acceleration(argument, member, variables)
-        numbers = self._numbers(argument, cast.particles, variables)
+        numbers = self._laws.cast.names.numbers(argument, cast.particles, variables)
         if len(node.arguments) == 1:
             return _triple(self._results.R, numbers)
         law = node.arguments[1]
@@ -201,7 +200,7 @@ class _Outputs:
 
     def _part(self, numbers: Whole, law: Reference, variables: Mapping[str, Whole]) -> Value:
         """lambda_i B_ik of a constraint on particles (K,), or of one for each of K constraints (D.22)."""
-        names = self._names(law, variables)
+        names = self._laws.cast.names.names(law, variables)
         member = "" if isinstance(law, tree.Name) else law.member
         parts = []
         for name in names:
@@ -218,14 +217,12 @@ class _Outputs:
         return x, y, z
 
     def _acceleration(self, node: Reference, member: str, variables: Mapping[str, Whole]) -> Value:
-        found = _triple(self._results.a, self._numbers(node, self._laws.cast.particles, variables))
+        found = _triple(
+            self._results.a, self._laws.cast.names.numbers(node, self._laws.cast.particles, variables)
+        )
         if np.isnan(found[0]).all():
             raise _UnknownError
         return found["xyz".index(member)] if member else found
-
-    def _numbers(self, node: Reference, roll: MemberIndex, variables: Mapping[str, Whole]) -> Whole:
-        indices = self._laws.cast.indices(node, variables) if isinstance(node, tree.Index) else []
-        return roll.find(node.name if isinstance(node, tree.Name) else node.owner, indices)
 
     @property
     def _all(self) -> Whole:
@@ -234,19 +231,10 @@ class _Outputs:
     def _wide(self, x: Scalar) -> Array:
         return self._scene.wide(x, len(self._laws.cast.particles))
 
-    def _names(self, node: Reference, variables: Mapping[str, Whole]) -> list[str]:
-        """The names of the constraints a reference stands for, without a component."""
-        base = node.name if isinstance(node, tree.Name) else node.owner
-        places: list[tuple[int, ...]] = [()]
-        if isinstance(node, tree.Index):
-            vectors = np.broadcast_arrays(*map(np.atleast_1d, self._laws.cast.indices(node, variables)))
-            places = list(zip(*(vector.tolist() for vector in vectors), strict=True))
-        return [family.name(base, place) for place in places]
-
     def _multipliers(self, node: Reference, variables: Mapping[str, Whole]) -> Value:
         """lambda of a row, or of the three of a vector equation."""
         member = "" if isinstance(node, tree.Name) else node.member
-        names = self._names(node, variables)
+        names = self._laws.cast.names.names(node, variables)
         if member:
             return self._lambda(node, [f"{name}.{member}" for name in names])
         if all(name in self._rows for name in names):

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from lagcli.auditing.autodiff import Array, Directions, Edge, Scalar, Tape, TapeNode, Triple, Value
-from lagcli.auditing.autodiff_algebra import NumberAlgebra, Reference
-from lagcli.expression import evaluate, integers, tree
+from lagcli.auditing.autodiff_algebra import NumberAlgebra
+from lagcli.expression import evaluate
 from lagcli.model import model as nouns
-from lagcli.model.family import MemberIndex, Whole
-
-ACCELERATIONS = ("a", "ax", "ay", "az")
-Results = Callable[
-    [tree.Node, Mapping[str, Whole]], Value
-]  # what stands in outputs alone, with index vectors
+from lagcli.model.family import Whole
+from lagcli.model.resolve import ModelNames, Resolver, Results
 
 
 class ModelIndex:
@@ -23,8 +19,8 @@ class ModelIndex:
 
     def __init__(self, model: nouns.Model) -> None:
         self.model = model
-        self.particles = MemberIndex(p.members for p in model.particles)
-        self.coordinates = MemberIndex(c.members for c in model.coordinates)
+        self.names = ModelNames(model)
+        self.particles, self.coordinates = self.names.particles, self.names.coordinates
         counts = [p.members.count for p in model.particles]
         self.is_dependent = np.repeat(np.array([p.is_dependent for p in model.particles], dtype=bool), counts)
         self.cartesian, self.dependent = np.flatnonzero(~self.is_dependent), np.flatnonzero(self.is_dependent)
@@ -35,17 +31,8 @@ class ModelIndex:
         self.first_generalized = 3 * self.cartesian.size
         self.n = self.first_generalized + len(self.coordinates)
         self.masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
-        self.definitions = {d.name: d.expression.tree for d in model.definitions}
-        self.parameters = {p.name: p.value for p in model.parameters}
-        self.constants = {"dt": 1.0, **model.constants}
-
-    def indices(self, node: tree.Index, variables: Mapping[str, Whole]) -> list[integers.Whole]:
-        """The values of the indices of a reference: numbers, or vectors (K,) of a family."""
-
-        def lookup(name: tree.Name) -> float | Whole | nouns.Vector3:
-            return variables[name.name] if name.name in variables else self.parameters[name.name]
-
-        return [integers.evaluate(index, lookup) for index in node.indices]
+        self.constants: dict[str, float | nouns.Vector3] = {"dt": 1.0, **model.constants}
+        self.constants |= {p.name: p.value for p in model.parameters}
 
 
 class ModelOnTable:
@@ -77,6 +64,24 @@ class ModelOnTable:
         """The arrays of each kind."""
         return self.tape.data
 
+    def constant(self, name: str) -> Value | None:
+        """t, dt, a constant or a parameter; None for another name."""
+        if name == "t":
+            return self.tape.leaf("t", np.zeros(1, dtype=np.int64))
+        known = self.cast.constants.get(name)
+        if isinstance(known, tuple):
+            x, y, z = (np.full((1, 1), part) for part in known)
+            return x, y, z
+        return None if known is None else np.full((1, 1), float(known))
+
+    def variable(self, name: str, values: Whole) -> Array:
+        """The values of an index variable, (1, K)."""
+        return values.astype(float)[None, :]
+
+    def differential(self, value: Scalar) -> Scalar:
+        """The rate of change with the motion."""
+        return self.tape.rate(value)
+
     def position(self, numbers: Whole) -> Triple:
         """r of particles."""
         return self._vector(numbers, rates=False)
@@ -93,11 +98,11 @@ class ModelOnTable:
         self,
         variables: Mapping[str, Whole] | None = None,
         own: Mapping[str, Value] | None = None,
-        results: Results | None = None,
+        results: Results[Scalar] | None = None,
     ) -> NumberAlgebra:
         """An algebra with index vectors (K,) of a family, `m`, `r`, `v` of a particle, and results of the run."""
-        names = _ModelNames(self, variables or {}, own or {}, results)
-        return NumberAlgebra(self.tape, names.atom, names.special)
+        found = Resolver(self.cast.names, self, variables or {}, own or {}, results)
+        return NumberAlgebra(self.tape, found.atom, found.special)
 
     def vector(self, vector: nouns.VectorExpression, algebra: NumberAlgebra) -> Triple:
         """The components of a vector expression."""
@@ -109,7 +114,7 @@ class ModelOnTable:
     def definition(self, name: str) -> Value:
         """The value of a definition."""
         if name not in self._values:
-            self._values[name] = evaluate.evaluate(self.cast.definitions[name], self.algebra())
+            self._values[name] = evaluate.evaluate(self.cast.names.definitions[name], self.algebra())
         return self._values[name]
 
     def wide(self, x: Scalar, count: int) -> Array:
@@ -188,97 +193,3 @@ class ModelOnTable:
             start += piece.shape[1]
         joined = self.tape.node(together, links)
         return self.tape.node(together[:, order], (Edge(joined, 1.0, order),))
-
-
-class _ModelNames:
-    """The values of the leaves of one expression."""
-
-    def __init__(
-        self,
-        scene: ModelOnTable,
-        variables: Mapping[str, Whole],
-        own: Mapping[str, Value],
-        results: Results | None,
-    ) -> None:
-        self._scene, self._cast, self._variables, self._own = scene, scene.cast, variables, own
-        self._results = results
-
-    def atom(self, node: Reference) -> Value:
-        cast = self._cast
-        if isinstance(node, tree.Name):
-            return self._named(node, node.name)
-        if node.owner in cast.particles and node.owner not in self._own:
-            return self._result(node) if node.member in ACCELERATIONS else self._particle(node)
-        if isinstance(node, tree.Index):
-            if node.owner in cast.coordinates:
-                return self._scene.generalized(self._numbers(node, cast.coordinates), rates=False)
-            owner = self._result(node)
-            if not node.member:
-                return owner
-        else:
-            owner = self._named(tree.Name(node.start, node.end, node.owner), node.owner)
-        assert isinstance(owner, tuple), node  # others have no components, and the reader has refused them
-        return owner[evaluate.COMPONENTS.index(node.member)]
-
-    def special(self, node: tree.Call, algebra: NumberAlgebra) -> Value:
-        argument, scene = node.arguments[0], self._scene
-        if node.function == "d":
-            found = evaluate.evaluate(argument, algebra)
-            if isinstance(found, tuple):
-                x, y, z = map(self._differential, found)
-                return x, y, z
-            return self._differential(found)
-        if node.function != "rate" or len(node.arguments) > 1:  # `rate(x, 2)` is a result of the run
-            return self._result(node)
-        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
-        owner = argument.name if isinstance(argument, tree.Name) else argument.owner
-        if owner in self._cast.coordinates:
-            return scene.generalized(self._numbers(argument, self._cast.coordinates), rates=True)
-        velocity = scene.velocity(self._numbers(argument, self._cast.particles))
-        member = "" if isinstance(argument, tree.Name) else argument.member
-        return velocity["xyz".index(member)] if member else velocity
-
-    def _result(self, node: tree.Node) -> Value:
-        assert self._results is not None, node
-        return self._results(node, self._variables)
-
-    def _differential(self, x: Scalar) -> Scalar:
-        return self._scene.tape.rate(x)
-
-    def _numbers(self, node: Reference, roll: MemberIndex) -> Whole:
-        if not isinstance(node, tree.Index):
-            return roll.find(node.name if isinstance(node, tree.Name) else node.owner, ())
-
-        return roll.find(node.owner, self._cast.indices(node, self._variables))
-
-    def _particle(self, node: tree.Member | tree.Index) -> Value:
-        numbers = self._numbers(node, self._cast.particles)
-        if node.member.startswith("v"):
-            velocity = self._scene.velocity(numbers)
-            return velocity if node.member == "v" else velocity["xyz".index(node.member[1])]
-        position = self._scene.position(numbers)
-        return position["xyz".index(node.member)] if node.member else position
-
-    def _named(self, node: tree.Name, name: str) -> Value:
-        cast = self._cast
-        if name in self._variables:
-            return self._variables[name].astype(float)[None, :]
-        if name in self._own:
-            return self._own[name]
-        if name == "t":
-            return self._scene.tape.leaf("t", np.zeros(1, dtype=np.int64))
-        if name in cast.constants:
-            return np.full((1, 1), cast.constants[name])
-        if name in cast.parameters:
-            known = cast.parameters[name]
-            if isinstance(known, tuple):
-                x, y, z = (np.full((1, 1), part) for part in known)
-                return x, y, z
-            return np.full((1, 1), float(known))
-        if name in cast.particles:
-            return self._scene.position(cast.particles.find(name, ()))
-        if name in cast.coordinates:
-            return self._scene.generalized(cast.coordinates.find(name, ()), rates=False)
-        if name in cast.definitions:
-            return self._scene.definition(name)
-        return self._result(node)

@@ -14,10 +14,12 @@ import sympy
 from lagcli.derivation.calculus import TIME, ZERO, Abbreviation, Calculus
 from lagcli.derivation.vectors import Collapse, Key, RecognizedVector, Triple
 from lagcli.errors import diagnostics
-from lagcli.expression import evaluate, integers, tree
+from lagcli.expression import evaluate, tree
+from lagcli.expression.evaluate import Value
 from lagcli.expression.operators import Operators
 from lagcli.model import model as nouns
-from lagcli.model.family import Family, MemberIndex
+from lagcli.model.family import Family, Whole
+from lagcli.model.resolve import ModelNames, Reference, Resolver
 from lagcli.pfaffian.translate import FUNCTIONS, constants
 
 # Beyond these an expression is no longer one a person could read, and SymPy needs minutes for it.
@@ -44,9 +46,8 @@ class World:
         self.accelerations = {n: sympy.Symbol(f"rate(rate({n}))", real=True) for n in self.coordinates}
         self.calculus = Calculus(list(self.coordinates.values()), list(self.rates.values()))
         self.collapse = Collapse()
-        self.particles = MemberIndex(p.members for p in model.particles)
-        self.generalized = MemberIndex(c.members for c in model.coordinates)
-        self.numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
+        self.names = ModelNames(model)
+        self.particles, self.generalized = self.names.particles, self.names.coordinates
         self.constants = constants(model)
         self.parameter_values: dict[Any, float] = {}
         self.parameters: dict[str, Any] = {}
@@ -241,7 +242,8 @@ class SympyAlgebra(Operators[sympy.Expr]):
     """SymPy scalars as an algebra for `expression.evaluate`."""
 
     def __init__(self, world: World, there: View) -> None:
-        self._world, self._view = world, there
+        self._world = world
+        self._resolver = Resolver(world.names, self, there.indices, there.own)
 
     def number(self, node: tree.Number) -> Any:
         if float(node.text) == 0.0:
@@ -271,56 +273,45 @@ class SympyAlgebra(Operators[sympy.Expr]):
             triple = (x, y, z)
         return self._world.root(arguments[0], triple)
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
-        world, there = self._world, self._view
-        if isinstance(node, tree.Name):
-            return self._named(node.name)
-        if node.owner in world.particles and node.owner not in there.own:
-            number = self._number_of(node, world.particles)
-            if node.member.startswith("v"):
-                velocity = world.velocity(number)
-                return velocity if node.member == "v" else velocity["xyz".index(node.member[1])]
-            position = world.position(number)
-            return position["xyz".index(node.member)] if node.member else position
-        if isinstance(node, tree.Index):
-            return world.coordinates[world.generalized.names[self._number_of(node, world.generalized)]]
-        return evaluate.component(node, self._named(node.owner), node.member, node.owner)
+    def atom(self, node: Reference) -> Value[sympy.Expr]:
+        return self._resolver.atom(node)
 
-    def special(self, node: tree.Call) -> Any:
-        world, argument = self._world, node.arguments[0]
-        assert node.function in ("d", "rate")
-        if node.function == "rate" and isinstance(argument, (tree.Name, tree.Index)):
-            owner = argument.name if isinstance(argument, tree.Name) else argument.owner
-            if owner in world.generalized:
-                number = self._number_of(argument, world.generalized)
-                return world.rates[world.generalized.names[number]]
-        value = evaluate.evaluate(argument, self)
-        rate = world.calculus.rate
-        return tuple(map(rate, value)) if isinstance(value, tuple) else rate(value)
+    def special(self, node: tree.Call) -> Value[sympy.Expr]:
+        return self._resolver.special(node, self)
 
-    def _number_of(self, node: tree.Name | tree.Member | tree.Index, roll: MemberIndex) -> int:
-        def lookup(name: tree.Name) -> Any:
-            indices = self._view.indices
-            return indices[name.name] if name.name in indices else self._world.numbers[name.name]
-
-        if isinstance(node, tree.Name):
-            return int(roll.find(node.name, ())[0])
-        indices = [integers.evaluate(i, lookup) for i in node.indices] if isinstance(node, tree.Index) else []
-        return int(roll.find(node.owner, indices)[0])
-
-    def _named(self, name: str) -> Any:
-        world, there = self._world, self._view
-        if name in there.indices:
-            return sympy.Integer(there.indices[name])
-        if name in there.own:
-            return there.own[name]
-        leaves: Mapping[str, Any] = {"t": TIME, "dt": sympy.Integer(1)}
-        for known in (leaves, world.constants, world.parameters, world.coordinates):
+    def constant(self, name: str) -> Value[sympy.Expr] | None:
+        """t, dt, a constant or a parameter; None for another name."""
+        world = self._world
+        known: Mapping[str, Value[sympy.Expr]]
+        for known in ({"t": TIME, "dt": sympy.Integer(1)}, world.constants, world.parameters):
             if name in known:
                 return known[name]
-        if name in world.particles:
-            return world.position(int(world.particles.find(name, ())[0]))
-        return world.definition(name)
+        return None
+
+    def position(self, numbers: Whole) -> Triple:
+        """r of a particle."""
+        return self._world.position(int(numbers[0]))
+
+    def velocity(self, numbers: Whole) -> Triple:
+        """v of a particle."""
+        return self._world.velocity(int(numbers[0]))
+
+    def generalized(self, numbers: Whole, rates: bool) -> sympy.Expr:
+        """A generalized coordinate, or its rate."""
+        world = self._world
+        return (world.rates if rates else world.coordinates)[world.generalized.names[int(numbers[0])]]
+
+    def variable(self, name: str, values: int) -> sympy.Expr:
+        """The value of an index variable."""
+        return sympy.Integer(values)
+
+    def definition(self, name: str) -> Value[sympy.Expr]:
+        """The value of a definition."""
+        return self._world.definition(name)
+
+    def differential(self, value: sympy.Expr) -> sympy.Expr:
+        """The rate of change with the motion."""
+        return self._world.calculus.rate(value)
 
 
 def exact(value: float) -> Any:

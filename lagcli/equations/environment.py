@@ -9,11 +9,11 @@ import numpy as np
 
 from lagcli.equations.casadi_algebra import SymbolicAlgebra
 from lagcli.equations.family_columns import Columns, Triple, Value, column, interleaved, rate, taken
-from lagcli.equations.leaves import Atoms, LeafNames, Leaves, Results
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.expression import evaluate, tree
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
+from lagcli.model.resolve import Leaves, ModelNames, Resolver, Results
 
 
 class Environment:
@@ -34,7 +34,10 @@ class Environment:
         self._model = model
         self.symbols = symbols
         self._fixed = fixed
-        self.names = LeafNames(model, symbols)
+        self.names = ModelNames(model)
+        self._constants: dict[str, Value] = {"t": symbols.t, "dt": ca.SX(1)}
+        self._constants |= {name: ca.SX(value) for name, value in model.constants.items()}
+        self._constants |= symbols.parameters
         self.particles, self.coordinates = self.names.particles, self.names.coordinates
         self._values: dict[str, Value] = {}
         self._positions, self._velocities = Columns(len(self.particles)), Columns(len(self.particles))
@@ -78,14 +81,14 @@ class Environment:
         self,
         variables: Mapping[str, Whole] | None = None,
         own: Mapping[str, Value] | None = None,
-        results: Results | None = None,
-        leaves: Leaves | None = None,
+        results: Results[ca.SX] | None = None,
+        leaves: Leaves[ca.SX] | None = None,
     ) -> SymbolicAlgebra:
         """An algebra of this environment. `variables`: index vectors (K,) of a family; `own`: `m`, `r`, `v` of
         a particle; `results`: what `multiplier`, `reaction`, `kinetic` and `potential` stand for; `leaves`: what
         the coordinates stand for, if not these columns."""
-        atoms = Atoms(self.names, leaves or self, variables or {}, own or {}, results)
-        return SymbolicAlgebra(atoms.atom, atoms.special, self._fixed)
+        found = Resolver(self.names, leaves or self, variables or {}, own or {}, results)
+        return SymbolicAlgebra(found.atom, found.special, self._fixed)
 
     def scalar(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> ca.SX:
         """SX of a scalar expression."""
@@ -119,6 +122,10 @@ class Environment:
         ]
         return ca.vertcat(*values) if values else ca.SX(0, 1)
 
+    def constant(self, name: str) -> Value | None:
+        """t, dt, a constant or a parameter; None for another name."""
+        return self._constants.get(name)
+
     def position(self, numbers: Whole) -> Triple:
         """r of particles, columns (K, 1)."""
         return self._positions.vectors(numbers)
@@ -140,6 +147,8 @@ class Environment:
         places, rates = (ca.vertcat(*parts) for parts in self._free)
         return ca.densify(found + ca.jtimes(value, places, rates))
 
+    differential = rate
+
     def generalized(self, numbers: Whole, rates: bool) -> ca.SX:
         """Generalized coordinates or their rates, (K, 1)."""
         return taken(self.symbols.v if rates else self.symbols.q, self.first_generalized + numbers)
@@ -151,7 +160,7 @@ class Environment:
     def definition(self, name: str) -> Value:
         """The value of a definition."""
         if name not in self._values:
-            self._values[name] = evaluate.evaluate(self.names.meaning(name), self._plain)
+            self._values[name] = evaluate.evaluate(self.names.definitions[name], self._plain)
         return self._values[name]
 
     def _fill(self) -> None:

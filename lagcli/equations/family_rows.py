@@ -150,6 +150,10 @@ class MemberLeaves:
         rows = [np.broadcast_to(rows, count) for rows in self._rows]
         return np.array(rows, dtype=np.int64).reshape(-1, count)
 
+    def constant(self, name: str) -> Value | None:
+        """t, dt, a constant or a parameter; None for another name."""
+        return self._environment.constant(name)
+
     def position(self, numbers: Whole) -> Triple:
         """r of particles."""
         return self._components(numbers, self._u)
@@ -173,12 +177,14 @@ class MemberLeaves:
     def definition(self, name: str) -> Value:
         """The value of a definition, evaluated over these leaves."""
         return evaluate.evaluate(
-            self._environment.names.meaning(name), self._environment.algebra(leaves=self)
+            self._environment.names.definitions[name], self._environment.algebra(leaves=self)
         )
 
     def rate(self, value: ca.SX) -> ca.SX:
         """d/dt of a function of (u, t)."""
         return rate(value, self.q, self.v, self.t)
+
+    differential = rate
 
     def mapped(self, outputs: list[ca.SX], count: int) -> list[ca.SX]:
         """Dense outputs (k,) of one member as (k, K) over all members."""

@@ -14,13 +14,12 @@ import numpy as np
 from lagcli.equations import energy, explicit_gradient, family_columns, rows
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Columns, Triple, Value
-from lagcli.equations.leaves import Reference, is_second
 from lagcli.errors import diagnostics
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.model import family
 from lagcli.model import model as nouns
 from lagcli.model.family import MemberIndex, Whole
+from lagcli.model.resolve import Reference, is_second
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -104,7 +103,7 @@ class OutputValues:
 
     def _part(self, numbers: Whole, law: Reference, variables: Mapping[str, Whole]) -> Triple:
         """sum_i lambda_i B_ik over the rows of a constraint, of particles (K,), or of one for each of K constraints."""
-        wanted = [self._rows_of(law, name) for name in self._law_names(law, variables)]
+        wanted = [self._rows_of(law, name) for name in self._environment.names.names(law, variables)]
         count = max(len(wanted), numbers.size)
         numbers, wanted = np.broadcast_to(numbers, count), wanted if len(wanted) == count else wanted * count
         # One entry for each pair of a particle and a row that acts on it.
@@ -130,14 +129,6 @@ class OutputValues:
             found.fill(dependent, self._forces.gradients(numbers[dependent], wanted, law))
         return found.vectors(np.arange(numbers.size))
 
-    def _law_names(self, node: Reference, variables: Mapping[str, Whole]) -> list[str]:
-        """The names of the constraints a reference stands for, without a component."""
-        base = node.name if isinstance(node, tree.Name) else node.owner
-        places: list[tuple[int, ...]] = [()]
-        if isinstance(node, tree.Index):
-            places = self._environment.names.indices(node, variables)
-        return [family.name(base, place) for place in places]
-
     def _rows_of(self, node: Reference, name: str) -> list[int]:
         """All rows of a constraint, or the one that is named."""
         member = "" if isinstance(node, tree.Name) else node.member
@@ -149,7 +140,7 @@ class OutputValues:
     def _multipliers(self, node: Reference, variables: Mapping[str, Whole]) -> Value:
         """lambda of a row, or of the three of a vector equation."""
         member = "" if isinstance(node, tree.Name) else node.member
-        names = self._law_names(node, variables)
+        names = self._environment.names.names(node, variables)
         if member:
             return self._lam_of(node, [f"{name}.{member}" for name in names])
         if all(name in self._rows for name in names):

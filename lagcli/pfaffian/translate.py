@@ -9,18 +9,20 @@ import contextlib
 import copy
 import functools
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import sympy
 
-from lagcli.expression import evaluate, integers, tree
+from lagcli.expression import evaluate, tree
+from lagcli.expression.evaluate import Value
 from lagcli.expression.operators import Operators
 from lagcli.model import family
 from lagcli.model import model as nouns
-from lagcli.model.family import Family, MemberIndex
+from lagcli.model.family import Family, Whole
 from lagcli.model.invariant import FirstIntegral
+from lagcli.model.resolve import ModelNames, Reference, Resolver
 from lagcli.pfaffian import level_charts, printing
 from lagcli.pfaffian.form import Form
 from lagcli.pfaffian.pfaffian_block import PfaffianBlock
@@ -192,14 +194,13 @@ class _FormNames(Operators[sympy.Expr]):
         self._moved = {d: x for x, d in self.differentials.items()}
         self._rank = {x: n for n, x in enumerate((*self.differentials, TIME))}
         self._parameters = {p.name: _parameter(p) for p in model.parameters}
-        self._constants = constants(model)
-        self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
-        self._particles = MemberIndex(p.members for p in model.particles)
-        self._generalized = MemberIndex(c.members for c in model.coordinates)
-        self._definitions = {d.name: d.expression.tree for d in model.definitions}
+        self._constants: dict[str, Any] = {"t": TIME, "dt": _DT, **constants(model), **self._parameters}
+        self._names = ModelNames(model)
+        self._particles, self._generalized = self._names.particles, self._names.coordinates
         self._values: dict[str, Any] = {}
         self._positions: dict[int, Any] = {}
         self._indices: dict[str, int] = {}
+        self._resolver = Resolver(self._names, self, {}, {})
         self.parameters = [
             s
             for value in self._parameters.values()
@@ -210,7 +211,7 @@ class _FormNames(Operators[sympy.Expr]):
         for step in model.order:
             with contextlib.suppress(TooLarge):
                 if isinstance(step, str):
-                    self._named(step)
+                    self.definition(step)
                     continue
                 for place in step.places.tolist():
                     self._position(self._particles.first(step.entry) + place)
@@ -233,6 +234,7 @@ class _FormNames(Operators[sympy.Expr]):
             return self
         there = copy.copy(self)
         there._indices = {name: int(values[place]) for name, values in members.variables.items()}
+        there._resolver = Resolver(self._names, there, there._indices, {})
         return there
 
     def number(self, node: tree.Number) -> Any:
@@ -261,64 +263,56 @@ class _FormNames(Operators[sympy.Expr]):
     def function(self, node: tree.Node, name: str, arguments: tuple[Any, ...]) -> Any:
         return FUNCTIONS[name](*arguments)
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Any:
-        if isinstance(node, tree.Name):
-            return (
-                sympy.Integer(self._indices[node.name])
-                if node.name in self._indices
-                else self._named(node.name)
-            )
-        if node.owner in self._particles:
-            return self._particle_member(node)
-        if isinstance(node, tree.Index):
-            return self._coordinates[self._generalized.names[self._number(node, self._generalized)]]
-        owner = self._named(node.owner)
-        return evaluate.component(node, owner, node.member, node.owner)
+    def atom(self, node: Reference) -> Value[sympy.Expr]:
+        return self._resolver.atom(node)
 
-    def _number(self, node: tree.Member | tree.Index, roll: MemberIndex) -> int:
-        """The number of the particle or generalized coordinate a reference stands for."""
+    def special(self, node: tree.Call) -> Value[sympy.Expr]:
+        return self._resolver.special(node, self)
 
-        def lookup(name: tree.Name) -> float:
-            return self._indices[name.name] if name.name in self._indices else self._numbers[name.name]
+    def constant(self, name: str) -> Value[sympy.Expr] | None:
+        """t, dt, a constant or a parameter; None for another name."""
+        return self._constants.get(name)
 
-        indices = [integers.evaluate(i, lookup) for i in node.indices] if isinstance(node, tree.Index) else []
-        return int(roll.find(node.owner, indices)[0])
+    def position(self, numbers: Whole) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
+        """r of a particle."""
+        x, y, z = self._position(int(numbers[0]))
+        return x, y, z
 
-    def special(self, node: tree.Call) -> Any:
-        argument = node.arguments[0]
-        if node.function == "d":
-            return _each(_require_small(evaluate.evaluate(argument, self)), self._differential)
-        assert node.function == "rate"
-        return _each(evaluate.evaluate(argument, self), self._rate)
+    def velocity(self, numbers: Whole) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
+        """v of a particle."""
+        x, y, z = map(self._rate, self.position(numbers))
+        return x, y, z
 
-    def _differential(self, value: Any) -> Any:
-        """d value, over the differentials of coordinates and dt."""
-        return self._along(value) + sympy.diff(value, TIME) * _DT
+    def generalized(self, numbers: Whole, rates: bool) -> sympy.Expr:
+        """A generalized coordinate, or its differential in place of its rate."""
+        coordinate = self._coordinates[self._generalized.names[int(numbers[0])]]
+        return self.differentials[coordinate] if rates else coordinate
 
-    def _rate(self, value: Any) -> Any:
-        """The same divided by dt."""
-        return self._along(value) + sympy.diff(value, TIME)
+    def variable(self, name: str, values: int) -> sympy.Expr:
+        """The value of an index variable."""
+        return sympy.Integer(values)
 
-    def _along(self, value: Any) -> Any:
-        used = (x for x in self.ordered(value.free_symbols) if x != TIME)
-        return sum((sympy.diff(value, x) * self.differentials[x] for x in used), sympy.Integer(0))
-
-    def _named(self, name: str) -> Any:
-        constants: Mapping[str, Any] = {"t": TIME, "dt": _DT, **self._constants}
-        if name in constants:
-            return constants[name]
-        for known in (self._parameters, self._coordinates):
-            if name in known:
-                return known[name]
-        if name in self._particles:
-            return self._position(int(self._particles.find(name, ())[0]))
+    def definition(self, name: str) -> Value[sympy.Expr]:
+        """The value of a definition. Raises `TooLarge`."""
         if name not in self._values:
             self._values[name] = _attempted(lambda: self._defined(name))
         return _given(self._values[name])
 
+    def differential(self, value: sympy.Expr) -> sympy.Expr:
+        """d value, over the differentials of coordinates and dt. Raises `TooLarge`."""
+        return self._along(_require_small(value)) + sympy.diff(value, TIME) * _DT
+
+    def _rate(self, value: sympy.Expr) -> sympy.Expr:
+        """The same divided by dt."""
+        return self._along(value) + sympy.diff(value, TIME)
+
+    def _along(self, value: sympy.Expr) -> sympy.Expr:
+        used = (x for x in self.ordered(value.free_symbols) if x != TIME)
+        return sum((sympy.diff(value, x) * self.differentials[x] for x in used), sympy.Integer(0))
+
     def _defined(self, name: str) -> Any:
-        _require_short(self._definitions[name])
-        return evaluate.evaluate(self._definitions[name], self.at(_ALONE, 0))
+        _require_short(self._names.definitions[name])
+        return evaluate.evaluate(self._names.definitions[name], self.at(_ALONE, 0))
 
     def _position(self, number: int) -> Any:
         """r of the particle of this number."""
@@ -338,14 +332,6 @@ class _FormNames(Operators[sympy.Expr]):
         if len(particle.position.parts) == 1:
             return evaluate.vector(particle.position.parts[0].tree, names)
         return tuple(evaluate.scalar(part.tree, names) for part in particle.position.parts)
-
-    def _particle_member(self, node: tree.Member | tree.Index) -> Any:
-        position = self._position(self._number(node, self._particles))
-        if node.member == "v":
-            return _each(position, self._rate)
-        if node.member.startswith("v"):
-            return self._rate(position["xyz".index(node.member[1])])
-        return position["xyz".index(node.member)] if node.member else position
 
 
 def constants(model: nouns.Model) -> dict[str, Any]:
@@ -371,10 +357,6 @@ def _given(value: Any) -> Any:
     if isinstance(value, TooLarge):
         raise value
     return value
-
-
-def _each(value: Any, operation: Callable[[Any], Any]) -> Any:
-    return tuple(operation(part) for part in value) if isinstance(value, tuple) else operation(value)
 
 
 def _parameter(parameter: nouns.Parameter) -> Any:

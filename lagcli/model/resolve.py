@@ -1,0 +1,169 @@
+"""The one place that says what a name in an expression of a model stands for, in whatever algebra it is evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+
+from lagcli.expression import evaluate, integers, tree
+from lagcli.expression.evaluate import Value
+from lagcli.model import family
+from lagcli.model.family import MemberIndex, Whole
+from lagcli.model.model import Model
+
+Reference = tree.Name | tree.Member | tree.Index
+Variables = Mapping[str, Any]  # index variables: each a number, or a vector (K,) over the members of a family
+S = TypeVar("S")
+Results = Callable[[tree.Node, Variables], Value[S]]
+
+ACCELERATIONS = ("a", "ax", "ay", "az")
+
+
+def is_second(node: tree.Call) -> bool:
+    """True if a call is `rate(x, 2)`: an acceleration."""
+    if node.function != "rate" or len(node.arguments) < 2:
+        return False
+    order = node.arguments[1]
+    return isinstance(order, tree.Number) and float(order.text) == 2.0
+
+
+class ModelNames:
+    """The names of a model: particles and coordinates by their numbers, and what definitions mean."""
+
+    def __init__(self, model: Model) -> None:
+        self.particles = MemberIndex(particle.members for particle in model.particles)
+        self.coordinates = MemberIndex(coordinate.members for coordinate in model.coordinates)
+        self.definitions = {d.name: d.expression.tree for d in model.definitions}
+        self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
+
+    def numbers(self, node: Reference, roll: MemberIndex, variables: Variables) -> Whole:
+        """The numbers of the members a reference stands for, (1,) or (K,)."""
+        if isinstance(node, tree.Index):
+            return roll.find(node.owner, self._indices(node, variables))
+        return roll.find(node.owner if isinstance(node, tree.Member) else node.name, ())
+
+    def names(self, node: Reference, variables: Variables) -> list[str]:
+        """The names of what a reference stands for, one for each member, without a component."""
+        if not isinstance(node, tree.Index):
+            return [node.name if isinstance(node, tree.Name) else node.owner]
+        vectors = np.broadcast_arrays(*(np.atleast_1d(i) for i in self._indices(node, variables)))
+        places = zip(*(vector.tolist() for vector in vectors), strict=True)
+        return [family.name(node.owner, place) for place in places]
+
+    def _indices(self, node: tree.Index, variables: Variables) -> list[int | Whole]:
+        def lookup(name: tree.Name) -> float | Whole:
+            return variables[name.name] if name.name in variables else self._numbers[name.name]
+
+        return [integers.evaluate(index, lookup) for index in node.indices]
+
+
+class Leaves(Protocol[S]):
+    """The values, in one algebra, of what a model declares. `numbers`: of members, (1,) or (K,)."""
+
+    def constant(self, name: str) -> Value[S] | None:
+        """t, dt, pi, or a parameter; None for another name."""
+
+    def position(self, numbers: Whole) -> tuple[S, S, S]:
+        """r of particles."""
+
+    def velocity(self, numbers: Whole) -> tuple[S, S, S]:
+        """v of particles."""
+
+    def generalized(self, numbers: Whole, rates: bool) -> S:
+        """Generalized coordinates, or their rates."""
+
+    def variable(self, name: str, values: Any) -> S:
+        """An index variable with its value, or its values (K,)."""
+
+    def definition(self, name: str) -> Value[S]:
+        """The value of a definition."""
+
+    def differential(self, value: S) -> S:
+        """`d` of a function of coordinates and time, with dt as the constant of that name."""
+
+
+class Resolver(Generic[S]):
+    """The names of one expression, resolved to values.
+
+    own: names that only this expression knows, such as `m`, `r`, `v` of a particle; results: what is known only of a
+    motion: multipliers, reactions, accelerations, energies and outputs.
+    """
+
+    def __init__(
+        self,
+        names: ModelNames,
+        leaves: Leaves[S],
+        variables: Variables,
+        own: Mapping[str, Value[S]],
+        results: Results[S] | None = None,
+    ) -> None:
+        self._names, self._leaves, self._variables, self._own = names, leaves, variables, own
+        self._results = results
+
+    def atom(self, node: Reference) -> Value[S]:
+        """A name, a component, or a member of a family."""
+        names = self._names
+        if isinstance(node, tree.Name):
+            return self._named(node, node.name)
+        if node.owner in names.particles and node.owner not in self._own:
+            return self._result(node) if node.member in ACCELERATIONS else self._particle(node)
+        if isinstance(node, tree.Index):
+            if node.owner in names.coordinates:
+                return self._coordinate(node, rates=False)
+            value = self._result(node)
+            return evaluate.component(node, value, node.member, node.owner) if node.member else value
+        owner = self._named(tree.Name(node.start, node.end, node.owner), node.owner)
+        return evaluate.component(node, owner, node.member, node.owner)
+
+    def special(self, node: tree.Call, algebra: evaluate.Algebra[S]) -> Value[S]:
+        """`d`, `rate`, `multiplier`, `reaction`; `algebra` is the one that asks."""
+        argument, leaves = node.arguments[0], self._leaves
+        if node.function == "d":
+            value = evaluate.evaluate(argument, algebra)
+            if not isinstance(value, tuple):
+                return leaves.differential(value)
+            x, y, z = map(leaves.differential, value)
+            return x, y, z
+        if node.function != "rate" or is_second(node):
+            return self._result(node)
+        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
+        owner = argument.name if isinstance(argument, tree.Name) else argument.owner
+        if owner in self._names.coordinates:
+            return self._coordinate(argument, rates=True)
+        velocity = leaves.velocity(self._names.numbers(argument, self._names.particles, self._variables))
+        member = "" if isinstance(argument, tree.Name) else argument.member
+        return velocity["xyz".index(member)] if member else velocity
+
+    def _result(self, node: tree.Node) -> Value[S]:
+        assert self._results is not None, node
+        return self._results(node, self._variables)
+
+    def _coordinate(self, node: Reference, rates: bool) -> S:
+        numbers = self._names.numbers(node, self._names.coordinates, self._variables)
+        return self._leaves.generalized(numbers, rates)
+
+    def _particle(self, node: tree.Member | tree.Index) -> Value[S]:
+        numbers = self._names.numbers(node, self._names.particles, self._variables)
+        if node.member.startswith("v"):
+            velocity = self._leaves.velocity(numbers)
+            return velocity if node.member == "v" else velocity["xyz".index(node.member[1])]
+        position = self._leaves.position(numbers)
+        return position["xyz".index(node.member)] if node.member else position
+
+    def _named(self, node: tree.Name, name: str) -> Value[S]:
+        names, leaves = self._names, self._leaves
+        if name in self._variables:
+            return leaves.variable(name, self._variables[name])
+        if name in self._own:
+            return self._own[name]
+        if (known := leaves.constant(name)) is not None:
+            return known
+        if name in names.particles:
+            return leaves.position(names.particles.find(name, ()))
+        if name in names.coordinates:
+            return self._coordinate(node, rates=False)
+        if name in names.definitions:
+            return leaves.definition(name)
+        return self._result(node)
