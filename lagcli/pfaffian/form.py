@@ -49,7 +49,7 @@ class Form:
         return Form(self.name, self.variables, tuple(factor * a for a in self.coefficients), self.parameters)
 
     def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> "Form":
-        """The same for given values of all parameters."""
+        """The form for given values of all parameters."""
         return Form(self.name, self.variables, tuple(a.xreplace(values) for a in self.coefficients))
 
     def exterior(self) -> dict[tuple[int, int], sympy.Expr]:
@@ -57,7 +57,7 @@ class Form:
         return dict(self.curls())
 
     def curls(self) -> Iterator[tuple[tuple[int, int], sympy.Expr]]:
-        """The same one after the other."""
+        """The components of d omega, one after the other."""
         for i, j in combinations(range(len(self.variables)), 2):
             yield (i, j), self._curl(i, j)
 

@@ -35,7 +35,7 @@ class PfaffianBlock:
         return Form(self.names[i], self.variables, self.rows[i], self.parameters)
 
     def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> PfaffianBlock:
-        """The same for given values of all parameters."""
+        """The block for given values of all parameters."""
         rows = tuple(tuple(a.xreplace(values) for a in row) for row in self.rows)
         return PfaffianBlock(
             self.names, self.variables, rows, (), tuple(f.xreplace(values) for f in self.surface)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import sympy
 
@@ -18,7 +17,7 @@ from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 # of pi/12 is one.
 STILL, NEAR = 1e-9, 1e-12
 PARTS_OF_PI = 12
-Point = Mapping[Any, float]
+Point = Mapping[sympy.Symbol, float]
 
 
 def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Point) -> Point:
@@ -27,22 +26,22 @@ def point(names: Iterable[str], values: Iterable[float], time: float, parameters
     return {**found, sympy.Symbol(elimination.TIME, real=True): time, **parameters}
 
 
-def vanishes(expression: Any, points: Sequence[Point]) -> bool:
+def vanishes(expression: sympy.Expr, points: Sequence[Point]) -> bool:
     """True if an expression is zero on all points, but for rounding."""
     return all(zero_at_point.vanishes(expression, one) for one in points)
 
 
-def is_nothing(expression: Any, points: Sequence[Point]) -> bool:
+def is_nothing(expression: sympy.Expr, points: Sequence[Point]) -> bool:
     """True if an expression has values on all points, all of them zero but for rounding."""
     return all(zero_at_point.is_nothing(expression, one) for one in points)
 
 
-def product(factors: Iterable[Any]) -> Any:
+def product(factors: Iterable[sympy.Expr]) -> sympy.Expr:
     """The product of expressions."""
     return sympy.Mul(*factors)
 
 
-def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[Any]:
+def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
     """Of each holonomic row that has several factors those that vanish on all points."""
     found = []
     for f in block.surface:
@@ -54,7 +53,7 @@ def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[Any]:
     return found
 
 
-def of(divisors: Iterable[Any], points: Sequence[Point]) -> list[Any]:
+def of(divisors: Iterable[sympy.Expr | None], points: Sequence[Point]) -> list[sympy.Expr]:
     """The factors of expressions (None: unknown) that vanish on all points."""
     found = []
     for divisor in divisors:
@@ -63,7 +62,7 @@ def of(divisors: Iterable[Any], points: Sequence[Point]) -> list[Any]:
     return found
 
 
-def still(block: PfaffianBlock, points: Sequence[Point]) -> list[Any]:
+def still(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
     """Equations of coordinates that have one value on all points."""
     found = []
     for x in block.variables:
@@ -73,16 +72,16 @@ def still(block: PfaffianBlock, points: Sequence[Point]) -> list[Any]:
     return found
 
 
-def distinct(*several: Iterable[Any]) -> list[Any]:
+def distinct(*several: Iterable[sympy.Expr]) -> list[sympy.Expr]:
     """Each of some expressions once, whatever its sign."""
-    found: dict[Any, None] = {}
+    found: dict[sympy.Expr, None] = {}
     for e in (e for some in several for e in some):
         if e not in found and -e not in found:
             found[e] = None
     return list(found)
 
 
-def told(block: PfaffianBlock, equations: Iterable[Any], here: Point) -> list[str]:
+def told(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: Point) -> list[str]:
     """Equations as texts, and on which side of the kinks of |u| a point lies."""
     kinks = sorted({e for row in block.rows for a in row for e in forms.plain(a).atoms(sympy.Abs)}, key=str)
     found = [f"{printing.written(e)} = 0" for e in equations if not e.has(sympy.Abs)]
@@ -93,7 +92,7 @@ def told(block: PfaffianBlock, equations: Iterable[Any], here: Point) -> list[st
     return found
 
 
-def _spelled(value: float) -> Any:
+def _spelled(value: float) -> sympy.Expr:
     """The number that is meant by a double: a multiple of pi/12, or the shortest decimal."""
     twelfths = round(value / math.pi * PARTS_OF_PI)
     if abs(value) <= STILL:

@@ -10,13 +10,13 @@ import copy
 import functools
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import sympy
 
 from lagcli.expression import evaluate, tree
-from lagcli.expression.evaluate import Value
+from lagcli.expression.evaluate import Triple, Value
 from lagcli.expression.operators import Operators
 from lagcli.model import family
 from lagcli.model import model as nouns
@@ -27,7 +27,7 @@ from lagcli.pfaffian import level_charts, printing
 from lagcli.pfaffian.form import Form
 from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
-FUNCTIONS: dict[str, Callable[..., Any]] = {
+FUNCTIONS: dict[str, Callable[..., sympy.Expr]] = {
     **{
         name: getattr(sympy, name)
         for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt".split()
@@ -49,7 +49,10 @@ ROUNDING = 1e-12
 TIME = sympy.Symbol("t", real=True)
 _DT = sympy.Symbol("dt", real=True)
 _ALONE = family.one("")
-_CONSTANTS: dict[str, Any] = {"pi": sympy.pi, "deg": sympy.pi / 180}
+_CONSTANTS: dict[str, sympy.Expr] = {"pi": sympy.pi, "deg": sympy.pi / 180}
+
+
+V = TypeVar("V")
 
 
 class TooLarge(Exception):
@@ -70,7 +73,7 @@ class Translation:
             for row, value in self._differences(self._model.differential)
         }
 
-    def surface(self, rows: frozenset[str]) -> dict[str, Any]:
+    def surface(self, rows: frozenset[str]) -> dict[str, sympy.Expr | TooLarge]:
         """f of the holonomic rows of these names, by row name; `TooLarge` in place of one that is not attempted.
 
         Rows of rigid bodies have no text: they are missing.
@@ -82,7 +85,7 @@ class Translation:
             if row in rows
         }
 
-    def block(self, forms: Sequence[Form], surface: Sequence[Any]) -> PfaffianBlock:
+    def block(self, forms: Sequence[Form], surface: Sequence[sympy.Expr]) -> PfaffianBlock:
         """Forms over all coordinates that they and the f of the surface hold, time last."""
         used = set().union(*(f.free_symbols for f in surface), *(form.variables for form in forms))
         variables = self._names.ordered(used)
@@ -96,7 +99,7 @@ class Translation:
             tuple(form.name for form in forms), variables, tuple(rows), parameters, tuple(surface)
         )
 
-    def vanishes(self, expression: Any, coordinates: Sequence[float] = (), t: float = 0.0) -> bool:
+    def vanishes(self, expression: sympy.Expr, coordinates: Sequence[float] = (), t: float = 0.0) -> bool:
         """True if an expression is zero, but for rounding, for the values of parameters, coordinates and time."""
         numbers = zip((*self._names.differentials, TIME), (*coordinates, t), strict=False)
         values = self.values | {x: sympy.Float(number) for x, number in numbers}
@@ -104,14 +107,14 @@ class Translation:
         return bool(number.is_number) and abs(number) <= ROUNDING
 
     @functools.cached_property
-    def numbers(self) -> dict[Any, float]:
+    def numbers(self) -> dict[sympy.Symbol, float]:
         """The parameters and their values as doubles."""
         return {p: float(value) for p, value in self.values.items()}
 
     @functools.cached_property
-    def values(self) -> dict[Any, Any]:
+    def values(self) -> dict[sympy.Symbol, sympy.Expr]:
         """The parameters and their values, as they are written, or as exact decimals."""
-        found: dict[Any, Any] = {}
+        found: dict[sympy.Symbol, sympy.Expr] = {}
         for parameter in self._model.parameters:
             symbols, value = self._names.parameter(parameter.name), parameter.value
             if isinstance(value, tuple):
@@ -122,7 +125,7 @@ class Translation:
                 found[symbols] = _exact(value) if written is None else written.xreplace(found)
         return found
 
-    def _constant(self, formula: nouns.Expression) -> Any | None:
+    def _constant(self, formula: nouns.Expression) -> sympy.Expr | None:
         """The value of a parameter in terms of others; None where it is too large."""
         try:
             _require_short(formula.tree)
@@ -130,13 +133,15 @@ class Translation:
         except TooLarge:
             return None
 
-    def _form(self, row: str, value: Any) -> Form | TooLarge:
+    def _form(self, row: str, value: sympy.Expr) -> Form | TooLarge:
         try:
             return _form(self._names, row, value)
         except TooLarge as failure:
             return failure
 
-    def _differences(self, laws: Iterable[nouns.Holonomic | nouns.Differential]) -> Iterator[tuple[str, Any]]:
+    def _differences(
+        self, laws: Iterable[nouns.Holonomic | nouns.Differential]
+    ) -> Iterator[tuple[str, sympy.Expr | TooLarge]]:
         """Left side minus right side of every row, by name."""
         for law in laws:
             assert isinstance(law.equation.tree, tree.Relation)
@@ -151,7 +156,7 @@ class Translation:
                     yield from dict.fromkeys(rows, failure).items()
 
 
-def _form(names: _FormNames, row: str, value: Any) -> Form:
+def _form(names: _FormNames, row: str, value: sympy.Expr) -> Form:
     _require_small(value)
     present = value.free_symbols
     coefficients = {x: sympy.diff(value, names.differentials[x]) for x in names.moved(present)}
@@ -171,7 +176,7 @@ def _require_short(node: tree.Node) -> None:
         raise TooLarge("too many terms")
 
 
-def _require_small(value: Any) -> Any:
+def _require_small(value: V) -> V:
     """The value, unless it has too many operations, written out as a tree, or too large powers: `TooLarge`."""
     for part in value if isinstance(value, tuple) else (value,):
         for count, inner in enumerate(sympy.preorder_traversal(part)):
@@ -180,7 +185,7 @@ def _require_small(value: Any) -> Any:
     return value
 
 
-def _is_large(exponent: Any) -> bool:
+def _is_large(exponent: sympy.Expr) -> bool:
     return bool(exponent.is_Rational and abs(exponent) > MAX_EXPONENT)
 
 
@@ -194,11 +199,16 @@ class _FormNames(Operators[sympy.Expr]):
         self._moved = {d: x for x, d in self.differentials.items()}
         self._rank = {x: n for n, x in enumerate((*self.differentials, TIME))}
         self._parameters = {p.name: _parameter(p) for p in model.parameters}
-        self._constants: dict[str, Any] = {"t": TIME, "dt": _DT, **constants(model), **self._parameters}
+        self._constants: dict[str, Value[sympy.Expr]] = {
+            "t": TIME,
+            "dt": _DT,
+            **constants(model),
+            **self._parameters,
+        }
         self._names = ModelNames(model)
         self._particles, self._generalized = self._names.particles, self._names.coordinates
-        self._values: dict[str, Any] = {}
-        self._positions: dict[int, Any] = {}
+        self._values: dict[str, Value[sympy.Expr] | TooLarge] = {}
+        self._positions: dict[int, Triple[sympy.Expr] | TooLarge] = {}
         self._indices: dict[str, int] = {}
         self._resolver = Resolver(self._names, self, {}, {})
         self.parameters = [
@@ -216,20 +226,20 @@ class _FormNames(Operators[sympy.Expr]):
                 for place in step.places.tolist():
                     self._position(self._particles.first(step.entry) + place)
 
-    def parameter(self, name: str) -> Any:
+    def parameter(self, name: str) -> Value[sympy.Expr]:
         """The symbol of a parameter, or the three of a vector."""
         return self._parameters[name]
 
-    def moved(self, symbols: set[Any]) -> tuple[Any, ...]:
+    def moved(self, symbols: set[sympy.Symbol]) -> tuple[sympy.Symbol, ...]:
         """The coordinates whose differentials are among these symbols, in their order."""
         return self.ordered({self._moved[d] for d in symbols if d in self._moved})
 
-    def ordered(self, symbols: set[Any]) -> tuple[Any, ...]:
+    def ordered(self, symbols: set[sympy.Symbol]) -> tuple[sympy.Symbol, ...]:
         """The coordinates and time among these symbols, in their order, time last."""
         return tuple(sorted((x for x in symbols if x in self._rank), key=self._rank.__getitem__))
 
     def at(self, members: Family, place: int) -> _FormNames:
-        """The same for one member of a family: its indices are numbers."""
+        """The names for one member of a family: its indices are numbers."""
         if not members.variables and not self._indices:
             return self
         there = copy.copy(self)
@@ -237,21 +247,21 @@ class _FormNames(Operators[sympy.Expr]):
         there._resolver = Resolver(self._names, there, there._indices, {})
         return there
 
-    def number(self, node: tree.Number) -> Any:
+    def number(self, node: tree.Number) -> sympy.Expr:
         if float(node.text) == 0.0:
             return sympy.Integer(0)  # also a number below the smallest double, which is zero everywhere else
         if len(node.text) > MAX_DIGITS:
             raise TooLarge(node.text[:MAX_DIGITS])
         return sympy.Rational(node.text)
 
-    def power(self, node: tree.Node, base: Any, exponent: Any) -> Any:
+    def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
         if exponent.free_symbols and not base.free_symbols.isdisjoint((*self._moved, _DT)):
             exponent = self._whole(exponent)
         if _is_large(exponent):
             raise TooLarge(str(exponent))
         return base**exponent
 
-    def _whole(self, exponent: Any) -> Any:
+    def _whole(self, exponent: sympy.Expr) -> sympy.Expr:
         """An exponent of a differential: in a row, which is linear, it is 0 or 1 for the values of the parameters."""
         numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
         values = dict(zip(self.parameters, map(_exact, numbers), strict=True))
@@ -260,7 +270,7 @@ class _FormNames(Operators[sympy.Expr]):
             return exponent  # of a definition that no row can hold
         return sympy.Integer(round(value))
 
-    def function(self, node: tree.Node, name: str, arguments: tuple[Any, ...]) -> Any:
+    def function(self, node: tree.Node, name: str, arguments: tuple[sympy.Expr, ...]) -> sympy.Expr:
         return FUNCTIONS[name](*arguments)
 
     def atom(self, node: Reference) -> Value[sympy.Expr]:
@@ -273,12 +283,11 @@ class _FormNames(Operators[sympy.Expr]):
         """t, dt, a constant or a parameter; None for another name."""
         return self._constants.get(name)
 
-    def position(self, numbers: Whole) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
+    def position(self, numbers: Whole) -> Triple[sympy.Expr]:
         """r of a particle."""
-        x, y, z = self._position(int(numbers[0]))
-        return x, y, z
+        return self._position(int(numbers[0]))
 
-    def velocity(self, numbers: Whole) -> tuple[sympy.Expr, sympy.Expr, sympy.Expr]:
+    def velocity(self, numbers: Whole) -> Triple[sympy.Expr]:
         """v of a particle."""
         x, y, z = map(self._rate, self.position(numbers))
         return x, y, z
@@ -303,48 +312,50 @@ class _FormNames(Operators[sympy.Expr]):
         return self._along(_require_small(value)) + sympy.diff(value, TIME) * _DT
 
     def _rate(self, value: sympy.Expr) -> sympy.Expr:
-        """The same divided by dt."""
+        """d value / dt."""
         return self._along(value) + sympy.diff(value, TIME)
 
     def _along(self, value: sympy.Expr) -> sympy.Expr:
         used = (x for x in self.ordered(value.free_symbols) if x != TIME)
         return sum((sympy.diff(value, x) * self.differentials[x] for x in used), sympy.Integer(0))
 
-    def _defined(self, name: str) -> Any:
+    def _defined(self, name: str) -> Value[sympy.Expr]:
         _require_short(self._names.definitions[name])
         return evaluate.evaluate(self._names.definitions[name], self.at(_ALONE, 0))
 
-    def _position(self, number: int) -> Any:
+    def _position(self, number: int) -> Triple[sympy.Expr]:
         """r of the particle of this number."""
         if number not in self._positions:
             self._positions[number] = _attempted(lambda: self._evaluated_position(number))
         return _given(self._positions[number])
 
-    def _evaluated_position(self, number: int) -> Any:
+    def _evaluated_position(self, number: int) -> Triple[sympy.Expr]:
         entry = int(self._particles.entries(np.array([number]))[0])
         particle = self._model.particles[entry]
         if not particle.is_dependent:
             name = self._particles.names[number]
-            return tuple(self._coordinates[f"{name}.{axis}"] for axis in "xyz")
+            x, y, z = (self._coordinates[f"{name}.{axis}"] for axis in "xyz")
+            return x, y, z
         for part in particle.position.parts:
             _require_short(part.tree)
         names = self.at(particle.members, number - self._particles.first(entry))
         if len(particle.position.parts) == 1:
             return evaluate.vector(particle.position.parts[0].tree, names)
-        return tuple(evaluate.scalar(part.tree, names) for part in particle.position.parts)
+        x, y, z = (evaluate.scalar(part.tree, names) for part in particle.position.parts)
+        return x, y, z
 
 
-def constants(model: nouns.Model) -> dict[str, Any]:
+def constants(model: nouns.Model) -> dict[str, sympy.Expr]:
     """The constants that expressions of a model know without a declaration, exactly."""
     return {name: _CONSTANTS[name] for name in model.constants}
 
 
-def _exact(value: float) -> Any:
+def _exact(value: float) -> sympy.Expr:
     """The shortest decimal that reads as this double."""
     return sympy.Rational(repr(float(value)))
 
 
-def _attempted(compute: Callable[[], Any]) -> Any:
+def _attempted(compute: Callable[[], V]) -> V | TooLarge:
     """The value, or the `TooLarge` that came instead: it is not computed again at every use."""
     try:
         return _require_small(compute())
@@ -352,24 +363,27 @@ def _attempted(compute: Callable[[], Any]) -> Any:
         return failure
 
 
-def _given(value: Any) -> Any:
+def _given(value: V | TooLarge) -> V:
     """The value; raises the `TooLarge` that stands in its place."""
     if isinstance(value, TooLarge):
         raise value
     return value
 
 
-def _parameter(parameter: nouns.Parameter) -> Any:
+def _parameter(parameter: nouns.Parameter) -> Value[sympy.Expr]:
     if isinstance(parameter.value, tuple):
-        return tuple(sympy.Symbol(f"{parameter.name}.{axis}", real=True) for axis in "xyz")
+        x, y, z = (sympy.Symbol(f"{parameter.name}.{axis}", real=True) for axis in "xyz")
+        return x, y, z
     return sympy.Symbol(parameter.name, real=True)
 
 
-def roots(expression: Any) -> set[Any]:
+def roots(expression: sympy.Expr) -> set[sympy.Pow]:
     """The powers in an expression that are roots."""
     return {p for p in expression.atoms(sympy.Pow) if p.exp.is_Rational and not p.exp.is_Integer}
 
 
-def first_integral(phi: Any, rows: tuple[str, ...], parameters: Iterable[Any]) -> FirstIntegral:
+def first_integral(
+    phi: sympy.Expr, rows: tuple[str, ...], parameters: Iterable[sympy.Symbol]
+) -> FirstIntegral:
     """A first integral in the notation of the model, with its charts."""
     return FirstIntegral(printing.written(phi), rows, level_charts.charts(phi, parameters))

@@ -10,15 +10,18 @@ for the parameters; then the few columns a solution needs are solved exactly, an
 import random
 from collections.abc import Sequence
 from functools import reduce
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import sympy
+from sympy.polys.fields import FracElement
+from sympy.polys.rings import PolyElement
 
 from lagcli.pfaffian.exact import guarded, normal_form
 
 Columns = Sequence[Sequence[sympy.Expr]]
-Values = np.ndarray[Any, np.dtype[np.float64]]
+_PolyRow = dict[int, PolyElement]  # entries by their columns
+Values = npt.NDArray[np.float64]
 
 _EXTRA_POINTS = 12
 _WIDTH = 2.0
@@ -159,7 +162,7 @@ def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list
     basis = normal_form.Tower([entry for column in columns for entry in column])
     table = [normal_form.elements(basis, column) for column in columns]
     fixed = tuple(g for g in basis.letters if _meaning(basis, g).free_symbols <= parameters)
-    rows: list[dict[int, Any]] = []
+    rows: list[_PolyRow] = []
     for equation in zip(*table, strict=True):
         rows += _coefficient_rows(basis, equation, fixed)
     generator = random.Random(_SEED)
@@ -177,13 +180,13 @@ def _meaning(basis: normal_form.Tower, letter: sympy.Symbol) -> sympy.Expr:
 
 
 def _coefficient_rows(
-    basis: normal_form.Tower, equation: Sequence[Any], fixed: tuple[sympy.Symbol, ...]
-) -> list[dict[int, Any]]:
+    basis: normal_form.Tower, equation: Sequence[FracElement], fixed: tuple[sympy.Symbol, ...]
+) -> list[_PolyRow]:
     """One row for each monomial in the letters that are not constant; entries are polynomials in `fixed`."""
     below = reduce(lambda a, b: a.lcm(b), (e.denom for e in equation), basis.ring.one)
     above = [basis.remainder(e.numer * below.exquo(e.denom)) for e in equation]
     constant = [g in fixed for g in basis.letters]
-    rows: dict[tuple[int, ...], dict[int, dict[tuple[int, ...], Any]]] = {}
+    rows: dict[tuple[int, ...], dict[int, dict[tuple[int, ...], sympy.Rational]]] = {}
     for column, polynomial in enumerate(above):
         for powers, number in polynomial.terms():
             key = tuple(0 if c else p for p, c in zip(powers, constant, strict=True))
@@ -213,12 +216,12 @@ class _Shadow:
             else:
                 return
 
-    def _root(self, square: Any) -> int | None:
+    def _root(self, square: PolyElement) -> int | None:
         value = self.number(square)
         root = pow(value, (self.prime + 1) // 4, self.prime)
         return root if root * root % self.prime == value else None
 
-    def number(self, polynomial: Any) -> int:
+    def number(self, polynomial: PolyElement) -> int:
         """The value of a polynomial in the constant letters."""
         total, prime = 0, self.prime
         for powers, number in polynomial.terms():
@@ -229,14 +232,14 @@ class _Shadow:
             total += term
         return total % prime
 
-    def row(self, row: dict[int, Any]) -> dict[int, int]:
+    def row(self, row: _PolyRow) -> dict[int, int]:
         """The entries of the row that are not zero."""
         found = {column: self.number(entry) for column, entry in row.items()}
         return {column: value for column, value in found.items() if value}
 
 
-def _relation(basis: normal_form.Tower, letter: sympy.Symbol) -> Any | None:
-    """What the square of the letter is by the relations; None where it is a free letter or a higher root."""
+def _relation(basis: normal_form.Tower, letter: sympy.Symbol) -> PolyElement | None:
+    """The square of the letter by the relations; None where it is a free letter or a higher root."""
     square = basis.ring.from_expr(letter**2)
     found = basis.remainder(square)
     return found if found != square else None
@@ -286,8 +289,8 @@ class _Echelon:
 
 
 def _exact(
-    basis: normal_form.Tower, rows: Sequence[dict[int, Any]], echelon: _Echelon, free: int
-) -> dict[int, Any] | None:
+    basis: normal_form.Tower, rows: Sequence[_PolyRow], echelon: _Echelon, free: int
+) -> dict[int, FracElement] | None:
     """The null vector with a one in the column `free` as elements of the field, None if it fails a row."""
     support = echelon.support(free)
     prepared = [[rows[n].get(c, basis.ring.zero) for c in (*support, free)] for n in echelon.chosen]
@@ -304,7 +307,9 @@ def _exact(
     return vector
 
 
-def _eliminated(basis: normal_form.Tower, rows: list[list[Any]], count: int) -> list[list[Any]] | None:
+def _eliminated(
+    basis: normal_form.Tower, rows: list[list[PolyElement]], count: int
+) -> list[list[PolyElement]] | None:
     """`count` rows with one entry each in the first `count` columns, without a division of polynomials."""
     for n in range(count):
         found = [i for i in range(n, len(rows)) if rows[i][n]]
@@ -320,13 +325,13 @@ def _eliminated(basis: normal_form.Tower, rows: list[list[Any]], count: int) -> 
     return rows[:count]
 
 
-def _stripped(basis: normal_form.Tower, row: list[Any]) -> list[Any]:
+def _stripped(basis: normal_form.Tower, row: list[PolyElement]) -> list[PolyElement]:
     """The row without the factors its entries share."""
     common = reduce(lambda a, b: a.gcd(b), row, basis.ring.zero)
     return [entry.exquo(common) for entry in row] if common else row
 
 
-def _written(basis: normal_form.Tower, vector: dict[int, Any], size: int) -> tuple[sympy.Expr, ...]:
+def _written(basis: normal_form.Tower, vector: dict[int, FracElement], size: int) -> tuple[sympy.Expr, ...]:
     return tuple(
         guarded.radsimp(basis.expression(vector[n])) if n in vector else sympy.Integer(0) for n in range(size)
     )

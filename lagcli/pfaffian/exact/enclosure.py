@@ -8,10 +8,9 @@ import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 import sympy
-from mpmath.ctx_iv import MPIntervalContext
+from mpmath.ctx_iv import MPIntervalContext, ivmpf
 from mpmath.libmp import ComplexResult
 
 DIGITS = 50
@@ -91,13 +90,13 @@ class Evaluator:
     """Evaluates expressions at one point; shared subexpressions are computed once."""
 
     def __init__(self, point: Point) -> None:
-        self._iv: Any = MPIntervalContext()
+        self._iv = MPIntervalContext()
         self._iv.dps = DIGITS
-        self._memo: dict[sympy.Basic, Any] = {}
+        self._memo: dict[sympy.Basic, ivmpf] = {}
         for symbol, value in point.items():
             self._memo[symbol] = self._iv.mpf(value.numerator) / value.denominator
 
-    def value(self, expression: sympy.Expr) -> Any:
+    def value(self, expression: sympy.Expr) -> ivmpf:
         """The interval of the value. Raises `NoValueError` at poles, off the real domain and for unknown
         functions.
         """
@@ -110,14 +109,14 @@ class Evaluator:
             raise NoValueError("not finite")
         return interval
 
-    def _visit(self, e: sympy.Basic) -> Any:
+    def _visit(self, e: sympy.Basic) -> ivmpf:
         known = self._memo.get(e)
         if known is None:
             known = self._compute(e)
             self._memo[e] = known
         return known
 
-    def _compute(self, e: sympy.Basic) -> Any:
+    def _compute(self, e: sympy.Basic) -> ivmpf:
         iv = self._iv
         if isinstance(e, sympy.Rational):
             return iv.mpf(int(e.p)) / int(e.q)
@@ -139,7 +138,7 @@ class Evaluator:
             return self._power(e)
         return self._function(e)
 
-    def _power(self, e: sympy.Pow) -> Any:
+    def _power(self, e: sympy.Pow) -> ivmpf:
         iv, exponent = self._iv, e.exp
         base = self._visit(e.base)
         if isinstance(exponent, sympy.Integer):
@@ -155,7 +154,7 @@ class Evaluator:
             raise NoValueError("power of a negative number")
         return iv.exp(self._visit(exponent) * iv.log(base))
 
-    def _function(self, e: sympy.Basic) -> Any:
+    def _function(self, e: sympy.Basic) -> ivmpf:
         iv = self._iv
         u = [self._visit(a) for a in e.args] if e.args else []
         if isinstance(e, (sympy.exp, sympy.sinh, sympy.cosh, sympy.tanh)):

@@ -9,12 +9,15 @@ as it is.
 import sys
 from collections.abc import Callable
 from types import TracebackType
-from typing import Any
+from typing import ParamSpec, TypeVar
 
 import sympy
 from sympy.polys.polyerrors import BasePolynomialError
 
 from lagcli.pfaffian.exact import time_limit
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 _LIBRARIES = ("sympy", "mpmath")
 
@@ -42,7 +45,7 @@ class SympyFailure(time_limit.NoAnswerError):
     """SymPy gave up, or broke down, on the input of one call."""
 
 
-def call(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+def call(function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
     """The value of a function or method of SymPy. Raises `SympyFailure`."""
     try:
         return function(*arguments, **options)
@@ -52,13 +55,13 @@ def call(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         raise SympyFailure(f"{function.__name__} failed ({type(error).__name__})") from error
 
 
-def subs(expression: sympy.Expr, *arguments: Any, **options: Any) -> Any:
+def subs(expression: sympy.Expr, *arguments: object, **options: object) -> sympy.Expr:
     """`expression.subs`, guarded."""
     return call(expression.subs, *arguments, **options)
 
 
 def _is_theirs(trace: TracebackType | None) -> bool:
-    """Whether an exception comes from SymPy, or from the standard library at its call."""
+    """True if an exception comes from SymPy, or from the standard library at its call."""
     raisers: list[str] = []
     while trace is not None:
         raisers.append(str(trace.tb_frame.f_globals.get("__name__", "")).partition(".")[0])
@@ -67,8 +70,8 @@ def _is_theirs(trace: TracebackType | None) -> bool:
     return bool(others) and others[-1] in _LIBRARIES
 
 
-def _guarded(function: Callable[..., Any]) -> Callable[..., Any]:
-    def guarded(*arguments: Any, **options: Any) -> Any:
+def _guarded(function: Callable[P, T]) -> Callable[P, T]:
+    def guarded(*arguments: P.args, **options: P.kwargs) -> T:
         return call(function, *arguments, **options)
 
     guarded.__name__ = function.__name__

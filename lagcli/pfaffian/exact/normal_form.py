@@ -16,11 +16,11 @@ distinct monomials, and distinct irreducible w_j.
 from collections.abc import Iterable, Sequence
 from functools import reduce
 from math import gcd, lcm
-from typing import Any
 
 import sympy
+from sympy.polys.fields import FracElement, FracField
 from sympy.polys.groebnertools import groebner
-from sympy.polys.rings import PolyElement, ring
+from sympy.polys.rings import PolyElement, PolyRing, ring
 
 from lagcli.pfaffian.exact import guarded, logarithms, time_limit
 
@@ -29,6 +29,11 @@ MAX_ROOT = 12
 _CIRCULAR = (sympy.sin, sympy.cos, sympy.tan, sympy.cot, sympy.sec, sympy.csc)
 _HYPERBOLIC = (sympy.sinh, sympy.cosh, sympy.tanh)
 _OPAQUE = (sympy.log, sympy.asin, sympy.acos, sympy.atan, sympy.atan2)
+
+
+# The kind of a letter and what it stands for; of a root: its degree, and above and below of what it is taken of.
+_RadicalKey = tuple[str, int, sympy.Expr, sympy.Expr]
+_LetterKey = tuple[str] | tuple[str, sympy.Expr] | tuple[str, sympy.Expr, sympy.Expr] | _RadicalKey
 
 
 class NoNormalFormError(time_limit.NoAnswerError):
@@ -47,7 +52,7 @@ class Tower:
         self.meaning: dict[sympy.Symbol, sympy.Expr] = {}
         self.independent = True
         self._relations: list[sympy.Expr] = []
-        self._known: dict[Any, sympy.Symbol] = {}
+        self._known: dict[_LetterKey, sympy.Symbol] = {}
         self._multiples: dict[tuple[str, sympy.Expr], list[sympy.Rational]] = {}
         self._units: dict[tuple[str, sympy.Expr], sympy.Rational] = {}
         self._logs: dict[sympy.Expr, None] = {}
@@ -65,14 +70,14 @@ class Tower:
         # Later generators stand on earlier ones and come first: the relations lead with their powers.
         order = sorted(letters, key=lambda s: (-rank.get(s, -1), s.name))
         self.letters: tuple[sympy.Symbol, ...] = tuple(order) or (sympy.Dummy("one"),)
-        self.ring: Any = ring(self.letters, sympy.QQ)[0]
-        self.field: Any = self.ring.to_field()
+        self.ring: PolyRing = ring(self.letters, sympy.QQ)[0]
+        self.field: FracField = self.ring.to_field()
         self._ideal: list[PolyElement] = [self._fraction(r).numer for r in self._relations]
         if surface:
             vanishing = [self._fraction(e).numer for e in written[-len(surface) :]]
             self._ideal = guarded.call(groebner, [p for p in (*self._ideal, *vanishing) if p], self.ring)
 
-    def element(self, expression: sympy.Expr) -> Any:
+    def element(self, expression: sympy.Expr) -> FracElement:
         """The expression as a fraction of polynomials, the numerator reduced. `field` element.
 
         Raises `NoNormalFormError` where the denominator vanishes identically, or where the expression is not
@@ -84,25 +89,25 @@ class Tower:
             raise NoNormalFormError(f"{expression} was not known when the tower was built")
         return self.reduced(self._fraction(written))
 
-    def _fraction(self, written: sympy.Expr) -> Any:
+    def _fraction(self, written: sympy.Expr) -> FracElement:
         """An expression in generators as a `field` element, not reduced."""
         try:
             return self.field.from_expr(written)
         except (ValueError, ZeroDivisionError) as error:
             raise NoNormalFormError(f"{self.spoken(written)} is not rational in its generators") from error
 
-    def reduced(self, fraction: Any) -> Any:
+    def reduced(self, fraction: FracElement) -> FracElement:
         """Numerator and denominator replaced by their remainders."""
         denominator = self.remainder(fraction.denom)
         if not denominator:
             raise NoNormalFormError("a denominator vanishes identically")
         return self.field(self.remainder(fraction.numer)) / self.field(denominator)
 
-    def remainder(self, polynomial: Any) -> Any:
+    def remainder(self, polynomial: PolyElement) -> PolyElement:
         """The normal form of a `ring` element modulo the relations."""
         return polynomial.rem(self._ideal) if self._ideal and polynomial else polynomial
 
-    def expression(self, element: Any) -> sympy.Expr:
+    def expression(self, element: FracElement | PolyElement) -> sympy.Expr:
         """The SymPy expression of a `ring` or `field` element."""
         return self.spoken(element.as_expr())
 
@@ -180,7 +185,7 @@ class Tower:
             return self._opaque(e) if plain == e else self._write(plain)
         raise NoNormalFormError(f"{getattr(e.func, '__name__', e)} has no algebraic treatment")
 
-    def _letter(self, key: Any, meaning: sympy.Expr) -> sympy.Symbol:
+    def _letter(self, key: _LetterKey, meaning: sympy.Expr) -> sympy.Symbol:
         if key not in self._known:
             letter = sympy.Dummy(f"g{len(self._known)}")
             self._known[key] = letter
@@ -294,7 +299,7 @@ class Tower:
         above, below = sympy.fraction(guarded.together(self._write(e.args[0])))
         return self._radical(("absolute", 2, guarded.expand(above**2), below), e) / below
 
-    def _radical(self, key: tuple[str, int, sympy.Expr, sympy.Expr], meaning: sympy.Expr) -> sympy.Symbol:
+    def _radical(self, key: _RadicalKey, meaning: sympy.Expr) -> sympy.Symbol:
         _, q, power, below = key
         fresh = key not in self._known
         letter = self._letter(key, self.spoken(below) * meaning)
@@ -304,13 +309,13 @@ class Tower:
 
     def _check_roots(self) -> None:
         """Roots count as independent when no product of some radicands can be a power (else: not evident)."""
-        keys = [key for key in self._known if key[0] == "root"]
+        powers = [key[2] for key in self._known if len(key) == 4 and key[0] == "root"]
         seen: set[sympy.Expr] = set()
-        for _, _, power, _ in keys:
+        for power in powers:
             plain = not (power.free_symbols & set(self.meaning))
             factors = guarded.factor_list(power)[1] if plain else []
             own = [f for f, n in factors if n == 1]
-            if power.is_Rational and len(keys) == 1:
+            if power.is_Rational and len(powers) == 1:
                 continue
             if len(own) != len(factors) or not own or seen & set(own):
                 self.independent = False
@@ -343,6 +348,6 @@ def _log_of_primes(e: sympy.Expr) -> sympy.Expr:
     return sympy.Add(*(n * sympy.log(p) for p, n in powers.items()))
 
 
-def elements(tower: Tower, expressions: Sequence[sympy.Expr]) -> list[Any]:
+def elements(tower: Tower, expressions: Sequence[sympy.Expr]) -> list[FracElement]:
     """`normal_form.element` of each expression."""
     return [tower.element(e) for e in expressions]

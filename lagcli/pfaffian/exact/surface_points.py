@@ -8,10 +8,10 @@ import random
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
 
 import mpmath
 import sympy
+from mpmath.ctx_iv import ivmpf
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import enclosure
@@ -92,9 +92,9 @@ def _landed(
     return None
 
 
-def _middle(interval: Any) -> Any:
+def _middle(interval: ivmpf) -> mpmath.mpf:
     return mpmath.mpf(interval.mid.a) if hasattr(interval.mid, "a") else mpmath.mpf(interval.mid)
 
 
-def _fraction(value: Any) -> Fraction:
+def _fraction(value: mpmath.mpf) -> Fraction:
     return Fraction(int(mpmath.nint(value * _DENOMINATOR)), _DENOMINATOR)

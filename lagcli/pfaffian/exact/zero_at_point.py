@@ -1,4 +1,4 @@
-"""Whether an expression vanishes at a point of doubles, but for the rounding of its coordinates: in one pass.
+"""Tell if an expression vanishes at a point of doubles, but for the rounding of its coordinates: in one pass.
 
 Each value goes with the sum of what it would change by if every coordinate and every intermediate result changed by
 its own size. A value far below that is what cancellation leaves.

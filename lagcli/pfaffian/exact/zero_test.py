@@ -37,7 +37,7 @@ class Finding:
 
 
 def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...] = ()) -> Finding:
-    """Whether the expression vanishes identically, or wherever all expressions of `surface` do.
+    """Tell if the expression vanishes identically, or wherever all expressions of `surface` do.
 
     Ends at `deadline` (monotonic clock, s) with "unknown". On a surface "no" is numeric: a value at points found
     by Newton's method with 50 digits.
@@ -55,7 +55,7 @@ def is_zero_exactly(expression: sympy.Expr, deadline: float) -> Finding:
 def vanish(
     expressions: Iterable[sympy.Expr], deadline: float, surface: tuple[sympy.Expr, ...] = ()
 ) -> Finding:
-    """Whether all the expressions vanish identically: the first that does not decides, then the first
+    """Tell if all the expressions vanish identically: the first that does not decides, then the first
     unknown one.
     """
     doubt: Finding | None = None

@@ -18,9 +18,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import combinations
-from typing import Any
 
 import sympy
+from sympy.polys.fields import FracElement
 
 from lagcli.pfaffian.exact import normal_form, real_bounds, time_limit
 from lagcli.pfaffian.flag.function_field import (
@@ -176,7 +176,7 @@ class _FlagSearch:
             found.append(X)
         return found
 
-    def _curl(self, theta: Sequence[Any], X: Row, Y: Row) -> Any:
+    def _curl(self, theta: Sequence[FracElement], X: Row, Y: Row) -> FracElement:
         """d theta(X, Y) = sum_k X(theta_k) Y_k - Y(theta_k) X_k."""
         terms = []
         for k, a in enumerate(theta):
@@ -200,7 +200,7 @@ class _FlagSearch:
 
     def _beyond(self, last: SolvedForms, surface: SolvedForms) -> tuple[tuple[sympy.Expr, ...], ...]:
         """A basis of I^(oo) without the df: those of its forms that are independent of them."""
-        kept: list[tuple[Any, ...]] = list(surface.rows)
+        kept: list[tuple[FracElement, ...]] = list(surface.rows)
         found = []
         for row in last.rows:
             if self._field.solved([*map(list, kept), list(row)]).count > len(kept):
@@ -217,7 +217,7 @@ class _FlagSearch:
                 return False
         return True
 
-    def _conditions(self, remainders: tuple[Any, ...]) -> Flag:
+    def _conditions(self, remainders: tuple[FracElement, ...]) -> Flag:
         """The g of g dt = 0: their factors that may vanish for some time, which those of time alone do not."""
         own = {self._field.expression(g.numer) for g in remainders}
         divisors, found = tuple(e for e in self._field.divisors if e not in own), []
@@ -234,7 +234,7 @@ class _FlagSearch:
         rows = next((one.rows for one in conditions if not one.factors), self._demanding(None))
         return Flag((), (), (), (), rows, divisors=divisors, conditions=conditions)
 
-    def _demanding(self, g: Any) -> tuple[int, ...]:
+    def _demanding(self, g: FracElement | None) -> tuple[int, ...]:
         """Rows, as few as dropping one after the other leaves, of which a combination is g dt; g None: any multiple."""
         needed = list(range(len(self._declared)))
         for i in list(needed):
@@ -257,7 +257,7 @@ class _FlagSearch:
         parts = [self._field.expression(part) for part, _ in common.factor_list()[1]]
         return tuple(part for part in parts if part.free_symbols & variables and may_vanish(part))
 
-    def _minors(self, values: list[Row], rank: int) -> list[Any]:
+    def _minors(self, values: list[Row], rank: int) -> Row:
         C = len(values[0])
         if rank == 1:
             return [a for row in values for a in row]

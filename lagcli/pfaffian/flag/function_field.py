@@ -9,15 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import sympy
+from sympy.polys.fields import FracElement
+from sympy.polys.rings import PolyElement
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import guarded, normal_form, surface_points, time_limit, zero_test
 from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
-Row = list[Any]  # entries in the field of the tower
+Row = list[FracElement]  # entries in the field of the tower
 Values = Mapping[sympy.Symbol, sympy.Expr]
 
 MAX_TERMS = 3000
@@ -27,7 +28,7 @@ ROUNDING = 1e-12
 
 
 class NotDecidedError(Exception):
-    """What was asked was not found; the text says why."""
+    """An answer was not found; the text says why."""
 
 
 class ExceptionalError(Exception):
@@ -39,11 +40,11 @@ class SolvedForms:
     """Forms solved for their pivots: row i holds 1 in column pivots[i] and 0 in the other pivots."""
 
     pivots: tuple[int, ...]
-    rows: tuple[tuple[Any, ...], ...]
+    rows: tuple[tuple[FracElement, ...], ...]
 
     @property
     def count(self) -> int:
-        """How many forms there are."""
+        """The number of forms."""
         return len(self.pivots)
 
 
@@ -66,14 +67,14 @@ class FunctionField:
         self.zero, self.one = self.basis.field.zero, self.basis.field.one
         self._slopes = self._letters()
         self._constants = self._constant_letters()
-        self._proved: dict[Any, bool] = {}
+        self._proved: dict[FracElement, bool] = {}
         self._exceptional: dict[sympy.Expr, None] = {}
-        self._divisors: dict[Any, None] = {}
-        self.remainders: tuple[Any, ...] = ()
+        self._divisors: dict[PolyElement, None] = {}
+        self.remainders: tuple[FracElement, ...] = ()
 
     @property
     def divisors(self) -> tuple[sympy.Expr | None, ...]:
-        """What was divided by, but for numbers: where none of it vanishes all ranks are those found. None in place of
+        """The divisors, but for numbers: where none of them vanishes all ranks are those found. None in place of
         one that is too long."""
         return tuple(
             self.basis.expression(above) if len(above) <= MAX_DIVISOR else None for above in self._divisors
@@ -93,11 +94,11 @@ class FunctionField:
         """Rows of expressions as elements."""
         return [[self.basis.element(a) for a in row] for row in table]
 
-    def expression(self, a: Any) -> sympy.Expr:
+    def expression(self, a: FracElement | PolyElement) -> sympy.Expr:
         """An element as an expression."""
         return self.basis.expression(a)
 
-    def along(self, X: Row, a: Any) -> Any:
+    def along(self, X: Row, a: FracElement) -> FracElement:
         """X(a) = sum_k X_k da/dx_k."""
         terms = []
         for X_k, slopes in zip(X, self._slopes, strict=True):
@@ -105,14 +106,14 @@ class FunctionField:
                 terms += [(X_k * slope, self._partial(a, g)) for g, slope in slopes.items()]
         return self.sum(terms)
 
-    def _partial(self, a: Any, generator: Any) -> Any:
+    def _partial(self, a: FracElement, generator: PolyElement) -> FracElement:
         field = self.basis.field
         above, below = a.numer, a.denom
         rise = field(above.diff(generator)) / field(below)
         fall = below.diff(generator)
         return rise if not fall else rise - field(above) * field(fall) / field(below) ** 2
 
-    def sum(self, products: Any) -> Any:
+    def sum(self, products: Iterable[tuple[FracElement, FracElement]]) -> FracElement:
         total = self.zero
         for a, b in products:
             if a and b:
@@ -123,7 +124,7 @@ class FunctionField:
             raise NotDecidedError("the expressions grow too large")
         return self.basis.reduced(total)
 
-    def checked(self, a: Any) -> Any:
+    def checked(self, a: FracElement) -> FracElement:
         """The element, with a proof that it is not zero unless it is. Raises `NotDecidedError`."""
         if not a or a.numer.is_ground or (self.basis.independent and not self._block.surface):
             return a
@@ -140,7 +141,7 @@ class FunctionField:
             )
         return zero_test.is_zero(expression, self._deadline).truth is zero_test.Truth.NO
 
-    def solved(self, rows: Sequence[Sequence[Any]], last: int = -1) -> SolvedForms:
+    def solved(self, rows: Sequence[Sequence[FracElement]], last: int = -1) -> SolvedForms:
         """Reduced echelon form; pivots are taken where they are simplest, in the column `last` only at last."""
         left = [list(row) for row in rows]
         done: list[Row] = []
@@ -169,10 +170,10 @@ class FunctionField:
         order = sorted(range(len(pivots)), key=lambda i: pivots[i])
         return SolvedForms(tuple(pivots[i] for i in order), tuple(tuple(done[i]) for i in order))
 
-    def _letters(self) -> list[dict[Any, Any]]:
+    def _letters(self) -> list[dict[PolyElement, FracElement]]:
         """d letter/d variable for every variable, without zeros."""
         basis = self.basis
-        found: list[dict[Any, Any]] = []
+        found: list[dict[PolyElement, FracElement]] = []
         for x in self._block.variables:
             slopes = {}
             for letter, generator in zip(basis.letters, basis.ring.gens, strict=True):
@@ -193,7 +194,7 @@ class FunctionField:
                 found[place] = float(number) if number.is_real else math.nan
         return found
 
-    def require_regular(self, a: Any) -> None:
+    def require_regular(self, a: FracElement) -> None:
         """Note it as a divisor, and its factors of parameters alone; raise `ExceptionalError` where it vanishes for the
         values."""
         if not a.numer.is_ground:
@@ -225,7 +226,7 @@ def may_vanish(part: sympy.Expr) -> bool:
 
 
 def _weight(rows: list[Row], i: int, k: int) -> tuple[bool, int, int, int]:
-    """How little a pivot is liked: constants first, then short entries in thin rows and columns."""
+    """The order of pivots: constants first, then short entries in thin rows and columns."""
     a = rows[i][k]
     constant = a.numer.is_ground and a.denom.is_ground
     spread = sum(1 for row in rows if row[k])

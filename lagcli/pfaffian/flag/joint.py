@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -56,13 +55,17 @@ class Solution:
     unsolved: tuple[sympy.Expr, ...]
 
 
+# The rows, surface and parameters of a block whose coordinates are numbered.
+_Pattern = tuple[tuple[tuple[sympy.Expr, ...], ...], tuple[sympy.Expr, ...], tuple[sympy.Symbol, ...]]
+
+
 class JointClassifier:
     """Flags and first integrals of blocks, each kind of them once: those that differ in names alone are told."""
 
     def __init__(self) -> None:
         self._places: list[sympy.Symbol] = []
-        self._flags: dict[Any, tuple[PfaffianBlock, Flagged]] = {}
-        self._solutions: dict[Any, tuple[PfaffianBlock, Solution]] = {}
+        self._flags: dict[_Pattern, tuple[PfaffianBlock, Flagged]] = {}
+        self._solutions: dict[_Pattern, tuple[PfaffianBlock, Solution]] = {}
 
     def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
         """As `flagged`."""
@@ -86,7 +89,7 @@ class JointClassifier:
         known, solved = self._solutions[pattern]
         return solved if known is block else _Renaming(known, block).solution(solved)
 
-    def _pattern(self, block: PfaffianBlock) -> Any:
+    def _pattern(self, block: PfaffianBlock) -> _Pattern:
         """The block with its coordinates numbered instead of named."""
         for n in range(len(self._places), len(block.variables)):
             self._places.append(sympy.Dummy(f"x{n}", real=True))
@@ -270,7 +273,7 @@ class _Independent:
         return found
 
 
-def _points(block: PfaffianBlock) -> list[dict[sympy.Symbol, Any]]:
+def _points(block: PfaffianBlock) -> Sequence[enclosure.Point]:
     """Some points of the surface, or of all space where there is none."""
     symbols = (*block.variables, *block.parameters)
     if block.surface:

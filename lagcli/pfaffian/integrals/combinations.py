@@ -11,15 +11,17 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
 from math import comb, lcm
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.integrals import sampling
+
+Floats = npt.NDArray[np.float64]
 
 MAX_MONOMIALS = 330
 _SPARE, _NEAR = 12, 4
@@ -93,9 +95,9 @@ class Numbers:
     that add up to them, slopes (N, C, near) the derivatives for the pivots at a few of the points.
     """
 
-    along: Any
-    terms: Any
-    slopes: Any
+    along: Floats
+    terms: Floats
+    slopes: Floats
 
 
 class CombinationField:
@@ -114,7 +116,7 @@ class CombinationField:
         self.sample = sampling.draw(probes, frame.variables, frame.parameters, count, surface)
         self._solved = [[self.sample.of(e) for e in row] for row in frame.solved]
 
-    def derivatives(self, function: sympy.Expr) -> tuple[Any, Any, Any]:
+    def derivatives(self, function: sympy.Expr) -> tuple[Floats, Floats, Floats]:
         """X_j(function) (n - C, points), the size of its terms, and the derivatives for the pivots (C, points)."""
         frame = self.frame
         slopes = [self.sample.of(forms.partial(function, frame.variables[p])) for p in frame.pivots]
@@ -127,7 +129,9 @@ class CombinationField:
                 sizes.append(sum(abs(e) for e in terms))
         return np.array(rates), np.array(sizes), np.array(slopes)
 
-    def monomials(self, letters: Alphabet, chosen: Sequence[tuple[int, ...]], weight: Any = None) -> Numbers:
+    def monomials(
+        self, letters: Alphabet, chosen: Sequence[tuple[int, ...]], weight: Floats | None = None
+    ) -> Numbers:
         """The numbers of the monomials m; `weight` (n - C, points): of X_j(m) - weight_j m instead."""
         values = np.array([self.sample.of(g) for g in letters.letters])
         found = [self.derivatives(g) for g in letters.letters]
@@ -218,7 +222,7 @@ class Known:
     def __init__(self, field: CombinationField, taken: Sequence[sympy.Expr]) -> None:
         self._taken = list(field.functions(taken).slopes) if taken else []
 
-    def is_new(self, slopes: Any) -> bool:
+    def is_new(self, slopes: Floats) -> bool:
         """True if the slopes (C, near) are independent of those taken, at one of the points."""
         for n in range(slopes.shape[1]):
             matrix = np.array([t[:, n] for t in (*self._taken, slopes)])
@@ -232,14 +236,14 @@ class Known:
                 return True
         return False
 
-    def take(self, slopes: Any) -> None:
+    def take(self, slopes: Floats) -> None:
         """Add what was accepted."""
         self._taken.append(slopes)
 
 
 def proposals(
     frame: frames.KernelFrame, numbers: Numbers, functions: Sequence[sympy.Expr], known: Known
-) -> Iterator[tuple[sympy.Expr, Any]]:
+) -> Iterator[tuple[sympy.Expr, Floats]]:
     """Combinations of the functions that seem to be new first integrals, simple ones first, with their slopes."""
     found = null_vectors(numbers)
 
@@ -249,7 +253,7 @@ def proposals(
 
     for vector in sorted(found, key=length):
         with _unbounded():
-            slopes: Any = sum(c * numbers.slopes[i] for i, c in vector.items())
+            slopes = np.asarray(sum(c * numbers.slopes[i] for i, c in vector.items()))
         if known.is_new(slopes):
             phi = exact(vector, functions, frame.rates, constants_of(frame))
             if phi is not None:

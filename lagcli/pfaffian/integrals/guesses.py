@@ -57,7 +57,7 @@ def monomials(quest: IntegralSearch, letters: combinations.Alphabet, degrees: Se
 
 
 def turned(quest: IntegralSearch, slot: float) -> Proposals:
-    """The same with the sines and cosines of coordinates that the frame does not depend on, where others have some."""
+    """Guesses with the sines and cosines of coordinates that the frame does not depend on, where others have some."""
     occurring = set().union(*(e.free_symbols for e in quest.entries))
     cyclic = [x for x in quest.frame.variables if x not in occurring and x.name != elimination.TIME]
     angles = set().union(*(e.atoms(sympy.sin, sympy.cos) for e in quest.entries))

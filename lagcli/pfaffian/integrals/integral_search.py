@@ -81,7 +81,7 @@ class IntegralSearch:
                 time_limit.run(self._deadline, partial(self._take, strategy, self._deadline), budget)
 
     def smaller(self, block: blocks.PfaffianBlock, slot: float) -> list[SearchResult]:
-        """What the same search finds for another block."""
+        """The findings of this search for another block."""
         return pursued(block, self._ways, slot)
 
     def _prepare(self) -> None:
@@ -104,7 +104,7 @@ class IntegralSearch:
 
     @property
     def integrals(self) -> list[sympy.Expr]:
-        """What is known to be constant: the surface and what was found."""
+        """The known constants of motion: the surface and what was found."""
         return [*self._whole, *(f.integral for f in self.found)]
 
     def alphabet(self, *more: sympy.Expr) -> combinations.Alphabet:

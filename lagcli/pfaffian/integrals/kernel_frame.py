@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import sympy
+from sympy.polys.fields import FracElement
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import guarded, normal_form, zero_test
@@ -106,7 +106,7 @@ def of(
     )
 
 
-def _size(element: Any) -> int:
+def _size(element: FracElement) -> int:
     return len(element.numer.terms()) + len(element.denom.terms()) + sum(map(sum, element.numer.monoms()))
 
 

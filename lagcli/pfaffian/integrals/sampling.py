@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import time_limit
 
-Values = Any
-"""A NumPy array of shape (points,)."""
+Values = npt.NDArray[np.float64]
+"""Of shape (points,)."""
 
-_FUNCTIONS: dict[Any, Callable[..., Values]] = {
+_FUNCTIONS: dict[type[sympy.Function], Callable[..., Values]] = {
     sympy.sin: np.sin, sympy.cos: np.cos, sympy.tan: np.tan,
     sympy.asin: np.arcsin, sympy.acos: np.arccos, sympy.atan: np.arctan, sympy.atan2: np.arctan2,
     sympy.sinh: np.sinh, sympy.cosh: np.cosh, sympy.tanh: np.tanh,
@@ -40,7 +40,7 @@ class RandomSample:
             s: generator.uniform(*span, count) for s in sorted(symbols, key=lambda s: s.name)
         }
 
-    def kept(self, which: Values) -> None:
+    def kept(self, which: npt.NDArray[np.intp]) -> None:
         """Keep the points `which` (indices) only."""
         self._known = {s: v[which] for s, v in self._known.items() if s.is_Symbol}
         self.count = len(which)
@@ -91,7 +91,7 @@ class RandomSample:
         if isinstance(e, sympy.Add):
             return sum(u[1:], u[0])
         if isinstance(e, sympy.Mul):
-            return np.prod(u, axis=0)
+            return np.asarray(np.prod(u, axis=0))
         if isinstance(e, sympy.Pow):
             return u[0] ** (int(e.exp) if e.exp.is_Integer else u[1])
         if type(e) in _FUNCTIONS:

@@ -23,7 +23,7 @@ MAX_INVERSE = 90
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """What a logarithm is made of: phi or log mu = sum a_j log(factors[j]) + sum b_l summands[l]."""
+    """The pieces of a logarithm: phi or log mu = sum a_j log(factors[j]) + sum b_l summands[l]."""
 
     factors: tuple[sympy.Expr, ...]
     summands: tuple[sympy.Expr, ...]

@@ -12,9 +12,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
-from typing import Any, Literal
+from typing import Literal
 
 import sympy
+from sympy.polys.rings import PolyElement
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import printing
@@ -47,7 +48,7 @@ class FrobeniusWitness:
 
 @dataclass(frozen=True, slots=True)
 class FormVerdict:
-    """What is proved of one form.
+    """The proved facts of one form.
 
     `integrating_factor` * omega = d `integral`, both None where no closed form is known; the factor of an
     exact form is 1. `method` is a sentence for the user. `exceptional` holds expressions of the parameters
@@ -177,7 +178,7 @@ def _search(form: forms.Form, deadline: float) -> integrating_factors.FactorResu
 
 
 def _frobenius(form: forms.Form, deadline: float) -> FormVerdict:
-    """Whether omega ^ d omega = 0. With one A_k != 0 the components that hold k suffice."""
+    """Tell if omega ^ d omega = 0. With one A_k != 0 the components that hold k suffice."""
     k = min(
         (i for i, a in enumerate(form.coefficients) if a != 0),
         key=lambda i: (form.coefficients[i].count_ops(), i),
@@ -260,7 +261,7 @@ def _shared_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
         if above and above.is_ground:
             return ()
 
-    def factors_of(common: Any) -> dict[sympy.Expr, None]:
+    def factors_of(common: PolyElement) -> dict[sympy.Expr, None]:
         return dict.fromkeys(_plain_zero(basis.expression(p)) for p, _ in common.factor_list()[1])
 
     jumps = factors_of(below)  # |u|/u jumps where u = 0 and does not vanish
@@ -270,7 +271,7 @@ def _shared_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
 
 
 def _plain_zero(factor: sympy.Expr) -> sympy.Expr:
-    """What vanishes where |u| or a root of u does: u."""
+    """The expression that vanishes where |u| or a root of u does: u."""
     while isinstance(factor, sympy.Abs) or (factor.is_Pow and factor.exp.is_positive):
         factor = factor.args[0]
     return -factor if factor.could_extract_minus_sign() else factor

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from functools import reduce
 from math import lcm
-from typing import Any
 
 import sympy
 
@@ -18,7 +17,7 @@ WRITABLE = (
 """The functions an integral may hold: those of the model format."""
 
 _SUBSTITUTIONS = 8
-_TABLE: dict[Any, Callable[[sympy.Expr], sympy.Expr]] = {
+_TABLE: dict[type[sympy.Function], Callable[[sympy.Expr], sympy.Expr]] = {
     sympy.sin: lambda u: -sympy.cos(u),
     sympy.cos: sympy.sin,
     sympy.sinh: sympy.cosh,
@@ -97,7 +96,7 @@ def _variants(expression: sympy.Expr, x: sympy.Symbol) -> Iterator[sympy.Expr]:
 
 
 def _masked(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
-    """What is constant goes under a name of its own: sin(y) would only burden the algebra."""
+    """Put what is constant under a name of its own: sin(y) would only burden the algebra."""
     fixed = [
         e for e in expression.atoms(sympy.Function, sympy.Pow) if not e.has(x) and not _is_rational_power(e)
     ]
