@@ -42,7 +42,7 @@ CHANGE, SHORTEST = 0.25, 2.0**-36
 BETWEEN = 0.5
 
 
-class Switch(NamedTuple):
+class SwitchSpan(NamedTuple):
     """A time at which a function of t switches, to rounding: it does between these two."""
 
     before: float
@@ -74,7 +74,7 @@ class Timetable:
         # All up to a time is known; pieces from there on that are looked through next, the first last.
         self._known = -math.inf
         self._open: list[tuple[float, float, int]] = []
-        self._switches: list[Switch] = []
+        self._switches: list[SwitchSpan] = []
         self._stations: list[float] = []
         size = 1 if functions is None else functions.size
         self._halvings = max(0, MOST_HALVINGS - size.bit_length())
@@ -152,11 +152,11 @@ class Timetable:
             )
         self._known = high
 
-    def _found(self, begin: float, high: float) -> tuple[list[Switch] | None, list[float] | None]:
+    def _found(self, begin: float, high: float) -> tuple[list[SwitchSpan] | None, list[float] | None]:
         """The switches and stations between two times, kept for the next run; None where there is too much."""
         assert self._functions is not None
         kept, span = self._functions.kept, (begin, high)
-        found: tuple[list[Switch] | None, list[float] | None] | None = kept.get((*span, self._piece))
+        found: tuple[list[SwitchSpan] | None, list[float] | None] | None = kept.get((*span, self._piece))
         if found is None:
             switches = _switches(self._functions, span, GRAIN * self._piece)
             found = switches, _stations(self._functions, self._functions.waves, span)
@@ -164,17 +164,17 @@ class Timetable:
                 kept[*span, self._piece] = found
         return found
 
-    def _add(self, switches: list[Switch], stations: list[float]) -> None:
+    def _add(self, switches: list[SwitchSpan], stations: list[float]) -> None:
         for switch in switches:
             last = self._switches[-1] if self._switches else None
             if last is not None and switch.before <= last.after:
-                self._switches[-1] = Switch(last.before, max(last.after, switch.after))
+                self._switches[-1] = SwitchSpan(last.before, max(last.after, switch.after))
             else:
                 self._switches.append(switch)
         self._stations += stations
 
 
-def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float) -> list[Switch] | None:
+def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float) -> list[SwitchSpan] | None:
     """The switches between two times; None where there is too much to look at."""
     if not functions.switches:
         return []
@@ -222,15 +222,15 @@ def _crowded(left: Floats, right: Floats) -> npt.NDArray[np.bool_]:
     return np.asarray(np.bincount(numbers)[numbers] > RUN)
 
 
-def _joined(cells: list[tuple[float, float]] | list[Switch], grain: float) -> list[Switch]:
+def _joined(cells: list[tuple[float, float]] | list[SwitchSpan], grain: float) -> list[SwitchSpan]:
     """Cells as switches, with some roundings aside; those that nearly touch as one."""
-    found: list[Switch] = []
+    found: list[SwitchSpan] = []
     for a, b in sorted(cells):
         aside = ASIDE * max(math.ulp(max(abs(a), abs(b))), grain) if grain else 0.0
         if found and a - 4 * aside <= found[-1].after:
-            found[-1] = Switch(found[-1].before, max(found[-1].after, b + aside))
+            found[-1] = SwitchSpan(found[-1].before, max(found[-1].after, b + aside))
         else:
-            found.append(Switch(a - aside, b + aside))
+            found.append(SwitchSpan(a - aside, b + aside))
     return found
 
 

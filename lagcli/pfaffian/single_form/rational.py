@@ -15,7 +15,7 @@ from lagcli.pfaffian.exact import guarded
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class RationalWay:
     """The integrand as a rational function of `new`, with the weight dx/d(new) in it; `back` is `new` in x."""
 
     integrand: sympy.Expr
@@ -23,7 +23,7 @@ class Way:
     back: sympy.Expr
 
 
-def ways(e: sympy.Expr, x: sympy.Symbol) -> Iterator[Way]:
+def ways(e: sympy.Expr, x: sympy.Symbol) -> Iterator[RationalWay]:
     """The substitutions that fit; all symbols are positive."""
     turned = [f for f in e.atoms(sympy.sin, sympy.cos, sympy.tan) if f.has(x)]
     roots = [
@@ -35,7 +35,7 @@ def ways(e: sympy.Expr, x: sympy.Symbol) -> Iterator[Way]:
         yield from _roots(e, x, roots)
 
 
-def _tangent(e: sympy.Expr, x: sympy.Symbol, turned: list[sympy.Expr]) -> Iterator[Way]:
+def _tangent(e: sympy.Expr, x: sympy.Symbol, turned: list[sympy.Expr]) -> Iterator[RationalWay]:
     """tan u, for what is the same at u + pi."""
     u = min((f.args[0] for f in turned), key=lambda a: (a.count_ops(), str(a)))
     slope = sympy.diff(u, x)
@@ -51,10 +51,10 @@ def _tangent(e: sympy.Expr, x: sympy.Symbol, turned: list[sympy.Expr]) -> Iterat
     above, below = (
         sum((a * (1 + new**2) ** (-(n // 2)) for (n,), a in part.terms()), sympy.Integer(0)) for part in parts
     )
-    yield Way(guarded.cancel(above / (below * slope * (1 + new**2))), new, sympy.tan(u))
+    yield RationalWay(guarded.cancel(above / (below * slope * (1 + new**2))), new, sympy.tan(u))
 
 
-def _roots(e: sympy.Expr, x: sympy.Symbol, roots: list[sympy.Expr]) -> Iterator[Way]:
+def _roots(e: sympy.Expr, x: sympy.Symbol, roots: list[sympy.Expr]) -> Iterator[RationalWay]:
     """The root of one polynomial of the first or second degree, or the quotient of two roots of the first."""
     new, r = sympy.Dummy("s", positive=True), sympy.Dummy("r", positive=True)
     bases = sorted({p.base for p in roots}, key=str)
@@ -131,7 +131,7 @@ def plain(integral: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     return sympy.Add(integral, -sympy.Add(*algebraic), written.xreplace({r: sympy.sqrt(square)}))
 
 
-def _way(integrand: sympy.Expr, new: sympy.Symbol, back: sympy.Expr) -> Iterator[Way]:
+def _way(integrand: sympy.Expr, new: sympy.Symbol, back: sympy.Expr) -> Iterator[RationalWay]:
     written = guarded.cancel(guarded.together(integrand))
     if written.is_rational_function(new):
-        yield Way(written, new, back)
+        yield RationalWay(written, new, back)
