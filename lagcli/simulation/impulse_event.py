@@ -1,13 +1,16 @@
-"""Jumps of a potential, the Lagrangian or a place within a step: the force there is an impulse, and the run ends."""
+"""Jumps of a potential, the Lagrangian or a place as an `Event`: the force there is an impulse, and the run ends."""
 
 from __future__ import annotations
 
+from typing import Self
+
 from lagcli.equations.energy_jumps import Crossings, Way
 from lagcli.simulation import jump_curve
+from lagcli.simulation.event import Event
 from lagcli.simulation.stepper import Stepper
 
 
-class ImpulseEvent:
+class ImpulseEvent(Event):
     """A jump of what the equations take for smooth."""
 
     def __init__(self, stepper: Stepper, crossings: Crossings) -> None:
@@ -16,15 +19,17 @@ class ImpulseEvent:
         self._curve = jump_curve.StepCurve(self._functions, stepper)
 
     @classmethod
-    def of(cls, stepper: Stepper) -> ImpulseEvent | None:
-        """That of a run; None where nothing can jump."""
+    def of(cls, stepper: Stepper) -> Self | None:
+        """See `Event`."""
         jumps = stepper.bound.held.integrals.system.jumps
         crossings = None if jumps is None else jumps.crossings
         return None if crossings is None else cls(stepper, crossings)
 
     def cut(self) -> None:
-        """End the step just found where something jumps in it."""
+        """See `Event`."""
         run, found = self._stepper, self._stepper.found
+        if found.is_still:
+            return
         if not self._curve.is_of(run):
             self._curve = jump_curve.StepCurve(self._functions, run)
         if found.passage is None and not found.has_dense:

@@ -20,7 +20,7 @@ from lagcli.simulation import grid as grids
 from lagcli.simulation import line_functions, run_start
 from lagcli.simulation.angle_turns import Turns
 from lagcli.simulation.checkpoint import CheckpointError, RunState
-from lagcli.simulation.event import Event, SwitchEvent
+from lagcli.simulation.event import Event
 from lagcli.simulation.impulse_event import ImpulseEvent
 from lagcli.simulation.invariants import EnforcedInvariants
 from lagcli.simulation.row_writer import RowWriter
@@ -29,11 +29,14 @@ from lagcli.simulation.run_stop import RunStop, StepFailure, Stop
 from lagcli.simulation.singular_event import SingularEvent
 from lagcli.simulation.statistics import Figures, RunStatistics
 from lagcli.simulation.stepper import Stepper
+from lagcli.simulation.switch_event import SwitchEvent
 
 Floats = npt.NDArray[np.float64]
 
 BLOCK_VALUES = 2**16  # numbers in a block of rows
 PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed out: for progress and interrupts
+# In the order in which they are asked; the first that finds a step leaves none to the others.
+EVENTS: tuple[type[Event], ...] = (SwitchEvent, SingularEvent, ImpulseEvent)
 
 
 def start(
@@ -110,9 +113,8 @@ class Run:
     ) -> None:
         self._stepper, self._writer, self._begin = stepper, writer, begin
         self._row, self.passed_over = row, passed_over
-        self._switches: Event | None = SwitchEvent(stepper) if stepper.timetable.is_any else None
-        self._singular: Event = SingularEvent(stepper)
-        self._impulses = ImpulseEvent.of(stepper)
+        found = (kind.of(stepper) for kind in EVENTS)
+        self._events = tuple(event for event in found if event is not None)
 
     @property
     def origin(self) -> float:
@@ -216,12 +218,13 @@ class Run:
             self._find_step()
 
     def _find_step(self) -> None:
-        if self._switches is not None and self._switches.passes():
-            return
-        if not self._singular.passes():
+        for event in self._events:
+            if event.passes():
+                break
+        else:
             self._stepper.advance()
-        if self._impulses is not None:
-            self._impulses.cut()
+        for event in self._events:
+            event.cut()
 
     def _stopped(self, failure: StepFailure) -> Stop:
         t = self.origin + self.t

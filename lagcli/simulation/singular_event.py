@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Self
 
 import numpy as np
 
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
 from lagcli.simulation import collocation, rank_dip, singularity_step, stop_diagnosis
+from lagcli.simulation.event import Event
 from lagcli.simulation.run_stop import SINGULAR, StepFailure
 from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.singularity_step import Crossing
 from lagcli.simulation.stepper import LANDING, Stepper
 
 
-class SingularEvent:
+class SingularEvent(Event):
     """A configuration at which rows become dependent."""
 
     def __init__(self, stepper: Stepper) -> None:
         self._stepper = stepper
+
+    @classmethod
+    def of(cls, stepper: Stepper) -> Self:
+        """See `Event`."""
+        return cls(stepper)
 
     def passes(self) -> bool:
         """See `Event`."""
