@@ -1,6 +1,7 @@
 """The seam for schemes: one that is written here is taken by its name, and every column of its table has its order."""
 
 import itertools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +112,22 @@ def test_all_schemes_have_their_names() -> None:
         found: Method = method.of(Simulation(method=name))
         assert found.name == (settings.METHOD_NAMES[0] if name == "auto" else name)
     assert keys.FORMAT.key("simulation").key("method").holds == "`auto` or `dop853`"
+
+
+def test_a_scheme_of_another_program_is_told_which_there_are(rk4: str) -> None:
+    """The sentences hold with another scheme beside the first."""
+    for name in ("ode45", "radau", "rattle"):
+        ((key, sentence),) = settings.faults(Simulation(method=name))
+        assert key == "method"
+        assert f"there are auto, dop853, {rk4}: " in sentence
+        assert not re.search(r"is the explicit|there is no (implicit|symplectic)|one scheme", sentence)
+
+
+def test_the_page_on_schemes_shows_the_one_that_is_tested() -> None:
+    root = Path(__file__).resolve().parent.parent
+    page = (root / "docs" / "how-to" / "add-a-scheme.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert shown in (root / "tests" / "runge_kutta_4.py").read_text(encoding="utf-8")
+    told = page.replace(shown, "")
+    for name in ("step", "dense", "interpolated", "order", "evaluations", "dense_evaluations"):
+        assert f"`{name}`" in told, name

@@ -14,11 +14,11 @@ if TYPE_CHECKING:  # the command line reads the bounds before it has to load num
 # Of the schemes there are, each a file of `simulation` with a line in `method.METHODS`; `auto` is the first.
 METHOD_NAMES = ("dop853",)
 METHODS = ("auto", *METHOD_NAMES)
-# Schemes of other programs, and what there is to say to who looks for one.
+# Schemes of other programs, and what there is to say to who looks for one, after the names there are.
 _ELSEWHERE = {
     **dict.fromkeys(
         ("rk", "rk4", "rk23", "rk45", "rkf45", "dopri5", "ode45", "tsit5", "heun", "midpoint", "euler"),
-        "dop853 is the explicit Runge-Kutta scheme here, of order 8",
+        "dop853 is an explicit Runge-Kutta scheme too, of order 8",
     ),
     **dict.fromkeys(
         (
@@ -34,11 +34,11 @@ _ELSEWHERE = {
             "implicit",
             "backward_euler",
         ),
-        "there is no implicit scheme for stiff forces: turn the stiffest springs into constraints, or soften them",
+        "none of these is implicit, for stiff forces: turn the stiffest springs into constraints, or soften them",
     ),
     **dict.fromkeys(
         ("verlet", "leapfrog", "stormer", "rattle", "shake", "symplectic", "variational", "symplectic_euler"),
-        "there is no symplectic scheme: dop853 is held on the constraints by projection, and its account states the"
+        "none of these is symplectic: states are held on the constraints by projection, and the account states the"
         " energy balance",
     ),
 }
