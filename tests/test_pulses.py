@@ -603,7 +603,21 @@ def test_a_function_that_is_too_busy_hides_no_other_one() -> None:
     assert run["a.vy"][-1] == pytest.approx(impulse / 2, rel=1e-10)
 
 
-@pytest.mark.parametrize("force", ["1/(t - 5.0371)", "1/abs(t - 5)", "1/sqrt(abs(t - 5))", "tan(t/3.2)"])
+@pytest.mark.parametrize(
+    "force",
+    [
+        "1/(t - 5.0371)",
+        "1/abs(t - 5)",
+        "1/sqrt(abs(t - 5))",
+        "tan(t/3.2)",
+        "(t - 5.0371)**(-1)",
+        "1/(t - 5)**2",
+        "(t - 5)**(-2)",
+        "0.01*(t - 5.003)**(-2)",
+        "(1 + a.y)/(t - 5)**3",
+        "(1 + a.y)*(t - 5)**(-3)",
+    ],
+)
 def test_a_run_does_not_go_on_beyond_a_pole_of_a_force(force: str) -> None:
     with pytest.raises(lagcli.SimulationStopped, match="a function of t has a pole") as stopped:
         lagcli.simulate(lagcli.loads(free(force)))

@@ -340,8 +340,9 @@ class _Algebra:
         return self._record.combine("divide", left, right)
 
     def power(self, node: tree.Node, base: _Value, exponent: _Value) -> _Value:
-        """base ** exponent; one that is not whole has a kink at zero."""
-        if exponent.number is None or not (exponent.number[0] == np.round(exponent.number[0])).all():
+        """base ** exponent; one that is not whole has a kink at zero, and one below zero a pole, as a divisor."""
+        least = exponent.number[0] if exponent.number is not None else None
+        if least is None or not ((least >= 0.0) & (least == np.round(least))).all():
             self._record.switch(base)
         return self._record.combine("power", base, exponent)
 

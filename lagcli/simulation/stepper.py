@@ -12,14 +12,14 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.energy_jumps import Jump
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
-from lagcli.simulation import invariants, method, step_tolerance, stop_diagnosis
+from lagcli.simulation import invariants, method, step_tolerance, stop_diagnosis, switch_states
 from lagcli.simulation.angle_turns import Turns
 from lagcli.simulation.bound_scheme import BoundRows, BoundStep
 from lagcli.simulation.checkpoint import RunState
 from lagcli.simulation.controller import GROW, PACE, StepController
 from lagcli.simulation.grid import Grid
 from lagcli.simulation.invariants import EnforcedInvariants
-from lagcli.simulation.run_stop import TOO_SMALL, StepFailure
+from lagcli.simulation.run_stop import NOT_FINITE, TOO_SMALL, StepFailure
 from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.singularity_step import SingularStep
 from lagcli.simulation.statistics import Figures, RunStatistics
@@ -315,6 +315,8 @@ class Stepper:
             end = self.grid.end
             advanced = control.lags(self.t, end)
             if advanced is not None:
+                if self._is_before_pole():
+                    raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
                 here = self.state_at(self.t, bound.y)
                 raise stop_diagnosis.hopeless(bound.held, here, PACE, advanced, end - self.t)
 
@@ -327,6 +329,20 @@ class Stepper:
     def _no_step(self, error: float, residual: float) -> StepFailure:
         bound, grid = self.bound, self.grid
         here, ahead = self.state_at(self.t, bound.y), self.state_at(self.t + bound.h[0], bound.new)
+        if self._is_before_pole():
+            return StepFailure(stop_diagnosis.POLE, NOT_FINITE)
         is_soon = self.foreseen.instant - self.t < stop_diagnosis.SOON * (grid.end - grid.start)
         tried = stop_diagnosis.Rejection(error, residual, here, ahead, *self.watch.nearness, is_soon)
         return stop_diagnosis.no_step(bound.held, tried, LANDING)
+
+    def _is_before_pole(self) -> bool:
+        """True if a function of t ahead is the reason: y' grows without bound towards its switch."""
+        bound, grid, t = self.bound, self.grid, self.t
+        ahead = self.timetable.ahead(t, t + stop_diagnosis.SOON * (grid.end - grid.start))
+        if ahead is None:
+            return False
+        # At the distance from it, three times and nine times as far.
+        times = (ahead - part * (ahead - t) for part in (1.0, 3.0, 9.0))
+        rates = [np.array(bound.numeric.rhs(at, bound.y, bound.held.p)).ravel() for at in times]
+        self.account.evaluations += len(rates)
+        return switch_states.is_pole(rates)

@@ -115,6 +115,10 @@ class Timetable:
             return None
         return max(t, before + (after - before) / 2), after
 
+    def ahead(self, t: float, until: float) -> float | None:
+        """The first switch after t, known so far, and not after another time."""
+        return next((switch.before for switch in self._switches if t < switch.before <= until), None)
+
     def _learn(self, t: float, until: float) -> None:
         """Find what is not known yet between two times, as far as the next step from the first may need it."""
         limit = until + STILL * math.ulp(until)
