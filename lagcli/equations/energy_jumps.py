@@ -141,7 +141,7 @@ class EnergyJumps:
                 values.append(value)
         if not kept:
             return None
-        arguments = ca.densify(ca.vertcat(*(switch.argument for _, switch in found)))
+        arguments = ca.densify(ca.vertcat(*(switch.watched for _, switch in found)))
         return Crossings(
             tuple(kept),
             tuple(switch.word for _, switch in found),

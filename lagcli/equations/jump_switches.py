@@ -25,11 +25,13 @@ _WORDS = {
 class Switch:
     """A function that may jump where its `argument`, an SX (1, 1), changes its sign.
 
-    shape: a number, the same where arguments differ in their numbers and variables only, as those of siblings.
+    watched: the same for a run, which passes the places where the sign does no harm; shape: a number, the same where
+    arguments differ in their numbers and variables only, as those of siblings.
     """
 
     word: str
     argument: ca.SX
+    watched: ca.SX
     shape: int
 
 
@@ -51,8 +53,11 @@ def of(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
             word, place = _WORDS[op]
             shape, bounds, is_moving = parts[place]
             if is_moving and not value_bounds.is_one_sided(bounds):
-                argument = expression().dep(place)
-                found.setdefault((word, argument.element_hash()), Switch(word, argument, shape))
+                call = expression()
+                argument = call.dep(place)
+                # The cut of `atan2` is on one side alone.
+                watched = ca.if_else(call.dep(1) > 0, 1, argument) if op == ca.OP_ATAN2 else argument
+                found.setdefault((word, watched.element_hash()), Switch(word, argument, watched, shape))
         key = (op, *(part[0] for part in parts))
         return known(key, value_bounds.of(op, [part[1] for part in parts]), any(part[2] for part in parts))
 
