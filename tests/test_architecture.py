@@ -66,13 +66,12 @@ SLIPS = {
     "TypeError", "AttributeError", "AssertionError", "LookupError", "KeyError", "IndexError",
     "Exception", "BaseException",
 }  # fmt: skip
-MOST_CATCHERS = 8
+MOST_CATCHERS = 7
 CATCHERS = {
     "lagcli.cli.exits": "the last resort: it is told as a bug",
     "lagcli.output.atomic_file": "a file is removed, and the exception goes on",
     "lagcli.pfaffian.exact.guarded": "what SymPy breaks down with, told from ours by its file",
     "lagcli.pfaffian.exact.time_limit": "handed on from the thread to the caller",
-    "lagcli.simulation.checkpoint": "a file from anywhere, of any shape",
 }
 
 

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ import lagcli
 from lagcli.api import known_integrals, prepare_run, run_settings, simulation_run
 from lagcli.model import invariant
 from lagcli.output import checkpoint_file
-from lagcli.simulation import checkpoint, loop
+from lagcli.simulation import checkpoint, loop, saved_form
 
 PENDULUM = """\
 lagcli: 1
@@ -469,6 +469,83 @@ def test_a_checkpoint_laid_out_in_another_way_is_the_same(point: Path) -> None:
     point.write_text(json.dumps(whole, indent=1, sort_keys=True))
     run = lagcli.simulate(lagcli.loads(SLEIGH), duration=2, samples=5, resume=point)
     assert same_bits(run.rows, lagcli.simulate(lagcli.loads(SLEIGH), duration=2, samples=5).rows[-2:])
+
+
+class Corner(NamedTuple):
+    x: float
+    of: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Shape:
+    name: str
+    corners: tuple[Corner | None, ...]
+    sizes: dict[str, float | tuple[float, float, float]]
+    inner: "Shape | None" = None
+
+
+SHAPE = Shape("a", (Corner(0.5, 3), None), {"one": 2.0, "three": (1.0, 2.0, 3.0)}, Shape("b", (), {}))
+
+
+def test_dataclasses_are_saved_and_read_by_their_types() -> None:
+    tree = json.loads(json.dumps(saved_form.saved(SHAPE)))
+    assert tree["corners"] == [[0.5, 3], None]
+    assert tree["inner"] == {"name": "b", "corners": [], "sizes": {}, "inner": None}
+    assert saved_form.read(Shape, tree) == SHAPE
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "sentence"),
+    [
+        (("name",), 1, "Shape.name: no str"),
+        (("corners", 0), [0.5], r"Shape.corners\[0\]: 1 in place of 2 values"),
+        (("corners",), {}, "Shape.corners: no list"),
+        (("sizes", "one"), True, "Shape.sizes.one: no list"),
+        (("sizes", "three"), [1.0, 10**400, 1.0], r"Shape.sizes.three\[1\]: no finite number"),
+        (("sizes", "three"), [1.0, 2.0], "Shape.sizes.three: 2 in place of 3 values"),
+        (("inner",), {"name": "b"}, "Shape.inner: other fields than name, corners, sizes, inner"),
+        (("more",), 1, "Shape: other fields than name, corners, sizes, inner"),
+    ],
+)
+def test_what_is_not_of_its_type_is_told_with_its_place(
+    place: tuple[Any, ...], value: object, sentence: str
+) -> None:
+    tree = json.loads(json.dumps(saved_form.saved(SHAPE)))
+    part = tree
+    for key in place[:-1]:
+        part = part[key]
+    part[place[-1]] = value
+    with pytest.raises(saved_form.FormError, match=f"^{sentence}$"):
+        saved_form.read(Shape, tree)
+
+
+def test_the_form_of_a_file_is_the_one_of_format_5() -> None:
+    identity = {
+        "fingerprint": "f", "parameters": {"g": 9.81, "w": [0.0, 1.0, 2.0]}, "q": [1.0], "v": [2.0], "start": 0.0,
+        "rtol": 1e-9, "atol": None, "method": "dop853", "max_step": None,
+    }  # fmt: skip
+    figures = dict.fromkeys(
+        (
+            "start", "rest", "position_drift", "velocity_drift", "imbalance", "moving", "resting", "largest",
+            "unbalanced",
+        ),
+        0.5,
+    )  # fmt: skip
+    mark = {
+        "t": 0.5, "y": [1.0, 2.0, 0.0], "k": [2.0, 0.0, 0.0], "step": 0.1, "pace_from": 0.0, "steps": 3,
+        "rejected": 0, "evaluations": 36, "row": 0.5, "figures": figures,
+        "selection": {"kept": [0], "circuits": [[1, 0]]}, "levels": [[0, 0.6, 0.8], None], "notes": ["n"],
+        "watch": [0.5], "crossings": [{"t": 0.25, "number": 1, "participants": [0, 1]}], "origin": 0.0, "turns": [],
+    }  # fmt: skip
+    chart = {"above": "x", "below": "1", "period": None}
+    integrals = [{"text": "x", "rows": ["r"], "charts": [chart]}, {"text": "y", "rows": ["r"], "charts": []}]
+    table = {"file": "t.csv", "step": 0.1, "count": 6, "checksum": 7}
+    parts = {"identity": identity, "mark": mark, "integrals": integrals, "table": table}
+    head = {"lagcli-checkpoint": 5, "version": lagcli.__version__}
+    whole = {**head, **parts, "sum": checkpoint.control_sum(parts)}
+    point = checkpoint.decoded(json.dumps(whole).encode())
+    assert point.mark.levels[0] == (0, 0.6, 0.8)
+    assert json.loads(checkpoint.encoded(point)) == whole
 
 
 @pytest.mark.parametrize(

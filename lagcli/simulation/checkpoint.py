@@ -9,10 +9,8 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import math
 import os
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +20,10 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations import system
 from lagcli.errors.diagnostics import printable
 from lagcli.model import settings
-from lagcli.model.invariant import FirstIntegral, LevelFunction
+from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Vector3
-from lagcli.simulation.invariants import Level, Levels
+from lagcli.simulation import saved_form
+from lagcli.simulation.invariants import Levels
 from lagcli.simulation.singular_point import RankDrop
 from lagcli.simulation.statistics import Figures
 
@@ -32,7 +31,8 @@ Floats = npt.NDArray[np.float64]
 
 FORMAT = 5
 MOST_BYTES = 2**28
-MOST_COUNT = 2**53
+# What stands beside the parts of a checkpoint.
+AROUND = ("lagcli-checkpoint", "version", "sum")
 MOST_VERSION = 40  # letters of a version that are shown
 
 
@@ -162,29 +162,13 @@ def _shown(value: object) -> str:
 
 def encoded(point: Checkpoint) -> bytes:
     """The checkpoint as JSON."""
-    parts = _parts(point)
+    parts = saved_form.saved(point)
+    assert isinstance(parts, dict)
     whole = {"lagcli-checkpoint": FORMAT, "version": __version__, **parts, "sum": control_sum(parts)}
     return json.dumps(whole, allow_nan=False).encode() + b"\n"
 
 
-def _parts(point: Checkpoint) -> dict[str, Any]:
-    mark = {field.name: getattr(point.mark, field.name) for field in dataclasses.fields(RunState)}
-    mark |= {"y": point.mark.y.tolist(), "k": point.mark.k.tolist()}
-    mark["figures"] = dataclasses.asdict(point.mark.figures)
-    mark["selection"] = dataclasses.asdict(point.mark.selection)
-    mark["levels"] = [None if level is None else dataclasses.astuple(level) for level in point.mark.levels]
-    mark["notes"], mark["watch"] = list(point.mark.notes), list(point.mark.watch)
-    mark["turns"] = list(point.mark.turns)
-    mark["crossings"] = [dataclasses.asdict(crossing) for crossing in point.mark.crossings]
-    return {
-        "identity": dataclasses.asdict(point.identity),
-        "mark": mark,
-        "integrals": [dataclasses.asdict(integral) for integral in point.integrals],
-        "table": None if point.table is None else dataclasses.asdict(point.table),
-    }
-
-
-def control_sum(parts: Any) -> str:
+def control_sum(parts: object) -> str:
     """Tells whether any number or text has changed; how a file is laid out plays no part in it."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -208,10 +192,9 @@ def decoded(data: bytes) -> Checkpoint:
         raise CheckpointError("it is no checkpoint")
     _require_version(whole["lagcli-checkpoint"], whole.get("version"))
     try:
-        integrals = tuple(_integral(**value) for value in whole["integrals"])
-        table = None if whole["table"] is None else _table(**whole["table"])
-        point = Checkpoint(_identity(whole["identity"]), _mark(whole["mark"], integrals), integrals, table)
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError):
+        point = saved_form.read(Checkpoint, {key: part for key, part in whole.items() if key not in AROUND})
+        _require_sound(point)
+    except ValueError:
         raise CheckpointError(
             "it is a damaged checkpoint: something is missing or no finite number"
         ) from None
@@ -224,7 +207,7 @@ def decoded(data: bytes) -> Checkpoint:
         raise CheckpointError("it is a damaged checkpoint: its parts are not of one length")
     if point.mark.origin + min(point.mark.t, point.mark.row) < point.identity.start:
         raise CheckpointError("it is a damaged checkpoint: it is from before the start of its run")
-    if control_sum(_parts(point)) != whole.get("sum"):
+    if control_sum(saved_form.saved(point)) != whole.get("sum"):
         raise CheckpointError("it is a damaged checkpoint: its numbers are not those that were written")
     return point
 
@@ -245,112 +228,21 @@ def _require_version(form: object, version: object) -> None:
         )
 
 
-def _table(file: object, step: object, count: object, checksum: object) -> CheckpointTable:
-    return CheckpointTable(_text(file), _number(step), _count(count), _count(checksum))
-
-
-def _identity(value: dict[str, Any]) -> Identity:
-    return Identity(
-        _text(value["fingerprint"]),
-        {name: _parameter(number) for name, number in value["parameters"].items()},
-        tuple(_numbers(value["q"]).tolist()),
-        tuple(_numbers(value["v"]).tolist()),
-        _number(value["start"]),
-        _number(value["rtol"]),
-        None if value["atol"] is None else _number(value["atol"]),
-        _text(value["method"]),
-        None if value["max_step"] is None else _number(value["max_step"]),
-    )
-
-
-def _mark(value: dict[str, Any], integrals: tuple[FirstIntegral, ...]) -> RunState:
-    figures = value["figures"]
-    mark = RunState(
-        _number(value["t"]),
-        _numbers(value["y"]),
-        _numbers(value["k"]),
-        _number(value["step"]),
-        _number(value["pace_from"]),
-        _count(value["steps"]),
-        _count(value["rejected"]),
-        _count(value["evaluations"]),
-        _number(value["row"]),
-        Figures(**{field.name: _number(figures[field.name]) for field in dataclasses.fields(Figures)}),
-        _selection(**value["selection"]),
-        tuple(
-            None if level is None else _level(len(integral.charts), *level)
-            for integral, level in zip(integrals, value["levels"], strict=True)
-        ),
-        tuple(_text(note) for note in value["notes"]),
-        tuple(_numbers(value["watch"]).tolist()),
-        tuple(_loss(**crossing) for crossing in value["crossings"]),
-        _number(value["origin"]),
-        tuple(_numbers(value["turns"]).tolist()),
-    )
+def _require_sound(point: Checkpoint) -> None:
+    """Raise `ValueError` for numbers that no run has."""
+    mark, selection = point.mark, point.mark.selection
     if mark.step <= 0:
         raise ValueError("a step that does not advance")
-    return mark
-
-
-def _selection(kept: list[object], circuits: list[list[object]]) -> Selection:
-    rows = tuple(map(_count, kept)), tuple(tuple(map(_count, circuit)) for circuit in circuits)
-    found = Selection(*rows)
-    if sorted([*found.kept, *(circuit[0] for circuit in found.circuits)]) != list(range(found.count)):
+    if len(mark.levels) != len(point.integrals):
+        raise ValueError("levels of other integrals")
+    for integral, level in zip(point.integrals, mark.levels, strict=True):
+        if level is not None and level.chart >= len(integral.charts):
+            raise ValueError("a chart that there is not")
+    if not all(selection.circuits):
+        raise ValueError("a circuit without rows")
+    if sorted([*selection.kept, *(circuit[0] for circuit in selection.circuits)]) != list(
+        range(selection.count)
+    ):
         raise ValueError("rows that are not all there")
-    if not {row for circuit in found.circuits for row in circuit[1:]} <= set(found.kept):
+    if not {row for circuit in selection.circuits for row in circuit[1:]} <= set(selection.kept):
         raise ValueError("a row that depends on rows left out")
-    return found
-
-
-def _loss(t: object, number: object, participants: list[object]) -> RankDrop:
-    return RankDrop(_number(t), _count(number), tuple(map(_count, participants)))
-
-
-def _level(charts: int, chart: object, above: object, below: object) -> Level:
-    number = _count(chart)
-    if number >= charts:
-        raise ValueError("a chart that there is not")
-    return Level(number, _number(above), _number(below))
-
-
-def _integral(text: object, rows: list[object], charts: list[dict[str, object]]) -> FirstIntegral:
-    return FirstIntegral(_text(text), tuple(map(_text, rows)), tuple(_chart(**chart) for chart in charts))
-
-
-def _chart(above: object, below: object, period: object) -> LevelFunction:
-    return LevelFunction(_text(above), _text(below), None if period is None else _text(period))
-
-
-def _number(value: object) -> float:
-    # A bool is an int to Python, and a text may read as a number.
-    if type(value) is not float and type(value) is not int:
-        raise TypeError(value)
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError(number)
-    return number
-
-
-def _count(value: object) -> int:
-    if type(value) is not int or not 0 <= value <= MOST_COUNT:
-        raise ValueError(value)
-    return value
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
-        raise TypeError(value)
-    return value
-
-
-def _numbers(value: object) -> Floats:
-    if not isinstance(value, list):
-        raise TypeError(value)
-    return np.array([_number(item) for item in value], dtype=float)
-
-
-def _parameter(value: object) -> float | Vector3:
-    if not isinstance(value, list):
-        return _number(value)
-    x, y, z = (_number(item) for item in value)
-    return (x, y, z)

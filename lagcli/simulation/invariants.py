@@ -12,7 +12,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -40,8 +40,7 @@ BESIDE, POINTS = 1e-2, 2
 DEPENDS = "it depends on other constraints"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Level:
+class Level(NamedTuple):
     """The surface on which an integral is held: the number of its chart, and what above and below were.
 
     Both are divided by their hypotenuse, but for a chart with a period.

@@ -1,0 +1,123 @@
+"""Dataclasses as trees of JSON and back, by the types of their fields; what is read is checked to the last number.
+
+A dataclass is an object, a named tuple and a tuple are lists, and so is an array (k,) of doubles. An `int` is a count,
+and a `float` is finite.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import math
+import types
+from collections.abc import Callable
+from typing import TypeVar, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+MOST_COUNT = 2**53
+
+T = TypeVar("T")
+
+
+class FormError(ValueError):
+    """A tree that is none of this type; the text says where."""
+
+
+def saved(value: object) -> object:
+    """The tree of a value."""
+    if dataclasses.is_dataclass(value):
+        return {field.name: saved(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {name: saved(part) for name, part in value.items()}
+    return [saved(part) for part in value] if isinstance(value, tuple) else value
+
+
+def read(kind: type[T], tree: object) -> T:
+    """The value of a dataclass from its tree. Raises `FormError`."""
+    found = _read(kind, tree, kind.__name__)
+    assert isinstance(found, kind)
+    return found
+
+
+def _read(kind: object, tree: object, place: str) -> object:
+    origin, parts = get_origin(kind), get_args(kind)
+    if isinstance(kind, types.UnionType):
+        return _of_one(parts, tree, place)
+    if origin is tuple:
+        return _of_parts(parts, tree, place)
+    if origin is dict:
+        named = _typed(dict, tree, place).items()
+        return {name: _read(parts[1], part, f"{place}.{name}") for name, part in named}
+    if origin is np.ndarray:
+        return np.array(_of_parts((float, ...), tree, place), dtype=float)
+    if kind is float or kind is int:
+        return _number(tree, place) if kind is float else _count(tree, place)
+    if kind is str:
+        return _typed(str, tree, place)
+    assert isinstance(kind, type), kind
+    return _of_fields(kind, tree, place)
+
+
+def _of_fields(kind: type, tree: object, place: str) -> object:
+    """A dataclass from an object with all of its fields, or a named tuple from a list."""
+    make: Callable[..., object] = kind
+    fields = _fields(kind)
+    if issubclass(kind, tuple):
+        return make(*_of_parts(tuple(fields.values()), tree, place))
+    found = _typed(dict, tree, place)
+    if found.keys() != fields.keys():
+        raise FormError(f"{place}: other fields than {', '.join(fields)}")
+    return make(**{name: _read(of, found[name], f"{place}.{name}") for name, of in fields.items()})
+
+
+@functools.cache
+def _fields(kind: type) -> dict[str, object]:
+    return get_type_hints(kind)
+
+
+def _of_one(kinds: tuple[object, ...], tree: object, place: str) -> object:
+    """None, or a value of the first of some types that it has."""
+    if tree is None and type(None) in kinds:
+        return None
+    *others, last = (kind for kind in kinds if kind is not type(None))
+    for kind in others:
+        with contextlib.suppress(FormError):
+            return _read(kind, tree, place)
+    return _read(last, tree, place)
+
+
+def _of_parts(kinds: tuple[object, ...], tree: object, place: str) -> tuple[object, ...]:
+    found = _typed(list, tree, place)
+    if kinds[1:] == (...,):
+        kinds = kinds[:1] * len(found)
+    if len(found) != len(kinds):
+        raise FormError(f"{place}: {len(found)} in place of {len(kinds)} values")
+    return tuple(
+        _read(kind, part, f"{place}[{i}]") for i, (kind, part) in enumerate(zip(kinds, found, strict=True))
+    )
+
+
+def _typed(kind: type[T], tree: object, place: str) -> T:
+    if not isinstance(tree, kind):
+        raise FormError(f"{place}: no {kind.__name__}")
+    return tree
+
+
+def _number(tree: object, place: str) -> float:
+    # A bool is an int to Python, and a text may read as a number.
+    try:
+        if (type(tree) is float or type(tree) is int) and math.isfinite(tree):
+            return float(tree)
+    except OverflowError:  # an integer beyond all doubles
+        pass
+    raise FormError(f"{place}: no finite number")
+
+
+def _count(tree: object, place: str) -> int:
+    if type(tree) is not int or not 0 <= tree <= MOST_COUNT:
+        raise FormError(f"{place}: no count")
+    return tree
