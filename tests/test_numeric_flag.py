@@ -16,7 +16,7 @@ import spent
 import lagcli
 from lagcli.analysis import numeric_flag
 from lagcli.analysis.numeric_flag import multiprecision, term_sizes
-from lagcli.compiled import kernel_fields, program
+from lagcli.compiled import kernel_fields, program, row_block
 from lagcli.equations import system
 from lagcli.start import initial
 
@@ -414,6 +414,15 @@ def test_the_size_of_terms_bounds_what_other_numbers_change(name):
     assert float(abs(there - here)) <= 1.1e-6 * size
 
 
+@pytest.mark.parametrize(
+    ("constant", "x"), [*CANCELLED[:3], ("acos(cos(x)) - x", 1.0), ("asin(sin(x)) - x", -1.2)]
+)
+def test_a_row_of_entries_that_cancel_says_nothing(constant, x):
+    values = {"x": x, "y": 0.3, "z": 0.2, "w": 0.1}
+    found = flag(model(values, [], [f"({constant})*d(w) + ({constant})*d(z) = 0"]))
+    assert (found.extra, found.inside, found.is_certain) == ((0,), (True,), True)
+
+
 @pytest.mark.parametrize("size", [0.3, 0.7e-9])
 @pytest.mark.parametrize("power", [4, 60])
 def test_small_values_of_one_row_beside_large_ones_of_another_count(size, power):
@@ -455,3 +464,54 @@ def test_branches_that_meet_at_the_start_leave_doubt():
     found = flag(model(values, ["x*y = 0"], ["d(z) - x*u*d(w) = 0"]))
     assert not found.is_certain
     assert "singular" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("constant", "x", "is_constant"),
+    [
+        ("acos(cos(x)) - x", 0.02, True),
+        ("acos(cos(x)) + x", -0.02, True),
+        ("asin(sin(x)) - x", 1.55, True),
+        ("asin(sin(x)) - x", 45, True),
+        ("asin(sin(x)) - x", 40, False),
+        ("atan(x) + atan(1/x)", 0.05, True),
+        ("atan2(sin(x), cos(x)) - x", 3.1, True),
+        ("sqrt((x - 1)**6) - (x - 1)**3", 1.1, True),
+        ("sqrt((x - 1)**6) - (x - 1)**3", 0.9, False),
+        ("max(x, 0)", -0.05, True),
+        ("max(x, 0)", 0.001, False),
+    ],
+)
+def test_places_that_are_met_lie_on_the_branch_of_the_start(constant, x, is_constant):
+    """Functions that are constant on this branch alone; a flow that touches its end comes back on another."""
+    values = {"x": x, "y": 0.3, "z": 0.2, "w": 0.1}
+    for entry in (constant, f"exp({constant})"):
+        found = flag(model(values, [], [f"d(z) - ({entry})*d(w) = 0"]))
+        assert found.extra == ((1, 1) if is_constant else (1, 0))
+
+
+@pytest.mark.parametrize(
+    ("path", "leaves"),
+    [
+        ("abs(x)", True),
+        ("max(x, 0.55)", True),
+        ("max(x, 2)", False),
+        ("sqrt(1 - cos(x))", True),
+        ("sqrt(1.1 - cos(x))", False),
+        ("asin(cos(x))", True),
+        ("asin(0.9*cos(x))", False),
+        ("atan2(x, -1)", True),
+        ("atan2(x, 1)", False),
+        ("abs(x)**3", True),
+        ("(x**2)**1.5", True),
+        ("exp(-1/x**2)", True),
+        ("tan(x + pi/2)", True),
+        ("(1 + x)**3/(2 - x)", False),
+    ],
+)
+def test_the_end_of_a_branch_is_seen_where_it_is_crossed_or_touched(path, leaves):
+    """On the way from x = 0.61 to -0.57, which does not come to zero itself."""
+    built = system.build(lagcli.loads(model({"x": 0.61, "y": 0.0}, [], [f"d(y) - ({path})*d(x) = 0"])))
+    block = row_block.RowBlock(built, [0])
+    way = np.linspace([0.61, 0.0][: block.size], [-0.57, 0.0][: block.size], 24)
+    assert block.pieces.end_between(way, initial.declared(built).p) is leaves

@@ -50,6 +50,12 @@ def test_the_sheet_of_the_start_counts(values, surface, coefficient, truth):
         assert "motions from the start" in found.as_json()["notes"][0]
 
 
+@pytest.mark.parametrize(("constant", "x"), [("atan2(sin(x), cos(x)) - x", -3), ("atan(tan(x)) - x", -1)])
+def test_ranks_are_those_of_the_branch_of_the_start(constant, x):
+    rows = ["d(z) - d(w) = 0", f"d(z) - exp({constant})*d(w) = 0"]
+    assert count({"x": x, "y": 0.3, "z": 0.2, "w": 0.1}, (), rows).configuration_dof == 3
+
+
 def test_the_mode_of_a_four_bar_counts_and_its_integral_is_told():
     values = {"a": 1, "b": 1, "c": 0, "u": 0.3, "s": 0.2}
     bars = ["cos(a) + 3*cos(c) = 3 + cos(b)", "sin(a) + 3*sin(c) = sin(b)"]

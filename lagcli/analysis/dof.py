@@ -9,6 +9,7 @@ that can be integrated add to it.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Any, Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ from lagcli.analysis import codimension
 from lagcli.analysis.classification.verdict import Classification
 from lagcli.analysis.codimension import Codimension
 from lagcli.compiled import NumericSystem, pattern
+from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
@@ -28,6 +30,9 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
 
+# How often points are looked for nearer to a start that stands close to another branch of its rows, and how many
+# places between two points are looked at.
+SHORTER, LOOKS = 4, 24
 LATER = 0.01  # of the duration: soon, so that no other law has come to its end by then
 # A row whose direction turns by TURN within TIP of the configuration's size stands at a tip of its surface.
 TIP, TURN = 2e-12, 0.1
@@ -128,7 +133,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         if (has_others or surface.kind == "singular") and len(names) <= metric_rows.DENSE:
             # The time of the start may be special too (t d(y) = 0 at t = 0).
             later = LATER * (system.model.simulation.duration or 1.0) if found.depends_on_time else 0.0
-            points = sample_points.along(numeric, begin, whole, later)
+            points = _generic(system, numeric, begin, whole, later)
         on = _ranks(numeric, points, whole, said)
         conflict.require_lasting(system, numeric, begin)
     doubt = surface.reason or _undecided_tip(numeric, begin, whole)
@@ -160,6 +165,24 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         rank=surface.codimension or 0 if surface.kind == "singular" else surface.rank,
     )
     return Examined(counted, surface, points)
+
+
+def _generic(
+    system: System, numeric: NumericSystem, begin: State, whole: list[int], later: float
+) -> list[State]:
+    """The start, and points of the surface that lie on its side of all branches of the rows."""
+    block = RowBlock(system, range(len(system.rows.rows)))
+    for shorter in range(SHORTER):
+        part = 0.5 ** (2 * shorter)
+        found = sample_points.along(numeric, begin, whole, part * later, step=part * sample_points.STEP)
+        places = [np.append(one.q[block.columns], [one.t] if block.has_time else []) for one in found]
+        for k, (one, other) in enumerate(itertools.pairwise(places), start=1):
+            if block.pieces.end_between(np.linspace(one, other, LOOKS), begin.p):
+                found = found[:k]
+                break
+        if len(found) > 1:
+            break
+    return found
 
 
 def _redundant(numeric: NumericSystem, point: State, said: list[int], surface: Codimension) -> list[int]:

@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from lagcli.compiled import program
+from lagcli.compiled import pieces, program
 from lagcli.equations.system import System
 
 KINKS = {"fabs", "sign", "fmin", "fmax", "lt", "le", "eq", "ne", "if_else_zero"}
@@ -78,6 +78,11 @@ class RowBlock:
         """True if abs, sign, min or max change how the rows are to be computed from place to place."""
         steps = (*program.written_out(self.along).steps, *program.written_out(self.curl).steps)
         return any(name in KINKS for name, *_ in steps)
+
+    @cached_property
+    def pieces(self) -> pieces.AnalyticPieces:
+        """The pieces of space on which the rows are analytic."""
+        return pieces.AnalyticPieces(self.A, [self.x, self.p])
 
     @cached_property
     def _arguments(self) -> list[Any]:

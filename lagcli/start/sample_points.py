@@ -47,18 +47,24 @@ def surface(numeric: NumericSystem, state: State) -> projection.Surface:
 
 
 def along(
-    numeric: NumericSystem, state: State, rows: list[int], later: float = 0.0, points: int = POINTS
+    numeric: NumericSystem,
+    state: State,
+    rows: list[int],
+    later: float = 0.0,
+    points: int = POINTS,
+    step: float = STEP,
 ) -> list[State]:
     """The start, and `points` of the surface that random steps along the kernel of some rows reach, each projected.
 
-    `later`: the time moves on by up to this much at each point, where the surface goes on so long.
+    `later`: the time moves on by up to this much at each point, where the surface goes on so long; step: the length of
+    a step, in parts of the size of the configuration.
     """
     random = np.random.default_rng(SEED)
     found = [state]
     for _ in range(points):
         here: State | None = found[-1]
         for _ in range(WALK_STEPS):
-            here = None if here is None else _tangent_step(numeric, here, rows, random)
+            here = None if here is None else _tangent_step(numeric, here, rows, step, random)
         if here is None:
             break
         found.append(_later(numeric, here, later * random.random()) if later else here)
@@ -74,14 +80,14 @@ def _later(numeric: NumericSystem, here: State, step: float) -> State:
 
 
 def _tangent_step(
-    numeric: NumericSystem, here: State, rows: list[int], random: np.random.Generator
+    numeric: NumericSystem, here: State, rows: list[int], length: float, random: np.random.Generator
 ) -> State | None:
     """The point after one random step along the kernel of the rows, as long as the curvature allows."""
     direction = _tangent(numeric, here, rows, random)
     largest = float(np.abs(direction).max(initial=0.0))
     if largest == 0.0:
         return here
-    step = STEP * size(here.q) * direction / largest
+    step = length * size(here.q) * direction / largest
     reached = surface(numeric, here)
     for halvings in range(MAX_HALVINGS):
         there = reached.nearby(here.q + step / 2**halvings)

@@ -54,7 +54,8 @@ class EvaluationPoint(Ranks):
         held = np.array([self.in_kernel(u) for u in free]) * self.sizes
         pairs = [(a, b) for i, a in enumerate(held) for b in held[:i]]
         values, size = self._of(self.block.curl, pairs)[kept], self.terms[kept]
-        values = values / np.where(size > 0, size, 1.0)[:, None]
+        with np.errstate(invalid="ignore"):  # looked for in the next line
+            values = values / np.where(size > 0, size, 1.0)[:, None]
         if not np.isfinite(values).all():
             return np.zeros(0)
         return np.asarray(np.linalg.svd(values, compute_uv=False)) / math.sqrt(values.shape[1])

@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import variable_sizes
+from lagcli.analysis.numeric_flag import term_sizes
+from lagcli.compiled import program, variable_sizes
 from lagcli.compiled.row_block import RowBlock
-from lagcli.linear import rank
+from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
 
 
-# A row counts as zero below this part of what it changes by over the size of the coordinates: that much the rounding
-# of a point leaves of a row that vanishes on the surface.
+# A row counts as zero below this part of the terms it is made of and of what it changes by over the size of the
+# coordinates: that much rounding leaves of a row that vanishes, on the surface or around the start.
 ROUNDING, NUDGE = 64 * float(np.finfo(float).eps), 1e-7
 SEED = 20064
 
@@ -94,7 +95,12 @@ def _without_rounding(block: RowBlock, A: Any, x: Floats, p: Floats) -> Any:
     largest, change = np.zeros(A.size1()), np.zeros(A.size1())
     np.maximum.at(largest, row, np.abs(values))
     np.maximum.at(change, row, np.abs(np.where(np.isfinite(others), others, values) - values) / NUDGE)
-    nothing = np.flatnonzero((largest > 0) & (largest <= ROUNDING * change))
+    is_nothing = (largest > 0) & (largest <= ROUNDING * change)
+    if not metric_rows.are_many(*A.shape):
+        terms = term_sizes.of(program.written_out(block.rows), [x, p])[: values.size]
+        is_rounding = np.isfinite(terms) & (np.abs(values) <= ROUNDING * terms)
+        is_nothing |= (largest > 0) & (np.bincount(row[~is_rounding], minlength=largest.size) == 0)
+    nothing = np.flatnonzero(is_nothing)
     if not (nothing >= s).any():
         return A
     kept = A[:, :]  # a copy

@@ -34,6 +34,10 @@ SUBSTEPS, CONVERGED, ROUGHLY = (2, 4, 6, 8, 10, 12, 14, 16), 1e-12, 1e-5
 # Newton's steps back to f = 0 must become shorter by this, and end at rounding, in parts of the size.
 STEPS, CONTRACTS, MET, STALLED = 10, 0.9, 1e-13, 1e-9
 SEED = 20062
+# Points of a flow at which it is looked at whether it stays on its piece.
+LOOKS = 32
+
+Field = Callable[[Floats], Floats | None]
 
 
 class ReachablePlaces:
@@ -68,7 +72,10 @@ class ReachablePlaces:
         best = EvaluationPoint(self._block, place.x, place.p, math.inf)
         for k in range(SHORTER):
             undecided.require_time(self._deadline)
-            x, error = _flow(along, place.x, sign * ranges / largest / FACTOR**k)
+            scale = sign * ranges / largest / FACTOR**k
+            if self._leaves(along, place, scale):
+                continue
+            x, error = _flow(along, place.x, scale)
             there = met(self._block, x, place.p, size) if error <= ROUGHLY and error < best.error else None
             if there is not None and there.is_finite:
                 best = EvaluationPoint(self._block, there.x, place.p, error)
@@ -80,6 +87,14 @@ class ReachablePlaces:
             if best.error <= ROUGHLY
             else None
         )
+
+    def _leaves(self, along: Field, place: EvaluationPoint, scale: Floats) -> bool:
+        """True if a flow may leave the piece of the place on which the rows are analytic."""
+        pieces = self._block.pieces
+        if not pieces.count:
+            return False
+        path = _path(along, place.x, scale, LOOKS)
+        return path is None or pieces.end_between(np.array(path), place.p)
 
     def _ranges(self, place: EvaluationPoint) -> Floats:
         """The range of each variable (N,): as far as its kind is large, and angles less than one."""
@@ -105,7 +120,7 @@ def _projected(A: object, u: Floats) -> Floats:
     return np.asarray(v - Q @ (Q.T @ v))
 
 
-def _flow(along: Callable[[Floats], Floats | None], x: Floats, scale: Floats) -> tuple[Floats, float]:
+def _flow(along: Field, x: Floats, scale: Floats) -> tuple[Floats, float]:
     """x after one unit of dx/ds = scale * along(x), by the extrapolated midpoint rule (Gragg), and its error in parts
     of the scale, infinite where there is no value on the way."""
     table: list[Floats] = []
@@ -126,18 +141,21 @@ def _flow(along: Callable[[Floats], Floats | None], x: Floats, scale: Floats) ->
     return table[-1], error
 
 
-def _midpoint(
-    along: Callable[[Floats], Floats | None], x: Floats, scale: Floats, count: int
-) -> Floats | None:
-    h = 1.0 / count
-    slope = along(x)
-    before, here = x, x
+def _midpoint(along: Field, x: Floats, scale: Floats, count: int) -> Floats | None:
+    path = _path(along, x, scale, count)
+    slope = None if path is None else along(path[-1])
+    return None if path is None or slope is None else 0.5 * (path[-1] + path[-2] + scale * slope / count)
+
+
+def _path(along: Field, x: Floats, scale: Floats, count: int) -> list[Floats] | None:
+    """The points of the midpoint rule, None where there is no value on the way."""
+    h, path = 1.0 / count, [x]
     for k in range(count):
+        slope = along(path[-1])
         if slope is None:
             return None
-        before, here = here, before + (h if k == 0 else 2 * h) * scale * slope
-        slope = along(here)
-    return None if slope is None else 0.5 * (here + before + h * scale * slope)
+        path.append(path[-1 if k == 0 else -2] + (h if k == 0 else 2 * h) * scale * slope)
+    return path
 
 
 def met(block: RowBlock, x: Floats, p: Floats, size: float) -> EvaluationPoint | None:

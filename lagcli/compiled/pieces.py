@@ -1,0 +1,90 @@
+"""Pieces of space on which rows are analytic: what holds at one point of a piece at generic ones holds at nearly all.
+
+A piece ends where `abs`, `sign`, `min` or `max` switches, where a root or a power has no derivative, where `asin` or
+`acos` comes to the end of its range (asin(sin(x)) turns back there), at the cut of `atan2`, and at poles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations import operation_graph
+
+Floats = npt.NDArray[np.float64]
+
+# What vanishes where a function of these arguments is not analytic.
+ENDS: dict[int, Callable[..., ca.SX]] = {
+    ca.OP_FABS: lambda a: a,
+    ca.OP_SIGN: lambda a: a,
+    ca.OP_FMIN: lambda a, b: a - b,
+    ca.OP_FMAX: lambda a, b: a - b,
+    ca.OP_LT: lambda a, b: a - b,
+    ca.OP_LE: lambda a, b: a - b,
+    ca.OP_SQRT: lambda a: a,
+    ca.OP_HYPOT: lambda a, b: a * a + b * b,
+    ca.OP_ASIN: lambda a: 1 - a * a,
+    ca.OP_ACOS: lambda a: 1 - a * a,
+    ca.OP_TAN: ca.cos,
+    ca.OP_LOG: lambda a: a,
+    ca.OP_INV: lambda a: a,
+    ca.OP_DIV: lambda a, b: b,
+    ca.OP_ATAN2: lambda y, x: y,
+}
+# An end that is touched between two points is seen where a parabola through three values comes this near to zero, as
+# a part of the smaller of the outer ones.
+TOUCHED = 0.1
+# A start that is this near to an end, as a part of what the values of a path come to, lies on it.
+ON_END = 1e-9
+
+
+class AnalyticPieces:
+    """The ends of the pieces of a matrix of functions of some `inputs`, the first of which is the place."""
+
+    def __init__(self, value: ca.SX, inputs: list[ca.SX]) -> None:
+        ends: list[ca.SX] = []
+        gates: list[ca.SX] = []
+
+        def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
+            if op in (ca.OP_POW, ca.OP_CONSTPOW):
+                end = None if _is_natural(parts[1]) else parts[0]
+            else:
+                end = ENDS[op](*parts) if op in ENDS else None
+            if end is not None and ca.depends_on(end, inputs[0]):
+                ends.append(end)
+                # atan2(y, x) is cut where y = 0 and x < 0.
+                gates.append(-parts[1] if op == ca.OP_ATAN2 else ca.SX(1))
+            return result
+
+        operation_graph.replayed(ca.densify(ca.vec(ca.SX(value).nz[:])), inputs, visit)
+        self.count = len(ends)
+        self._values = ca.Function("pieces", inputs, [ca.vertcat(ca.SX(0, 1), *ends, *gates)])
+
+    def end_between(self, path: Floats, *others: Floats) -> bool:
+        """True if a path (points, N) may leave the piece that it begins on, by crossing an end or by touching it."""
+        if not self.count:
+            return False
+        values = np.array([np.array(self._values(point, *others)).ravel() for point in path])
+        u, gates = values[:, : self.count], values[:, self.count :]
+        if not np.isfinite(values).all():
+            return True
+        u = np.where(np.abs(u) <= ON_END * np.abs(u).max(axis=0, initial=0.0), 0.0, u)
+        changes = (u[:-1] * u[1:] < 0) | ((u[:-1] != 0) & (u[1:] == 0))
+        return bool((changes & (np.maximum(gates[:-1], gates[1:]) > 0)).any() or _touched(np.abs(u)).any())
+
+
+def _is_natural(exponent: ca.SX) -> bool:
+    return bool(exponent.is_constant() and float(exponent).is_integer() and float(exponent) >= 0)
+
+
+def _touched(u: Floats) -> npt.NDArray[np.bool_]:
+    """Marks of where |u| (points, K) is least between two points, by a parabola, and next to nothing there."""
+    before, here, after = u[:-2], u[1:-1], u[2:]
+    bend = before - 2 * here + after
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = here - (before - after) ** 2 / (8 * bend)
+    is_least = (here <= before) & (here <= after) & (bend > 0)
+    return is_least & (least <= TOUCHED * np.minimum(before, after))
