@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
-from lagcli.linear import rank
+from lagcli.linear import pivots, rank
 from lagcli.linear.metric_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
@@ -100,7 +100,7 @@ def _clearance(rows: MetricRows, kept: tuple[int, ...]) -> float:
 def _independent(rows: MetricRows, count: int, first: list[int]) -> list[int]:
     """`count` independent rows, those in `first` among them."""
     if not rows.is_large:
-        return _farthest(rows.dense, count, first)
+        return sorted(pivots.farthest(rows.dense, count, first, EARLY))
     return _farther(rows, count, first) if first else _pivots(rows)
 
 
@@ -136,22 +136,6 @@ def _share(names: Sequence[str]) -> str:
     return f"{', '.join(shown)}: a force in one can be passed to the others"
 
 
-def _farthest(rows: Floats, count: int, first: list[int]) -> list[int]:
-    """`count` independent rows by Gram-Schmidt (twice, for rounding), after some that are known to be."""
-    kept = list(first)
-    basis = np.linalg.qr(rows[kept].T)[0]
-    rest = rows - rows @ basis @ basis.T
-    for _ in range(count - len(first)):
-        lengths = np.linalg.norm(rest, axis=1)
-        lengths[kept] = 0.0
-        row = int(np.flatnonzero(lengths >= EARLY * lengths.max())[0])
-        direction = rest[row] / lengths[row]
-        for _ in range(2):
-            rest -= np.outer(rest @ direction, direction)
-        kept.append(row)
-    return sorted(kept)
-
-
 def _combinations(rows: MetricRows, kept: list[int], rest: list[int]) -> Floats:
     """The weights (k, r) of unit rows in `rest` over those in `kept`."""
     if not rows.is_large:
@@ -168,7 +152,7 @@ def _farther(rows: MetricRows, count: int, first: list[int]) -> list[int]:
     weights = _combinations(rows, first, others)
     unit = rows.unit
     left = np.array(ca.densify(unit[others, :])) - weights @ np.array(ca.densify(unit[first, :]))
-    return sorted([*first, *(others[k] for k in _farthest(left, count - len(first), []))])
+    return sorted([*first, *(others[k] for k in pivots.farthest(left, count - len(first), (), EARLY))])
 
 
 def _pivots(rows: MetricRows) -> list[int]:

@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import metric_rows
+from lagcli.linear import metric_rows, pivots
 from lagcli.linear.metric_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
@@ -83,22 +83,15 @@ def _rank_of_many(rows: MetricRows) -> Rank:
 
 
 def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
-    """Which rows depend on rows before them (Gram-Schmidt in their order, twice for rounding).
+    """Which rows depend on rows before them in their order.
 
     Of more rows than are looked at densely none is named.
     """
     flags = np.zeros(rows.count, dtype=bool)
     if rows.are_independent or rows.is_large:
         return flags
-    basis = np.zeros((0, rows.dense.shape[1]))
-    for i, row in enumerate(rows.dense):
-        rest = row.copy()
-        for _ in range(2):
-            rest -= basis.T @ (basis @ rest)
-        length = float(np.linalg.norm(rest))
-        flags[i] = length <= LARGE
-        if not flags[i]:
-            basis = np.vstack([basis, rest / length])
+    flags[:] = True
+    flags[pivots.leading(rows.dense, LARGE)] = False
     return flags
 
 

@@ -16,6 +16,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import pivots
 from lagcli.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -79,15 +80,6 @@ def _numbers(model: Model) -> tuple[int | None, ...]:
 
 
 def _pivots(B: Floats, rank: int) -> list[int]:
-    """Columns of B that span its range, each the farthest from those before it."""
-    rest = B.copy()
-    chosen: list[int] = []
-    for _ in range(rank):
-        lengths = np.linalg.norm(rest, axis=0)
-        lengths[chosen] = 0.0
-        column = int(np.flatnonzero(lengths >= EQUAL * lengths.max())[-1])
-        direction = rest[:, column] / lengths[column]
-        for _ in range(2):  # twice, for rounding
-            rest -= np.outer(direction, direction @ rest)
-        chosen.append(column)
-    return sorted(chosen)
+    """Columns of B that span its range, each the farthest from those before it, the last of several."""
+    last = B.shape[1] - 1
+    return sorted(last - k for k in pivots.farthest(B.T[::-1], rank, nearly=EQUAL))

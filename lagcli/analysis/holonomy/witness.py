@@ -23,6 +23,7 @@ from lagcli.analysis.holonomy.loop_words import Goal, LoopWords
 from lagcli.analysis.holonomy.path_orbit import PathOrbit
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.linear import pivots
 from lagcli.start import assembly, initial, projection
 from lagcli.start.initial import State
 
@@ -49,6 +50,8 @@ EXACT, HOPELESS = 3e-12, 1e-6
 HOLDS = 1e-11  # |A dz| / (|A| |dz|)
 DIGITS = 1e-7  # an amount may not be less certain than this part of it
 SEED = 2023
+# Rows of length one that are nearer to those before them depend on them; columns that are nearer are not solved for.
+LEAST_ROW, LEAST_PIVOT = 1e-6, 1e-9
 TOGETHER = 2  # parts among which the simplest witness is looked for
 BENDS, BENT, DRAWN, NUDGE = 3, 0.5, 0.7, 1e-6
 
@@ -357,7 +360,7 @@ class _WitnessSearch:
             return []
         A = A / (np.linalg.norm(A, axis=2, keepdims=True) + 1e-300)
         rank = part.k - found.kernel.shape[1]
-        chosen = _independent(A[0][:, :-1], rank)
+        chosen = np.array(pivots.leading(A[0][:, :-1], LEAST_ROW)[:rank], dtype=np.int64)
         if chosen.size < rank:
             return []
         others = [i for i in range(part.k) if i != along]
@@ -596,31 +599,8 @@ def _subsets(count: int, conditions: int) -> npt.NDArray[np.bool_]:
     return np.concatenate([each, np.ones((1, count), dtype=bool)])
 
 
-def _independent(rows: Floats, rank: int) -> Numbers:
-    """Numbers of `rank` rows that are independent, the first that are."""
-    basis = np.zeros((0, rows.shape[1]))
-    chosen: list[int] = []
-    for i, row in enumerate(rows):
-        rest = row - basis.T @ (basis @ row)
-        rest -= basis.T @ (basis @ rest)
-        length = float(np.linalg.norm(rest))
-        if length > 1e-6 and len(chosen) < rank:
-            chosen.append(i)
-            basis = np.vstack([basis, rest / length])
-    return np.array(chosen, dtype=np.int64)
-
-
 def _pivots(rows: Floats, first: int) -> Numbers:
     """Columns of rows (r, k) that are independent, `first` before all and then the largest, (r,)."""
-    left = rows.copy()
-    found: list[int] = []
-    for _ in range(min(rows.shape)):
-        lengths = np.linalg.norm(left, axis=0)
-        lengths[found] = 0.0
-        column = first if not found else int(np.argmax(lengths))
-        if lengths[column] < 1e-9:
-            break
-        found.append(column)
-        direction = left[:, column] / lengths[column]
-        left = left - np.outer(direction, direction @ left)
-    return np.array(found, dtype=np.int64)
+    if np.linalg.norm(rows[:, first]) < LEAST_PIVOT:
+        return np.zeros(0, dtype=np.int64)
+    return np.array(pivots.farthest(rows.T, min(rows.shape), [first], least=LEAST_PIVOT), dtype=np.int64)
