@@ -17,6 +17,7 @@ import numpy.typing as npt
 from lagcli.linear.metric import Metric
 
 Floats = npt.NDArray[np.float64]
+Sparse = ca.DM  # a matrix of numbers
 
 # Inverse iterations for the smallest singular value; each gains at least a digit unless others lie close to it,
 # and then any of them will do.

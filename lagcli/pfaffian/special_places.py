@@ -18,6 +18,7 @@ from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 STILL, NEAR = 1e-9, 1e-12
 PARTS_OF_PI = 12
 Point = Mapping[sympy.Symbol, float]
+Expression = sympy.Expr  # as an equation: where it is zero
 
 
 def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Point) -> Point:

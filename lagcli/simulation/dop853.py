@@ -8,12 +8,13 @@ landed state is the first stage of the next step.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 
 from lagcli.compiled import NumericSystem
 from lagcli.simulation import dop853_tableau, step_end
+from lagcli.simulation.line_functions import Curve
+from lagcli.simulation.step_end import Expression
 
 DENSE_ROWS = 7
 # Stages at which the nearness of the rows to dependent ones is looked at, in the order of their times.
@@ -38,13 +39,13 @@ class DormandPrince853:
         """See `method.Method.dense`."""
         return _dense(numeric)
 
-    def interpolated(self, y: Any, coefficients: Any, x: Any) -> Any:
+    def interpolated(self, y: Curve, coefficients: Curve, x: Curve) -> Curve:
         """See `method.Method.interpolated`."""
         return interpolated(y, coefficients, x)
 
 
-def _mix(weights: Sequence[float], stages: Sequence[Any]) -> Any:
-    return sum(w * k for w, k in zip(weights, stages, strict=True) if w)
+def _mix(weights: Sequence[float], stages: Sequence[ca.MX]) -> ca.MX:
+    return ca.MX(sum(w * k for w, k in zip(weights, stages, strict=True) if w))
 
 
 def _step(numeric: NumericSystem) -> ca.Function:
@@ -81,7 +82,7 @@ def _hidden() -> ca.Function:
     at = [*(dop853_tableau.C[s] for s in WATCHED), 1.0]
     last = len(at) - 1
 
-    def line(i: int, j: int, t: float) -> Any:
+    def line(i: int, j: int, t: float) -> ca.SX:
         return roots[:, i] + (roots[:, j] - roots[:, i]) * ((t - at[i]) / (at[j] - at[i]))
 
     gaps = [line(0, 1, 0.0)]
@@ -95,7 +96,7 @@ def _hidden() -> ca.Function:
     return ca.Function("hidden", [squares], [ca.mmin(ca.vertcat(*gaps))])
 
 
-def _combined(h: Any, e5: Any, e3: Any) -> Any:
+def _combined(h: Expression, e5: Expression, e3: Expression) -> Expression:
     """Hairer's combination of the error estimates of order 5 and 3."""
     return h * e5 * e5 / ca.sqrt(e5 * e5 + 0.01 * e3 * e3 + 1e-300)
 
@@ -116,9 +117,9 @@ def _dense(numeric: NumericSystem) -> ca.Function:
     return ca.Function("dense", [t, h, y, new, k_new, p, *given], [ca.horzcat(*rows)])
 
 
-def interpolated(y: Any, coefficients: Any, x: Any) -> Any:
+def interpolated(y: Curve, coefficients: Curve, x: Curve) -> Curve:
     """The state at the fraction x of a step from y (m,) with dense coefficients (m, 7)."""
-    result: Any = 0.0
+    result: Curve | float = 0.0
     for i in range(DENSE_ROWS - 1, -1, -1):
         result = (result + coefficients[:, i]) * (x if i % 2 == 0 else 1.0 - x)
     return result + y

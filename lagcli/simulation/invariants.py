@@ -12,7 +12,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +23,10 @@ from lagcli.equations import level_functions
 from lagcli.equations.system import System
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import LocalRows, MetricRows
+from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.model.invariant import FirstIntegral
 from lagcli.simulation.method import Method, Scheme
+from lagcli.simulation.step_end import Compiled
 from lagcli.start import initial, projection
 from lagcli.start.initial import State
 
@@ -126,14 +127,21 @@ class Integrals:
         return _Forms(self._plain.numeric, self._evaluate, self._first, state)
 
     @cached_property
-    def _evaluate(self) -> Any:
-        return invariant_values.function(self._system, self._charts.charts)
+    def _evaluate(self) -> Compiled:
+        function: Compiled = invariant_values.function(self._system, self._charts.charts)
+        return function
+
+
+# Above and below (K, 2), their gradients, and periods (K,), of all charts.
+_Read = tuple[Floats, Sparse, Sparse, Floats]
 
 
 class _Forms:
     """The charts of all integrals at one state: their levels, gradients, faults and dependences."""
 
-    def __init__(self, numeric: NumericSystem, evaluate: Any, first: Sequence[int], state: State) -> None:
+    def __init__(
+        self, numeric: NumericSystem, evaluate: Compiled, first: Sequence[int], state: State
+    ) -> None:
         self._numeric, self._evaluate, self._first = numeric, evaluate, first
         self._state = state
         self._here = self._read(state.q)
@@ -141,7 +149,7 @@ class _Forms:
         direction = np.random.default_rng(0).standard_normal(state.q.size)
         self._beside = self._read(state.q + sizes * direction)
 
-    def _read(self, q: Floats) -> tuple[Floats, Any, Any, Floats]:
+    def _read(self, q: Floats) -> _Read:
         values, above, below, periods = self._evaluate(self._state.t, q, self._state.p)
         return np.array(values), above, below, np.array(periods).ravel()
 
@@ -152,11 +160,11 @@ class _Forms:
         size = 1.0 if self._here[3][k] else math.hypot(above, below)
         return Level(chart, above / size, below / size) if size else Level(chart, math.nan, math.nan)
 
-    def gradient(self, i: int, level: Level) -> Any:
+    def gradient(self, i: int, level: Level) -> Sparse:
         """The gradient of g (1, n) of integral i."""
         return self._gradient(self._here, self._first[i] + level.chart, level)
 
-    def _gradient(self, read: tuple[Floats, Any, Any, Floats], k: int, level: Level) -> Any:
+    def _gradient(self, read: _Read, k: int, level: Level) -> Sparse:
         _, above, below, periods = read
         if periods[k]:
             return above[k, :]
@@ -174,10 +182,11 @@ class _Forms:
         return "" if change < BENT * size else "its gradient vanishes"
 
     @cached_property
-    def _whole(self) -> Any:
+    def _whole(self) -> Sparse:
         """The independent holonomic rows."""
         B = self._numeric.whole(self._state.t, self._state.q, self._state.p)[1]
-        return B[[i for i in self._numeric.selection.kept if i < B.shape[0]], :]
+        kept: Sparse = B[[i for i in self._numeric.selection.kept if i < B.shape[0]], :]
+        return kept
 
     @cached_property
     def _metric(self) -> Metric:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
 import casadi as ca
+import numpy as np
+import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.simulation import step_end
@@ -15,6 +17,10 @@ FIGURES = 5
 BEYOND = FIGURES + 1
 
 
+# Symbols or numbers.
+Curve = TypeVar("Curve", ca.SX, ca.MX, npt.NDArray[np.float64])
+
+
 class Interpolation(Protocol):
     """The part of a `method.Method` that gives the state within a step."""
 
@@ -22,7 +28,7 @@ class Interpolation(Protocol):
     def dense_rows(self) -> int:
         """Coefficients of each number of the state."""
 
-    def interpolated(self, y: Any, coefficients: Any, x: Any) -> Any:
+    def interpolated(self, y: Curve, coefficients: Curve, x: Curve) -> Curve:
         """The state at the fraction x of a step from y (m,) with coefficients (m, dense_rows)."""
 
 

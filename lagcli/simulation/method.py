@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 from lagcli.compiled import NumericSystem
 from lagcli.model import settings
 from lagcli.model.model import Simulation
 from lagcli.simulation import dop853, line_functions
-
-Compiled = Any  # a ca.Function
+from lagcli.simulation.line_functions import Curve
+from lagcli.simulation.step_end import Compiled
 
 
 class Method(Protocol):
@@ -58,7 +58,7 @@ class Method(Protocol):
     def dense(self, numeric: NumericSystem) -> Compiled:
         """dense(t, h, y, y new, k new, p, k, stages of `step`) -> coefficients (2n + 1, dense_rows)."""
 
-    def interpolated(self, y: Any, coefficients: Any, x: Any) -> Any:
+    def interpolated(self, y: Curve, coefficients: Curve, x: Curve) -> Curve:
         """The state at the fraction x of a step from y (m,) with coefficients (m, dense_rows), for symbols and for
         arrays."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -120,5 +119,6 @@ def departed(numeric: NumericSystem, state: State, limit: float) -> tuple[int, .
     return ()
 
 
-def _rows(numeric: NumericSystem, state: State) -> Any:
-    return numeric.rows(state.t, state.q, state.v, state.p)[0]
+def _rows(numeric: NumericSystem, state: State) -> ca.DM:
+    B: ca.DM = numeric.rows(state.t, state.q, state.v, state.p)[0]
+    return B

@@ -8,7 +8,7 @@ The work W does not steer the step: it is left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 
@@ -24,10 +24,11 @@ TIME_ROUNDING = 2**-52
 JUMP, NEGLIGIBLE = 1024, 1e-9
 WRITTEN_OUT = 1000  # numbers of a state
 
-# ca.SX or ca.MX: short states are written out.
-Expression = Any
+# Short states are written out, in SX.
+Expression = TypeVar("Expression", ca.SX, ca.MX)
 # combined(h, sizes of the estimates) -> the error of the step: how a method makes one number of its estimates.
-Combined = Callable[..., Expression]
+Combined = Callable[..., Any]
+Compiled = ca.Function
 
 
 class StepInputs(NamedTuple):
@@ -50,7 +51,7 @@ class StepEnd(NamedTuple):
     outcome: ca.MX
     judged: ca.MX
 
-    def outputs(self, hidden: Expression, stages: Sequence[ca.MX]) -> list[ca.MX]:
+    def outputs(self, hidden: ca.MX | float, stages: Sequence[ca.MX]) -> list[ca.MX]:
         """The results of a step as in `method.Method.step`."""
         account = ca.vertcat(self.judged[:2], hidden, self.outcome, self.judged[2])
         return [self.landed, self.k_new, account, *stages]
@@ -80,15 +81,14 @@ def ended(
     noise = near_t * _within(near_t, h, (y, k, k_new)) * ca.fabs(k_new - k) if numeric.has_time else 0.0 * k
     # Rows that move are where they are at one of these times.
     blur = near_t * ca.fabs(k_new)
-    judge = _judge(y.numel(), len(estimates), combined)
+    form = y.numel(), len(estimates), combined
+    judge = _judge(ca.SX, *form) if y.numel() <= WRITTEN_OUT else _judge(ca.MX, *form)
     return StepEnd(
         landed, k_new, outcome, judge(y, new, landed, h, sizes, tolerance, noise, blur, *estimates)
     )
 
 
-def _within(
-    near_t: Expression, h: Expression, states: tuple[Expression, Expression, Expression]
-) -> Expression:
+def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX]) -> ca.MX:
     """By how much the rounding of the time counts: 1, and more where a step of a few roundings holds a jump.
 
     A jump changes velocities by next to nothing in such a step, or is what sets a body at rest in motion. A pole does
@@ -101,16 +101,15 @@ def _within(
     return 1 + is_jump * near_t * JUMP**2 / h
 
 
-def _judge(size: int, count: int, combined: Combined) -> ca.Function:
+def _judge(sort: type[Expression], size: int, count: int, combined: Combined) -> ca.Function:
     """judge(y, new, landed, h, sizes, tolerance, noise, blur, estimates) -> (error, moved, error of W), written out for
     a short state.
 
     noise, blur (2n + 1,): what the rounding of t makes of the error, and of the state; of estimates there are `count`.
     """
-    sort: Expression = ca.SX if size <= WRITTEN_OUT else ca.MX
     n = size // 2
     y, new, landed, noise, blur = (sort.sym(name, size) for name in ("y", "new", "landed", "noise", "blur"))
-    estimates = [sort.sym(f"e{i}", size) for i in range(count)]
+    estimates: list[Expression] = [sort.sym(f"e{i}", size) for i in range(count)]
     h, sizes, tolerance = sort.sym("h"), sort.sym("sizes", n + 3), sort.sym("tolerance", 4)
     scale = scales((y, new), h, sizes, tolerance)
     moved = _moved(landed - new, scale + blur[: 2 * n], sizes)
@@ -120,7 +119,8 @@ def _judge(size: int, count: int, combined: Combined) -> ca.Function:
         tolerance[0] * energy + tolerances.TINY
     )
     error = combined(h, *(_largest(estimate, scale + noise[: 2 * n]) for estimate in estimates))
-    inputs = [y, new, landed, h, sizes, tolerance, noise, blur, *estimates]
+    inputs: list[Expression] = [y, new, landed, h, sizes, tolerance, noise, blur]
+    inputs += estimates
     return ca.Function("judge", inputs, [ca.vertcat(error, moved, of_work)])
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,7 @@ from lagcli.compiled import NumericSystem, nearest
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import rank
-from lagcli.linear.metric_rows import LocalRows, MetricRows
+from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import conflict, initial, projection
 from lagcli.start.configuration_search import FEW, MANY, Search, tangential
 from lagcli.start.initial import Residuals, State
@@ -211,7 +210,7 @@ def _curvature(search: Search, q: Floats) -> float:
     return float(np.linalg.eigvalsh(basis[:, free] @ np.array(H)[np.ix_(free, free)] @ basis[:, free].T)[0])
 
 
-def _conditions(search: Search, q: Floats) -> tuple[Any, Any, Floats, Floats]:
+def _conditions(search: Search, q: Floats) -> tuple[Sparse, Sparse, Floats, Floats]:
     """The terms of Newton's method for the nearest point: H (n, n), independent rows B, M (q - q0) (n,), and f."""
     state, step = search.state, q - search.state.q
     chosen = search.independent(range(search.system.holonomic_count), q)

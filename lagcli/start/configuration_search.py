@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +16,7 @@ from lagcli.compiled import NumericSystem, nearest
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows, rank
 from lagcli.linear.metric import Metric, NotDefiniteError
-from lagcli.linear.metric_rows import LocalRows, MetricRows
+from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start.initial import State
 from lagcli.start.projection import Reached, Surface
 
@@ -166,7 +165,7 @@ def _better(one: Reached, other: Reached) -> Reached:
     return other if other.is_on or other.worst < one.worst else one
 
 
-def tangential(rows: Any, metric: Metric, step: Floats) -> float:
+def tangential(rows: Sparse, metric: Metric, step: Floats) -> float:
     """The part of a step (n,) along the kernel of rows (C, n), as a part of its length: 0 for one in M^-1 B^T."""
     length = metric.length(step)
     if length == 0.0:

@@ -7,14 +7,13 @@ Near the surface the integrator's own compiled projection does this at every ste
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import LocalRows, MetricRows
+from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 
 Floats = npt.NDArray[np.float64]
 
@@ -65,7 +64,7 @@ class Surface:
     ) -> None:
         self._numeric, self._t, self._p, self._metric, self._only = numeric, t, p, metric, only
 
-    def rows(self, q: Floats) -> tuple[Floats, Any]:
+    def rows(self, q: Floats) -> tuple[Floats, Sparse]:
         """f (s,) and B (s, n), sparse."""
         f, B = self._numeric.whole(self._t, q, self._p)
         f = np.array(f).ravel()
@@ -110,7 +109,7 @@ class Surface:
         size = max(_size(q), _size(best.q))
         return dataclasses.replace(best, is_on=best.is_on or best.worst <= ROUNDING * size)
 
-    def _reached(self, q: Floats, f: Floats, B: Any) -> Reached:
+    def _reached(self, q: Floats, f: Floats, B: Sparse) -> Reached:
         if not _are_finite(f, B):
             return Reached(q, np.full(f.size, np.inf), False)
         residuals = np.abs(f) / LocalRows(B).divisors
@@ -176,7 +175,7 @@ class Surface:
         return best
 
 
-def velocity(v: Floats, B: Any, b: Floats, metric: Metric) -> Floats:
+def velocity(v: Floats, B: Sparse, b: Floats, metric: Metric) -> Floats:
     """The nearest v with B v + b = 0 in the metric. Shapes (n,), (C, n), (C,).
 
     Where the rows contradict each other the result leaves a residual.
@@ -191,5 +190,5 @@ def _size(q: Floats) -> float:
     return float(np.abs(q).max(initial=0.0)) or 1.0
 
 
-def _are_finite(f: Floats, B: Any) -> bool:
+def _are_finite(f: Floats, B: Sparse) -> bool:
     return bool(np.isfinite(f).all() and np.isfinite(B.nonzeros()).all())

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from lagcli.linear.metric_rows import Sparse
 
 Floats = npt.NDArray[np.float64]
 
@@ -31,7 +32,7 @@ class Fault:
     hint: str
 
 
-def without_inertia(M: Any, names: Sequence[str]) -> list[Fault]:
+def without_inertia(M: Sparse, names: Sequence[str]) -> list[Fault]:
     """The coordinates whose row of M (n, n; sparse, finite) is zero: there is no acceleration in their equations."""
     rows = np.asarray(M.sparsity().row(), dtype=int)
     sizes = np.bincount(rows, weights=np.abs(np.array(M.nonzeros(), dtype=float)), minlength=len(names))
@@ -79,7 +80,7 @@ def indefinite(M: Floats, names: Sequence[str]) -> Fault:
     return Fault("indefinite-inertia", message, along, hint)
 
 
-def fallen(M: Any, before: Any, names: Sequence[str]) -> str:
+def fallen(M: Sparse, before: Sparse, names: Sequence[str]) -> str:
     """The loss of the inertia M (n, n) of a later state against `before` at the start, as a sentence, or nothing.
 
     `before` is positive definite. The least v^T M v / v^T M_before v is asked for, which no units change.

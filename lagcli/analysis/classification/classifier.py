@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable
-from typing import Any
 
 from lagcli.analysis.classification import coupling, locality
 from lagcli.analysis.classification.case import Case
@@ -25,8 +24,10 @@ from lagcli.model.invariant import FirstIntegral
 from lagcli.pfaffian import printing, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
 from lagcli.pfaffian.flag import function_field, joint
+from lagcli.pfaffian.form import Form
 from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius, memo
+from lagcli.pfaffian.special_places import Expression
 from lagcli.start import initial
 
 # Operations for the exact flag of a group before numbers are asked, and after they have shown that it does not vanish.
@@ -125,10 +126,11 @@ class Classifier:
         names, whole = self._names(group.differential), self._names(group.holonomic)
         surface = self._translation.surface(frozenset(whole)) if whole else {}
         forms = [self._forms[name] for name in names]
-        parts: list[Any] = [*forms, *(surface.get(name) for name in whole)]
-        if any(part is None or isinstance(part, translate.TooLarge) for part in parts):
+        held = [surface.get(name) for name in whole]
+        if any(part is None or isinstance(part, translate.TooLarge) for part in (*forms, *held)):
             return None
-        return self._translation.block(parts[: len(names)], parts[len(names) :])
+        known = [form for form in forms if isinstance(form, Form)]
+        return self._translation.block(known, held)
 
     def _flagged(
         self, group: coupling.CoupledGroup, block: PfaffianBlock | None, budget: int
@@ -231,7 +233,7 @@ class Classifier:
         told = tuple(translate.first_integral(one.phi, one.rows, values) for one in found)
         return told if len(told) == wanted else ()
 
-    def _is_at_start(self, expression: Any) -> bool:
+    def _is_at_start(self, expression: Expression) -> bool:
         begin = self._case.begin
         return self._translation.vanishes(expression, list(begin.q), begin.t)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 from lagcli.analysis.classification.case import Case
 from lagcli.analysis.classification.verdict import JointVerdict
@@ -20,6 +19,7 @@ from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import function_field, joint
 from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius
+from lagcli.pfaffian.special_places import Expression
 from lagcli.start.initial import State
 
 # Operations for the equations of a set and for the integrals on it.
@@ -54,7 +54,7 @@ class Locality:
         except time_limit.NO_ANSWER:
             return False
 
-    def own_factor(self, factors: Sequence[Any]) -> Any:
+    def own_factor(self, factors: Sequence[Expression]) -> Expression:
         """The factor that vanishes at the start, if one alone does, else the product."""
         here = self._point(self._case.begin)
         own = [e for e in factors if special_places.vanishes(e, [here])]
@@ -101,10 +101,10 @@ class Locality:
     def _set(
         self,
         block: PfaffianBlock,
-        candidates: Sequence[Sequence[Any]],
+        candidates: Sequence[Sequence[Expression]],
         numbers: NumericFlag,
         single: Sequence[frobenius.FormVerdict | None],
-    ) -> tuple[Sequence[Any], Sequence[joint.JointIntegral]]:
+    ) -> tuple[Sequence[Expression], Sequence[joint.JointIntegral]]:
         """Equations of the set on which the flag is that of numbers, as few as there are, and the integrals there."""
         for equations in candidates:
             found = self._fewest(block, equations, numbers)
@@ -122,8 +122,8 @@ class Locality:
         return (), ()
 
     def _fewest(
-        self, block: PfaffianBlock, equations: Sequence[Any], numbers: NumericFlag
-    ) -> tuple[Sequence[Any], joint.Flagged] | None:
+        self, block: PfaffianBlock, equations: Sequence[Expression], numbers: NumericFlag
+    ) -> tuple[Sequence[Expression], joint.Flagged] | None:
         """The equations without those that the flag does not need, and it; None where it is another than of numbers."""
         found = self._on(block, equations, numbers)
         if found is None:
@@ -141,10 +141,10 @@ class Locality:
 
     def _candidates(
         self, block: PfaffianBlock, flagged: joint.Flagged | None, points: Sequence[special_places.Point]
-    ) -> list[list[Any]]:
+    ) -> list[list[Expression]]:
         """Equations that hold on all points: those of sheets and places, and with those of what stands still."""
 
-        def work() -> list[Any]:
+        def work() -> list[Expression]:
             divisors = flagged.flag.divisors if flagged is not None else ()
             return special_places.distinct(
                 special_places.sheets(block, points), special_places.of(divisors, points)
@@ -157,7 +157,7 @@ class Locality:
         return [own, [*own, *special_places.still(block, points)]]
 
     def _on(
-        self, block: PfaffianBlock, equations: Sequence[Any], numbers: NumericFlag
+        self, block: PfaffianBlock, equations: Sequence[Expression], numbers: NumericFlag
     ) -> joint.Flagged | None:
         """The block with some more equations, if its flag is that of numbers."""
         if not equations:

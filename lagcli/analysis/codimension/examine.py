@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 from lagcli.analysis.codimension import branches, regular_point, scaled_equations, second_order
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows, metric_rows, rank
-from lagcli.linear.metric_rows import MetricRows
+from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.start import initial
 from lagcli.start.initial import State
 
@@ -115,7 +115,7 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
     return _joined(system, found.value, sets, flat)
 
 
-def _around(B: Any, without: set[int]) -> list[Rows]:
+def _around(B: Sparse, without: set[int]) -> list[Rows]:
     """Rows that share coordinates, one set for each connected part."""
     rows = metric_rows.LocalRows(B)
     pairs = [(i, rows.count + j) for i, j in zip(rows.row.tolist(), rows.column.tolist(), strict=True)]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -123,7 +122,7 @@ class _Laws:
         everyone = np.arange(self._count)
         self._r = ca.vec(ca.horzcat(*self._env.position(everyone)).T)
         self._v = ca.vec(ca.horzcat(*self._env.velocity(everyone)).T)
-        self._forces: list[Any] = []
+        self._forces: list[ca.SX] = []
         self._size = 0
         for force in model.forces:
             if isinstance(force, nouns.Potential) and force.members.count:
@@ -211,7 +210,9 @@ class _Laws:
                 piece = nouns.VectorExpression((dataclasses.replace(whole, tree=term),))
                 self._on_particles(force, sign * one, piece, frozenset(divided))
 
-    def _add(self, law: str, on: tuple[int, ...], F: Any, touched: frozenset[int], is_complete: bool) -> None:
+    def _add(
+        self, law: str, on: tuple[int, ...], F: ca.SX, touched: frozenset[int], is_complete: bool
+    ) -> None:
         self.terms.append(_Term(law, on, self._size, touched, is_complete))
         self._forces.append(F)
         self._size += 3 * len(on)
@@ -221,7 +222,7 @@ def _triple(word: str, count: int) -> Triple:
     return ca.SX.sym(f"{word} x", count), ca.SX.sym(f"{word} y", count), ca.SX.sym(f"{word} z", count)
 
 
-def _touched(slope: Any, particles: int) -> dict[int, set[int]]:
+def _touched(slope: ca.SX, particles: int) -> dict[int, set[int]]:
     """Row -> the particles whose positions, or after all of these velocities, it depends on."""
     found: dict[int, set[int]] = {}
     rows, columns = (np.asarray(part, dtype=np.int64) for part in slope.sparsity().get_triplet())

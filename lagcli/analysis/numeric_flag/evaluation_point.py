@@ -6,8 +6,8 @@ Where these brackets are certainly as many as there are rows, no longer ones are
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -68,6 +68,6 @@ class EvaluationPoint(Ranks):
         sizes = [term_sizes.of(curl, [self.x, self.p, Y, Z]) for Y, Z in fields]
         return np.asarray(np.max(sizes, axis=0))
 
-    def _of(self, function: Any, pairs: list[tuple[Floats, Floats]]) -> Floats:
+    def _of(self, function: Callable[..., object], pairs: list[tuple[Floats, Floats]]) -> Floats:
         """A function (x, p, Y, Z) -> (m,) of pairs of fields, (m, pairs)."""
         return np.array([np.array(function(self.x, self.p, *pair)).ravel() for pair in pairs]).T

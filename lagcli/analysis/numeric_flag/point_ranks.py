@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,7 @@ from lagcli.compiled import program, variable_sizes
 from lagcli.compiled.row_block import RowBlock
 from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import MetricRows
+from lagcli.linear.metric_rows import MetricRows, Sparse
 
 Floats = npt.NDArray[np.float64]
 
@@ -86,7 +85,7 @@ class Ranks:
         return u
 
 
-def _without_rounding(block: RowBlock, A: Any, x: Floats, p: Floats) -> Any:
+def _without_rounding(block: RowBlock, A: Sparse, x: Floats, p: Floats) -> Sparse:
     """The rows A (s + m, N), with zeros in place of differential ones that are rounding alone."""
     s, row = len(block.holonomic), np.asarray(A.sparsity().row(), dtype=np.intp)
     size = float(np.abs(x).max(initial=0.0)) or 1.0
