@@ -3,26 +3,44 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
-from typing import Any, cast
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 Floats = npt.NDArray[np.float64]
 
 
 # Of functions that were bound before: entries of each argument; shape and entries of each result.
 _Layout = tuple[tuple[int, ...], tuple[tuple[tuple[int, int], int], ...]]
-_layouts: weakref.WeakKeyDictionary[Any, _Layout] = weakref.WeakKeyDictionary()
+_layouts: weakref.WeakKeyDictionary[ca.Function, _Layout] = weakref.WeakKeyDictionary()
 
 
-def _layout(function: Any) -> _Layout:
+def _layout(function: ca.Function) -> _Layout:
     known = _layouts.get(function)
     if known is None:
         made = tuple((function.size_out(i), function.nnz_out(i)) for i in range(function.n_out()))
         known = _layouts[function] = (tuple(function.nnz_in(i) for i in range(function.n_in())), made)
     return known
+
+
+class Buffer(Protocol):
+    """The arrays that a function reads and writes; CasADi's own types know them by their addresses only."""
+
+    def set_arg(self, place: int, memory: memoryview, /) -> None:
+        """Read an argument from there."""
+
+    def set_res(self, place: int, memory: memoryview, /) -> None:
+        """Write a result there."""
+
+
+def buffer(function: ca.Function) -> tuple[Buffer, Callable[[], None]]:
+    """A buffer of a function, and what runs it."""
+    return cast("tuple[Buffer, Callable[[], None]]", function.buffer())
 
 
 class BoundFunction:
@@ -35,13 +53,13 @@ class BoundFunction:
 
     def __init__(
         self,
-        function: Any,
+        function: ca.Function,
         arguments: Sequence[Floats],
         given: Sequence[Floats] = (),
         wanted: int | None = None,
         is_sparse: bool = False,
     ) -> None:
-        self._buffer, self.trigger = function.buffer()
+        self._buffer, self.trigger = buffer(function)
         self._function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
         self.used = 0  # for those who count their calls
         self.results: list[Floats] = []

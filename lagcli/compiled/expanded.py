@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 
@@ -20,13 +19,13 @@ class Expanded:
         self._parts = parts
 
     @cached_property
-    def rhs(self) -> Any:
+    def rhs(self) -> ca.Function:
         """rhs(t, y, p) -> y'."""
         a, lam = _acceleration(self._parts, self._parts.inertia, self._schur)
         return ca.Function("rhs", self._parts.inputs, [shared.state_rate(self._parts, a, lam)])
 
     @cached_property
-    def stage(self) -> Any:
+    def stage(self) -> ca.Function:
         """stage(t, y, p) -> y', and `parts.nearness`."""
         parts = self._parts
         a, lam = _acceleration(parts, parts.inertia, self._schur)
@@ -34,7 +33,7 @@ class Expanded:
         return ca.Function("stage", parts.inputs, outputs)
 
     @cached_property
-    def position(self) -> Any:
+    def position(self) -> ca.Function:
         """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T.
 
         That is towards the nearest point in the mass-weighted norm.
@@ -48,7 +47,7 @@ class Expanded:
         return ca.Function("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
 
     @cached_property
-    def landing(self) -> Any:
+    def landing(self) -> ca.Function:
         """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, `outcome`, `sizes`.
 
         One factorization serves all, unless M depends on the velocity that is projected.
@@ -70,7 +69,7 @@ class Expanded:
         return ca.Function("landing", parts.inputs, outputs)
 
     @cached_property
-    def _watched(self) -> tuple[solvers.Solve, Any]:
+    def _watched(self) -> tuple[solvers.Solve, ca.SX | float]:
         """r -> S^-1 r, and the clearance of S."""
         return solvers.watched(self._parts.S)
 
@@ -79,7 +78,7 @@ class Expanded:
         return self._watched[0]
 
 
-def _acceleration(parts: Parts, inertia: solvers.Solve, schur: solvers.Solve) -> tuple[Any, Any]:
+def _acceleration(parts: Parts, inertia: solvers.Solve, schur: solvers.Solve) -> tuple[ca.SX, ca.SX]:
     """a and lambda of (D.24), with M^-1 and S^-1 as solvers."""
     free = inertia(parts.h)
     if not parts.selection.kept:

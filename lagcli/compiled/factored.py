@@ -8,7 +8,6 @@ solve node, an expanded part that uses the solution. Written out, S of a large b
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,14 +26,14 @@ class Factored:
         self._parts = parts
 
     @cached_property
-    def rhs(self) -> Any:
+    def rhs(self) -> ca.Function:
         """rhs(t, y, p) -> y'."""
         inputs = self._inputs()
         rate, _ = self._acceleration(*inputs)
         return ca.Function("rhs", inputs, [rate])
 
     @cached_property
-    def position(self) -> Any:
+    def position(self) -> ca.Function:
         """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T."""
         parts = self._parts
         y, n = parts.y, parts.v.numel()
@@ -49,7 +48,7 @@ class Factored:
         return ca.Function("position", inputs, [after(*inputs, _solved(before, inputs))])
 
     @cached_property
-    def landing(self) -> Any:
+    def landing(self) -> ca.Function:
         """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, `outcome` and `sizes`.
 
         The clearance is that of S with a unit diagonal, the least eigenvalue but for a factor that changes little:
@@ -75,7 +74,7 @@ class Factored:
         return ca.Function("landing", inputs, [there, rate, lam, *told(t, there, p, found[:, 1])])
 
     @cached_property
-    def _acceleration(self) -> Any:
+    def _acceleration(self) -> ca.Function:
         """(t, y, p) -> y' and lambda of (D.24)."""
         parts = self._parts
         free = parts.inertia(parts.h)
@@ -89,16 +88,16 @@ class Factored:
         return ca.Function("acceleration", inputs, [after(*inputs, found), found])
 
     @cached_property
-    def _factors(self) -> tuple[Any, Any]:
+    def _factors(self) -> tuple[ca.SX, ca.SX]:
         """B and M^-1 B^T of the independent rows, whose product is S."""
         B = self._parts.B_kept
         return B, self._parts.inertia(B.T)
 
-    def _inputs(self) -> list[Any]:
+    def _inputs(self) -> list[ca.MX]:
         return [ca.MX.sym(name, x.numel()) for name, x in zip("typ", self._parts.inputs, strict=True)]
 
 
-def _solved(before: Any, inputs: list[Any]) -> Any:
+def _solved(before: ca.Function, inputs: list[ca.MX]) -> ca.MX:
     """The solution x of S x = r for B, M^-1 B^T and r that `before` gives."""
     B, other, r = before(*inputs)
     return ca.solve(ca.mtimes(B, other), r, SOLVER)

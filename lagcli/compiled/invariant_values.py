@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 
@@ -11,7 +10,7 @@ from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
 
-def function(system: System, charts: Sequence[LevelExpression]) -> Any:
+def function(system: System, charts: Sequence[LevelExpression]) -> ca.Function:
     """levels(t, q, p) -> above and below of K charts (K, 2), their gradients by q (K, n) and (K, n), and periods
     (K,), 0 where there is none."""
     s = system.symbols
@@ -23,6 +22,6 @@ def function(system: System, charts: Sequence[LevelExpression]) -> Any:
     return ca.Function("levels", [s.t, s.q, system.p], [*outputs, ca.densify(ca.vertcat(*periods))])
 
 
-def stacked(B: Any, rows: Sequence[Any]) -> Any:
+def stacked(B: ca.DM, rows: Sequence[ca.DM]) -> ca.DM:
     """Sparse rows (C, n) with others (1, n) below them."""
     return ca.vertcat(B, *rows)

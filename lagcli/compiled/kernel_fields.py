@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import TypeVar
 
 import casadi as ca
 
@@ -20,12 +20,14 @@ from lagcli.compiled.row_block import RowBlock
 PIVOT = 0.1
 SOLVER = "ldl"
 
+T = TypeVar("T", float, ca.SX)
+
 
 class TooMuchFill(Exception):
     """The elimination of the rows would be too large to be written out."""
 
 
-def pivots(A: Any, fill: int) -> list[tuple[int, int]]:
+def pivots(A: ca.DM, fill: int) -> list[tuple[int, int]]:
     """Pivots (row, column) of the elimination of independent rows A (C, N) of numbers, of little fill (Markowitz).
 
     Raises `TooMuchFill` beyond `fill` operations.
@@ -65,14 +67,14 @@ def _pivot(rows: dict[int, dict[int, float]]) -> tuple[int, int, int]:
     return best[0], best[2], best[3]
 
 
-def _eliminate(row: dict[int, Any], pivot: dict[int, Any], j: int, factor: Any, nothing: Any) -> None:
+def _eliminate(row: dict[int, T], pivot: dict[int, T], j: int, factor: T, nothing: T) -> None:
     """row - factor pivot beside column j."""
     for k, value in pivot.items():
         if k != j:
             row[k] = row.get(k, nothing) - factor * value
 
 
-def expanded(block: RowBlock, independent: Sequence[int], order: Sequence[tuple[int, int]]) -> Any:
+def expanded(block: RowBlock, independent: Sequence[int], order: Sequence[tuple[int, int]]) -> ca.Function:
     """field(x, p, u, w) -> Y with A_I Y = (0, w) and Y = u beside the pivots: written out, operation by operation.
 
     independent: the rows I, in their order; order: `pivots` of A_I; u (N,), of which the entries at pivots do not
@@ -82,7 +84,7 @@ def expanded(block: RowBlock, independent: Sequence[int], order: Sequence[tuple[
     w = ca.SX.sym("w", sum(i >= s for i in independent))
     A = block.A[list(independent), :]
     bound = {j for _, j in order}
-    rows: list[dict[int, Any]] = [{} for _ in independent]
+    rows: list[dict[int, ca.SX]] = [{} for _ in independent]
     right = [ca.SX(0) if i < s else w[k - len(independent) + w.numel()] for k, i in enumerate(independent)]
     for i, j, value in zip(*A.sparsity().get_triplet(), ca.vertsplit(ca.vec(A.nz[:])), strict=True):
         if j in bound:
@@ -102,7 +104,7 @@ def expanded(block: RowBlock, independent: Sequence[int], order: Sequence[tuple[
     return ca.Function("field", [block.x, block.p, u, w], [ca.cse(ca.densify(ca.vertcat(*Y)))])
 
 
-def factored(block: RowBlock, independent: Sequence[int]) -> Any:
+def factored(block: RowBlock, independent: Sequence[int]) -> ca.Function:
     """field(x, p, u, w) -> the Y nearest to u with A_I Y = (0, w), its equations solved numerically at each call."""
     s = len(block.holonomic)
     count = sum(i >= s for i in independent)

@@ -10,14 +10,13 @@ A shape says how a bracket is nested: `LEAF` is a field of the kernel, a pair (a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 
 from lagcli.compiled import kernel_fields
 from lagcli.compiled.row_block import RowBlock
 
-Shape = tuple[Any, ...]  # () or (Shape, Shape)
+Shape = tuple["Shape", ...]  # () or (Shape, Shape)
 
 LEAF: Shape = ()
 
@@ -34,9 +33,9 @@ class Brackets:
         self._block, self._field = block, kernel_fields.factored(block, independent)
         s = len(block.holonomic)
         self._kept = [i - s for i in independent if i >= s]
-        self._known: dict[Shape, Any] = {}
+        self._known: dict[Shape, ca.Function] = {}
 
-    def values(self, shape: Shape) -> Any:
+    def values(self, shape: Shape) -> ca.Function:
         """values(x, p, U) -> omega of the bracket on the independent differential rows; U (N, leaves)."""
         if shape not in self._known:
             x, p = ca.MX.sym("x", self._block.size), ca.MX.sym("p", self._block.p.numel())
@@ -44,7 +43,7 @@ class Brackets:
             self._known[shape] = ca.Function("values", [x, p, U], [ca.densify(self._value(shape, x, p, U))])
         return self._known[shape]
 
-    def _value(self, shape: Shape, x: Any, p: Any, U: Any) -> Any:
+    def _value(self, shape: Shape, x: ca.MX, p: ca.MX, U: ca.MX) -> ca.MX:
         split = leaves(shape[0])
         given = list(zip(shape, (U[:, :split], U[:, split:]), strict=True))
         w = [None if part == LEAF else self.values(part)(x, p, u) for part, u in given]

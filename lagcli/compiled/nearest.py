@@ -5,8 +5,6 @@ minimize (q - q0)^T M (q - q0) / 2   subject to   f(q, t) = 0
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +14,7 @@ from lagcli.equations.system import System
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-OPTIONS: dict[str, Any] = {
+OPTIONS: dict[str, bool | float | str] = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -32,12 +30,12 @@ OPTIONS: dict[str, Any] = {
 SOLVER = "qr"
 
 
-def unit(n: int) -> Any:
+def unit(n: int) -> ca.DM:
     """The metric in which all coordinates weigh the same, (n, n)."""
     return ca.DM.eye(n)
 
 
-def newton(H: Any, B: Any, gradient: Floats, f: Floats, free: Flags) -> Floats | None:
+def newton(H: ca.DM, B: ca.DM, gradient: Floats, f: Floats, free: Flags) -> Floats | None:
     """One Newton step (n,) for the conditions of a nearest point; None where their matrix is singular.
 
     H (n, n): M + sum of mu_i d2f_i/dq2; B (r, n) independent rows; gradient (n,): M (q - q0); f (r,); only `free`
@@ -64,7 +62,7 @@ class Problem:
     pattern: that of the M to measure with.
     """
 
-    def __init__(self, system: System, pattern: Any) -> None:
+    def __init__(self, system: System, pattern: ca.Sparsity) -> None:
         s = system.symbols
         q0 = ca.SX.sym("q0", s.q.numel())
         entries = ca.SX.sym("M", pattern.nnz())
@@ -77,10 +75,10 @@ class Problem:
             "f": ca.dot(d, ca.mtimes(M, d)) / 2,
             "g": system.f * weights,
         }
-        self._solver: Any = ca.nlpsol("nearest", "ipopt", problem, OPTIONS)
+        self._solver: ca.Function = ca.nlpsol("nearest", "ipopt", problem, OPTIONS)
 
     def solve(
-        self, begin: Floats, q0: Floats, given: tuple[float, Any, Floats, Floats], held: Flags
+        self, begin: Floats, q0: Floats, given: tuple[float, ca.DM, Floats, Floats], held: Flags
     ) -> Floats | None:
         """A local minimum near `begin` (n,), or None; `held` (n,) coordinates keep the values of q0 (n,).
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 
@@ -49,7 +48,7 @@ class NumericSystem:
         self.n: int = system.symbols.q.numel()
 
     def holding(self, charts: Sequence[LevelExpression]) -> NumericSystem:
-        """The same with first integrals held in these charts; its p goes on with the two constants of each."""
+        """This system with first integrals held in these charts; its p goes on with the two constants of each."""
         return NumericSystem(self._system, self._parts.holding(charts))
 
     @property
@@ -64,7 +63,7 @@ class NumericSystem:
         return self._parts.selection
 
     def keeping(self, selection: Selection) -> NumericSystem:
-        """The same stepped with these independent rows."""
+        """This system stepped with these independent rows."""
         return NumericSystem(self._system, self._parts.keeping(selection))
 
     @cached_property
@@ -74,12 +73,12 @@ class NumericSystem:
         return Expanded(parts) if largest <= EXPANDED_OPERATIONS else Factored(parts)
 
     @property
-    def rhs(self) -> Any:
+    def rhs(self) -> ca.Function:
         """rhs(t, y, p) -> y' (2n + 1,)."""
         return self._way.rhs
 
     @property
-    def stage(self) -> Any | None:
+    def stage(self) -> ca.Function | None:
         """stage(t, y, p) -> y' (2n + 1,), and `parts.nearness` (2,): the clearance of the rows, and the least.
 
         None where S is factored numerically: another solution at each stage would cost too much.
@@ -87,7 +86,7 @@ class NumericSystem:
         return self._way.stage if isinstance(self._way, Expanded) else None
 
     @cached_property
-    def land(self) -> Any:
+    def land(self) -> ca.Function:
         """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, an outcome of four, and `parts.Sizes.packed`.
 
         The outcome is `parts.outcome` (residual, clearance, least) and the sum of y', finite only where all of y' is.
@@ -103,7 +102,7 @@ class NumericSystem:
         return ca.Function("land", inputs, [landed, rate, ca.densify(outcome), sizes])
 
     @cached_property
-    def record(self) -> Any:
+    def record(self) -> ca.Function:
         """record(t, y, p) -> y projected, one row of the table without t, and the figures of the account.
 
         These are position drift, velocity drift, Jacobi energy and its part without velocities.
@@ -115,14 +114,14 @@ class NumericSystem:
         return ca.Function("record", inputs, [landed, row, account])
 
     @cached_property
-    def whole(self) -> Any:
+    def whole(self) -> ca.Function:
         """whole(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
         symbols = self._system.symbols
         outputs = [self._parts.f, self._parts.B_whole]
         return ca.Function("whole", [symbols.t, symbols.q, self._system.p], outputs)
 
     @cached_property
-    def hessian(self) -> Any:
+    def hessian(self) -> ca.Function:
         """hessian(t, q, omega, p) -> (n, n), the second derivatives of omega . f by q; omega (s,)."""
         symbols = self._system.symbols
         omega = ca.SX.sym("omega", self._parts.f.numel())
@@ -130,17 +129,17 @@ class NumericSystem:
         return ca.Function("hessian", [symbols.t, symbols.q, omega, self._system.p], [second])
 
     @cached_property
-    def rows(self) -> Any:
+    def rows(self) -> ca.Function:
         """rows(t, q, v, p) -> B (C, n), b (C,)."""
         return ca.Function("rows", self._inputs, [self._parts.B, self._parts.b])
 
     @cached_property
-    def inertia(self) -> Any:
+    def inertia(self) -> ca.Function:
         """inertia(t, q, v, p) -> M (n, n)."""
         return ca.Function("inertia", self._inputs, [self._parts.M])
 
     @cached_property
-    def sizes(self) -> Any:
+    def sizes(self) -> ca.Function:
         """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
         parts = self._parts
         packed = shared.sizes(parts, parts.v, parts.h, parts.M).packed
@@ -148,27 +147,27 @@ class NumericSystem:
         return ca.Function("sizes", [parts.t, q, parts.v, parts.p], [packed])
 
     @property
-    def force(self) -> Any:
+    def force(self) -> ca.Function:
         """force(t, q, v, p) -> h (n,), gamma (C,), power."""
         return self._parts.force
 
     @cached_property
-    def applied(self) -> Any:
+    def applied(self) -> ca.Function:
         """applied(t, q, v, p) -> Q_j (n,), the generalized forces of all that is declared under `forces` (D.30)."""
         dynamics = self._system.dynamics
         Q = dynamics.driving - ca.gradient(dynamics.potential, self._system.symbols.q)
         return ca.Function("applied", self._inputs, [ca.densify(Q)])
 
     @property
-    def _inputs(self) -> list[Any]:
+    def _inputs(self) -> list[ca.SX]:
         symbols = self._system.symbols
         return [symbols.t, symbols.q, symbols.v, self._system.p]
 
-    def _projected(self, t: Any, y: Any, p: Any) -> Any:
+    def _projected(self, t: ca.MX, y: ca.MX, p: ca.MX) -> ca.MX:
         for _ in range(NEWTON_STEPS):
             y = self._way.position(t, y, p)
         return y
 
 
-def _inputs(function: Any) -> list[Any]:
+def _inputs(function: ca.Function) -> list[ca.MX]:
     return [ca.MX.sym(name, function.size1_in(i)) for i, name in enumerate("typ")]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from lagcli.compiled import parts as shared
@@ -11,7 +9,7 @@ from lagcli.compiled.parts import Parts
 from lagcli.equations.system import System
 
 
-def table(system: System, parts: Parts) -> Any:
+def table(system: System, parts: Parts) -> ca.Function:
     """table(t, y, y', lambda, p) -> one row of the table without t, and the figures the account is made of."""
     model, dynamics, symbols = system.model, system.dynamics, system.symbols
     particles, n = system.r.numel() // 3, symbols.q.numel()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -35,35 +34,35 @@ class Parts:
     selection: the independent rows among all C; lambda is that of these rows, unless said otherwise.
     """
 
-    t: Any
-    y: Any
-    p: Any
-    v: Any
-    f: Any
-    B: Any
-    b: Any
-    gamma: Any
-    M: Any
-    h: Any
-    power: Any
+    t: ca.SX
+    y: ca.SX
+    p: ca.SX
+    v: ca.SX
+    f: ca.SX
+    B: ca.SX
+    b: ca.SX
+    gamma: ca.SX
+    M: ca.SX
+    h: ca.SX
+    power: ca.SX
     is_small: bool
-    g: Any
-    dg: Any
+    g: ca.SX
+    dg: ca.SX
     selection: Selection
     cartesian: int
 
     @cached_property
-    def force(self) -> Any:
+    def force(self) -> ca.Function:
         """force(t, q, v, p) -> h (n,), gamma (C,) and power, to be had at another velocity."""
         q = self.y[: self.v.numel()]
         return ca.Function("force", [self.t, q, self.v, self.p], [self.h, self.gamma, self.power])
 
-    def moving(self, v: Any) -> Parts:
-        """The same with another velocity, as far as it enters h, gamma and power; M stays."""
+    def moving(self, v: ca.SX) -> Parts:
+        """These parts at another velocity, as far as it enters h, gamma and power; M stays."""
         h, gamma, power = self.force(self.t, self.y[: v.numel()], v, self.p)
         return dataclasses.replace(self, v=v, h=h, gamma=gamma, power=power)
 
-    def reaction(self, lam: Any) -> Any:
+    def reaction(self, lam: ca.SX) -> ca.SX:
         """B^T lambda, (n,)."""
         return mechanics.reaction(self.B_kept, lam)
 
@@ -76,7 +75,7 @@ class Parts:
         return bool(ca.depends_on(whole, self.t))
 
     @property
-    def inputs(self) -> list[Any]:
+    def inputs(self) -> list[ca.SX]:
         """The arguments (t, y, p) of every function."""
         return [self.t, self.y, self.p]
 
@@ -86,20 +85,20 @@ class Parts:
         return solvers.solver(self.M)
 
     @cached_property
-    def S(self) -> Any:
+    def S(self) -> ca.SX:
         """S = B M^-1 B^T of the independent rows."""
         return self.B_kept @ self.inertia(self.B_kept.T)
 
     @cached_property
-    def S_held(self) -> Any:
-        """The same for the rows of `B_held`, (s + k, s + k)."""
+    def S_held(self) -> ca.SX:
+        """S of the rows of `B_held`, (s + k, s + k)."""
         if self.g.numel():
             return self.B_held @ self.inertia(self.B_held.T)
         s = len(self._whole)
         return self.S if s == len(self.selection.kept) else self.S[:s, :s]
 
     @property
-    def B_whole(self) -> Any:
+    def B_whole(self) -> ca.SX:
         """The rows of B that belong to f."""
         return self.B[: self.f.numel(), :]
 
@@ -109,41 +108,41 @@ class Parts:
         return [i for i in self.selection.kept if i < self.f.numel()]
 
     @cached_property
-    def B_kept(self) -> Any:
+    def B_kept(self) -> ca.SX:
         """The independent rows of B."""
         return self._kept(self.B)
 
     @cached_property
-    def b_kept(self) -> Any:
+    def b_kept(self) -> ca.SX:
         """b of the independent rows."""
         return self._kept(self.b)
 
     @cached_property
-    def gamma_kept(self) -> Any:
+    def gamma_kept(self) -> ca.SX:
         """gamma of the independent rows."""
         return self._kept(self.gamma)
 
-    def _kept(self, rows: Any) -> Any:
+    def _kept(self, rows: ca.SX) -> ca.SX:
         return rows if self.selection.is_everything else rows[list(self.selection.kept), :]
 
     @cached_property
-    def held(self) -> Any:
+    def held(self) -> ca.SX:
         """Independent rows of f, and g: what the projection of positions brings to zero."""
         f = self.f if self.selection.is_everything else self.f[self._whole]
         return ca.vertcat(f, self.g) if self.g.numel() else f
 
     @cached_property
-    def B_held(self) -> Any:
+    def B_held(self) -> ca.SX:
         """Their gradients by q."""
         B = self.B_whole if self.selection.is_everything else self.B[self._whole, :]
         return ca.vertcat(B, self.dg) if self.g.numel() else B
 
     def keeping(self, selection: Selection) -> Parts:
-        """The same stepped with other independent rows."""
+        """These parts stepped with other independent rows."""
         return dataclasses.replace(self, selection=selection)
 
     @cached_property
-    def multipliers(self) -> Any:
+    def multipliers(self) -> ca.Function:
         """multipliers(t, y, p, lambda) -> lambda of all rows, (C,)."""
         lam = ca.SX.sym("lam", len(self.selection.kept))
         if self.selection.is_everything:
@@ -155,7 +154,7 @@ class Parts:
         return ca.Function("multipliers", inputs, [choice.split(self.selection, gram(t, y, p), given)])
 
     def holding(self, charts: Sequence[LevelExpression]) -> Parts:
-        """The same with integrals held in these charts; p goes on with two constants for each, above and below.
+        """These parts with integrals held in these charts; p goes on with two constants for each, above and below.
 
         With a, b the constants, above and below at the start over their hypotenuse, g = above b - below a; with
         a period g = above - a less its whole periods.
@@ -191,25 +190,25 @@ def parts(system: System) -> Parts:
     return Parts(t, y, system.p, v, *equations, is_small, nothing, no_rows, everything, cartesian)
 
 
-def _level(chart: LevelExpression, a: Any, b: Any) -> Any:
+def _level(chart: LevelExpression, a: ca.SX, b: ca.SX) -> ca.SX:
     if chart.period is None:
         return chart.above * b - chart.below * a
     turned = chart.above - a
     return turned - chart.period * ca.floor(turned / chart.period + 0.5)
 
 
-def state_rate(parts: Parts, a: Any, lam: Any) -> Any:
+def state_rate(parts: Parts, a: ca.SX, lam: ca.SX) -> ca.SX:
     """y' = (v, a, power - lambda . b)."""
     return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b_kept)))
 
 
-def position_residual(parts: Parts) -> Any:
+def position_residual(parts: Parts) -> ca.SX:
     """Largest |f_i| / |B_i| of all rows, and |g_j| / |dg_j|, a length where q are lengths."""
     f, B = _position_rows(parts)
     return ca.mmax(ca.fabs(f) / _row_norms(B)) if f.numel() else ca.SX(0)
 
 
-def _position_rows(parts: Parts) -> tuple[Any, Any]:
+def _position_rows(parts: Parts) -> tuple[ca.SX, ca.SX]:
     """f and g, and their gradients."""
     return (
         (parts.f, parts.B_whole)
@@ -231,18 +230,18 @@ class Sizes:
     balance each other too.
     """
 
-    units: Any
-    q: Any
-    v: Any
-    a: Any
+    units: ca.SX
+    q: ca.SX
+    v: ca.SX
+    a: ca.SX
 
     @property
-    def packed(self) -> Any:
+    def packed(self) -> ca.SX:
         """One column (n + 3,): units, then q, v and a."""
         return ca.densify(ca.vertcat(self.units, self.q, self.v, self.a))
 
 
-def sizes(parts: Parts, v: Any, h: Any, M: Any) -> Sizes:
+def sizes(parts: Parts, v: ca.SX, h: ca.SX, M: ca.SX) -> Sizes:
     """The sizes at a velocity, with h and M there."""
     inertia = ca.fabs(ca.densify(ca.diag(M))) + TINY
     heaviest = ca.mmax(inertia[: parts.cartesian]) if parts.cartesian else ca.SX(0, 1)
@@ -254,7 +253,7 @@ def sizes(parts: Parts, v: Any, h: Any, M: Any) -> Sizes:
     return Sizes(units, *largest)
 
 
-def outcome(parts: Parts, clearance: Any, v: Any, sizes: Sizes) -> Any:
+def outcome(parts: Parts, clearance: ca.SX | float, v: ca.SX, sizes: Sizes) -> ca.SX:
     """(3,) at a velocity v: the larger of what is left of the rows, as a part of the size of q, and `departure`;
     how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes with a row."""
     f, B = _position_rows(parts)
@@ -263,13 +262,13 @@ def outcome(parts: Parts, clearance: Any, v: Any, sizes: Sizes) -> Any:
     return ca.densify(ca.vertcat(residual, nearness(parts, clearance)))
 
 
-def nearness(parts: Parts, clearance: Any) -> Any:
+def nearness(parts: Parts, clearance: ca.SX | float) -> ca.SX:
     """(2,): the clearance, and the least diagonal entry of S."""
     least = ca.mmin(ca.diag(parts.S)) if parts.selection.kept else 1.0
     return ca.densify(ca.vertcat(clearance, least))
 
 
-def _departure(parts: Parts, v: Any, sizes: Sizes) -> Any:
+def _departure(parts: Parts, v: ca.SX, sizes: Sizes) -> ca.SX:
     """Largest B_i v + b_i of the rows left out, as a part of what v, q and t make in it: do they still follow?
 
     Where b depends on q it has the errors of q even where nothing moves; t has rounding alone.
@@ -285,7 +284,7 @@ def _departure(parts: Parts, v: Any, sizes: Sizes) -> Any:
     return ca.mmax(ca.fabs(B @ v + b) / whole)
 
 
-def velocity_residual(parts: Parts) -> Any:
+def velocity_residual(parts: Parts) -> ca.SX:
     """Largest |B_i v + b_i| / |B_i|; of a row without a gradient, g dt = 0, |b_i|."""
     if parts.B.shape[0] == 0:
         return ca.SX(0)
@@ -293,7 +292,7 @@ def velocity_residual(parts: Parts) -> Any:
     return ca.mmax(ca.fabs(parts.B @ parts.v + parts.b) / (_row_norms(parts.B) + ca.DM(empty.astype(float))))
 
 
-def _row_norms(B: Any, units: Any | None = None) -> Any:
+def _row_norms(B: ca.SX, units: ca.SX | None = None) -> ca.SX:
     if units is not None:
         B = B @ ca.diag(units)
     return ca.sqrt(ca.sum2(B * B)) + TINY

@@ -7,13 +7,13 @@ out; a step of a Runge-Kutta scheme is a graph that calls it, so that its deriva
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.compiled.bound_function import Buffer, buffer
 from lagcli.equations.system import System
 
 Floats = npt.NDArray[np.float64]
@@ -40,7 +40,7 @@ class Held:
     scale: Floats
 
 
-def rows(system: System, chosen: Numbers, coordinates: Numbers, held: Held) -> tuple[Any, Any]:
+def rows(system: System, chosen: Numbers, coordinates: Numbers, held: Held) -> tuple[ca.SX, ca.SX]:
     """z (k + 1,) and A (c, k + 1) of the rows `chosen` (c,) as expressions in it; other coordinates are held.
 
     z counts each coordinate and time in the units of `held.scale`.
@@ -58,7 +58,7 @@ def rows(system: System, chosen: Numbers, coordinates: Numbers, held: Held) -> t
     return z, ca.mtimes(A, ca.diag(scale))
 
 
-def axes(z: Any, A: Any, led: Numbers, free: Numbers) -> Any:
+def axes(z: ca.SX, A: ca.SX, led: Numbers, free: Numbers) -> ca.Function:
     """field(z, u) with u (m,) along the free coordinates and the led ones (r,) following, A (r, k + 1)."""
     u = ca.SX.sym("u", len(free))
     moved = ca.sparsify(ca.mtimes(A[:, free.tolist()], u))
@@ -71,7 +71,7 @@ def axes(z: Any, A: Any, led: Numbers, free: Numbers) -> Any:
     return ca.Function("field", [z, u], [_short(rate)])
 
 
-def projected(z: Any, A: Any) -> Any:
+def projected(z: ca.SX, A: ca.SX) -> ca.Function:
     """field(z, w): w (k + 1,) with its dq moved to the nearest that satisfies A dz = 0 for its dt."""
     w = ca.SX.sym("w", z.numel())
     dq, dt = w[:-1], w[-1]
@@ -86,13 +86,17 @@ def projected(z: Any, A: Any) -> Any:
     return ca.Function("field", [z, w], [_short(ca.densify(ca.vertcat(dq, dt)))])
 
 
+# A function of many points, its buffer, and what runs it.
+_Mapped = tuple[ca.Function, tuple[Buffer, Callable[[], None]]]
+
+
 class PathSteps:
     """Steps of a scheme along a field, for many points and controls."""
 
-    def __init__(self, field: Any, scheme: Scheme) -> None:
+    def __init__(self, field: ca.Function, scheme: Scheme) -> None:
         self._field, self._scheme = field, scheme
-        self._functions: dict[str, Any] = {}
-        self._mapped: dict[tuple[str, int], Any] = {}
+        self._functions: dict[str, ca.Function] = {}
+        self._mapped: dict[tuple[str, int], _Mapped] = {}
 
     def rate(self, Z: Floats, U: Floats) -> Floats:
         """The field (N, k + 1) at points Z (N, k + 1) for controls U (N, m); not finite at a pole."""
@@ -112,7 +116,7 @@ class PathSteps:
         )
         return ahead.reshape(Z.shape), J_z, J_u * h
 
-    def _function(self, name: str) -> Any:
+    def _function(self, name: str) -> ca.Function:
         """The field, a step of length one, or a rough one with its derivatives.
 
         The field is linear in its controls, so that the length of a step is that of its controls.
@@ -122,7 +126,7 @@ class PathSteps:
         z, u = inputs = [ca.MX.sym(x, self._field.size1_in(i)) for i, x in enumerate("zu")]
         if name == "turned":
             return self._turned(z, u)
-        stages: list[Any] = []
+        stages: list[ca.MX] = []
         weights, last = self._scheme
         for row in weights:
             stages.append(self._field(z + _mix(row, stages) if stages else z, u))
@@ -130,14 +134,14 @@ class PathSteps:
         is_short = self._field.n_instructions() * len(stages) < WRITTEN_OUT
         return ahead.expand() if is_short else ahead
 
-    def _turned(self, z: Any, u: Any) -> Any:
+    def _turned(self, z: ca.MX, u: ca.MX) -> ca.Function:
         """turned(z, u) -> the point after a rough step, and its derivatives by z and by u."""
         symbols = [ca.SX.sym(x.name(), x.numel()) for x in (z, u)]
         rate = self._field(*symbols)
         outputs = [rate, *(ca.densify(ca.jacobian(rate, x)) for x in symbols)]
         field = ca.Function("field", symbols, outputs)
         weights, last = ROUGH
-        stages: list[tuple[Any, Any, Any]] = []
+        stages: list[tuple[ca.MX, ca.MX, ca.MX]] = []
         unit = ca.MX(ca.DM.eye(z.numel()))
         for row in weights:
             rates, turns, pushes = (
@@ -167,26 +171,26 @@ class PathSteps:
                 self._functions[name] = self._function(name)
             function = self._functions[name]
             mapped = function.map(many) if many > 1 else function
-            known = mapped, mapped.buffer()
+            known = mapped, buffer(mapped)
             self._mapped[name, many] = known
-        mapped, (buffer, run) = known
+        mapped, (arrays, run) = known
         # The buffer holds addresses alone: the arrays must live until it has run.
         arguments = [np.empty((many, X.shape[1])) for X in (Z, U)]
         for argument, X in zip(arguments, (Z, U), strict=True):
             argument[:count], argument[count:] = X, X[:1]
         results = [np.empty(mapped.nnz_out(i)) for i in range(mapped.n_out())]
         for i, argument in enumerate(arguments):
-            buffer.set_arg(i, argument.data)
+            arrays.set_arg(i, argument.data)
         for i, result in enumerate(results):
-            buffer.set_res(i, result.data)
+            arrays.set_res(i, result.data)
         run()
         return [result[: result.size // many * count] for result in results]
 
 
-def _short(expression: Any) -> Any:
-    """The same with common subexpressions shared, where the search for them is quick."""
+def _short(expression: ca.SX) -> ca.SX:
+    """The expression with common subexpressions shared, where the search for them is quick."""
     return ca.cse(expression) if ca.n_nodes(expression) <= SHARED_NODES else expression
 
 
-def _mix(weights: Sequence[float], stages: Sequence[Any]) -> Any:
-    return sum(a * stage for a, stage in zip(weights, stages, strict=True) if a)
+def _mix(weights: Sequence[float], stages: Sequence[ca.MX]) -> ca.MX:
+    return sum((a * stage for a, stage in zip(weights, stages, strict=True) if a), ca.MX(0))

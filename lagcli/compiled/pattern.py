@@ -1,8 +1,6 @@
-"""Which coordinates, and whether time, the constraint rows hold: by structure, without numbers."""
+"""The coordinates that the constraint rows hold, and whether time: by structure, without numbers."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -29,6 +27,6 @@ def depends_on_time(system: System) -> bool:
     return moving or (B.nnz() > 0 and bool(ca.depends_on(B.nz[:], system.symbols.t)))
 
 
-def _places(matrix: Any) -> tuple[Numbers, Numbers]:
+def _places(matrix: ca.SX) -> tuple[Numbers, Numbers]:
     rows, columns = matrix.sparsity().get_triplet()
     return np.asarray(rows, dtype=np.int64), np.asarray(columns, dtype=np.int64)

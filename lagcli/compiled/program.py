@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import casadi as ca
 
@@ -23,7 +22,7 @@ class Program:
     results: int
 
 
-def written_out(function: Any) -> Program:
+def written_out(function: ca.Function) -> Program:
     """The operations of an expanded function, whose first output is dense."""
     steps = []
     for k in range(function.n_instructions()):

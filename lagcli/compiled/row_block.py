@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -52,23 +51,23 @@ class RowBlock:
         self.kinds = np.where(numbers < lengths, 0, numbers + 1)
 
     @cached_property
-    def rows(self) -> Any:
+    def rows(self) -> ca.Function:
         """rows(x, p) -> A (s + m, N), f (s,)."""
         return ca.Function("rows", [self.x, self.p], [self.A, ca.densify(self._f)])
 
     @cached_property
-    def surface(self) -> Any:
+    def surface(self) -> ca.Function:
         """surface(x, p) -> f (s,)."""
         return ca.Function("surface", [self.x, self.p], [ca.densify(self._f)])
 
     @cached_property
-    def along(self) -> Any:
+    def along(self) -> ca.Function:
         """along(x, p, Y) -> A Y, the rows along a field (s + m,)."""
         x, p, Y, _ = self._arguments
         return ca.Function("along", [x, p, Y], [ca.densify(ca.mtimes(self.A, Y))])
 
     @cached_property
-    def curl(self) -> Any:
+    def curl(self) -> ca.Function:
         """curl(x, p, Y, Z) -> d omega_i(Y, Z) of the differential rows (m,)."""
         one, other = self._turning
         return ca.Function("curl", self._arguments, [ca.densify(ca.sum2(one) - ca.sum2(other))])
@@ -85,11 +84,11 @@ class RowBlock:
         return pieces.AnalyticPieces(self.A, [self.x, self.p])
 
     @cached_property
-    def _arguments(self) -> list[Any]:
+    def _arguments(self) -> list[ca.SX]:
         return [self.x, self.p, ca.SX.sym("Y", self.size), ca.SX.sym("Z", self.size)]
 
     @cached_property
-    def _turning(self) -> list[Any]:
+    def _turning(self) -> list[ca.SX]:
         """The terms of (J Y) . Z and (J Z) . Y, (m, N) each, with J the derivatives of the differential rows."""
         *_, Y, Z = self._arguments
         omega = self.A[len(self.holonomic) :, :]

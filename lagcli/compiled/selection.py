@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from lagcli.compiled import solvers
 
@@ -73,7 +73,7 @@ class Selection:
             yield sorted(rest), sorted(kept)
 
 
-def split(selection: Selection, S: Any, lam: Any) -> Any:
+def split(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
     """lambda of all rows (C,), from those of the kept rows.
 
     S = B M^-1 B^T of the `shared` rows in their order; S and lambda are expressions.
@@ -81,7 +81,7 @@ def split(selection: Selection, S: Any, lam: Any) -> Any:
     among = {row: i for i, row in enumerate(selection.shared)}
     place = {row: i for i, row in enumerate(selection.kept)}
     supports = {circuit[0]: frozenset(circuit[1:]) for circuit in selection.circuits}
-    values: dict[int, Any] = {row: lam[i] for row, i in place.items()}
+    values: dict[int, ca.MX | float] = {row: lam[i] for row, i in place.items()}
     values |= dict.fromkeys(supports, 0.0)
     for rest, kept in selection.groups():
         here = [*rest, *kept]
@@ -94,7 +94,7 @@ def split(selection: Selection, S: Any, lam: Any) -> Any:
     return ca.vertcat(*(values[row] for row in range(len(values))))
 
 
-def _solved(pattern: Any, S: Any, lam: Any) -> Any:
+def _solved(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
     """S and lambda of the kept rows of one group -> lambda of all its rows, those left out first.
 
     With B_rest = T B_kept and D the diagonal of S: lambda_kept + T^T lambda_rest is given, and the smallest sum has
@@ -111,8 +111,8 @@ def _solved(pattern: Any, S: Any, lam: Any) -> Any:
     return shared(S, lam)
 
 
-def _projected(pattern: Any, S: Any, lam: Any) -> Any:
-    """The same of a larger group, without T.
+def _projected(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
+    """As `_solved`, of a larger group, without T.
 
     In unit rows, mu_i = lambda_i D_i^(1/2) and G = D^(-1/2) S D^(-1/2), the shortest mu with the same B^T lambda is
     the projection of any onto the range of G, which the columns of the kept rows span: G_K (G_K^T G_K)^-1 G_K^T mu.
@@ -126,7 +126,7 @@ def _projected(pattern: Any, S: Any, lam: Any) -> Any:
     return ca.densify((columns @ weights) / lengths)
 
 
-def _weights(S: Any, i: int, k: int, support: Any) -> Any:
+def _weights(S: ca.SX, i: int, k: int, support: npt.NDArray[np.bool_]) -> ca.SX:
     """Row i of T, (1, r): S_iK S_KK^-1 over the kept rows K that row i depends on."""
     among = (np.flatnonzero(support) + k).tolist()
     right = S[among, i]

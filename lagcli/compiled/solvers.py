@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-Solve = Callable[[Any], Any]
+Solve = Callable[[ca.SX], ca.SX]
 
 
-def solver(matrix: Any) -> Solve:
+def solver(matrix: ca.SX) -> Solve:
     """x -> matrix^-1 x for a symmetric positive definite matrix, by its sparse factors."""
     return watched(matrix)[0]
 
 
-def watched(matrix: Any) -> tuple[Solve, Any]:
-    """The same, and its clearance: the least pivot, each as a part of its diagonal entry.
+def watched(matrix: ca.SX) -> tuple[Solve, ca.SX | float]:
+    """As `solver`, with the clearance: the least pivot, each as a part of its diagonal entry.
 
     Of a Gram matrix a pivot over its entry is the square of the sine between a row and the rows before it.
     """
@@ -32,7 +31,7 @@ def watched(matrix: Any) -> tuple[Solve, Any]:
     return (lambda right: ca.ldl_solve(right, D, LT, order)), ca.mmin(parts)
 
 
-def _scaled(factors: Any, right: Any) -> Any:
+def _scaled(factors: ca.SX, right: ca.SX) -> ca.SX:
     """Each row of a matrix, times its factor."""
     if right.shape[1] == 1:
         return factors * right
@@ -43,7 +42,7 @@ def _scaled(factors: Any, right: Any) -> Any:
     return ca.SX(right.sparsity(), each * ca.vec(right.nz[:]))
 
 
-def operations(S: Any) -> float:
+def operations(S: ca.SX) -> float:
     """Multiplications that one factorization of S takes, counted from its fill."""
     pattern = S.sparsity()
     if pattern.size1() == 0:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +12,7 @@ Floats = npt.NDArray[np.float64]
 ROUNDS, TINY = 3, 1e-4
 
 
-def of(A: Any, kinds: npt.NDArray[np.intp]) -> Floats:
+def of(A: ca.DM, kinds: npt.NDArray[np.intp]) -> Floats:
     """Sizes (N,) of variables in which the entries of rows A (C, N) are of one size; 1 where none is touched.
 
     Variables of one of the `kinds` (N,) have one size. Entries that are tiny in their row, as at a special place,
@@ -35,7 +33,7 @@ def of(A: Any, kinds: npt.NDArray[np.intp]) -> Floats:
     return of_kind[kinds]
 
 
-def applied(A: Any, sizes: Floats) -> Any:
+def applied(A: ca.DM, sizes: Floats) -> ca.DM:
     """Rows A (C, N) with their columns times the sizes (N,)."""
     columns = np.asarray(A.sparsity().get_col(), dtype=np.intp)
     return ca.DM(A.sparsity(), ca.DM(np.array(A.nonzeros(), dtype=float) * sizes[columns]))

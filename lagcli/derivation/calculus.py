@@ -7,7 +7,6 @@ as short as they are on paper, and cheap at any number of particles.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import sympy
 
@@ -25,7 +24,7 @@ class Abbreviation:
     `left` and `right`: where `inner` is a product of vectors left . right, their texts for printing.
     """
 
-    inner: Any
+    inner: sympy.Expr
     is_root: bool
     left: Key | None = None
     right: Key | None = None
@@ -34,18 +33,19 @@ class Abbreviation:
 class Calculus:
     """Partial derivatives and rates of expressions in coordinates, rates, time and abbreviations."""
 
-    def __init__(self, coordinates: list[Any], rates: list[Any]) -> None:
+    def __init__(self, coordinates: list[sympy.Symbol], rates: list[sympy.Symbol]) -> None:
         self.moving = dict(zip(coordinates, rates, strict=True))
-        self.known: dict[Any, Abbreviation] = {}
+        self.known: dict[sympy.Symbol, Abbreviation] = {}
         # d -> (U . dU/dt, |dU/dt|^2) of a distance whose U is linear in positions.
-        self.products: dict[Any, tuple[Any, Any]] = {}
-        self.rates: dict[Any, Any] = {}  # those of products of vectors, with velocities held
-        self.by_vectors: dict[Any, Any] = {}  # (U, W) -> the symbol of U . W, or of |U|
-        self._symbols: dict[Any, frozenset[Any]] = {}
-        self._partials: dict[tuple[Any, Any], Any] = {}
+        self.products: dict[sympy.Symbol, tuple[sympy.Expr, sympy.Expr]] = {}
+        self.rates: dict[sympy.Symbol, sympy.Expr] = {}  # those of products of vectors, with velocities held
+        # (U, W) -> the symbol of U . W, or of |U|; of another root, what is under it -> its symbol.
+        self.by_vectors: dict[tuple[Key, Key] | sympy.Expr, sympy.Symbol] = {}
+        self._symbols: dict[sympy.Symbol, frozenset[sympy.Symbol]] = {}
+        self._partials: dict[tuple[sympy.Symbol, sympy.Symbol], sympy.Expr] = {}
         self.has_jumps = False
 
-    def symbols(self, value: Any) -> frozenset[Any]:
+    def symbols(self, value: sympy.Expr) -> frozenset[sympy.Symbol]:
         """Everything a value depends on, also through abbreviations, these included."""
         found = set(value.free_symbols)
         for symbol in value.free_symbols & self.known.keys():
@@ -54,7 +54,7 @@ class Calculus:
             found |= self._symbols[symbol]
         return frozenset(found)
 
-    def partial(self, value: Any, x: Any) -> Any:
+    def partial(self, value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
         """dvalue/dx with everything else held."""
         total = self._plain(value, x) if x in value.free_symbols else ZERO
         for symbol in sorted(value.free_symbols & self.known.keys(), key=str):
@@ -63,7 +63,7 @@ class Calculus:
                 total += self._plain(value, symbol) * inner
         return total
 
-    def rate(self, value: Any) -> Any:
+    def rate(self, value: sympy.Expr) -> sympy.Expr:
         """d/dt of a function of coordinates and time; of one that holds rates too, with the rates held."""
         total = self._plain(value, TIME) if TIME in value.free_symbols else ZERO
         for x in sorted(value.free_symbols & self.moving.keys(), key=str):
@@ -72,7 +72,7 @@ class Calculus:
             total += self._plain(value, symbol) * self._rate_of(symbol)
         return total
 
-    def expanded(self, value: Any) -> Any:
+    def expanded(self, value: sympy.Expr) -> sympy.Expr:
         """The value without abbreviations."""
         while present := value.free_symbols & self.known.keys():
             found = {}
@@ -82,12 +82,12 @@ class Calculus:
             value = value.xreplace(found)
         return value
 
-    def _plain(self, value: Any, x: Any) -> Any:
+    def _plain(self, value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
         found = slope(value, x)
         # A jump has no slope; where it stands the compiled equations have none either.
         return found.replace(sympy.DiracDelta, lambda *_: ZERO) if self.has_jumps else found
 
-    def _of(self, symbol: Any, x: Any) -> Any:
+    def _of(self, symbol: sympy.Symbol, x: sympy.Symbol) -> sympy.Expr:
         """The slope of an abbreviation."""
         if (symbol, x) not in self._partials:
             known = self.known[symbol]
@@ -95,7 +95,7 @@ class Calculus:
             self._partials[symbol, x] = inner / (2 * symbol) if known.is_root else inner
         return self._partials[symbol, x]
 
-    def _rate_of(self, symbol: Any) -> Any:
+    def _rate_of(self, symbol: sympy.Symbol) -> sympy.Expr:
         if symbol in self.products:
             return self.products[symbol][0] / symbol
         if symbol in self.rates:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import sympy
 
@@ -22,9 +21,9 @@ MAX_OPERATIONS = 120
 class ClosedForm:
     """lambda by number of row, or the `reason` why not; `on`: what the rows themselves say, put in."""
 
-    values: dict[int, Any]
+    values: dict[int, sympy.Expr]
     reason: str
-    on: dict[Any, Any]
+    on: dict[sympy.Symbol, sympy.Expr]
 
 
 def solve(system: Symbolic, equation: Equation) -> ClosedForm:
@@ -36,7 +35,7 @@ def solve(system: Symbolic, equation: Equation) -> ClosedForm:
     for (r, other), value in S.items():
         if value != 0:
             neighbours[r].add(other)
-    values: dict[int, Any] = {}
+    values: dict[int, sympy.Expr] = {}
     reason = ""
     blocks = components(neighbours)
     if (largest := max(map(len, blocks))) > MAX_ROWS:
@@ -60,14 +59,14 @@ def solve(system: Symbolic, equation: Equation) -> ClosedForm:
     return ClosedForm(values, reason, on)
 
 
-def _shortest(above: Any, below: Any, rates: tuple[Any, ...]) -> Any:
+def _shortest(above: sympy.Expr, below: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> sympy.Expr:
     found = [tidy(tidy(above) / below), tidy(above) / below]
     if above.count_ops() + below.count_ops() <= 2 * MAX_OPERATIONS:
         found += cancelled(above / below, rates)
     return min(found, key=burden)
 
 
-def cancelled(value: Any, rates: tuple[Any, ...]) -> list[Any]:
+def cancelled(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> list[sympy.Expr]:
     """Equal forms of a quotient without common factors, as a whole and for each power of the rates.
 
     sin^2 + cos^2 = 1 hides a common factor where both stand, so that it is looked for with each of them alone too.
@@ -76,7 +75,7 @@ def cancelled(value: Any, rates: tuple[Any, ...]) -> list[Any]:
     together = sympy.together(value)
     for squared, other in ((None, None), (sympy.cos, sympy.sin), (sympy.sin, sympy.cos)):
         above, below = sympy.fraction(together)
-        if squared is not None:
+        if squared is not None and other is not None:
             above, below = (without_squares(part, squared, other) for part in (above, below))
         if below == 0:  # sin^2 + cos^2 - 1 in disguise: nothing is known of such a quotient
             continue
@@ -87,20 +86,20 @@ def cancelled(value: Any, rates: tuple[Any, ...]) -> list[Any]:
     return found
 
 
-def _factored(value: Any) -> Any:
+def _factored(value: sympy.Expr) -> sympy.Expr:
     """A quotient without common factors, above and below tidied."""
     above, below = sympy.fraction(sympy.factor_terms(sympy.cancel(value)))
     return tidy(tidy(above) / tidy(below))
 
 
-def burden(value: Any) -> int:
-    """How hard an expression is to read, by its operations."""
+def burden(value: sympy.Expr) -> int:
+    """The burden of reading an expression, by its operations."""
     # Fractions in fractions read worst.
     parts = sympy.preorder_traversal(value)
     return int(value.count_ops()) + 3 * sum(1 for part in parts if part.is_Pow and part.exp.is_negative)
 
 
-def put(system: Symbolic, value: Any, on: dict[Any, Any]) -> Any:
+def put(system: Symbolic, value: sympy.Expr, on: dict[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
     """The value with what the rows say put in, also in products of vectors."""
     calculus = system.world.calculus
     replaced = dict(on)
@@ -114,10 +113,10 @@ def put(system: Symbolic, value: Any, on: dict[Any, Any]) -> Any:
     return value.xreplace(replaced)
 
 
-def surface(system: Symbolic) -> dict[Any, Any]:
+def surface(system: Symbolic) -> dict[sympy.Symbol, sympy.Expr]:
     """Lengths and coordinates that single rows hold at a value: d = L and d' = L', y = 0 and y' = 0."""
     calculus = system.world.calculus
-    found: dict[Any, Any] = {}
+    found: dict[sympy.Symbol, sympy.Expr] = {}
     rates = dict(zip(system.q, system.v, strict=True))
     for row in system.rows:
         if row.f is None:

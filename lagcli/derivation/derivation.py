@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import sympy
 
@@ -185,7 +184,7 @@ def _accelerations(
     parts: Sections,
     inverted: multiplier_equations.Inverse,
     solved: closed_form.ClosedForm,
-    put: dict[Any, Any],
+    put: dict[sympy.Symbol, sympy.Expr],
 ) -> Iterator[Line]:
     """Accelerations, with lambda put in where that stays short."""
     signs = parts.signs
@@ -221,7 +220,7 @@ def _accelerations(
         yield Line(equation, (signs.node(system.a[i]), signs.node(whole)), kind="acceleration")
 
 
-def _closed(system: Symbolic, value: Any, on: dict[Any, Any]) -> Any:
+def _closed(system: Symbolic, value: sympy.Expr, on: dict[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
     """The form of an acceleration that reads best, with what the rows say put in."""
     whole = tidy(closed_form.put(system, value, on))
     small = whole.count_ops() <= 2 * closed_form.MAX_OPERATIONS

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import html
-from typing import Any
+
+import sympy
 
 from lagcli.derivation import formula as f
 from lagcli.derivation import render_latex, render_mathml, render_text
@@ -74,10 +75,8 @@ class Derivation:
     def __str__(self) -> str:
         return self.text()
 
-    def equations(self) -> tuple[Any, ...]:
+    def equations(self) -> tuple[sympy.Eq, ...]:
         """M a = h + B^T lambda for each coordinate (D.23, D.53), in SymPy."""
-        import sympy
-
         system = self.system
         found = []
         for i in range(len(system.q)):
@@ -89,10 +88,8 @@ class Derivation:
             found.append(sympy.Eq(self._plain(left), self._plain(right), evaluate=False))
         return tuple(found)
 
-    def constraints(self) -> tuple[Any, ...]:
+    def constraints(self) -> tuple[sympy.Eq, ...]:
         """f = 0 of holonomic rows (D.2), B v + b = 0 of differential ones (D.4), in SymPy."""
-        import sympy
-
         system = self.system
         found = []
         for row in system.rows:
@@ -102,7 +99,7 @@ class Derivation:
             found.append(sympy.Eq(self._plain(value), 0, evaluate=False))
         return tuple(found)
 
-    def _plain(self, value: Any) -> Any:
+    def _plain(self, value: sympy.Expr) -> sympy.Expr:
         return self.system.world.calculus.expanded(value)
 
     def text(self, width: int = WIDTH) -> str:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import random
 from collections.abc import Iterator
-from typing import Any
 
 import sympy
 
@@ -32,7 +31,7 @@ class IdentityVerdict:
 
 def verify(system: Symbolic) -> Iterator[IdentityVerdict]:
     """The identity for every generalized coordinate that dependent particles move with."""
-    left: dict[int, Any] = {}
+    left: dict[int, sympy.Expr] = {}
     for number in range(len(system.world.particles)):
         if system.world.is_dependent(number):
             for j, term in _of_particle(system, number):
@@ -46,7 +45,7 @@ def verify(system: Symbolic) -> Iterator[IdentityVerdict]:
         yield IdentityVerdict(j, holds, f"at {POINTS} random points, to 20 digits")
 
 
-def _of_particle(system: Symbolic, number: int) -> Iterator[tuple[int, Any]]:
+def _of_particle(system: Symbolic, number: int) -> Iterator[tuple[int, sympy.Expr]]:
     """m a . dr/dq_j of one particle."""
     calculus, world = system.world.calculus, system.world
     position, velocity = world.position(number), world.velocity(number)
@@ -68,7 +67,7 @@ def _of_particle(system: Symbolic, number: int) -> Iterator[tuple[int, Any]]:
             )
 
 
-def _of_energy(system: Symbolic, j: int) -> Any:
+def _of_energy(system: Symbolic, j: int) -> sympy.Expr:
     """d/dt dT/dq'_j - dT/dq_j, of T as it is printed."""
     calculus, T = system.world.calculus, system.general
     momentum = calculus.partial(T, system.v[j])
@@ -80,7 +79,7 @@ def _of_energy(system: Symbolic, j: int) -> Any:
     return total
 
 
-def _vanishes(value: Any) -> bool:
+def _vanishes(value: sympy.Expr) -> bool:
     """True if an expression is zero, as exponentials multiplied out; no answer counts as no."""
     if sympy.expand(value) == 0:
         return True
@@ -88,7 +87,7 @@ def _vanishes(value: Any) -> bool:
     return bool(sympy.expand(sympy.powsimp(sympy.expand(waves))) == 0)
 
 
-def _agrees(system: Symbolic, j: int, left: Any) -> bool:
+def _agrees(system: Symbolic, j: int, left: sympy.Expr) -> bool:
     """True if both sides are the same numbers at random points."""
     source = random.Random(20060311)
     calculus = system.world.calculus

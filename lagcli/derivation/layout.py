@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import sympy
 
@@ -38,10 +37,12 @@ _SIMPLE = {(1, 2), (1, 3), (2, 3), (1, 4), (3, 4)}
 class Layout:
     """Formulas with the signs of symbols: `shown` (symbol -> node) and `kinds` (symbol -> (kind, place))."""
 
-    def __init__(self, shown: Mapping[Any, f.FormulaNode], kinds: Mapping[Any, tuple[int, int]]) -> None:
+    def __init__(
+        self, shown: Mapping[sympy.Symbol, f.FormulaNode], kinds: Mapping[sympy.Symbol, tuple[int, int]]
+    ) -> None:
         self._shown, self._kinds = shown, kinds
 
-    def node(self, value: Any) -> f.FormulaNode:
+    def node(self, value: sympy.Expr) -> f.FormulaNode:
         """The formula of an expression."""
         if value in self._shown:
             return self._shown[value]
@@ -56,7 +57,7 @@ class Layout:
             return self._power(value)
         return self._other(value)
 
-    def _other(self, value: Any) -> f.FormulaNode:
+    def _other(self, value: sympy.Expr) -> f.FormulaNode:
         if value == sympy.pi:
             return f.Sign("π")
         if isinstance(value, sympy.Abs):
@@ -68,13 +69,13 @@ class Layout:
             return f.Apply("exp", (f.ONE,))
         return f.FormulaWords(str(value))
 
-    def _sum(self, value: Any) -> f.FormulaNode:
+    def _sum(self, value: sympy.Expr) -> f.FormulaNode:
         terms = sorted(sympy.Add.make_args(value), key=self._term_key)
         signed = [self._signed(term) for term in terms]
         first = next((i for i, (sign, _) in enumerate(signed) if sign > 0), 0)
         return f.FormulaSum((signed[first], *signed[:first], *signed[first + 1 :]))
 
-    def _term_key(self, term: Any) -> tuple[Any, ...]:
+    def _term_key(self, term: sympy.Expr) -> tuple[object, ...]:
         """Accelerations first, then rates, then positions; each as they are declared."""
         found: list[tuple[int, int]] = []
         for symbol in term.free_symbols:
@@ -91,7 +92,7 @@ class Layout:
         )
         return leading, -power, leads, sorted(found), sympy.default_sort_key(term)
 
-    def _signed(self, term: Any) -> tuple[int, f.FormulaNode]:
+    def _signed(self, term: sympy.Expr) -> tuple[int, f.FormulaNode]:
         """The sign of a term and the term without it."""
         coefficient, rest = term.as_coeff_Mul()
         if not coefficient.is_Rational:
@@ -99,9 +100,9 @@ class Layout:
         sign = -1 if coefficient < 0 else 1
         return sign, self._product(rest, abs(coefficient))
 
-    def _product(self, value: Any, coefficient: Any) -> f.FormulaNode:
-        above: list[Any] = []
-        below: list[Any] = []
+    def _product(self, value: sympy.Expr, coefficient: sympy.Expr) -> f.FormulaNode:
+        above: list[sympy.Expr] = []
+        below: list[sympy.Expr] = []
         for factor in sympy.Mul.make_args(value):
             base, exponent = factor.as_base_exp()
             if factor.is_Pow and base != sympy.E and exponent.could_extract_minus_sign():
@@ -127,10 +128,10 @@ class Layout:
             return upper
         return f.Fraction(upper, bottom[0] if len(bottom) == 1 else f.FormulaProduct(tuple(bottom)))
 
-    def _factor(self, value: Any) -> f.FormulaNode:
+    def _factor(self, value: sympy.Expr) -> f.FormulaNode:
         return self.node(value)
 
-    def _factor_key(self, factor: Any) -> tuple[Any, ...]:
+    def _factor_key(self, factor: sympy.Expr) -> tuple[object, ...]:
         base, _ = factor.as_base_exp()
         if factor in self._kinds or base in self._kinds:
             return *self._kinds.get(factor, self._kinds.get(base, (SUM, 0))), ""
@@ -144,7 +145,7 @@ class Layout:
             return kind, inner[0][1] if inner else 0, str(base)
         return APPLIED, 0, inner, isinstance(base, sympy.cos), str(base)
 
-    def _power(self, value: Any) -> f.FormulaNode:
+    def _power(self, value: sympy.Expr) -> f.FormulaNode:
         base, exponent = value.as_base_exp()
         if exponent.could_extract_minus_sign():
             return self._product(value, sympy.Integer(1))
@@ -157,7 +158,7 @@ class Layout:
         return f.FormulaPower(shown, power)
 
 
-def _rational(value: Any) -> f.FormulaNode:
+def _rational(value: sympy.Expr) -> f.FormulaNode:
     p, q = int(value.p), int(value.q)
     if p < 0:
         return f.negative(_rational(-value))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import sympy
 
@@ -20,21 +19,21 @@ MAX_BLOCK, MAX_OPERATIONS = 3, 400
 class Equation:
     """S lambda = right: S by numbers of rows (all pairs that are not zero, both ways), right (C)."""
 
-    S: dict[tuple[int, int], Any]
-    right: tuple[Any, ...]
+    S: dict[tuple[int, int], sympy.Expr]
+    right: tuple[sympy.Expr, ...]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Inverse:
     """M^-1 by numbers of coordinates; None with the reason where it is not written out."""
 
-    entries: dict[tuple[int, int], Any] | None
+    entries: dict[tuple[int, int], sympy.Expr] | None
     reason: str = ""
 
 
 def inverse(system: Symbolic) -> Inverse:
     """M^-1 for the coordinates that do not obey Newton's equations, block by block."""
-    found: dict[tuple[int, int], Any] = {}
+    found: dict[tuple[int, int], sympy.Expr] = {}
     for block in _blocks(system):
         if len(block) > MAX_BLOCK:
             return Inverse(None, f"M has a block of {len(block)} coupled coordinates, more than {MAX_BLOCK}")
@@ -84,16 +83,16 @@ class Products:
 
     def __init__(self, system: Symbolic) -> None:
         self._system, self._world = system, system.world
-        self._known: dict[Triple, list[tuple[Any, Key]] | None] = {}
+        self._known: dict[Triple, list[tuple[sympy.Expr, Key]] | None] = {}
 
-    def dot(self, u: Triple, w: Triple) -> Any:
+    def dot(self, u: Triple, w: Triple) -> sympy.Expr:
         """u . w."""
         one, other = self._pieces(u), self._pieces(w)
         if one is None or other is None:
             return self._by_components(u, w)
         return sum((c * e * self._plain(k, m) for c, k in one for e, m in other), ZERO)
 
-    def _by_components(self, u: Triple, w: Triple) -> Any:
+    def _by_components(self, u: Triple, w: Triple) -> sympy.Expr:
         """The sum of products; 1 where it is the square of a root over itself."""
         value = sum((a * b for a, b in zip(u, w, strict=True)), ZERO)
         known = self._world.calculus.known
@@ -105,26 +104,26 @@ class Products:
                     return sympy.Integer(1)
         return value
 
-    def _plain(self, one: Key, other: Key) -> Any:
+    def _plain(self, one: Key, other: Key) -> sympy.Expr:
         if one[0] and other[0]:
             return self._world.product(one, other)
         a, b = self._world.collapse.components(one), self._world.collapse.components(other)
         return sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
 
-    def _pieces(self, triple: Triple) -> list[tuple[Any, Key]] | None:
+    def _pieces(self, triple: Triple) -> list[tuple[sympy.Expr, Key]] | None:
         if triple not in self._known:
             vector: RecognizedVector | None = self._world.collapse.vector(triple)
             self._known[triple] = None if vector is None else pieces(vector)
         return self._known[triple]
 
 
-def equation(system: Symbolic, inverted: dict[tuple[int, int], Any]) -> Equation:
+def equation(system: Symbolic, inverted: dict[tuple[int, int], sympy.Expr]) -> Equation:
     """The linear system for lambda (D.24)."""
-    S: dict[tuple[int, int], Any] = {}
+    S: dict[tuple[int, int], sympy.Expr] = {}
     right = [row.gamma for row in system.rows]
     free = {system.place(number): number for number in system.newton}
     _newton(system, free, S, right)
-    slopes: dict[int, list[tuple[int, Any]]] = {}
+    slopes: dict[int, list[tuple[int, sympy.Expr]]] = {}
     for r, row in enumerate(system.rows):
         for i, slope in row.B.items():
             if i - i % 3 not in free:
@@ -134,15 +133,17 @@ def equation(system: Symbolic, inverted: dict[tuple[int, int], Any]) -> Equation
             right[r] -= slope * entry * system.h[j]
             for other, across in slopes.get(j, ()):
                 S[r, other] = S.get((r, other), ZERO) + slope * entry * across
-    short: dict[tuple[int, int], Any] = {}
+    short: dict[tuple[int, int], sympy.Expr] = {}
     for (r, other), value in S.items():
         if other >= r and (entry := tidy(value)) != 0:
             short[r, other] = short[other, r] = entry
     return Equation(short, tuple(tidy(value) for value in right))
 
 
-def _newton(system: Symbolic, free: dict[int, int], S: dict[tuple[int, int], Any], right: list[Any]) -> None:
-    """What particles that obey Newton's equations add: 1/m B_ik . B_jk, 1/m B_ik . F_k."""
+def _newton(
+    system: Symbolic, free: dict[int, int], S: dict[tuple[int, int], sympy.Expr], right: list[sympy.Expr]
+) -> None:
+    """The terms of particles that obey Newton's equations: 1/m B_ik . B_jk, 1/m B_ik . F_k."""
     products = Products(system)
     touching: dict[int, list[tuple[int, Triple]]] = {}
     for r, row in enumerate(system.rows):
@@ -158,6 +159,6 @@ def _newton(system: Symbolic, free: dict[int, int], S: dict[tuple[int, int], Any
                     S[r, other] = S.get((r, other), ZERO) + products.dot(u, w) / mass
 
 
-def part(values: dict[int, Any], first: int) -> Triple:
+def part(values: dict[int, sympy.Expr], first: int) -> Triple:
     """Three neighbours of a sparse vector."""
     return values.get(first, ZERO), values.get(first + 1, ZERO), values.get(first + 2, ZERO)

@@ -1,9 +1,8 @@
-"""What stands on the page, and under which number of the text: positions, rows, reactions, energies, motion."""
+"""The contents of the page, with the numbers of the text: positions, rows, reactions, energies, motion."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import sympy
 
@@ -71,7 +70,7 @@ class Sections:
                 yield Line("D.3", (self._form(row), NIL), kind="f", family=row.family)
 
     def lengths(self) -> Iterator[Line]:
-        """What the abbreviations stand for."""
+        """The meanings of the abbreviations."""
         for symbol, meaning in self.signs.definitions():
             yield Line(sides=(symbol, meaning), kind="where", family="lengths")
 
@@ -131,7 +130,10 @@ class Sections:
                 yield Line("D.53", (left, signs.node(self._simulating(i))), kind="Q'", family=self._kin(i))
 
     def reaction(
-        self, first: int, factors: Sequence[Any], lengths: Mapping[Any, Any] | None = None
+        self,
+        first: int,
+        factors: Sequence[sympy.Expr],
+        lengths: Mapping[sympy.Symbol, sympy.Expr] | None = None,
     ) -> list[tuple[int, f.FormulaNode]]:
         """The terms of sum_i factor_i B_ik on the particle whose x is coordinate number `first`.
 
@@ -147,7 +149,7 @@ class Sections:
                 terms += self.signs.scaled(factor, slopes)
         return terms
 
-    def _simulating(self, i: int) -> Any:
+    def _simulating(self, i: int) -> sympy.Expr:
         pairs = zip(self._system.rows, self._system.lam, strict=True)
         return sum((row.B[i] * lam for row, lam in pairs if i in row.B), ZERO)
 
@@ -155,7 +157,7 @@ class Sections:
         """T, V and, with generalized coordinates, L (D.34-D.38)."""
         system, signs = self._system, self.signs
         letters = signs.energies
-        T: Any = system.general
+        T: sympy.Expr = system.general
         for number in range(len(self._world.particles)):
             if not self._world.is_dependent(number):
                 T += self._world.mass(number) * self._speed(number) / 2
@@ -174,7 +176,7 @@ class Sections:
             whole = sympy.Add(*(polynomial(term, system.v) for term in (T + system.extra,))) - V
             yield Line("D.38", (*sides, signs.node(whole)), kind="L")
 
-    def _speed(self, number: int) -> Any:
+    def _speed(self, number: int) -> sympy.Expr:
         if number in self._system.newton:
             name = self._world.particles.names[number]
             key: Key = ((f"v {name}", sympy.Integer(1)),), NOTHING
@@ -265,14 +267,14 @@ def _short(name: str) -> str:
     return paper_names.subscript(name)
 
 
-def triple(values: tuple[Any, ...], first: int) -> Triple:
+def triple(values: tuple[sympy.Expr, ...], first: int) -> Triple:
     """Three neighbours."""
     return values[first], values[first + 1], values[first + 2]
 
 
-def _grouped(T: Any) -> Any:
+def _grouped(T: sympy.Expr) -> sympy.Expr:
     """Terms of equal coefficients together: m (v_a^2 + v_b^2)/2."""
-    groups: dict[Any, list[Any]] = {}
+    groups: dict[sympy.Expr, list[sympy.Expr]] = {}
     for term in sympy.Add.make_args(T):
         speeds = [x for x in sympy.Mul.make_args(term) if str(x).startswith("product ")]
         if len(speeds) == 1:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from lagcli.derivation import formula as f
 from lagcli.derivation.paper_names import LETTERS
@@ -139,7 +138,7 @@ def _power(node: f.FormulaPower) -> str:
     return f"{{{held}}}^{{{latex(node.exponent)}}}"
 
 
-_WRITERS: dict[type[f.FormulaNode], Callable[[Any], str]] = {
+_WRITERS: dict[type[f.FormulaNode], Callable[..., str]] = {
     f.Sign: sign,
     f.FormulaNumber: _number,
     f.FormulaWords: lambda node: rf"\text{{{escaped(node.text)}}}",

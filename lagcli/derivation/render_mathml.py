@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable
-from typing import Any
 
 from lagcli.derivation import formula as f
 
@@ -96,7 +95,7 @@ def _slope(node: f.Slope) -> str:
     return f"<mfrac>{top}{_row(letter, mathml(node.below))}</mfrac>"
 
 
-_WRITERS: dict[type[f.FormulaNode], Callable[[Any], str]] = {
+_WRITERS: dict[type[f.FormulaNode], Callable[..., str]] = {
     f.Sign: sign,
     f.FormulaNumber: _number,
     f.FormulaWords: lambda node: f"<mtext>{html.escape(node.text)}</mtext>",

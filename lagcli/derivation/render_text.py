@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Callable
-from typing import Any
 
 from lagcli.derivation import formula as f
 
@@ -128,7 +127,7 @@ def _slope(node: f.Slope) -> tuple[str, int]:
     return f"{letter}{text(node.above) if node.above else ''}/{letter}{text(node.below)}", APPLIED
 
 
-_WRITERS: dict[type[f.FormulaNode], Callable[[Any], tuple[str, int]]] = {
+_WRITERS: dict[type[f.FormulaNode], Callable[..., tuple[str, int]]] = {
     f.Sign: lambda node: (sign(node), ATOM),
     f.FormulaNumber: _number,
     f.FormulaWords: lambda node: (node.text, ATOM),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import sympy
 
@@ -27,12 +26,12 @@ class Signs:
     def __init__(self, system: Symbolic) -> None:
         self._system = system
         self._register = paper_names.Register()
-        self._shown: dict[Any, f.FormulaNode] = {}
-        self._kinds: dict[Any, tuple[int, int]] = {}
-        self._vectors: dict[str, Any] = {}
+        self._shown: dict[sympy.Symbol, f.FormulaNode] = {}
+        self._kinds: dict[sympy.Symbol, tuple[int, int]] = {}
+        self._vectors: dict[str, sympy.Symbol] = {}
         self._layout = Layout(self._shown, self._kinds)
         self._count = 0
-        self._masses: set[Any] = set()
+        self._masses: set[sympy.Symbol] = set()
         for number in range(len(system.world.particles)):
             self._masses |= system.world.mass(number).free_symbols
         self._show(TIME, f.Sign("t"), "t", layout.PARAMETER, 9)
@@ -52,7 +51,7 @@ class Signs:
         """T, V or L; a script letter where the model calls something else so."""
         return self._register.take_first((f.Sign(letter), f.Sign(_SCRIPT[letter])), letter)
 
-    def node(self, value: Any) -> f.FormulaNode:
+    def node(self, value: sympy.Expr) -> f.FormulaNode:
         """The formula of an expression."""
         self._abbreviations()
         return self._layout.node(value)
@@ -69,7 +68,7 @@ class Signs:
             total += self._times(merged(tidy(factor)), key)
         return self._layout.node(total)
 
-    def scaled(self, factor: Any, triple: Triple) -> list[tuple[int, f.FormulaNode]]:
+    def scaled(self, factor: sympy.Expr, triple: Triple) -> list[tuple[int, f.FormulaNode]]:
         """The terms of factor * vector; the factor may hold components of vectors, and stays a factor."""
         vector = self._system.world.collapse.vector(triple)
         if vector is None or (not vector.parts and sum(1 for part in triple if part != 0) > 1):
@@ -85,7 +84,7 @@ class Signs:
             found += node.terms if isinstance(node, f.FormulaSum) else [(1, node)]
         return found
 
-    def _times(self, factor: Any, key: Key) -> Any:
+    def _times(self, factor: sympy.Expr, key: Key) -> sympy.Expr:
         """factor * combination; a minus sign turns a difference of vectors round."""
         combination = self._combination(key)
         if combination.is_Add and factor.could_extract_minus_sign():
@@ -96,12 +95,12 @@ class Signs:
         """The formula of a combination of vectors."""
         return self._layout.node(self._combination(key))
 
-    def _combination(self, key: Key) -> Any:
+    def _combination(self, key: Key) -> sympy.Expr:
         parts, rest = key
         total = sum((c * self._vector_symbol(n) for n, c in parts), sympy.Integer(0))
         return total + sum((c * axis for c, axis in zip(rest, AXES, strict=True)), sympy.Integer(0))
 
-    def _vector_symbol(self, name: str) -> Any:
+    def _vector_symbol(self, name: str) -> sympy.Symbol:
         if name not in self._vectors:
             self._vectors[name] = symbol = sympy.Symbol(f"vector {name}")
             dots = {"r ": 0, "v ": 1, "a ": 2}.get(name[:2])
@@ -154,7 +153,7 @@ class Signs:
                 found.append((self._shown[symbol], f.Root(self._layout.node(abbreviation.inner))))
         return found
 
-    def _show(self, symbol: Any, wanted: f.Sign, name: str, kind: int, first: int = 2) -> f.Sign:
+    def _show(self, symbol: sympy.Symbol, wanted: f.Sign, name: str, kind: int, first: int = 2) -> f.Sign:
         sign = self._register.take(wanted, name)
         self._shown[symbol] = sign
         self._kinds[symbol] = kind, first * 1_000_000 + len(self._kinds)

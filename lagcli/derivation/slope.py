@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
 
 import sympy
 
@@ -11,7 +10,7 @@ import sympy
 MANY = 12
 
 
-def slope(value: Any, x: Any) -> Any:
+def slope(value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     """dvalue/dx, x a symbol."""
     if value == x:
         return sympy.Integer(1)
@@ -33,9 +32,9 @@ def slope(value: Any, x: Any) -> Any:
 
 
 @functools.lru_cache(maxsize=128)
-def _terms(value: Any) -> dict[Any, list[Any]]:
+def _terms(value: sympy.Expr) -> dict[sympy.Expr, list[sympy.Expr]]:
     """The terms of a long sum by the symbols they hold: it is differentiated by each of them."""
-    found: dict[Any, list[Any]] = {}
+    found: dict[sympy.Expr, list[sympy.Expr]] = {}
     for term in value.args:
         for symbol in term.free_symbols:
             found.setdefault(symbol, []).append(term)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
 
 import sympy
 
-from lagcli.derivation.calculus import TIME, ZERO
+from lagcli.derivation.calculus import TIME, ZERO, Calculus
 from lagcli.derivation.tidy import polynomial, shorter, tidy
 from lagcli.derivation.vectors import Triple
 from lagcli.derivation.world import World, view
@@ -28,10 +27,10 @@ class SymbolicRow:
 
     name: str
     family: str
-    f: Any | None
-    B: dict[int, Any]
-    b: Any
-    gamma: Any
+    f: sympy.Expr | None
+    B: dict[int, sympy.Expr]
+    b: sympy.Expr
+    gamma: sympy.Expr
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -47,32 +46,32 @@ class Symbolic:
 
     world: World
     names: tuple[str, ...]
-    q: tuple[Any, ...]
-    v: tuple[Any, ...]
-    a: tuple[Any, ...]
+    q: tuple[sympy.Symbol, ...]
+    v: tuple[sympy.Symbol, ...]
+    a: tuple[sympy.Symbol, ...]
     newton: tuple[int, ...]
     lagrange: tuple[int, ...]
-    general: Any
-    extra: Any
-    potentials: tuple[Any, ...]
+    general: sympy.Expr
+    extra: sympy.Expr
+    potentials: tuple[sympy.Expr, ...]
     forces: dict[int, Triple]
-    Q: dict[int, Any]
-    M: dict[tuple[int, int], Any]
-    h: tuple[Any, ...]
+    Q: dict[int, sympy.Expr]
+    M: dict[tuple[int, int], sympy.Expr]
+    h: tuple[sympy.Expr, ...]
     rows: tuple[SymbolicRow, ...]
-    lam: tuple[Any, ...]
-    constants: dict[Any, float]
+    lam: tuple[sympy.Symbol, ...]
+    constants: dict[sympy.Symbol, float]
 
     def place(self, number: int) -> int:
         """The number of the coordinate x of a Cartesian particle."""
         return self.names.index(f"{self.world.particles.names[number]}.x")
 
-    def matrix(self, i: int, j: int) -> Any:
+    def matrix(self, i: int, j: int) -> sympy.Expr:
         """M_ij."""
         return self.M.get((min(i, j), max(i, j)), ZERO)
 
     @property
-    def values(self) -> dict[Any, float]:
+    def values(self) -> dict[sympy.Symbol, float]:
         """The numbers of parameters, and of the constants of rigid bodies."""
         return self.world.parameter_values | self.constants
 
@@ -135,7 +134,7 @@ def _components(name: str) -> tuple[str, ...]:
     return tuple(f"{name}.{axis}" for axis in "xyz")
 
 
-def _potentials(world: World) -> Iterator[Any]:
+def _potentials(world: World) -> Iterator[sympy.Expr]:
     """The terms of V: declared potentials, and -F.r of constant forces."""
     for force in world.model.forces:
         if isinstance(force, nouns.Potential):
@@ -152,10 +151,10 @@ def _on_particles(world: World, force: nouns.ParticleForce) -> Iterator[tuple[in
         yield target, world.triple(force.force, view(force.members, acting, world.own(target)))
 
 
-def _forces(world: World) -> tuple[dict[int, Triple], dict[int, Any]]:
+def _forces(world: World) -> tuple[dict[int, Triple], dict[int, sympy.Expr]]:
     """F_k of forces without a potential, and Q_j = sum_k F_k . dr_k/dq_j (D.30) with the generalized ones."""
     forces: dict[int, Triple] = {}
-    Q: dict[int, Any] = {}
+    Q: dict[int, sympy.Expr] = {}
     index = {x: i for i, x in enumerate(world.coordinates.values())}
     first = len(index) - len(world.generalized)
     for force in world.model.forces:
@@ -177,7 +176,7 @@ def _forces(world: World) -> tuple[dict[int, Triple], dict[int, Any]]:
     return forces, {i: _short(value, rates) for i, value in Q.items()}
 
 
-def _short(value: Any, rates: tuple[Any, ...]) -> Any:
+def _short(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> sympy.Expr:
     """A force ordered by rates, where that is shorter."""
     if value.count_ops() > MAX_EXPANDED:
         return value
@@ -190,10 +189,10 @@ class _Inertia:
     def __init__(self, world: World) -> None:
         self._world = world
 
-    def kinetic(self) -> Any:
+    def kinetic(self) -> sympy.Expr:
         """T, quadratic in the rates, with every coefficient tidied."""
         world, products = self._world, 0
-        sums: dict[tuple[Any, Any], list[Any]] = {}
+        sums: dict[tuple[sympy.Symbol, sympy.Symbol], list[sympy.Expr]] = {}
         for number in range(len(world.particles)):
             if not world.is_dependent(number):
                 continue
@@ -211,11 +210,11 @@ class _Inertia:
         total = [tidy(sympy.Add(*terms)) * moving[x] * moving[y] for (x, y), terms in sums.items()]
         return sympy.Add(*total)
 
-    def slopes(self, number: int) -> dict[Any, Triple]:
+    def slopes(self, number: int) -> dict[sympy.Symbol, Triple]:
         """dr_k/dq_j and dr_k/dt, those that are not zero."""
         calculus = self._world.calculus
         position = self._world.position(number)
-        found: dict[Any, Triple] = {}
+        found: dict[sympy.Symbol, Triple] = {}
         present = frozenset().union(*(calculus.symbols(part) for part in position))
         for x in (*calculus.moving, TIME):
             if x in present:
@@ -238,12 +237,12 @@ class _Inertia:
 
 
 def _lagrange(
-    world: World, general: Any, extra: Any, names: tuple[str, ...]
-) -> tuple[dict[tuple[int, int], Any], list[Any]]:
+    world: World, general: sympy.Expr, extra: sympy.Expr, names: tuple[str, ...]
+) -> tuple[dict[tuple[int, int], sympy.Expr], list[sympy.Expr]]:
     """M and h of T + the `lagrangian`: d/dt dL/dv - dL/dq = M a - h."""
     calculus = world.calculus
     moving = list(calculus.moving.items())
-    M: dict[tuple[int, int], Any] = {}
+    M: dict[tuple[int, int], sympy.Expr] = {}
     h = [ZERO] * len(names)
     L = general + extra
     present = calculus.symbols(L)
@@ -267,10 +266,10 @@ def _lagrange(
 
 def _rows(
     world: World, bodies: tuple[rigid.Geometry, ...]
-) -> tuple[tuple[SymbolicRow, ...], dict[Any, float]]:
+) -> tuple[tuple[SymbolicRow, ...], dict[sympy.Symbol, float]]:
     """All rows in the order of the multipliers, and the numbers of the constants of rigid bodies."""
     rows: list[SymbolicRow] = []
-    constants: dict[Any, float] = {}
+    constants: dict[sympy.Symbol, float] = {}
     index = {x: i for i, x in enumerate(world.coordinates.values())}
     rates = {v: i for i, v in enumerate(world.rates.values())}
     for law in world.model.holonomic:
@@ -285,14 +284,16 @@ def _rows(
     return tuple(rows), constants
 
 
-def _values(world: World, law: nouns.Holonomic | nouns.Differential) -> Iterator[tuple[str, Any]]:
+def _values(world: World, law: nouns.Holonomic | nouns.Differential) -> Iterator[tuple[str, sympy.Expr]]:
     each = 3 if law.is_vector else 1
     for place in range(law.members.count):
         parts = world.difference(law.equation, view(law.members, place))
         yield from zip(law.rows[place * each : (place + 1) * each], parts, strict=True)
 
 
-def _holonomic(world: World, name: str, family: str, f: Any, index: dict[Any, int]) -> SymbolicRow:
+def _holonomic(
+    world: World, name: str, family: str, f: sympy.Expr, index: dict[sympy.Symbol, int]
+) -> SymbolicRow:
     calculus = world.calculus
     present = calculus.symbols(f)
     slopes = ((i, calculus.partial(f, x)) for x, i in index.items() if x in present)
@@ -302,7 +303,9 @@ def _holonomic(world: World, name: str, family: str, f: Any, index: dict[Any, in
     return SymbolicRow(name, family, f, B, tidy(b), tidy(-calculus.rate(rate)))
 
 
-def _differential(world: World, name: str, family: str, value: Any, rates: dict[Any, int]) -> SymbolicRow:
+def _differential(
+    world: World, name: str, family: str, value: sympy.Expr, rates: dict[sympy.Symbol, int]
+) -> SymbolicRow:
     calculus = world.calculus
     present = calculus.symbols(value)
     slopes = ((i, calculus.partial(value, v)) for v, i in rates.items() if v in present)
@@ -310,8 +313,8 @@ def _differential(world: World, name: str, family: str, value: Any, rates: dict[
     return SymbolicRow(name, family, None, B, tidy(_at_rest(world, value)), tidy(-calculus.rate(value)))
 
 
-def _at_rest(world: World, value: Any) -> Any:
-    """What is left of a rate where nothing moves: the term beside dt."""
+def _at_rest(world: World, value: sympy.Expr) -> sympy.Expr:
+    """The part of a rate that is left where nothing moves: the term beside dt."""
     calculus = world.calculus
     moving = frozenset(calculus.moving.values())
     still = {
@@ -322,20 +325,20 @@ def _at_rest(world: World, value: Any) -> Any:
     return value.xreplace(still)
 
 
-def _moves(calculus: Any, symbol: Any) -> bool:
+def _moves(calculus: Calculus, symbol: sympy.Symbol) -> bool:
     moving = frozenset(calculus.moving.values())
     return bool(calculus.symbols(calculus.known[symbol].inner) & moving)
 
 
 def _rigid(
-    world: World, body: nouns.RigidBody, geometry: rigid.Geometry, constants: dict[Any, float]
-) -> Iterator[Any]:
+    world: World, body: nouns.RigidBody, geometry: rigid.Geometry, constants: dict[sympy.Symbol, float]
+) -> Iterator[sympy.Expr]:
     """The rows of a rigid body: distances in its base, then x, y, z of each further particle."""
     places = [world.position(number) for number in body.particles]
     names = [world.particles.names[number] for number in body.particles]
     base = [places[k] for k in geometry.base]
 
-    def constant(name: str, value: float, positive: bool = False) -> Any:
+    def constant(name: str, value: float, positive: bool = False) -> sympy.Symbol:
         symbol = sympy.Symbol(name, real=True, positive=True if positive else None)
         constants[symbol] = value
         return symbol

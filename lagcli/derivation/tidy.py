@@ -6,7 +6,6 @@ No general simplification: every step costs little, and an expression of many op
 from __future__ import annotations
 
 import functools
-from typing import Any
 
 import sympy
 
@@ -17,7 +16,7 @@ FEW = 5
 
 
 @functools.lru_cache(maxsize=4096)
-def tidy(value: Any) -> Any:
+def tidy(value: sympy.Expr) -> sympy.Expr:
     """An equal expression, not longer than this one."""
     operations = value.count_ops()
     if operations > MAX_OPERATIONS or (operations <= FEW and not value.has(sympy.sin, sympy.cos)):
@@ -31,12 +30,12 @@ def tidy(value: Any) -> Any:
     return min(found, key=_length)
 
 
-def shorter(*values: Any) -> Any:
+def shorter(*values: sympy.Expr) -> sympy.Expr:
     """The one of equal expressions that reads best."""
     return min(values, key=_length)
 
 
-def merged(value: Any) -> Any:
+def merged(value: sympy.Expr) -> sympy.Expr:
     """A small sum as one product, over one denominator: k (d - L)/d in place of k - k L/d."""
     if value.is_Add and value.count_ops() <= MAX_OPERATIONS // 4:
         joined = sympy.factor_terms(sympy.together(value))
@@ -44,7 +43,7 @@ def merged(value: Any) -> Any:
     return value
 
 
-def _length(value: Any) -> int:
+def _length(value: sympy.Expr) -> int:
     # A minus sign in front of a sum, and a quotient, read worse than their number of operations tells.
     below = sum(
         int(part.is_Add) + 2 * int(part.is_Pow and part.exp.is_negative is True)
@@ -53,7 +52,7 @@ def _length(value: Any) -> int:
     return int(value.count_ops()) + below
 
 
-def _trigonometric(wide: Any) -> list[Any]:
+def _trigonometric(wide: sympy.Expr) -> list[sympy.Expr]:
     sums = [wide]
     for first, second in ((sympy.cos, sympy.sin), (sympy.sin, sympy.cos)):
         less = without_squares(wide, first, second)
@@ -66,9 +65,9 @@ def _trigonometric(wide: Any) -> list[Any]:
     return found
 
 
-def _of_two_angles(value: Any) -> Any:
+def _of_two_angles(value: sympy.Expr) -> sympy.Expr:
     """cos a cos b + sin a sin b as cos(a - b), and its three kin, in a sum of products."""
-    pairs: dict[tuple[Any, Any, Any], dict[str, Any]] = {}
+    pairs: dict[tuple[sympy.Expr, sympy.Expr, sympy.Expr], dict[str, sympy.Expr]] = {}
     rest = []
     for term in sympy.Add.make_args(value):
         coefficient, plain = term.as_coeff_Mul()
@@ -87,7 +86,7 @@ def _of_two_angles(value: Any) -> Any:
     return sympy.Add(*rest)
 
 
-def _added(a: Any, b: Any, found: dict[str, Any]) -> Any:
+def _added(a: sympy.Expr, b: sympy.Expr, found: dict[str, sympy.Expr]) -> sympy.Expr:
     """The four products of two angles with these coefficients, in sums of angles where that is shorter."""
     cc, ss, sc, cs = (found.get(kind, sympy.Integer(0)) for kind in ("cc", "ss", "sc", "cs"))
     sin, cos = sympy.sin, sympy.cos
@@ -104,14 +103,16 @@ def _added(a: Any, b: Any, found: dict[str, Any]) -> Any:
     return even + sc * sin(a) * cos(b) + cs * cos(a) * sin(b)
 
 
-def without_squares(value: Any, squared: Any, other: Any) -> Any:
+def without_squares(
+    value: sympy.Expr, squared: type[sympy.Function], other: type[sympy.Function]
+) -> sympy.Expr:
     """cos(u)^2 as 1 - sin(u)^2, or the other way round, in all places."""
 
-    def less(power: Any) -> Any:
+    def less(power: sympy.Expr) -> sympy.Expr:
         base, whole = power.base, int(power.exp)
         return (1 - other(base.args[0]) ** 2) ** (whole // 2) * base ** (whole % 2)
 
-    def is_square(part: Any) -> bool:
+    def is_square(part: sympy.Expr) -> bool:
         return bool(
             part.is_Pow and isinstance(part.base, squared) and part.exp.is_Integer and 2 <= part.exp <= 6
         )
@@ -119,12 +120,12 @@ def without_squares(value: Any, squared: Any, other: Any) -> Any:
     return sympy.expand(value.replace(is_square, less))
 
 
-def by_monomials(value: Any, symbols: tuple[Any, ...]) -> list[tuple[Any, Any]]:
+def by_monomials(value: sympy.Expr, symbols: tuple[sympy.Symbol, ...]) -> list[tuple[sympy.Expr, sympy.Expr]]:
     """A polynomial in `symbols` as (monomial, tidied coefficient); the whole as one term where it is none."""
     present = [s for s in symbols if s in value.free_symbols]
     if not present:
         return [(sympy.Integer(1), tidy(value))] if value != 0 else []
-    collected: dict[Any, list[Any]] = {}
+    collected: dict[sympy.Expr, list[sympy.Expr]] = {}
     chosen = frozenset(present)
     for term in sympy.Add.make_args(sympy.expand(value)):
         monomial, rest = [], []
@@ -141,9 +142,9 @@ def by_monomials(value: Any, symbols: tuple[Any, ...]) -> list[tuple[Any, Any]]:
     return [(monomial, coefficient) for monomial, coefficient in pairs if coefficient != 0]
 
 
-def polynomial(value: Any, symbols: tuple[Any, ...]) -> Any:
-    """The same with every coefficient tidied, and terms of equal coefficients together: m (x'^2 + y'^2)/2."""
-    groups: dict[Any, list[Any]] = {}
+def polynomial(value: sympy.Expr, symbols: tuple[sympy.Symbol, ...]) -> sympy.Expr:
+    """The value with every coefficient tidied, and terms of equal coefficients together: m (x'^2 + y'^2)/2."""
+    groups: dict[sympy.Expr, list[sympy.Expr]] = {}
     for monomial, coefficient in by_monomials(value, symbols):
         negative = -coefficient
         if negative in groups:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import sympy
 
 from lagcli.derivation.slope import slope
 
-Triple = tuple[Any, Any, Any]
+Triple = tuple[sympy.Expr, sympy.Expr, sympy.Expr]
 # A linear combination of vectors: names of vectors with their coefficients, and a rest along the axes.
-Key = tuple[tuple[tuple[str, Any], ...], Triple]
+Key = tuple[tuple[tuple[str, sympy.Expr], ...], Triple]
 ZERO = sympy.Integer(0)
 NOTHING: Triple = (ZERO, ZERO, ZERO)
 
@@ -21,7 +20,7 @@ NOTHING: Triple = (ZERO, ZERO, ZERO)
 class RecognizedVector:
     """sum of coefficient * vector, plus `rest` along x, y, z."""
 
-    parts: Mapping[str, Any]
+    parts: Mapping[str, sympy.Expr]
     rest: Triple
 
 
@@ -29,13 +28,13 @@ class Collapse:
     """Recognizes vectors by the symbols of their components."""
 
     def __init__(self) -> None:
-        self._axes: tuple[dict[Any, str], ...] = ({}, {}, {})
-        self._components: set[Any] = set()
+        self._axes: tuple[dict[sympy.Symbol, str], ...] = ({}, {}, {})
+        self._components: set[sympy.Symbol] = set()
         self.triples: dict[str, Triple] = {}
         self._order: dict[str, int] = {}
         self._found: dict[Triple, RecognizedVector | None] = {}
 
-    def know(self, name: str, triple: Sequence[Any]) -> None:
+    def know(self, name: str, triple: Sequence[sympy.Symbol]) -> None:
         """These three symbols are the components of the vector of this name."""
         self._order[name] = len(self._order)
         self.triples[name] = (triple[0], triple[1], triple[2])
@@ -50,7 +49,7 @@ class Collapse:
         return self._found[triple]
 
     def _vector(self, triple: Triple) -> RecognizedVector | None:
-        found: list[dict[str, Any]] = []
+        found: list[dict[str, sympy.Expr]] = []
         rest = []
         for value, names in zip(triple, self._axes, strict=True):
             own = [s for s in value.free_symbols if s in names]
@@ -77,11 +76,11 @@ class Collapse:
         return x, y, z
 
 
-def _same(one: Any, other: Any) -> bool:
+def _same(one: sympy.Expr, other: sympy.Expr) -> bool:
     return bool(one == other or sympy.expand(one - other) == 0)
 
 
-def pieces(vector: RecognizedVector) -> list[tuple[Any, Key]]:
+def pieces(vector: RecognizedVector) -> list[tuple[sympy.Expr, Key]]:
     """The vector as a sum of scalar * (plain combination): forces along differences of positions are such sums.
 
     The rest along the axes, where there is one, is the last piece.
@@ -92,12 +91,12 @@ def pieces(vector: RecognizedVector) -> list[tuple[Any, Key]]:
     return found
 
 
-def _differences(parts: dict[str, Any]) -> list[tuple[Any, Key]]:
+def _differences(parts: dict[str, sympy.Expr]) -> list[tuple[sympy.Expr, Key]]:
     """sum of c_j (r_j - r_k), where the coefficients cancel in the sum."""
     if len(parts) < 3 or sympy.expand(sum(parts.values())) != 0:
         return []
     centre = max(parts, key=lambda n: (parts[n].count_ops(), n))
-    merged: dict[Any, dict[str, int]] = {}
+    merged: dict[sympy.Expr, dict[str, int]] = {}
     for name, c in parts.items():
         if name != centre:
             merged.setdefault(c, {})[name] = 1
@@ -108,9 +107,9 @@ def _differences(parts: dict[str, Any]) -> list[tuple[Any, Key]]:
     return found
 
 
-def _alike(parts: Mapping[str, Any]) -> list[tuple[Any, Key]]:
+def _alike(parts: Mapping[str, sympy.Expr]) -> list[tuple[sympy.Expr, Key]]:
     """Vectors whose coefficients differ by a number or a constant share one factor."""
-    groups: list[tuple[Any, list[tuple[str, Any]]]] = []
+    groups: list[tuple[sympy.Expr, list[tuple[str, sympy.Expr]]]] = []
     for name, c in parts.items():
         for first, members in groups:
             ratio = c / first
@@ -122,7 +121,7 @@ def _alike(parts: Mapping[str, Any]) -> list[tuple[Any, Key]]:
     return [_signed(c, tuple(members)) for c, members in groups]
 
 
-def _signed(c: Any, combination: tuple[tuple[str, Any], ...]) -> tuple[Any, Key]:
+def _signed(c: sympy.Expr, combination: tuple[tuple[str, sympy.Expr], ...]) -> tuple[sympy.Expr, Key]:
     """Its first vector gets a positive sign, so that r_a - r_b and r_b - r_a are one thing."""
     if combination[0][1].is_negative:
         return -c, (tuple((name, -weight) for name, weight in combination), NOTHING)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import itertools
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import TypeVar
 
 import numpy as np
 import sympy
@@ -28,8 +28,11 @@ MAX_NODES, MAX_OPERATIONS, MAX_DIGITS, MAX_EXPONENT = 4000, 6000, 300, 200
 _JUMPING = frozenset(("abs", "sign", "min", "max"))
 
 
+T = TypeVar("T")
+
+
 class _TooLarge(Exception):
-    """What an expression stands for is too large to be derived."""
+    """The value of an expression is too large to be derived."""
 
 
 class World:
@@ -49,14 +52,14 @@ class World:
         self.names = ModelNames(model)
         self.particles, self.generalized = self.names.particles, self.names.coordinates
         self.constants = constants(model)
-        self.parameter_values: dict[Any, float] = {}
-        self.parameters: dict[str, Any] = {}
-        self.substituted: dict[str, Any] = {}
+        self.parameter_values: dict[sympy.Symbol, float] = {}
+        self.parameters: dict[str, Value[sympy.Expr]] = {}
+        self.substituted: dict[str, Value[sympy.Expr]] = {}
         self._definitions = {d.name: d.expression for d in model.definitions}
-        self._defined: dict[str, Any] = {}
+        self._defined: dict[str, Value[sympy.Expr]] = {}
         self._positions: dict[int, Triple] = {}
         self._velocities: dict[int, Triple] = {}
-        self._masses: dict[int, Any] = {}
+        self._masses: dict[int, sympy.Expr] = {}
         for parameter in model.parameters:
             self._declare(parameter, parameter.name in values)
         self._fill()
@@ -79,12 +82,13 @@ class World:
             self.parameters[name] = symbol = sympy.Symbol(name, real=True)
             self.parameter_values[symbol] = value
 
-    def _number_of(self, parameter: nouns.Parameter) -> Any:
+    def _number_of(self, parameter: nouns.Parameter) -> Value[sympy.Expr]:
         """The value of a parameter, pi/3 rather than its decimals where it is written so."""
         if isinstance(parameter.value, tuple):
-            return tuple(exact(part) for part in parameter.value)
+            x, y, z = map(exact, parameter.value)
+            return x, y, z
         if parameter.formula is not None and not tree.names(parameter.formula.tree) - self.constants.keys():
-            return self.evaluated(parameter.formula)
+            return self._value(parameter.formula, View())
         return exact(parameter.value)
 
     def _fill(self) -> None:
@@ -107,21 +111,29 @@ class World:
             for place_ in step.places.tolist():
                 self.position(self.particles.first(step.entry) + place_)
 
-    def evaluated(self, expression: nouns.Expression, view: View | None = None) -> Any:
-        """A scalar or a triple. Raises `diagnostics.ModelError` for what is too large."""
+    def evaluated(self, expression: nouns.Expression, view: View | None = None) -> sympy.Expr:
+        """A scalar. Raises `diagnostics.ModelError` for what is too large."""
+        value = self._value(expression, view or View())
+        assert not isinstance(value, tuple)
+        return value
+
+    def _value(self, expression: nouns.Expression, view: View) -> Value[sympy.Expr]:
+        """A scalar or a triple."""
         with _located(expression):
             _require_short(expression.tree)
-            return _require_small(evaluate.evaluate(expression.tree, SympyAlgebra(self, view or View())))
+            return _require_small(evaluate.evaluate(expression.tree, SympyAlgebra(self, view)))
 
     def triple(self, vector: nouns.VectorExpression, view: View) -> Triple:
         """A vector expression, or three scalar ones."""
         if len(vector.parts) == 1:
-            x, y, z = self.evaluated(vector.parts[0], view)
+            whole = self._value(vector.parts[0], view)
+            assert isinstance(whole, tuple)
+            x, y, z = whole
         else:
             x, y, z = (self.evaluated(part, view) for part in vector.parts)
         return x, y, z
 
-    def difference(self, equation: nouns.Expression, view: View) -> tuple[Any, ...]:
+    def difference(self, equation: nouns.Expression, view: View) -> tuple[sympy.Expr, ...]:
         """left - right of a law, one scalar or three."""
         assert isinstance(equation.tree, tree.Relation)
         with _located(equation):
@@ -129,10 +141,10 @@ class World:
             parts = evaluate.difference(equation.tree, SympyAlgebra(self, view))
             return tuple(_require_small(part) for part in parts)
 
-    def definition(self, name: str) -> Any:
+    def definition(self, name: str) -> Value[sympy.Expr]:
         """The value of a definition."""
         if name not in self._defined:
-            self._defined[name] = self.evaluated(self._definitions[name])
+            self._defined[name] = self._value(self._definitions[name], View())
         return self._defined[name]
 
     def is_dependent(self, number: int) -> bool:
@@ -158,18 +170,18 @@ class World:
             self._velocities[number] = (x, y, z)
         return self._velocities[number]
 
-    def mass(self, number: int) -> Any:
+    def mass(self, number: int) -> sympy.Expr:
         """m of a particle."""
         if number not in self._masses:
             particle, there = self._entry(number)
             self._masses[number] = self.evaluated(particle.mass, there)
         return self._masses[number]
 
-    def own(self, number: int) -> dict[str, Any]:
+    def own(self, number: int) -> dict[str, Value[sympy.Expr]]:
         """`m`, `r`, `v` of a particle in the force on it."""
         return {"m": self.mass(number), "r": self.position(number), "v": self.velocity(number)}
 
-    def root(self, inner: Any, triple: Triple | None) -> Any:
+    def root(self, inner: sympy.Expr, triple: Triple | None) -> sympy.Expr:
         """The square root, as one symbol where it is that of a sum that moves."""
         moving = self.calculus.symbols(inner) - self.parameter_values.keys()
         if not inner.is_Add or not moving:
@@ -181,13 +193,13 @@ class World:
 
     @staticmethod
     def normal(vector: RecognizedVector) -> Key:
-        """The same up to its sign, the first vector positive."""
+        """The vector up to its sign, the first vector positive."""
         first = next(iter(vector.parts.values()))
         sign = -1 if first.is_negative else 1
         x, y, z = (sign * part for part in vector.rest)
         return tuple((n, sign * c) for n, c in vector.parts.items()), (x, y, z)
 
-    def _length(self, key: Key) -> Any:
+    def _length(self, key: Key) -> sympy.Expr:
         """|U| of a combination of vectors."""
         x, y, z = self.collapse.components(key)
         length = self._abbreviated(x**2 + y**2 + z**2, key)
@@ -200,7 +212,7 @@ class World:
             self.calculus.rates |= {product: square, square: ZERO}
         return length
 
-    def product(self, one: Key, other: Key) -> Any:
+    def product(self, one: Key, other: Key) -> sympy.Expr:
         """A symbol for U . W; d^2 where both are the U of a distance."""
         known = self.calculus.by_vectors
         symbol = known.get((one, other)) or known.get((other, one))
@@ -213,7 +225,7 @@ class World:
         known[one, other] = symbol
         return symbol
 
-    def _abbreviated(self, inner: Any, key: Key | None) -> Any:
+    def _abbreviated(self, inner: sympy.Expr, key: Key | None) -> sympy.Expr:
         known = self.calculus.by_vectors
         if (found := known.get(inner)) is not None:
             return found
@@ -227,13 +239,13 @@ class World:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class View:
-    """What the names of one member of a family stand for: its indices, and `m`, `r`, `v` of a particle."""
+    """The values of the names of one member of a family: its indices, and `m`, `r`, `v` of a particle."""
 
     indices: Mapping[str, int] = dataclasses.field(default_factory=dict)
-    own: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    own: Mapping[str, Value[sympy.Expr]] = dataclasses.field(default_factory=dict)
 
 
-def view(members: Family, place: int, own: Mapping[str, Any] | None = None) -> View:
+def view(members: Family, place: int, own: Mapping[str, Value[sympy.Expr]] | None = None) -> View:
     """The view of a member."""
     return View({n: int(values[place]) for n, values in members.variables.items()}, own or {})
 
@@ -245,14 +257,14 @@ class SympyAlgebra(Operators[sympy.Expr]):
         self._world = world
         self._resolver = Resolver(world.names, self, there.indices, there.own)
 
-    def number(self, node: tree.Number) -> Any:
+    def number(self, node: tree.Number) -> sympy.Expr:
         if float(node.text) == 0.0:
             return ZERO
         if len(node.text) > MAX_DIGITS:
             raise _TooLarge("a number has too many digits")
         return sympy.Rational(node.text)
 
-    def power(self, node: tree.Node, base: Any, exponent: Any) -> Any:
+    def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
         if exponent.is_Rational and abs(exponent) > MAX_EXPONENT:
             raise _TooLarge(f"the exponent {exponent} is too large")
         if base.is_Rational and exponent.is_Rational and abs(exponent) * len(str(base)) > 4 * MAX_DIGITS:
@@ -261,7 +273,7 @@ class SympyAlgebra(Operators[sympy.Expr]):
             return self._world.root(base, None)
         return base**exponent
 
-    def function(self, node: tree.Node, name: str, arguments: tuple[Any, ...]) -> Any:
+    def function(self, node: tree.Node, name: str, arguments: tuple[sympy.Expr, ...]) -> sympy.Expr:
         if name in _JUMPING:
             self._world.calculus.has_jumps = True
         if name != "sqrt":
@@ -314,13 +326,13 @@ class SympyAlgebra(Operators[sympy.Expr]):
         return self._world.calculus.rate(value)
 
 
-def exact(value: float) -> Any:
+def exact(value: float) -> sympy.Expr:
     """The shortest decimal that reads as this double."""
     return sympy.Rational(repr(float(value)))
 
 
 @contextlib.contextmanager
-def _located(expression: nouns.Expression) -> Any:
+def _located(expression: nouns.Expression) -> Iterator[None]:
     try:
         yield
     except _TooLarge as failure:
@@ -335,7 +347,7 @@ def _require_short(node: tree.Node) -> None:
         raise _TooLarge(f"this has more than {MAX_NODES} terms and factors")
 
 
-def _require_small(value: Any) -> Any:
+def _require_small(value: T) -> T:
     """The value, unless written out it has too many operations or too large powers."""
     for part in value if isinstance(value, tuple) else (value,):
         for count, inner in enumerate(sympy.preorder_traversal(part)):

@@ -61,7 +61,7 @@ class Formulation:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Agreement:
-    """How well a kind of columns agrees with the first formulation.
+    """The agreement of a kind of columns with the first formulation.
 
     error: the largest difference as a part of the largest value of that kind, of energies as a part of what is
     exchanged; digits = -log10(error); column and t: where that is. columns: how many are shared.
@@ -101,7 +101,7 @@ class Comparison:
 
     @property
     def agree(self) -> bool | None:
-        """Whether all errors are within the tolerance; None where there is nothing to compare."""
+        """True if all errors are within the tolerance; None where there is nothing to compare."""
         errors = [one.error for each in self.agreements for one in each.values()]
         return all(error <= self.tolerance for error in errors) if errors else None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class DensePoint:
-    """What depends on t and q: f (s,), B (C, n) and b (C,); the arrays are the caller's own."""
+    """The values that depend on t and q: f (s,), B (C, n) and b (C,); the arrays are the caller's own."""
 
     f: Floats
     B: Floats
@@ -29,7 +28,7 @@ class DensePoint:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class DenseForces:
-    """What depends on the velocities too: M (n, n), h (n,), gamma (C,)."""
+    """The values that depend on the velocities too: M (n, n), h (n,), gamma (C,)."""
 
     M: Floats
     h: Floats
@@ -89,5 +88,5 @@ class DenseFunctions:
         return np.concatenate([[t], values])
 
 
-def _function(name: str, inputs: list[Any], outputs: list[Any]) -> Any:
+def _function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
     return ca.Function(name, inputs, [ca.densify(output) for output in outputs])

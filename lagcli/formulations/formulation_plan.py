@@ -1,4 +1,4 @@
-"""Which formulations fit a model, and where their tables can be compared."""
+"""The formulations that fit a model, and where their tables can be compared."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NEAR = 1e-2
 
 
 def declared(model: Model, rows: int) -> str:
-    """What the model is as it stands, a key of `comparison.TITLES`; `rows`: C."""
+    """The formulation of the model as it stands, a key of `comparison.TITLES`; `rows`: C."""
     if not model.coordinates:
         return "newton"
     return "lagrange-multipliers" if rows else "lagrange"
@@ -53,7 +53,7 @@ def comparable(model: Model, other: Formulation, of: Mapping[str, str]) -> dict[
 def singular(
     numeric: NumericSystem, states: tuple[Floats, Floats, Floats], p: Floats, rank: int
 ) -> npt.NDArray[np.bool_]:
-    """Which of the states t (k,), q and v (k, n) stand near a singular configuration, with rows of this rank."""
+    """True for each of the states t (k,), q and v (k, n) near a singular configuration, with rows of this rank."""
     found = np.zeros(len(states[0]), dtype=bool)
     for i, (t, q, v) in enumerate(zip(*states, strict=True)):
         rows = sample_points.rows(numeric, State(float(t), q, v, p))

@@ -115,7 +115,7 @@ def rows(
 def _renewed(
     functions: DenseFunctions, t: float, motion: ReducedMotion, account: ReducedStatistics
 ) -> tuple[Chart, Floats, ReducedMotion]:
-    """The same motion in a chart around it."""
+    """The motion in a chart around it."""
     account.charts += 1
     try:
         chart = Chart(functions, t, motion.q, motion.v)

@@ -1,4 +1,4 @@
-"""Which constraint rows depend on which: an independent set, and for each other row the rows it follows from.
+"""The dependences among constraint rows: an independent set, and for each other row the rows it follows from.
 
 A row and the independent rows it is a combination of are a circuit: leave out any one of them and the rest are
 independent. Circuits are null vectors of B^T, each with as few rows as can be, so that they can be told by name.
@@ -121,7 +121,7 @@ def joined(first: Selection, others: Iterable[Selection]) -> Selection:
 
 
 def shares(circuits: Sequence[Sequence[str]]) -> list[str]:
-    """What circuits mean, by the names of their rows."""
+    """The circuits in words, by the names of their rows."""
     told = [_share(names) for names in circuits[:MOST_TOLD]]
     return [*told, f"and {len(circuits) - MOST_TOLD} more"] if len(circuits) > MOST_TOLD else told
 
@@ -147,7 +147,7 @@ def _combinations(rows: MetricRows, kept: list[int], rest: list[int]) -> Floats:
 
 
 def _farther(rows: MetricRows, count: int, first: list[int]) -> list[int]:
-    """The same of many rows: what is left of the other rows after the first ones, by its Gram matrix."""
+    """As `_farthest`, of many rows: what is left of the other rows after the first ones, by its Gram matrix."""
     others = sorted(set(range(rows.count)) - set(first))
     weights = _combinations(rows, first, others)
     unit = rows.unit

@@ -6,7 +6,6 @@ A model of Cartesian particles has a diagonal M, one of many bodies a block for 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -31,7 +30,7 @@ class NotDefiniteError(ValueError):
 class Metric:
     """M (n, n) restricted to the coordinates that are not `held` (n,). Raises `NotDefiniteError`."""
 
-    def __init__(self, M: Any, held: Flags | None = None) -> None:
+    def __init__(self, M: ca.DM, held: Flags | None = None) -> None:
         n = M.shape[0]
         self._M = M
         self._free = np.ones(n, dtype=bool) if held is None else ~held
@@ -54,7 +53,7 @@ class Metric:
         """The metric in which all coordinates weigh the same."""
         return cls(ca.DM.eye(n), held)
 
-    def whitened(self, B: Any) -> Any:
+    def whitened(self, B: ca.DM) -> ca.DM:
         """B M^-1/2 (C, free), sparse: rows whose lengths and angles are those of the metric."""
         free = np.flatnonzero(self._free)
         held = B if free.size == B.shape[1] else B[:, free.tolist()]
@@ -66,8 +65,8 @@ class Metric:
         rows = np.asarray(held.sparsity().row(), dtype=np.intp)
         return self._turned(_Entries(rows, columns, values), scale, held.shape)
 
-    def _turned(self, entries: _Entries, scale: Floats, shape: tuple[int, int]) -> Any:
-        """The same where coordinates are coupled: entries of a block fill it in the rows that touch it."""
+    def _turned(self, entries: _Entries, scale: Floats, shape: tuple[int, int]) -> ca.DM:
+        """B M^-1/2 where coordinates are coupled: entries of a block fill it in the rows that touch it."""
         number = np.full(scale.size, -1)
         for i, block in enumerate(self._blocks):
             number[block.places] = i
@@ -131,14 +130,14 @@ class _MassBlock:
         return _Entries(np.repeat(rows, self.places.size), np.tile(self.places, rows.size), turned.ravel())
 
 
-def _require_finite(M: Any) -> None:
+def _require_finite(M: ca.DM) -> None:
     values = np.array(M.nonzeros(), dtype=float)
     if not np.isfinite(values).all():
         rows = np.asarray(M.sparsity().row(), dtype=np.intp)
         raise NotDefiniteError(int(rows[~np.isfinite(values)].min()), float("nan"))
 
 
-def _blocks(M: Any, free: Flags, place: Places) -> list[_MassBlock]:
+def _blocks(M: ca.DM, free: Flags, place: Places) -> list[_MassBlock]:
     """Coordinates that are coupled with others, set by set: a model of many bodies has as many small sets.
 
     Raises `NotDefiniteError` for the set that shows it most.
@@ -159,7 +158,8 @@ def _blocks(M: Any, free: Flags, place: Places) -> list[_MassBlock]:
             continue
         kept = free[among]
         if kept.any():
-            found.append(_MassBlock(place[among[kept]], np.linalg.cholesky(whole[np.ix_(kept, kept)])))
+            lower = np.asarray(np.linalg.cholesky(whole[np.ix_(kept, kept)]), dtype=float)
+            found.append(_MassBlock(place[among[kept]], lower))
     if worst is not None:
         raise worst
     return found

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -41,7 +40,7 @@ HANGING = 1e-2
 class LocalRows:
     """Rows B (C, n), a sparse CasADi matrix of numbers, by their entries."""
 
-    def __init__(self, B: Any) -> None:
+    def __init__(self, B: Sparse) -> None:
         self.B = B
         rows, columns = B.sparsity().get_triplet()
         self.row = np.asarray(rows, dtype=np.intp)
@@ -54,7 +53,7 @@ class LocalRows:
         return cls(one.B - other.B)
 
     def finite(self) -> LocalRows:
-        """The same rows with 0 for entries that are not finite."""
+        """These rows with 0 for entries that are not finite."""
         if np.isfinite(self.values).all():
             return self
         return LocalRows(
@@ -62,7 +61,7 @@ class LocalRows:
         )
 
     def columns(self, numbers: list[int]) -> LocalRows:
-        """The same rows on some of the coordinates."""
+        """These rows on some of the coordinates."""
         return LocalRows(self.B[:, numbers])
 
     @property
@@ -96,7 +95,7 @@ class LocalRows:
         return found
 
     def are_finite(self) -> npt.NDArray[np.bool_]:
-        """Whether all entries of a row are finite, (C,)."""
+        """True where all entries of a row are finite, (C,)."""
         good = np.ones(self.count, dtype=bool)
         good[self.row[~np.isfinite(self.values)]] = False
         return good
@@ -108,7 +107,7 @@ class LocalRows:
 class MetricRows:
     """Rows in the mass metric, B M^-1/2, each of length one (a row that vanishes stays zero)."""
 
-    def __init__(self, B: Any, metric: Metric) -> None:
+    def __init__(self, B: Sparse, metric: Metric) -> None:
         self._metric, self._B = metric, B
         rows = LocalRows(metric.whitened(B))
         self._lengths = rows.divisors
@@ -116,7 +115,7 @@ class MetricRows:
         self.count = rows.count
 
     def take(self, indices: list[int]) -> MetricRows:
-        """The same of some of the rows."""
+        """Some of these rows."""
         part = object.__new__(MetricRows)
         part._metric, part._B, part._lengths = self._metric, self._B[indices, :], self._lengths[indices]
         part._unit, part.count = self._unit[indices, :], len(indices)
@@ -128,7 +127,7 @@ class MetricRows:
         return self._lengths
 
     def plain(self) -> MetricRows:
-        """The same rows with the unit metric in place of the masses."""
+        """These rows with the unit metric in place of the masses."""
         return MetricRows(self._B, Metric.unit(self._B.shape[1]))
 
     def turned_from(self, other: MetricRows) -> float:
@@ -137,7 +136,7 @@ class MetricRows:
         return float(np.abs(change).max(initial=0.0))
 
     @property
-    def unit(self) -> Any:
+    def unit(self) -> Sparse:
         """The rows, sparse (C, free)."""
         return self._unit
 
@@ -147,11 +146,11 @@ class MetricRows:
         return np.array(self._unit)
 
     @cached_property
-    def _gram(self) -> Any:
+    def _gram(self) -> ca.DM:
         return ca.mtimes(self._unit, self._unit.T)
 
     @cached_property
-    def _factors(self) -> Any:
+    def _factors(self) -> ca.Linsol:
         # Of a row that vanishes by structure the diagonal has an entry only by what is added to it.
         return ca.Linsol("gram", "ldl", (self._gram + ca.DM.eye(self.count)).sparsity())
 
@@ -224,7 +223,7 @@ class MetricRows:
         return np.array(self._factors.solve(self._shifted(shift), ca.DM(y))).ravel()
 
     def _repeated_solver(self, shift: float) -> Callable[[Floats], Floats]:
-        """The same for one y after another."""
+        """y -> x with (Gram matrix + shift) x = y, for one y after another."""
         if self.count <= FEW or (self.is_large and self._is_filled):
             try:
                 inverse = np.linalg.inv(np.array(self._shifted(shift)))
@@ -233,11 +232,11 @@ class MetricRows:
             return lambda y: np.asarray(inverse @ y)
         return lambda y: self._solved(y, shift)
 
-    def _shifted(self, shift: float) -> Any:
+    def _shifted(self, shift: float) -> ca.DM:
         return self._gram + shift * ca.DM.eye(self.count) if shift else self._gram
 
     def above(self, size: float) -> int:
-        """How many singular values are above a size: by Sylvester's law of inertia, from sparse factors."""
+        """The number of singular values above a size: by Sylvester's law of inertia, from sparse factors."""
         if self.count == 0:
             return 0
         if self._is_filled:

@@ -74,7 +74,7 @@ def _rank(rows: MetricRows) -> Rank:
 
 
 def _rank_of_many(rows: MetricRows) -> Rank:
-    """The same of very many rows over few coordinates, with one vector of weights."""
+    """The rank of very many rows over few coordinates, with one vector of weights."""
     left, sigma, _ = np.linalg.svd(rows.dense, full_matrices=False)
     held = left[:, sigma > LARGE]
     weights = np.random.default_rng(0).standard_normal(rows.count)
@@ -83,7 +83,7 @@ def _rank_of_many(rows: MetricRows) -> Rank:
 
 
 def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
-    """Which rows depend on rows before them in their order.
+    """The rows that depend on rows before them in their order.
 
     Of more rows than are looked at densely none is named.
     """

@@ -201,8 +201,8 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
             if parting and _are_dependent(numeric, state, parting):
                 return parting
         return []
-    B, b = numeric.rows(later.t, reached.q, state.v, state.p)
-    b = np.array(b).ravel()
+    B, bias = numeric.rows(later.t, reached.q, state.v, state.p)
+    b = np.array(bias).ravel()
     if not (np.isfinite(np.array(B.nonzeros(), dtype=float)).all() and np.isfinite(b).all()):
         return []
     v = projection.velocity(state.v, B, b, search.whole)

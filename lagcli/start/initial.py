@@ -177,8 +177,8 @@ def finite_rows(
     is taken as 0: a state that satisfies the row lies elsewhere.
     """
     f = np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
-    B, b = numeric.rows(state.t, state.q, state.v, state.p)
-    rows, b = LocalRows(B), np.array(b).ravel()
+    B, bias = numeric.rows(state.t, state.q, state.v, state.p)
+    rows, b = LocalRows(B), np.array(bias).ravel()
     s = f.size
     good = rows.are_finite() & np.isfinite(b)
     good[:s] &= np.isfinite(f)

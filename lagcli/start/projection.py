@@ -66,8 +66,8 @@ class Surface:
 
     def rows(self, q: Floats) -> tuple[Floats, Sparse]:
         """f (s,) and B (s, n), sparse."""
-        f, B = self._numeric.whole(self._t, q, self._p)
-        f = np.array(f).ravel()
+        values, B = self._numeric.whole(self._t, q, self._p)
+        f = np.array(values).ravel()
         return (f, B) if self._only is None else (f[self._only], B[self._only, :])
 
     def descend(self, q: Floats, to_the_end: bool = False) -> Reached:

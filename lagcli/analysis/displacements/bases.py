@@ -47,14 +47,14 @@ def bases(numeric: NumericSystem, state: State) -> Bases:
     rows = sample_points.rows(numeric, state)
     found = rank.rank(rows)
     metric, name = _metric(numeric, state)
-    B, b = numeric.rows(state.t, state.q, state.v, state.p)
+    B, bias = numeric.rows(state.t, state.q, state.v, state.p)
     right = np.zeros((0, state.q.size))
     if rows.count:
         right = np.linalg.svd(rows.dense, full_matrices=True)[2][: found.low]
     # The rest of an orthonormal basis; in the metric it belongs to displacements M^-1/2 z.
     whole = np.linalg.svd(right, full_matrices=True)[2] if len(right) else np.eye(state.q.size)
     virtual = np.array([metric.unwhitened(z) for z in whole[len(right) :]]).reshape(-1, state.q.size).T
-    b = np.array(b).ravel()
+    b = np.array(bias).ravel()
     allowed = rows.correction(b) if rows.count and b.any() else np.zeros(state.q.size)
     plain = LocalRows(B)
     lengths = np.linalg.norm(virtual, axis=0)

@@ -47,12 +47,14 @@ def derived(values: BracketValues, growth: Growth) -> tuple[tuple[int, ...], Spa
     They fall by brackets of all fields found so far, until the rank is that of the end.
     """
     end, span = growth.span.rank, values.span()
-    extra, shapes, new = [values.count], [LEAF], [LEAF]
+    extra = [values.count]
+    shapes: list[Shape] = [LEAF]
+    new: list[Shape] = [LEAF]
     level: Shape = LEAF
     while span.rank < end:
         level = (LEAF, level)
         added = [span.add(sample) for sample in growth.levels[len(extra) - 1]]
-        fresh = [level] if any(added) else []
+        fresh: list[Shape] = [level] if any(added) else []
         for shape in _pairs(shapes, new):
             if shape not in (level, (LEAF, LEAF)) and span.rank < end and values.extend(span, shape, end):
                 fresh.append(shape)

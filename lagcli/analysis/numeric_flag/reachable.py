@@ -20,7 +20,7 @@ from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.compiled import variable_sizes
 from lagcli.compiled.row_block import RowBlock
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import MetricRows
+from lagcli.linear.metric_rows import MetricRows, Sparse
 
 Floats = npt.NDArray[np.float64]
 
@@ -108,13 +108,13 @@ class ReachablePlaces:
         return found
 
 
-def _projected(A: object, u: Floats) -> Floats:
+def _projected(A: Sparse, u: Floats) -> Floats:
     """The part of u (N,) in the kernel of rows A."""
     rows = MetricRows(A, Metric.unit(u.size))
     if not rows.count:
         return u
     if rows.is_large:
-        return u + rows.correction(np.array(A @ u).ravel())  # type: ignore[operator] # a CasADi matrix
+        return u + rows.correction(np.array(A @ u).ravel())
     Q, _ = np.linalg.qr(rows.dense.T)
     v = u - Q @ (Q.T @ u)
     return np.asarray(v - Q @ (Q.T @ v))
