@@ -6,18 +6,19 @@ import dataclasses
 import functools
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
-from lagcli.expression import facts, parser, tokens, tree
+from lagcli.expression import facts, parser, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import (
     constraint_equations,
     degree_notes,
     entries,
+    entry_names,
     evaluation_order,
     family_ranges,
     key_hints,
@@ -26,11 +27,11 @@ from lagcli.input import (
     namespace,
     overrides,
     scope,
+    simulation_section,
     start_overrides,
 )
 from lagcli.input.scalars import Formulas
-from lagcli.model import family, model, settings
-from lagcli.model.family import Family
+from lagcli.model import family, model
 
 T = TypeVar("T")
 Law = TypeVar("Law", model.Holonomic, model.Differential)
@@ -40,16 +41,7 @@ def _same(value: T) -> T:
     return value
 
 
-_NAMING: tuple[tuple[str, namespace.Kind], ...] = (
-    ("parameters", "parameter"),
-    ("coordinates", "coordinate"),
-    ("particles", "particle"),
-    ("definitions", "definition"),
-    ("outputs", "output"),
-)
-_NAMED = (*(section for section, _ in _NAMING), "forces", "holonomic", "differential", "rigid")
-_CONSTRAINTS = ("holonomic", "rigid", "differential")
-_FAMILIES = ("coordinates", "particles", "forces", "holonomic", "differential", "outputs")
+_NAMED = (*(section for section, _ in entry_names.NAMING), "forces", "holonomic", "differential", "rigid")
 
 
 def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = None) -> model.Model:
@@ -76,18 +68,18 @@ class _Document:
         self._scope = scope.Scope()
         self._formulas = Formulas(self._scope, self._found)
         self._defined: dict[str, model.Expression] = {}
-        self._members: dict[tuple[str, str], Family | None] = {}  # of a section and a key; None where broken
+        self._names = entry_names.EntryNames(self._entries, self._scope, self._formulas)
 
     def read(self, of_members: Sequence[overrides.OfMember]) -> model.Model:
         """The model, with the changes to single members made."""
         self._read_indents()
-        self._check_sections()
+        _check_sections(self._root, self._formulas)
         texts = {section: self._text(section) for section in ("title", "description", "source")}
         units = self._units()
-        self._declare_names()
-        self._take_constraint_names()
+        self._names.declare()
+        self._names.take_constraint_names()
         parameters = self._parameters()
-        self._count_members()
+        self._names.count_members()
         coordinates = self._named("coordinates", self._coordinate)
         particles = self._particles()
         definitions = self._definitions()
@@ -97,7 +89,9 @@ class _Document:
         differential = self._laws("differential", constraint_equations.differential)
         rigid = self._rigid()
         outputs = self._outputs()
-        simulation = self._simulation(particles)
+        simulation = simulation_section.simulation(
+            self._formulas, self._root.get("simulation"), particles, self._scope.names.rolls
+        )
         if not particles and not coordinates and not self._found.has_errors:
             message = "the model has no particles and no coordinates"
             self._formulas.report(self._root, "nothing-to-move", message)
@@ -157,24 +151,6 @@ class _Document:
             )
             self._formulas.report(key, "not-a-mapping", message, hint)
 
-    def _check_sections(self) -> None:
-        root, formulas = self._root, self._formulas
-        empty = ""
-        for key, value in root:
-            if key.value not in keys.FORMAT.names:
-                hint = key_hints.section(key.value, value, empty)
-                formulas.report(key, "unknown-key", f"there is no section `{key.value}`", hint)
-            elif not keys.FORMAT.key(key.value).supported and not yaml_tree.is_empty(value):
-                message = f"the section `{key.value}` is not supported yet: the run would leave it out"
-                formulas.report(key, "not-supported-yet", message, keys.FORMAT.key(key.value).instead)
-            empty = key.value if yaml_tree.is_empty(value) and key.value in keys.FORMAT.names else ""
-        version = root.get("lagcli")
-        if version is None:
-            hint = "a model begins with the line `lagcli: 1`"
-            formulas.report(root, "missing-key", "the format version `lagcli: 1` is missing", hint)
-        elif not isinstance(version, yaml_tree.Scalar) or version.value.strip() != "1":
-            formulas.report(version, "unknown-version", "this version of lagcli reads format version 1")
-
     def _entries(self, section: str) -> Iterator[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]]:
         """The entries of a section of named things; what is no mapping is reported once."""
         node = self._root.get(section)
@@ -191,77 +167,8 @@ class _Document:
 
     def _formulas_of(self, section: str, name: yaml_tree.Scalar) -> Formulas | None:
         """Reads the expressions of an entry; None where its members could not be told."""
-        found = self._members[section, name.value]
+        found = self._names.members[section, name.value]
         return None if found is None else self._formulas.within(found)
-
-    def _declare_names(self) -> None:
-        for section, kind in _NAMING:
-            for name, value in self._entries(section):
-                is_family = section in _FAMILIES and family_ranges.is_family(name, value)
-                base = family_ranges.base(name) if is_family else name.value
-                trouble = self._scope.names.declare(name.value, base, kind)
-                if trouble:
-                    code = "duplicate-name" if base in self._scope.names else "bad-name"
-                    hint = (
-                        "a decimal point is written `.`, not `,`"
-                        if key_hints.is_decimal_part(name, value)
-                        else ""
-                    )
-                    self._formulas.report(name, code, trouble, hint)
-                    self._scope.names.spoil(name.value, base, kind)
-
-    def _take_constraint_names(self) -> None:
-        """Constraints have names of their own, told apart in the columns `lambda.NAME`."""
-        taken: dict[str, tuple[str, bool]] = {}
-        for section in (*_CONSTRAINTS, "forces"):
-            for name, value in self._entries(section):
-                is_family = section in _FAMILIES and family_ranges.is_family(name, value)
-                word = family_ranges.base(name) if is_family else name.value
-                if not tokens.is_name(word):
-                    message = "a name is a letter or `_`, then letters, digits and `_`"
-                    self._formulas.report(name, "bad-name", message)
-                elif word in namespace.RESERVED:
-                    self._formulas.report(name, "bad-name", f"`{word}` is reserved")
-                elif section != "forces":
-                    if word in taken and not (is_family and taken[word] == (section, True)):
-                        message = f"`{word}` is already a constraint under `{taken[word][0]}`"
-                        self._formulas.report(
-                            name, "duplicate-name", message, "two columns would have one name"
-                        )
-                    taken.setdefault(word, (section, is_family))
-                    self._scope.laws.take(word, is_family)
-
-    def _count_members(self) -> None:
-        """Say of every entry which members it has."""
-        budget = family_ranges.Budget()
-        for section in _FAMILIES:
-            closed = tuple(scope.OWN) if section == "forces" else ()
-            reader = family_ranges.Reader(self._formulas, budget, closed)
-            for name, value in self._entries(section):
-                key = (section, name.value)
-                if not family_ranges.is_family(name, value):
-                    self._members[key] = family.one(name.value)
-                else:
-                    self._members[key] = reader.read(name, value)
-                self._number(section, name)
-
-    def _number(self, section: str, name: yaml_tree.Scalar) -> None:
-        """Number the members of an entry that others may speak of."""
-        found = self._members[section, name.value]
-        kind = dict(_NAMING).get(section)
-        if kind is None:
-            return
-        base = family_ranges.base(name)
-        if found is None:
-            self._scope.names.spoil(name.value, base, kind)
-        elif not self._scope.names.is_broken(base):
-            self._refuse_repeated(name, found, self._scope.names.number(name.value, found))
-
-    def _refuse_repeated(self, name: yaml_tree.Scalar, found: Family, repeated: str) -> None:
-        """Report two members of one name."""
-        if repeated and len(found.base) < len(repeated):
-            hint = "different indices need different names; an index that is not in the name makes copies"
-            self._formulas.report(name, "duplicate-name", f"`{repeated}` is declared twice", hint)
 
     def _named(
         self, section: str, one: Callable[[yaml_tree.Scalar, yaml_tree.AnyNode], T | None]
@@ -388,7 +295,9 @@ class _Document:
             return
         shape: multiplier_names.Shape = "vector" if law is not None and law.is_vector else "scalar"
         found = family.one(base) if law is None else law.members
-        self._refuse_repeated(name, found, self._scope.laws.number(found, None if law is None else shape))
+        self._names.refuse_repeated(
+            name, found, self._scope.laws.number(found, None if law is None else shape)
+        )
 
     def _expression(
         self, formulas: Formulas, node: yaml_tree.AnyNode, section: str, key: str
@@ -437,89 +346,24 @@ class _Document:
         fields = entries.fields(self._formulas, node, keys.FORMAT.key("units")) or {}
         return model.Units(**{key: entries.text(self._formulas, value) for key, value in fields.items()})
 
-    def _simulation(self, particles: tuple[model.Particle, ...]) -> model.Simulation:
-        default = model.Simulation()
-        node = self._root.get("simulation")
-        if node is None or yaml_tree.is_empty(node):
-            return default
-        fields = entries.fields(self._formulas, node, keys.FORMAT.key("simulation"))
-        if fields is None:
-            return default
-        read: dict[str, Any] = {}
-        for key, value in fields.items():
-            setting = self._setting(key, value, particles)
-            if setting is not None:
-                read[key] = setting
-        if "samples" in fields and "output_step" in fields:
-            message = "`samples` and `output_step` both set the times of the rows"
-            self._formulas.report(fields["output_step"], "conflicting-keys", message, "keep one of them")
-        simulation = dataclasses.replace(default, **read)
-        for key, message in settings.faults(simulation):
-            self._formulas.report(fields.get(key, node), "bad-setting", message)
-        return simulation
 
-    def _setting(self, key: str, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...]) -> object:
-        if key == "keep":
-            return self._keep(node, particles)
-        if key in ("method", "assemble"):
-            text = entries.text(self._formulas, node).strip()
-            if not isinstance(node, yaml_tree.Scalar):
-                return None
-            if key == "method":
-                return text
-            if text not in ("true", "false"):
-                self._formulas.report(node, "bad-setting", "`assemble` is `true` or `false`", _truth(text))
-            return text == "true"
-        value = self._formulas.constant(node, f"the setting `{key}`")
-        if key == "samples" and value is not None:
-            if value != round(value):
-                self._formulas.report(node, "bad-setting", "`samples` is a whole number")
-                return None
-            return round(value)
-        return value
-
-    def _keep(self, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...]) -> tuple[str, ...] | None:
-        listed = [] if yaml_tree.is_empty(node) else entries.name_list(self._formulas, node)
-        if listed is None:
-            return None
-        cartesian = {name for p in particles if not p.is_dependent for name in p.members.names}
-        found: list[str] = []
-        for name in listed:
-            word, dot, axis = name.value.strip().rpartition(".")
-            if dot and word in cartesian and axis in "xyz":
-                found.append(name.value.strip())
-                continue
-            if dot and axis not in "]":
-                components = [f"{particle}.{part}" for particle in sorted(cartesian) for part in "xyz"]
-                hint = diagnostics.nearest(name.value, components)
-                message = f"there is no coordinate `{name.value}`"
-                self._formulas.report(name, "unknown-name", message, hint)
-                continue
-            kept = entries.references(self._formulas, name, ("coordinate", "particle"))
-            for kind, numbers, _ in kept or ():
-                found += self._kept(name, kind, numbers, cartesian)
-        return tuple(found)
-
-    def _kept(
-        self, node: yaml_tree.Scalar, kind: namespace.Kind, numbers: model.Whole, cartesian: set[str]
-    ) -> list[str]:
-        """The names of the coordinates and Cartesian particles of these numbers."""
-        kept = [self._scope.names.rolls[kind].names[number] for number in numbers.tolist()]
-        dependent = [] if kind == "coordinate" else [name for name in kept if name not in cartesian]
-        if dependent:
-            message = f"the particle `{dependent[0]}` has no coordinates of its own"
-            self._formulas.report(node, "unknown-name", message, "keep the coordinates it depends on")
-        return kept
-
-
-def _truth(text: str) -> str:
-    """A hint for other words of yes and no."""
-    words = {
-        **dict.fromkeys(("yes", "on", "1", "y"), "true"),
-        **dict.fromkeys(("no", "off", "0", "n"), "false"),
-    }
-    meant = words.get(text.casefold(), text.casefold())
-    return f"write `{meant}`" if meant in ("true", "false") else ""
+def _check_sections(root: yaml_tree.Mapping, formulas: Formulas) -> None:
+    """Report sections there are not, and a format version that is missing or none."""
+    empty = ""
+    for key, value in root:
+        if key.value not in keys.FORMAT.names:
+            hint = key_hints.section(key.value, value, empty)
+            formulas.report(key, "unknown-key", f"there is no section `{key.value}`", hint)
+        elif not keys.FORMAT.key(key.value).supported and not yaml_tree.is_empty(value):
+            message = f"the section `{key.value}` is not supported yet: the run would leave it out"
+            formulas.report(key, "not-supported-yet", message, keys.FORMAT.key(key.value).instead)
+        empty = key.value if yaml_tree.is_empty(value) and key.value in keys.FORMAT.names else ""
+    version = root.get("lagcli")
+    if version is None:
+        hint = "a model begins with the line `lagcli: 1`"
+        formulas.report(root, "missing-key", "the format version `lagcli: 1` is missing", hint)
+    elif not isinstance(version, yaml_tree.Scalar) or version.value.strip() != "1":
+        formulas.report(version, "unknown-version", "this version of lagcli reads format version 1")
 
 
 def _fingerprint(content: str, particles: tuple[model.Particle, ...]) -> str:

@@ -1,0 +1,113 @@
+"""The section `simulation`: the settings of a run."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from lagcli import yaml_tree
+from lagcli.errors import diagnostics
+from lagcli.input import entries, keys, namespace
+from lagcli.input.scalars import Formulas
+from lagcli.model import model, settings
+from lagcli.model.family import MemberIndex
+
+Rolls = Mapping[namespace.Kind, MemberIndex]
+Kept = tuple[tuple[model.Particle, ...], Rolls]  # what `keep` may name
+
+
+def simulation(
+    formulas: Formulas, node: yaml_tree.AnyNode | None, particles: tuple[model.Particle, ...], rolls: Rolls
+) -> model.Simulation:
+    """The settings of the section; what is wrong with them is reported.
+
+    rolls: the members that `keep` may name.
+    """
+    default = model.Simulation()
+    if node is None or yaml_tree.is_empty(node):
+        return default
+    fields = entries.fields(formulas, node, keys.FORMAT.key("simulation"))
+    if fields is None:
+        return default
+    read: dict[str, Any] = {}
+    for key, value in fields.items():
+        setting = _setting(formulas, key, value, (particles, rolls))
+        if setting is not None:
+            read[key] = setting
+    if "samples" in fields and "output_step" in fields:
+        message = "`samples` and `output_step` both set the times of the rows"
+        formulas.report(fields["output_step"], "conflicting-keys", message, "keep one of them")
+    simulation = dataclasses.replace(default, **read)
+    for key, message in settings.faults(simulation):
+        formulas.report(fields.get(key, node), "bad-setting", message)
+    return simulation
+
+
+def _setting(formulas: Formulas, key: str, node: yaml_tree.AnyNode, kept: Kept) -> object:
+    if key == "keep":
+        return _keep(formulas, node, *kept)
+    if key in ("method", "assemble"):
+        text = entries.text(formulas, node).strip()
+        if not isinstance(node, yaml_tree.Scalar):
+            return None
+        if key == "method":
+            return text
+        if text not in ("true", "false"):
+            formulas.report(node, "bad-setting", "`assemble` is `true` or `false`", _truth(text))
+        return text == "true"
+    value = formulas.constant(node, f"the setting `{key}`")
+    if key == "samples" and value is not None:
+        if value != round(value):
+            formulas.report(node, "bad-setting", "`samples` is a whole number")
+            return None
+        return round(value)
+    return value
+
+
+def _keep(
+    formulas: Formulas, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...], rolls: Rolls
+) -> tuple[str, ...] | None:
+    listed = [] if yaml_tree.is_empty(node) else entries.name_list(formulas, node)
+    if listed is None:
+        return None
+    cartesian = {name for p in particles if not p.is_dependent for name in p.members.names}
+    found: list[str] = []
+    for name in listed:
+        word, dot, axis = name.value.strip().rpartition(".")
+        if dot and word in cartesian and axis in "xyz":
+            found.append(name.value.strip())
+            continue
+        if dot and axis not in "]":
+            components = [f"{particle}.{part}" for particle in sorted(cartesian) for part in "xyz"]
+            hint = diagnostics.nearest(name.value, components)
+            message = f"there is no coordinate `{name.value}`"
+            formulas.report(name, "unknown-name", message, hint)
+            continue
+        named = entries.references(formulas, name, ("coordinate", "particle"))
+        for kind, numbers, _ in named or ():
+            kept = [rolls[kind].names[number] for number in numbers.tolist()]
+            if kind != "coordinate":
+                _require_own(formulas, name, kept, cartesian)
+            found += kept
+    return tuple(found)
+
+
+def _require_own(
+    formulas: Formulas, node: yaml_tree.Scalar, kept: Sequence[str], cartesian: set[str]
+) -> None:
+    """Report a particle that has no coordinates of its own."""
+    dependent = [name for name in kept if name not in cartesian]
+    if dependent:
+        message = f"the particle `{dependent[0]}` has no coordinates of its own"
+        formulas.report(node, "unknown-name", message, "keep the coordinates it depends on")
+
+
+def _truth(text: str) -> str:
+    """A hint for other words of yes and no."""
+    words = {
+        **dict.fromkeys(("yes", "on", "1", "y"), "true"),
+        **dict.fromkeys(("no", "off", "0", "n"), "false"),
+    }
+    meant = words.get(text.casefold(), text.casefold())
+    return f"write `{meant}`" if meant in ("true", "false") else ""
