@@ -310,3 +310,15 @@ def test_a_place_that_the_rows_lead_away_from_is_a_singular_start():
     rows = ["d(w) - y*d(x) = 0", "d(w) + y*d(x) = 0"]
     with pytest.raises(lagcli.ModelError, match="singular configuration"):
         lagcli.simulate(lagcli.loads(text(START | {"z": "0.2, rate: 1"}, [], rows)))
+
+
+@pytest.mark.parametrize("surface", ["y**2*(y - 1) = 0", "y**2 = 0"])
+@pytest.mark.parametrize("coefficient", ["y", "x*y"])
+def test_rows_beside_a_gradient_that_vanishes_are_open_and_nothing_else_is_said(surface, coefficient):
+    """The gradient leaves the direction of y, which the surface y = 0 does not have: there 2 freedoms are left."""
+    report = lagcli.check(lagcli.loads(text(START, [surface], [LIFT.format(coefficient)])))
+    assert (report.dof.configuration_dof, report.dof.bounds) == (None, (2, 3))
+    assert not any("lead away" in note or "the count is" in note for note in report.dof.notes)
+    assert [one.verdict.kind for one in report.constraints] == ["holonomic", "undecided"]
+    assert "whose gradients leave more directions" in report.dof.reason
+    assert report.joint.remarks == ()

@@ -108,11 +108,13 @@ class _Ranks:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Examined:
-    """The count, what is known of the surface of the holonomic rows, and points of it, the start first."""
+    """The count, what is known of the surface of the holonomic rows, points of it, the start first, and the verdicts,
+    without those that such a surface leaves open."""
 
     count: DofCount
     surface: Codimension
     points: list[State]
+    found: Classification
 
 
 @progress.phase("counting degrees of freedom")
@@ -128,6 +130,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     points = [begin]
     on = _ranks(numeric, points, whole, said)
     surface = codimension.examine(system, numeric, begin)
+    found = found.doubted(*_beside_deficient(system, surface))
     if on.highest[1] < len(said):  # rows that are independent at the start are so nearby
         has_others = len(whole) < len(names) and surface.kind != "deficient"
         if (has_others or surface.kind == "singular") and len(names) <= metric_rows.DENSE:
@@ -139,7 +142,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     doubt = surface.reason or _undecided_tip(numeric, begin, whole)
     doubt = doubt or _undecided_rank(on, surface, len(whole) == len(names))
     rank_beyond = on.highest[1] - on.highest[0]
-    reason = doubt or _undecided_rows(system, found, surface, rank_beyond)
+    reason = doubt or _undecided_rows(found, rank_beyond)
     n, decided = system.symbols.q.numel(), reason == ""
     s = (surface.codimension or 0) + (found.flag[-1] if decided else 0)
     total = (surface.codimension or 0) + rank_beyond
@@ -164,7 +167,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         rows=len(whole),
         rank=surface.codimension or 0 if surface.kind == "singular" else surface.rank,
     )
-    return Examined(counted, surface, points)
+    return Examined(counted, surface, points, found)
 
 
 def _generic(
@@ -227,7 +230,7 @@ def _proof(found: Classification, surface: Codimension) -> Proof:
     return "symbolic" if is_exact and found.groups else "numeric"
 
 
-def _undecided_rows(system: System, found: Classification, surface: Codimension, rank_beyond: int) -> str:
+def _undecided_rows(found: Classification, rank_beyond: int) -> str:
     """Why the differential rows leave the count open, or nothing."""
     for group in found.undecided:
         rows = ", ".join(f"`{name}`" for name in group.rows)
@@ -235,16 +238,23 @@ def _undecided_rows(system: System, found: Classification, surface: Codimension,
         return f"whether {rows} {verb} integrable is undecided: {group.reason}"
     if found.flag[0] != rank_beyond:
         return f"the differential rows have rank {found.flag[0]} by algebra and {rank_beyond} by numbers"
-    if surface.kind == "deficient" and system.holonomic_count < len(system.rows.rows):
-        numbers, coordinates = pattern.coordinates(system)
-        among = np.isin(coordinates, surface.coordinates) & (numbers >= system.holonomic_count)
-        for i in numbers[among][:1]:
-            name = system.rows.rows[int(i)].name
-            return (
-                f"`{name}` acts on coordinates of the rows {initial.names_of(system, list(surface.rows))}, whose"
-                " gradients leave more directions than there are"
-            )
     return ""
+
+
+def _beside_deficient(system: System, surface: Codimension) -> tuple[frozenset[str], str]:
+    """The differential rows on coordinates of rows whose rank is below their codimension, and why they are open.
+
+    Their verdicts came from more directions than the surface has.
+    """
+    if surface.kind != "deficient" or system.holonomic_count == len(system.rows.rows):
+        return frozenset(), ""
+    numbers, coordinates = pattern.coordinates(system)
+    among = np.isin(coordinates, surface.coordinates) & (numbers >= system.holonomic_count)
+    whole = initial.names_of(system, list(surface.rows))
+    return (
+        frozenset(system.rows.rows[int(i)].name for i in numbers[among]),
+        f"it meets coordinates of the rows {whole}, whose gradients leave more directions than there are",
+    )
 
 
 def _notes(on: _Ranks, surface: Codimension, rank_beyond: int) -> tuple[str, ...]:

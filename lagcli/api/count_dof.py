@@ -37,4 +37,4 @@ def examined(ready: CompiledModel, limit: float) -> tuple[hidden_conditions.Clas
         notes=(*whole.notes, *found.count.notes),
         redundant_rows=tuple(name for name in found.count.redundant_rows if name not in own),
     )
-    return whole, dataclasses.replace(found, count=counted)
+    return dataclasses.replace(whole, found=found.found), dataclasses.replace(found, count=counted)

@@ -122,6 +122,28 @@ class Classification:
         """The notes about this start and these parameters, each once."""
         return tuple(dict.fromkeys(note for group in self.groups for note in group.notes))
 
+    def doubted(self, rows: frozenset[str], reason: str) -> Classification:
+        """The same with the groups of some rows undecided: all that was found of them together is open."""
+        groups, open_rows = [], set[str]()
+        for group in self.groups:
+            if rows.isdisjoint(group.rows):
+                groups.append(group)
+                continue
+            open_rows |= set(group.rows)
+            groups.append(
+                JointVerdict(group.rows, (), (), frozenset(), group.integrals, (), "none", reason=reason)
+            )
+        verdicts = tuple(_opened(one, reason) if one.row in open_rows else one for one in self.verdicts)
+        return Classification(verdicts, tuple(groups), self.depends_on_time)
+
+
+def _opened(one: Verdict, reason: str) -> Verdict:
+    """The verdict without what was said of the row together with others."""
+    if one.kind in ("exact", "integrable"):
+        return one
+    method = f"Whether it is integrable together with the rows it meets is open: {reason}."
+    return dataclasses.replace(one, kind="undecided", integral=None, method=method, proof="none")
+
 
 def _summed(sequences: list[tuple[int, ...]]) -> tuple[int, ...]:
     """The sums of sequences that stay at their last value."""
