@@ -515,3 +515,27 @@ def test_the_end_of_a_branch_is_seen_where_it_is_crossed_or_touched(path, leaves
     block = row_block.RowBlock(built, [0])
     way = np.linspace([0.61, 0.0][: block.size], [-0.57, 0.0][: block.size], 24)
     assert block.pieces.end_between(way, initial.declared(built).p) is leaves
+
+
+@pytest.mark.parametrize(
+    ("switch", "x", "y", "extra"),
+    [
+        ("max(abs(x), abs(y)) - x", 1.0, 0.0, (1, 1)),
+        ("max(abs(x), abs(y)) + x", -1.0, 0.0, (1, 1)),
+        ("min(abs(x), abs(y)) + y", 1.0, -0.3, (1, 1)),
+        ("min(max(x, abs(y)), 2) - x", 1.0, 0.0, (1, 1)),
+        ("sqrt(max(x**2, y**2)) - x", 1.0, 0.3, (1, 1)),
+        ("sign(x - abs(y))*y - y", 1.0, 0.0, (1, 1)),
+        ("max(abs(x), abs(y)) - x", -1.0, 0.0, (1, 0)),
+        ("max(abs(x), abs(y)) - x", 0.3, 1.0, (1, 0)),
+        ("max(abs(x), abs(y)) - x", 1.0, 1.0, ()),
+        ("max(x, 1 + abs(y)) - x", 1.5, 0.0, (1, 1)),
+        ("min(abs(x), 1 + abs(y)) - x", 1.0, 0.0, ()),
+        ("abs(y)", 1.0, 0.0, (1, 0)),
+    ],
+)
+def test_a_switch_in_a_branch_that_is_not_taken_is_none(switch, x, y, extra):
+    values = {"x": x, "y": y, "z": 0.2, "w": 0.1}
+    found = flag(model(values, [], [f"d(z) - ({switch})*d(w) = 0"]))
+    assert found.extra == extra
+    assert found.on_piece == (extra == (1, 1))

@@ -5,14 +5,18 @@ The rows over (q, t) are A = [B | b], the first s of them df of holonomic rows, 
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
-from lagcli.compiled import pieces, program
+from lagcli.compiled import branch, pieces, program
 from lagcli.equations.system import System
+
+Floats = npt.NDArray[np.float64]
 
 KINKS = {"fabs", "sign", "fmin", "fmax", "lt", "le", "eq", "ne", "if_else_zero"}
 
@@ -49,6 +53,19 @@ class RowBlock:
         lengths = symbols.q.numel() - len(system.model.generalized_names)
         numbers = np.append(self.columns, [symbols.q.numel()] if self.has_time else []).astype(np.intp)
         self.kinds = np.where(numbers < lengths, 0, numbers + 1)
+
+    def on_branch(self, x: Floats, p: Floats, near: float, side: float = 0.0) -> RowBlock:
+        """The block with switches (abs, sign, min, max) as they are at a point; those within `near` of it stay, or are
+        put on one `side` (1 or -1)."""
+        if not self.has_kinks:
+            return self
+        there = copy.copy(self)
+        for name in ("rows", "surface", "along", "curl", "has_kinks", "pieces", "_turning"):
+            there.__dict__.pop(name, None)
+        place = [self.x, self.p], [x, p], near, side
+        entries = branch.of(ca.densify(ca.vec(ca.SX(self.A).nz[:])), *place)
+        there.A, there._f = ca.SX(self.A.sparsity(), entries), branch.of(ca.densify(self._f), *place)
+        return there
 
     @cached_property
     def rows(self) -> ca.Function:

@@ -123,7 +123,7 @@ class Classification:
         return tuple(dict.fromkeys(note for group in self.groups for note in group.notes))
 
     def doubted(self, rows: frozenset[str], reason: str) -> Classification:
-        """The same with the groups of some rows undecided: all that was found of them together is open."""
+        """The classification with the groups of some rows undecided: all that was found of them together is open."""
         groups, open_rows = [], set[str]()
         for group in self.groups:
             if rows.isdisjoint(group.rows):

@@ -6,6 +6,7 @@ What holds at a generic point of the orbit holds at nearly all of it; a start is
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +32,12 @@ class Points:
     """
 
     def __init__(self, block: RowBlock, system: System, begin: State, deadline: float) -> None:
-        self._block, self._begin, self._system = block, begin, system
+        size = float(np.abs(begin.q).max(initial=0.0)) or 1.0
+        self.has_switches, block = (
+            block.has_kinks,
+            block.on_branch(variables(block, begin), begin.p, ON_KINK * size),
+        )
+        self._block, self._begin = block, begin
         self.start = EvaluationPoint(block, variables(block, begin), begin.p)
         if not self.start.is_finite:
             raise undecided.Undecided("the rows are not finite at the start")
@@ -44,6 +50,14 @@ class Points:
         if self.start.all.low < count or self.start.first < len(self.start.kept):
             self.walk()
         return max(enumerate(self.places), key=lambda one: (*one[1].ranks, one[1].first, one[0]))[1]
+
+    def both_sides_turn(self) -> bool:
+        """True if the brackets of two fields are as many as rows on both sides of a switch that the start lies on."""
+        if not self._block.has_kinks:
+            return True
+        sides = (self._block.on_branch(self.start.x, self.start.p, math.inf, side) for side in (1.0, -1.0))
+        places = [EvaluationPoint(block, self.start.x, self.start.p) for block in sides]
+        return all(one.is_finite and one.first == len(one.kept) for one in places)
 
     def walk(self) -> list[EvaluationPoint]:
         """The start, and places on its orbit as far as flows lead."""
@@ -62,17 +76,6 @@ class Points:
         q[self._block.columns] = place.x[:n]
         t = float(place.x[n]) if self._block.has_time else self._begin.t
         return dataclasses.replace(self._begin, t=t, q=q)
-
-    def are_on_one_piece(self, place: EvaluationPoint) -> bool:
-        """True if the start lies on no kink, and a place on the same side of all of them."""
-        kinks = self._system.kinks
-        if kinks is None:
-            return True
-        size = float(np.abs(self._begin.q).max(initial=0.0)) or 1.0
-        here, there = (
-            np.array(kinks.switches(one.t, one.q, one.p)).ravel() for one in (self._begin, self.state(place))
-        )
-        return bool(((np.abs(here) > ON_KINK * size) & (np.sign(here) == np.sign(there))).all())
 
 
 def variables(block: RowBlock, point: State) -> Floats:

@@ -25,6 +25,7 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 
 CONDITION = "a combination of the rows says g dt = 0, and the condition g = 0 was not found in closed form"
+SIDES_DIFFER = "the start lies on a kink (abs, sign, min, max), whose sides may differ"
 # What a start that was declared in decimals shows where it lies on a special place.
 AT_START = Limits(Decimal("1e-11"), Decimal("1e-11"))
 # The limits that are tried: numbers as they are written, as doubles, and at last as those of a start that was rounded,
@@ -66,6 +67,8 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
     if known.contradiction:
         return dataclasses.replace(known, is_certain=False, reason=CONDITION)
     if generic.first == len(generic.kept):
+        if not points.both_sides_turn():
+            raise undecided.Undecided(SIDES_DIFFER)
         return _open(known, start, generic)
     if generic is start and generic.dimension > 1:  # one field has no brackets
         raise undecided.Undecided("no other point of the surface was found, and the start may be special")
@@ -80,10 +83,10 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
 
 def _on_piece(found: NumericFlag, points: Points, place: EvaluationPoint) -> NumericFlag:
     """The flag, with what kinks (abs, sign, min, max) mean for combinations that stay."""
-    if not found.is_certain or not found.extra[-1] or not place.block.has_kinks:
+    if not found.is_certain or not found.extra[-1] or not points.has_switches:
         return found
-    if not points.are_on_one_piece(place):
-        raise undecided.Undecided("the start lies on a kink (abs, sign, min, max), whose sides may differ")
+    if place.block.has_kinks:
+        raise undecided.Undecided(SIDES_DIFFER)
     return dataclasses.replace(found, on_piece=True)
 
 
