@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import lagcli
-from tests.in_process import run
+from tests.helpers.in_process import run
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
 SAMPLES = 200

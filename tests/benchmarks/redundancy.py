@@ -10,7 +10,7 @@ import statistics
 from collections.abc import Iterator
 
 import lagcli
-from tests import lean
+from tests.helpers import lean
 
 TURNS = 9
 SIZES = (10, 100)

@@ -1,0 +1,261 @@
+"""The shape of the package: imports point down, one door for each library, functions one can hold in the head."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import lagcli
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "lagcli"
+
+# Bottom first: nine floors. A package imports only from packages below it, also on its own floor in this order; files
+# of one package may import each other, in no circle.
+FLOORS = (
+    ("requirements", "progress", "errors", "yaml_tree"),
+    ("expression",),
+    ("model", "input"),
+    ("equations",),
+    ("compiled", "linear"),
+    ("start",),
+    ("pfaffian", "simulation", "analysis", "auditing", "output", "formulations", "derivation"),
+    ("api",),
+    ("cli", "__main__"),
+)
+ROOMS = tuple(room for floor in FLOORS for room in floor)
+
+DOORS = {
+    "yaml": ("lagcli.yaml_tree",),
+    "typer": ("lagcli.cli.",),
+    "rich": ("lagcli.cli.console",),
+    "matplotlib": (
+        "lagcli.output.figures.figure",
+        "lagcli.output.figures.loop_figure",
+        "lagcli.output.figures.audit_figure",
+    ),
+    "orjson": ("lagcli.output.tables.float_text",),
+    "pyarrow": ("lagcli.output.tables.parquet_table", "lagcli.output.tables.read_table"),
+    "sympy": ("lagcli.pfaffian.", "lagcli.derivation."),
+    "mpmath": ("lagcli.pfaffian.", "lagcli.analysis.numeric_flag.multiprecision"),
+    "casadi": (
+        "lagcli.equations.",
+        "lagcli.compiled.",
+        "lagcli.linear.metric",
+        "lagcli.linear.metric_rows",
+        "lagcli.linear.independent_rows",
+        "lagcli.start.sample_points",
+        "lagcli.formulations.dense_functions",
+        "lagcli.analysis.displacements.displacement_set",
+        "lagcli.analysis.displacements.internal_forces",
+        "lagcli.simulation.dop853",
+        "lagcli.simulation.jump_curve",
+        "lagcli.simulation.line_functions",
+        "lagcli.simulation.singular_point",
+        "lagcli.simulation.step_end",
+    ),
+    "scipy": (),
+}
+
+LINES, PARAMETERS = 70, 6
+
+# What a slip of ours raises, and what is wider. A library's exceptions are caught by their own names, around its call.
+SLIPS = {
+    "TypeError", "AttributeError", "AssertionError", "LookupError", "KeyError", "IndexError",
+    "Exception", "BaseException",
+}  # fmt: skip
+MOST_CATCHERS = 7
+CATCHERS = {
+    "lagcli.cli.exits": "the last resort: it is told as a bug",
+    "lagcli.output.atomic_file": "a file is removed, and the exception goes on",
+    "lagcli.pfaffian.exact.guarded": "what SymPy breaks down with, told from ours by its file",
+    "lagcli.pfaffian.exact.time_limit": "handed on from the thread to the caller",
+}
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts).removesuffix(".__init__")
+
+
+FILES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
+
+
+def imported(name: str) -> Iterator[str]:
+    """Every module that a file imports anywhere, in functions and for types alone too."""
+    for node in ast.walk(TREES[name]):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}: a relative import"
+            assert node.module is not None
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                yield whole if whole in FILES or node.module == "lagcli" else node.module
+
+
+def room(module: str) -> str:
+    return module.split(".")[1]
+
+
+def inside(module: str) -> set[str]:
+    """The files of the package that a file imports."""
+    names = {name for name in imported(module) if name.startswith("lagcli.")}
+    return names - {"lagcli.__version__"}
+
+
+def test_every_room_has_its_place_in_the_order() -> None:
+    assert {room(name) for name in FILES if name != "lagcli"} == set(ROOMS)
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name != "lagcli"])
+def test_imports_point_down(name: str) -> None:
+    here = ROOMS.index(room(name))
+    up = [other for other in inside(name) if ROOMS.index(room(other)) > here]
+    assert not up
+
+
+def test_the_files_of_a_room_import_each_other_in_no_circle() -> None:
+    graph = {name: inside(name) & FILES.keys() for name in FILES if name != "lagcli"}
+    while graph:
+        free = [name for name, needs in graph.items() if not needs & graph.keys() - {name}]
+        assert free, f"a circle among {sorted(graph)}"
+        for name in free:
+            del graph[name]
+
+
+@pytest.mark.parametrize("library", DOORS)
+def test_a_library_has_one_door(library: str) -> None:
+    doors = DOORS[library]
+    users = {name for name in FILES if any(i.split(".")[0] == library for i in imported(name))}
+    through = {
+        n for n in users if any(n == door or (door[-1] == "." and n.startswith(door)) for door in doors)
+    }
+    assert users == through
+    assert not doors or users, f"{library} is used nowhere"
+
+
+def test_what_runs_at_import_is_not_loaded_by_name() -> None:
+    """Imports are written as imports, where the tests of this file see them; the package's root is lazy."""
+    for name, tree in TREES.items():
+        used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        used |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        assert not used & {"__import__"}, name
+        assert name == "lagcli" or "import_module" not in used, name
+
+
+def names_in(node: ast.AST) -> set[str]:
+    names = {one.id for one in ast.walk(node) if isinstance(one, ast.Name)}
+    return names | {one.attr for one in ast.walk(node) if isinstance(one, ast.Attribute)}
+
+
+def tuples_of_slips() -> set[str]:
+    """The names of tuples of exceptions that hold one of `SLIPS`, whatever module they are in."""
+    assigned = [
+        node
+        for tree in TREES.values()
+        for node in ast.walk(tree)
+        if isinstance(node, (ast.Assign, ast.AnnAssign)) and isinstance(node.value, ast.Tuple)
+    ]
+    wide = [node for node in assigned if node.value is not None and names_in(node.value) & SLIPS]
+    targets = [t for node in wide for t in (node.targets if isinstance(node, ast.Assign) else [node.target])]
+    return {target.id for target in targets if isinstance(target, ast.Name)}
+
+
+def test_slips_of_ours_are_caught_in_a_few_places_alone() -> None:
+    wide, found = SLIPS | tuples_of_slips(), []
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ExceptHandler) and (node.type is None or names_in(node.type) & wide):
+                found.append(name)
+            if isinstance(node, ast.Call) and "suppress" in names_in(node.func):
+                found += [name for argument in node.args if names_in(argument) & wide]
+    assert sorted(found) == sorted(CATCHERS)
+    assert len(found) <= MOST_CATCHERS
+
+
+def test_no_text_is_executed() -> None:
+    for name, tree in TREES.items():
+        calls = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
+        called = {func.id for func in calls if isinstance(func, ast.Name)}
+        called |= {func.attr for func in calls if isinstance(func, ast.Attribute)}
+        # "compile" alone is the name of a room.
+        assert not called & {
+            "eval",
+            "exec",
+            "parse_expr",
+            "literal_eval",
+            "lambdify",
+            "load_all",
+        }, name
+
+
+def test_no_room_is_a_drawer() -> None:
+    for name in FILES:
+        assert not {"utils", "util", "common", "helpers", "helper", "types", "misc"} & set(name.split("."))
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                yield name, node
+
+
+def test_functions_fit_a_head() -> None:
+    long = []
+    for name, node in functions():
+        assert node.end_lineno is not None
+        lines = node.end_lineno - node.lineno + 1
+        if lines > LINES:
+            long.append(f"{name}.{node.name}: {lines} lines")
+    assert not long
+
+
+def test_functions_take_few_parameters() -> None:
+    many = []
+    for name, node in functions():
+        a = node.args
+        names = [
+            arg.arg for arg in (*a.posonlyargs, *a.args, *a.kwonlyargs) if arg.arg not in ("self", "cls")
+        ]
+        # The commands have one parameter for each option of the command line, and so has the public API.
+        is_public = name.startswith("lagcli.api.") and node.name in lagcli.__all__
+        if len(names) > PARAMETERS and name != "lagcli.cli.app" and not is_public:
+            many.append(f"{name}.{node.name}: {len(names)}")
+    assert not many
+
+
+def texts() -> Iterator[tuple[Path, str]]:
+    """All texts of the repository."""
+    folders = [ROOT / name for name in ("lagcli", "tests", "models", "docs", ".ci")]
+    assert all(folder.is_dir() for folder in folders)
+    # In a worktree of Git `.git` is a file of the machine, not of the repository.
+    files = [path for path in ROOT.iterdir() if path.is_file() and path.name != ".git"]
+    files += [path for folder in folders for path in folder.rglob("*") if path.is_file()]
+    for path in files:
+        if "__pycache__" not in path.parts and path.suffix not in (
+            ".png",
+            ".pdf",
+            ".npz",
+            ".parquet",
+            ".pyc",
+        ):
+            yield path, path.read_text(encoding="utf-8")
+
+
+def test_nothing_points_out_of_the_repository() -> None:
+    machine = r"(?<![\w.~/])/(?:work|root|home|Users|mnt|opt|srv)/"
+    above = r"\.\./\.\./\.\./|\.\./" + "shared"
+    index = "|".join(r"pypi\.org pythonhosted index-url find-links".split())
+    forbidden = re.compile(f"{machine}|{above}|{index}")
+    found = [
+        f"{path.relative_to(ROOT)}: {match.group()}"
+        for path, text in texts()
+        if path != Path(__file__)
+        for match in forbidden.finditer(text)
+    ]
+    assert not found

@@ -1,0 +1,175 @@
+"""The documentation is true: its links lead somewhere, its commands run, its examples are models."""
+
+import importlib.util
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+from types import ModuleType
+
+import pytest
+import typer
+
+import lagcli
+from lagcli import yaml_tree
+from lagcli.cli import app
+
+ROOT = pathlib.Path(__file__).parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "models").glob("*.md")])
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def name_of(page: pathlib.Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def blocks(text: str, language: str) -> list[str]:
+    return [body for kind, body in FENCE.findall(text) if kind == language]
+
+
+def generator() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_reference", ROOT / "docs" / "make_reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_generated_reference_is_what_the_tables_give() -> None:
+    make_reference = generator()
+    pages = list(make_reference.pages())
+    assert {page.name for page in pages} == {"CONTRIBUTING.md", "equations.md", "errors.md", "model-file.md"}
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        assert text == make_reference.made(text), f"run docs/make_reference.py: {page.name} is old"
+
+
+def anchors(page: pathlib.Path) -> set[str]:
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_relative_links_resolve(page: pathlib.Path) -> None:
+    prose = FENCE.sub("", page.read_text(encoding="utf-8"))
+    for link in LINK.findall(prose):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.is_relative_to(ROOT), f"{link} leads out of the repository"
+        assert target.exists(), f"{link} leads nowhere"
+        assert not anchor or anchor in anchors(target), f"{link}: no such heading"
+
+
+def test_every_page_of_docs_is_in_its_index() -> None:
+    index = ROOT / "docs" / "README.md"
+    linked = {(index.parent / link).resolve() for link in LINK.findall(index.read_text(encoding="utf-8"))}
+    missing = [name_of(page) for page in (ROOT / "docs").rglob("*.md") if page not in {*linked, index}]
+    assert not missing
+
+
+EXAMPLES = [
+    pytest.param(body, id=f"{name_of(page)}-{number}")
+    for page in PAGES
+    for number, body in enumerate(blocks(page.read_text(encoding="utf-8"), "yaml"))
+]
+
+
+@pytest.mark.parametrize("text", EXAMPLES)
+def test_yaml_examples_are_models_that_run(text: str) -> None:
+    assert yaml_tree.parse(text, "example").key("lagcli") is not None
+    run = lagcli.simulate(lagcli.loads(text), duration=0.1, samples=3)
+    assert run.t[-1] == 0.1
+
+
+def command_lines() -> list[str]:
+    shown = [line for body in blocks(README, "sh") for line in body.splitlines()]
+    return [line for line in shown if line.startswith("lagcli ")]
+
+
+@pytest.fixture
+def clone(tmp_path: pathlib.Path) -> pathlib.Path:
+    """A folder like a clone: the gallery, and the models the README shows under their names."""
+    shutil.copytree(ROOT / "models", tmp_path / "models")
+    for body in blocks(README, "yaml"):
+        name = re.match(r"# (\S+\.yaml)\n", body)
+        assert name is not None
+        (tmp_path / name[1]).write_text(body, encoding="utf-8")
+    return tmp_path
+
+
+def run(line: str, folder: pathlib.Path) -> subprocess.CompletedProcess[str]:
+    """A line of the shell, `lagcli` being the one under test."""
+    line = re.sub(r"\blagcli(?= [a-z])", f'"{sys.executable}" -m lagcli', line)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+@pytest.mark.parametrize("line", command_lines())
+def test_readme_commands_run(line: str, clone: pathlib.Path) -> None:
+    done = run(line, clone)
+    assert done.returncode == 0, done.stderr
+    for file in re.findall(r"(?:-o|--plot|--stats|>) (\S+)", line):
+        assert (clone / file).stat().st_size > 0
+
+
+SESSIONS = [
+    (command, "".join(f"{line}\n" for line in output.splitlines()))
+    for body in blocks(README, "console")
+    for command, _, output in (part.partition("\n") for part in body.split("$ ")[1:])
+]
+
+
+@pytest.mark.parametrize(("command", "output"), SESSIONS)
+def test_readme_sessions_print_what_is_shown(command: str, output: str, clone: pathlib.Path) -> None:
+    assert run(command, clone).stdout == output
+
+
+def test_readme_error_is_what_the_reader_says(clone: pathlib.Path) -> None:
+    first = clone / "first.yaml"
+    first.write_text(first.read_text(encoding="utf-8").replace("norm(bob)", "norm(bop)"), encoding="utf-8")
+    assert run("lagcli check first.yaml", clone).stderr in blocks(README, "text")
+
+
+def test_first_model_pulls_with_three_weights_at_the_lowest_point(clone: pathlib.Path) -> None:
+    run = lagcli.simulate(lagcli.load(clone / "first.yaml"), samples=2001)
+    assert run["lambda.rod"].max() == pytest.approx(58.86, rel=1e-4)
+
+
+def test_readme_python_runs(clone: pathlib.Path) -> None:
+    (code,) = blocks(README, "python")
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=clone,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[:2] == ["1", "True"]
+
+
+def test_command_line_page_names_every_command_and_option() -> None:
+    page = (ROOT / "docs" / "reference" / "command-line.md").read_text(encoding="utf-8")
+    sections = {part.partition("\n")[0]: part for part in page.split("\n## ")}
+    common = sections["Options of the three commands"]
+    for name, command in typer.main.get_command(app.app).commands.items():
+        documented = set(re.findall(r"`(--?\w[\w-]*)", common + sections[name]))
+        options = {option for parameter in command.params for option in parameter.opts if option[0] == "-"}
+        assert options <= documented
+
+
+def test_the_two_commands_of_the_readme_stand_in_the_ci_script() -> None:
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert "-m pytest -n 2" in README
+    assert "-m pytest -n 2" in script

@@ -1,0 +1,106 @@
+"""Sizes and names of the house: what may not grow, and words that have one meaning.
+
+A number here is what the code has today; it may be lowered, and is a debt where the comment says so.
+"""
+
+import ast
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.house.test_architecture import FILES, FLOORS, PACKAGE, ROOT, TREES
+
+CLASS_LINES, CLASS_ATTRIBUTES = 300, 20
+# Larger classes, with the lines and attributes they have: a debt.
+LARGE: dict[str, tuple[int, int]] = {}
+
+# Every table format has a `Writer`, which the registry of formats asks its file for.
+NAMES_WITH_SEVERAL_CLASSES = {"Writer"}
+
+# Docstrings say what is returned or done; these open with a question word or a comparison: a debt.
+QUESTIONS = re.compile(r"(What|Whether|Where|How|Which|The same)\b")
+MOST_QUESTIONS = 0
+MOST_ANY = 38  # a debt: CasADi has stubs
+
+
+def classes() -> Iterator[tuple[str, ast.ClassDef]]:
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                yield name, node
+
+
+def attributes(node: ast.ClassDef) -> set[str]:
+    """The attributes that methods set on self."""
+    return {
+        each.attr
+        for each in ast.walk(node)
+        if isinstance(each, ast.Attribute)
+        and isinstance(each.ctx, ast.Store)
+        and isinstance(each.value, ast.Name)
+        and each.value.id == "self"
+    }
+
+
+def test_classes_fit_a_head() -> None:
+    large = {}
+    for name, node in classes():
+        assert node.end_lineno is not None
+        size = node.end_lineno - node.lineno + 1, len(attributes(node))
+        if size[0] > CLASS_LINES or size[1] > CLASS_ATTRIBUTES:
+            large[f"{name}.{node.name}"] = size
+    assert large.keys() <= LARGE.keys()
+    for name, (lines, count) in large.items():
+        assert lines <= LARGE[name][0], name
+        assert count <= LARGE[name][1], name
+
+
+def test_a_class_has_its_name_alone() -> None:
+    names = Counter(node.name for _, node in classes())
+    assert {name for name, count in names.items() if count > 1} == NAMES_WITH_SEVERAL_CLASSES
+
+
+def test_a_file_has_its_name_alone() -> None:
+    names = Counter(path.stem for path in FILES.values() if path.stem != "__init__")
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_few_packages_and_few_modules_beside_them() -> None:
+    packages = [path for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()]
+    modules = [path for path in PACKAGE.glob("*.py") if path.stem != "__init__"]
+    assert len(packages) <= 20
+    assert len(modules) <= 4
+    assert len(FLOORS) <= 9
+
+
+def test_docstrings_that_open_with_a_question_become_fewer() -> None:
+    nodes = (ast.FunctionDef, ast.ClassDef, ast.Module)
+    texts = [
+        ast.get_docstring(n) or "" for tree in TREES.values() for n in ast.walk(tree) if isinstance(n, nodes)
+    ]
+    assert sum(map(bool, map(QUESTIONS.match, texts))) <= MOST_QUESTIONS
+
+
+def test_any_becomes_rarer() -> None:
+    names = (n for tree in TREES.values() for n in ast.walk(tree) if isinstance(n, ast.Name))
+    assert sum(name.id == "Any" for name in names) <= MOST_ANY
+
+
+def test_packages_say_what_goes_in_and_what_comes_out() -> None:
+    for path in PACKAGE.glob("*/__init__.py"):
+        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        assert re.match(r".+\.\n\nIn: .+\nOut: .+\n", text), path.parent.name
+
+
+def test_files_that_documents_name_are_there() -> None:
+    named = re.compile(r"`([a-z_]+(?:/[a-z_0-9]+)+(?:\.py)?)`")
+    for page in (ROOT / "CONTRIBUTING.md", ROOT / "docs" / "reference" / "glossary.md"):
+        found = named.findall(page.read_text(encoding="utf-8"))
+        assert len(found) > 10
+        missing = [name for name in found if not any((folder / name).exists() for folder in places())]
+        assert missing == []
+
+
+def places() -> tuple[Path, ...]:
+    return PACKAGE, ROOT, ROOT / "tests"
