@@ -167,26 +167,24 @@ def _end(work: _Work) -> None:
     and a long piece of machine code meets none. After `_KILL_PATIENCE` another thread goes on with it: what is late
     must not go on to work beside what comes next.
     """
-    give_up = after(_KILL_PATIENCE)
-    while (threads := work.alive()) and left(give_up) > 0:
-        _interrupt(threads)
-    if threads:
-        threading.Thread(target=_pursue, args=(work,), name="lagcli-late", daemon=True).start()
+    if not _interrupted(work, after(_KILL_PATIENCE)):
+        pursuit = threading.Thread(
+            target=_interrupted, args=(work, math.inf), name="lagcli-late", daemon=True
+        )
+        pursuit.start()
 
 
-def _pursue(work: _Work) -> None:
-    while threads := work.alive():
-        _interrupt(threads)
-
-
-def _interrupt(threads: list[threading.Thread]) -> None:
+def _interrupted(work: _Work, give_up: float) -> bool:
+    """True if all its threads have ended before `give_up` (monotonic clock, s)."""
     with _quiet:
-        for thread in threads:
-            if thread.ident is not None:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(
-                    ctypes.c_ulong(thread.ident), ctypes.py_object(_INTERRUPT)
-                )
-        threads[0].join(_KILL_INTERVAL)
+        while (threads := work.alive()) and left(give_up) > 0:
+            for thread in threads:
+                if thread.ident is not None:
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                        ctypes.c_ulong(thread.ident), ctypes.py_object(_INTERRUPT)
+                    )
+            threads[0].join(_KILL_INTERVAL)
+    return not threads
 
 
 class _Quiet:
