@@ -127,7 +127,7 @@ def test_the_page_on_schemes_shows_the_one_that_is_tested() -> None:
     root = Path(__file__).resolve().parents[2]
     page = (root / "docs" / "how-to" / "add-a-scheme.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    assert shown in (root / "tests" / "runge_kutta_4.py").read_text(encoding="utf-8")
+    assert shown in (root / "tests" / "helpers" / "runge_kutta_4.py").read_text(encoding="utf-8")
     told = page.replace(shown, "")
     for name in ("step", "dense", "interpolated", "order", "evaluations", "dense_evaluations"):
         assert f"`{name}`" in told, name
