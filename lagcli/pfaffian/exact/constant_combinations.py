@@ -36,7 +36,6 @@ _FUNCTIONS = {
 _SEED = 20240229
 _TRIALS = 4
 _SHADOWS = 60
-_HIGHEST_ROOT = 12
 _PRIMES = tuple(2**61 - n for n in (1, 45, 229, 465, 829, 985, 1153, 1281))
 """Primes that leave the remainder 3 when divided by 4: there a square root is a power."""
 
