@@ -24,6 +24,7 @@ from lagcli.simulation import grid, loop, run_stop
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
 from lagcli.simulation.global_error.reference_run import RunWithReference
+from lagcli.simulation.incident import Incident
 from lagcli.simulation.singular_point import RankDrop
 from lagcli.start import assembly, assembly_moves, initial, singular_inertia
 
@@ -64,6 +65,8 @@ class SimulationRun:
         self.assembly = prepared.assembly
         self.resumed = prepared.resumed
         self.grid = grid.grid(self.model.simulation)
+        # Those that have come with the last block, up to its last row or a little beyond.
+        self.incidents: list[Incident] = []
         # The account covers the whole run: rows that were handed out before it was resumed too.
         self.outcome = Outcome()
         if self.resumed is not None:
@@ -76,9 +79,11 @@ class SimulationRun:
         return self._run.origin + self._run.t
 
     def blocks(self) -> Iterator[Floats]:
-        """Blocks of rows (k, len(columns)). Raises `run_stop.RunStop` after the last good one."""
+        """Blocks of rows (k, len(columns)), each with its `incidents`. Raises `run_stop.RunStop` after the last one."""
+        run = self._paired or self._run
         try:
-            for block in (self._paired or self._run).blocks():
+            for block in run.blocks():
+                self.incidents = run.take_incidents()
                 if self._paired:
                     self._floors.take(block)
                 self.outcome.take(block)
@@ -227,7 +232,7 @@ class SimulationRun:
             tuple(self._system.rows.rows[i].name for i in sorted(self._run.selection.indeterminate)),
             tuple(crossing.t for crossing in self._crossings),
             self.outcome.stopped,
-            None,
+            account.ended_by,
             self.outcome.rows,
             self.outcome.t_end,
             provenance(self.model),
@@ -235,4 +240,8 @@ class SimulationRun:
             assembly_moves.moves(self.model, self.assembly) if self.assembly else None,
             self.model.simulation.rtol,
             self.model.simulation.atol,
+            account.told.impacts,
+            account.told.releases,
+            account.told.accumulations,
+            account.largest_penetration,
         )

@@ -98,10 +98,11 @@ class Stats:
     energy_imbalance: largest deviation from the energy balance over all rows, as a part of the energies exchanged,
     or None where the work within a step was not found; indeterminate: rows whose multipliers are not unique;
     singular_times: times of singular configurations that were passed; stopped: why the run ended before its end;
-    ended_by: the name of the event that ended it (there are none yet); rows: how many there are up to t_end, the
+    ended_by: the name of the event that ended it; rows: how many there are up to t_end, the
     time of the last one; provenance: model, program and settings behind it; accuracy: the estimate of the errors,
     where it was asked for; assembled: what assembly changed in the start, where it was asked for; rtol and atol:
-    the tolerances, atol None where it is a part of the sizes of the motion.
+    the tolerances, atol None where it is a part of the sizes of the motion; impacts and accumulations: instants of
+    such; releases: contacts that were released; largest_penetration: the largest -g over all rows, in units of g.
     """
 
     steps: int
@@ -124,6 +125,10 @@ class Stats:
     assembled: Moves | None = None
     rtol: float = Simulation().rtol
     atol: float | None = None
+    impacts: int = 0
+    releases: int = 0
+    accumulations: int = 0
+    largest_penetration: float = 0.0
 
     def as_json(self) -> dict[str, Any]:
         """The object written by `--stats`."""

@@ -23,13 +23,14 @@ from lagcli.model import settings
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Vector3
 from lagcli.simulation import saved_form
+from lagcli.simulation.incident import NONE, Tally
 from lagcli.simulation.invariants import Levels
 from lagcli.simulation.singular_point import RankDrop
 from lagcli.simulation.statistics import Figures
 
 Floats = npt.NDArray[np.float64]
 
-FORMAT = 5
+FORMAT = 6
 MOST_BYTES = 2**28
 # What stands beside the parts of a checkpoint.
 AROUND = ("lagcli-checkpoint", "version", "sum")
@@ -49,7 +50,8 @@ class RunState:
     which may lie on either side of t; figures: those of all rows handed out; levels: how each integral is held;
     notes: what has been said about them; selection: the rows it is stepped with; watch: what the
     next singular configuration is foreseen from; crossings: those that were passed; turns: where angles with a cut
-    were, counted through all turns. Times are counted from `origin`, but for those of crossings.
+    were, counted through all turns; tally: of incidents up to t; told: of those handed out, which may lie beyond t.
+    Times are counted from `origin`, but for those of crossings and incidents.
     """
 
     t: float
@@ -69,6 +71,8 @@ class RunState:
     crossings: tuple[RankDrop, ...] = ()
     origin: float = 0.0
     turns: tuple[float, ...] = ()
+    tally: Tally = NONE
+    told: Tally = NONE
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -235,6 +239,8 @@ def _require_sound(point: Checkpoint) -> None:
         raise ValueError("a step that does not advance")
     if len(mark.levels) != len(point.integrals):
         raise ValueError("levels of other integrals")
+    if mark.told.incidents < mark.tally.incidents:
+        raise ValueError("incidents that nobody was told")
     for integral, level in zip(point.integrals, mark.levels, strict=True):
         if level is not None and level.chart >= len(integral.charts):
             raise ValueError("a chart that there is not")

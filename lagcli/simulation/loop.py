@@ -22,6 +22,7 @@ from lagcli.simulation.angle_turns import Turns
 from lagcli.simulation.checkpoint import CheckpointError, RunState
 from lagcli.simulation.event import Event
 from lagcli.simulation.impulse_event import ImpulseEvent
+from lagcli.simulation.incident import Incident
 from lagcli.simulation.invariants import EnforcedInvariants
 from lagcli.simulation.row_writer import RowWriter
 from lagcli.simulation.run_start import RunStart
@@ -132,6 +133,16 @@ class Run:
         return self._stepper.account
 
     @property
+    def incidents(self) -> list[Incident]:
+        """Incidents up to the last block that were not taken yet."""
+        return self.account.incidents
+
+    def take_incidents(self) -> list[Incident]:
+        """Incidents up to the last block since they were last taken, in the order of time."""
+        taken, self.account.incidents = self.account.incidents, []
+        return taken
+
+    @property
     def t(self) -> float:
         """The time reached."""
         return self._stepper.t
@@ -164,7 +175,8 @@ class Run:
         """The state to go on from, with all rows handed out so far; for the time between two blocks."""
         figures = self.account.figures
         assert figures is not None, "the first block holds the first row"
-        return dataclasses.replace(self._stepper.state(), row=self._row, figures=figures)
+        told = self.account.told
+        return dataclasses.replace(self._stepper.state(), row=self._row, figures=figures, told=told)
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty.
@@ -189,7 +201,7 @@ class Run:
             rows = block[:, : -line_functions.BEYOND]
             rows += 0.0  # no table shows -0.0
             account.solve_seconds += time.perf_counter() - began
-            if len(block) or going:
+            if len(block) or going or self.incidents:
                 yield rows
         if stop is not None:
             raise RunStop(stop)

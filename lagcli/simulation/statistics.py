@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.simulation.incident import NONE, Incident, Tally
 from lagcli.simulation.singular_point import RankDrop
 
 Floats = npt.NDArray[np.float64]
@@ -64,7 +65,9 @@ class RunStatistics:
 
     steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time; notes: what there
     is to say about integrals that are not held all the time; crossings: singular configurations that were passed;
-    is_balanced: whether the work W is known up to here.
+    largest_penetration: the largest -g_j over all rows, in units of g_j; ended_by: the name of the event that has ended
+    the run; tally: of incidents up to the state, told: of those handed out before or standing in `incidents`, which may
+    be more where the run was resumed from before them; is_balanced: whether the work W is known up to here.
     """
 
     steps: int = 0
@@ -74,10 +77,22 @@ class RunStatistics:
     figures: Figures | None = None
     notes: tuple[str, ...] = ()
     crossings: tuple[RankDrop, ...] = ()
+    tally: Tally = NONE
+    told: Tally = NONE
+    incidents: list[Incident] = dataclasses.field(default_factory=list)
+    largest_penetration: float = 0.0
+    ended_by: str | None = None
     is_balanced: bool = dataclasses.field(default=True, init=False)
 
     def __post_init__(self) -> None:
         self.is_balanced = self.figures is None or not self.figures.unbalanced
+
+    def add(self, incident: Incident) -> None:
+        """An incident that the state reached is behind; one that was told before is none to tell."""
+        self.tally = self.tally.plus(incident)
+        if self.tally.incidents > self.told.incidents:
+            self.told = self.tally
+            self.incidents.append(incident)
 
     def doubt(self) -> None:
         """From here on W is not known."""

@@ -96,7 +96,9 @@ class Stepper:
         self.found = FoundStep(state.t)
         figures = state.figures if math.isfinite(state.row) else None
         counted = state.steps, state.rejected, state.evaluations
-        self.account = RunStatistics(*counted, 0.0, figures, state.notes, state.crossings)
+        self.account = RunStatistics(
+            *counted, 0.0, figures, state.notes, state.crossings, state.tally, state.told
+        )
         self.watch = SingularityMonitor(state.watch)
         self.foreseen = self.watch.again()
         # The state before the last step that is what a longer run would have taken; None where that is the last.
@@ -118,7 +120,7 @@ class Stepper:
 
     def _here(self) -> RunState:
         account, bound, control = self.account, self.bound, self.control
-        (steps, rejected, evaluations), held, notes, watched, crossings = self._settled
+        (steps, rejected, evaluations), held, notes, watched, crossings, tally = self._settled
         return RunState(
             bound.t[0],
             bound.y.copy(),
@@ -137,13 +139,16 @@ class Stepper:
             crossings=crossings,
             origin=self.origin,
             turns=self._turns.of(bound.held.p),
+            tally=tally,
+            told=account.told,
         )
 
     def settle(self) -> None:
         """Keep what belongs to the state from which the next step is tried."""
         account = self.account
         counted = account.steps, account.rejected, account.evaluations
-        self._settled = counted, self.bound.held, account.notes, self.watch.state, account.crossings
+        held, watched = self.bound.held, self.watch.state
+        self._settled = counted, held, account.notes, watched, account.crossings, account.tally
         self.tried: invariants.Tried = NONE_TRIED
 
     def state_at(self, t: float, y: Floats) -> State:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,6 +16,7 @@ from lagcli.simulation import loop, run_start, run_stop, step_tolerance
 from lagcli.simulation.checkpoint import RunState
 from lagcli.simulation.global_error import divergence, error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
+from lagcli.simulation.incident import Incident, Tally
 from lagcli.simulation.invariants import EnforcedInvariants
 
 Floats = npt.NDArray[np.float64]
@@ -55,6 +57,7 @@ class RunWithReference:
         self._mark: RunState | None = None
         self._cut: float | None = None
         self._taken = 0
+        self._incidents: list[Incident] = []
 
     @property
     def solve_seconds(self) -> float:
@@ -87,12 +90,15 @@ class RunWithReference:
         Raises `run_stop.RunStop` after the last good one, also where the repeated run stops and the first does not.
         """
         for rows in self._run.blocks():
+            self._incidents = self._run.take_incidents()
             others = self._others(len(rows))
             known = len(others)
             errors = self._errors.take(rows[:known], others)
             if known < len(rows):
                 if known:
                     self._cut = self._run.grid.time(self._taken + known - 1)
+                    last = self._run.origin + self._cut
+                    self._incidents = [incident for incident in self._incidents if incident.t <= last]
                     yield np.hstack([rows[:known], errors])
                 assert self._broken is not None, "the rows of both runs stand on one grid"
                 raise run_stop.RunStop(self._broken)
@@ -104,7 +110,13 @@ class RunWithReference:
         """The state to go on from after the rows handed out so far."""
         if self._cut is None:
             return self._run.mark()
-        return dataclasses.replace(self._mark or self._run.mark(), row=self._cut)
+        mark = self._mark or self._run.mark()
+        told = functools.reduce(Tally.plus, self._incidents, mark.told)
+        return dataclasses.replace(mark, row=self._cut, told=told)
+
+    def take_incidents(self) -> list[Incident]:
+        """Those of the first run that come with the last block."""
+        return self._incidents
 
     def _others(self, count: int) -> Floats:
         """The next rows of the repeated run; less than `count` where it has stopped."""
@@ -112,6 +124,7 @@ class RunWithReference:
         try:
             while have < count:
                 parts.append(next(self._ahead))
+                self._again.take_incidents()
                 have += len(parts[-1])
         except run_stop.RunStop as stopped:
             stop = stopped.stop

@@ -1,0 +1,68 @@
+"""Incidents of a run: impacts, contacts and releases, and declared events, each at an instant between two steps."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+# In the order in which those of one instant are told: what came before it, what it was, what holds after it.
+Kind = Literal["impact", "accumulation", "contact", "release", "event", "crossing"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Incident:
+    """An impact, contact, release or event of one name at an instant t, not counted from the origin of the run.
+
+    impulses: of all constraints at that instant, in the order of the columns `lambda.NAME` (C + K,), in units of
+    lambda times time; before, after: lines of the table without t (columns of `System.columns`,), the same for all
+    incidents of one instant. The momenta jump by B^T Lambda + G^T Lambda_G (theory of impacts).
+    """
+
+    t: float
+    kind: Kind
+    name: str
+    impulses: Floats
+    before: Floats
+    after: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Tally:
+    """Numbers of incidents up to some state.
+
+    incidents: all of them; instants: different times; impacts, accumulations: instants of such; releases: contacts
+    released; last, last_impact, last_accumulation: times of the last ones, None before.
+    """
+
+    incidents: int = 0
+    instants: int = 0
+    impacts: int = 0
+    releases: int = 0
+    accumulations: int = 0
+    last: float | None = None
+    last_impact: float | None = None
+    last_accumulation: float | None = None
+
+    def plus(self, incident: Incident) -> Tally:
+        """The numbers behind one more."""
+        t, kind = incident.t, incident.kind
+        hit, ended = kind == "impact", kind == "accumulation"
+        return Tally(
+            self.incidents + 1,
+            self.instants + (t != self.last),
+            self.impacts + (hit and t != self.last_impact),
+            self.releases + (kind == "release"),
+            self.accumulations + (ended and t != self.last_accumulation),
+            t,
+            t if hit else self.last_impact,
+            t if ended else self.last_accumulation,
+        )
+
+
+NONE = Tally()
