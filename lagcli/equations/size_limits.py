@@ -44,10 +44,12 @@ def require_run(system: System) -> None:
         raise _too_large(message, _sizes(system.model))
 
 
-def rows(law: nouns.Holonomic | nouns.Differential | nouns.RigidBody) -> int:
+def rows(law: nouns.Holonomic | nouns.Differential | nouns.RigidBody | nouns.Inequality) -> int:
     """The number of rows a constraint stands for, at most."""
     if isinstance(law, nouns.RigidBody):
         return 3 * len(law.particles)
+    if isinstance(law, nouns.Inequality):
+        return law.members.count
     return law.members.count * (3 if law.is_vector else 1)
 
 

@@ -20,10 +20,7 @@ _CERTAIN_UNITS = frozenset("kg mm cm km mg ms rpm rps kN mN Nm kJ kW kPa MPa Hz 
 
 NO_UNITS = "numbers carry no unit: convert them to one system; labels go under `units`"
 _IN_RADIANS = "angles are in radians: leave the unit out"
-ONE_SIDED = (
-    "one-sided conditions are not supported yet; a contact that lasts is an equation, such as `b.z = -1`, valid"
-    " while its multiplier pushes"
-)
+ONE_SIDED = "one-sided constraints, with `>=` or `<=`, have an entry under `inequality`"
 _NO_CHOICE = (
     "a formula has no conditions: use `sign`, `min`, `max`, `abs`; (1 + sign(t - t0))/2 is 0 before t0"
 )
@@ -157,6 +154,35 @@ def relation(sign: str, in_equation: bool) -> str:
     if sign == "!=":
         return "an equation has one `=`"
     return ONE_SIDED if in_equation else _NO_CHOICE
+
+
+def condition(sign: str, is_second: bool, after: str) -> tuple[str, str]:
+    """Message and hint for a sign or word that a condition may not have; `after`: the text of the next token."""
+    if sign == "or":
+        return "a condition is one relation", "one of two is enough where the larger is: `max(g, h) >= 0`"
+    if is_second or sign in ("and", "not"):
+        return "a condition is one relation", "each condition has an entry of its own: `x >= 0`, and `x <= 1`"
+    if sign in (">", "<"):
+        message = f"`{sign}` is strict, and a one-sided constraint holds its boundary too: there it acts"
+        return message, f"write `{sign}=`"
+    if sign == "=" and after in (">", "<"):
+        return f"`={after}` is no relation", f"write `{after}=`"
+    if sign == "!=":
+        return "`!=` is no one-sided constraint", "it has `>=` or `<=`"
+    message = f"`{sign}` holds on both sides, and a one-sided constraint has `>=` or `<=`"
+    return message, "an equation belongs under `holonomic`"
+
+
+def crossing(sign: str) -> str:
+    """For a relation where an event has its expression."""
+    way = {
+        ">": "`direction: up`",
+        ">=": "`direction: up`",
+        "<": "`direction: down`",
+        "<=": "`direction: down`",
+    }
+    more = f", and {way[sign]} beside it" if sign in way else ""
+    return f"write left - right, such as `a.z - 1`{more}"
 
 
 NAMES = {

@@ -32,11 +32,13 @@ def parse_equation(text: str) -> tree.Relation:
 
 
 def parse_condition(text: str) -> tree.Relation:
-    """`left >= right` or `left <= right`. Raises `ExpressionError`."""
-    node = _Parser(text).whole(relations=(">=", "<="))
-    if isinstance(node, tree.Relation):
-        return node
-    raise ExpressionError("syntax", "a condition needs `>=` or `<=`", node.start, node.end)
+    """`left >= right`, and `left <= right` turned round to `right >= left`. Raises `ExpressionError`."""
+    return _ConditionParser(text).condition()
+
+
+def parse_crossing(text: str) -> tree.Node:
+    """An expression that is looked at where it crosses zero. Raises `ExpressionError`."""
+    return _CrossingParser(text).whole(relations=())
 
 
 def parse_range(text: str) -> tree.Range:
@@ -364,8 +366,55 @@ class _Parser:
 
 
 _COMPARISONS = ("==", "!=", "<", "<=", ">", ">=")
+_RELATIONS = (*_COMPARISONS, "=")
 _JOINTS = ("and", "or", "not")
 _TRUTHS = (tree.ComparisonNode, tree.Not, tree.And, tree.Or)
+
+
+class _ConditionParser(_Parser):
+    """One relation, `>=` or `<=`, between two expressions."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._text = text
+
+    def condition(self) -> tree.Relation:
+        """The whole text as a condition, so that left - right is not negative."""
+        if self._kinds[0] == "end":
+            raise ExpressionError("syntax", "a condition is missing", 0, 1, "for example `a.z >= 0`")
+        left = self._sum()
+        sign = self._peek()
+        if sign.kind == "end":
+            message, shown = "a condition needs `>=` or `<=`", self._text[left.start : left.end]
+            hint = f"for example `{shown} >= 0`" if len(shown) < 60 else ""
+            raise ExpressionError("bad-condition", message, left.start, left.end, hint)
+        if sign.kind not in (">=", "<="):
+            raise self._surplus()
+        self._at += 1
+        right = self._sum()
+        if self._kinds[self._at] != "end":
+            raise self._surplus()
+        one, other = (left, right) if sign.kind == ">=" else (right, left)
+        return tree.Relation(left.start, right.end, one, ">=", other)
+
+    def _surplus(self, relations: tuple[str, ...] = ()) -> ExpressionError:
+        token = self._peek()
+        is_second = any(kind in _RELATIONS for kind in self._kinds[: self._at])
+        if token.kind in _RELATIONS or (token.kind == "name" and token.text in _JOINTS):
+            message, hint = hints.condition(token.text, is_second, self._texts[self._at + 1])
+            return ExpressionError("bad-condition", message, token.start, token.end, hint)
+        return super()._surplus(relations)
+
+
+class _CrossingParser(_Parser):
+    """An expression in whose place many write a relation."""
+
+    def _surplus(self, relations: tuple[str, ...] = ()) -> ExpressionError:
+        token = self._peek()
+        if token.kind in _RELATIONS:
+            message = f"`{token.text}` has no place here: an event is where its expression crosses zero"
+            return ExpressionError("syntax", message, token.start, token.end, hints.crossing(token.kind))
+        return super()._surplus(relations)
 
 
 class _FilterParser(_Parser):

@@ -10,28 +10,29 @@ from lagcli import yaml_tree
 from lagcli.expression import evaluate, facts, parser, tree
 from lagcli.expression.facts import Facts, FactsAlgebra
 from lagcli.expression.tree import ExpressionError
+from lagcli.input import entries
 from lagcli.input.scalars import Formulas
 from lagcli.model.model import Differential, Expression, Holonomic
 
 
-def holonomic(formulas: Formulas, node: yaml_tree.AnyNode) -> Holonomic | None:
+def holonomic(formulas: Formulas, entry: yaml_tree.AnyNode) -> Holonomic | None:
     """f(r, q, t) = 0 (D.2), scalar or vector."""
-    equation = formulas.parse(node, parser.parse_equation)
+    equation = _equation(formulas, entry, "holonomic")
     if equation is None:
         return None
     algebra = FactsAlgebra(formulas.lookup, facts.POSITION, "a holonomic constraint")
-    found = _difference(formulas, equation, algebra)
+    found = difference(formulas, equation, algebra)
     return None if found is None else Holonomic(formulas.members, equation, len(found) == 3)
 
 
-def differential(formulas: Formulas, node: yaml_tree.AnyNode) -> Differential | None:
+def differential(formulas: Formulas, entry: yaml_tree.AnyNode) -> Differential | None:
     """A law linear in differentials or in velocities (D.3, D.4), scalar or vector."""
-    equation = formulas.parse(node, parser.parse_equation)
+    equation = _equation(formulas, entry, "differential")
     if equation is None:
         return None
     subject, text = "a differential constraint", equation.origin.value
     algebra = FactsAlgebra(formulas.lookup, facts.DIFFERENTIAL, subject, linear=True, text=text)
-    found = _difference(formulas, equation, algebra)
+    found = difference(formulas, equation, algebra)
     if found is None:
         return None
     try:
@@ -43,7 +44,14 @@ def differential(formulas: Formulas, node: yaml_tree.AnyNode) -> Differential | 
     return Differential(formulas.members, equation, len(found) == 3, form)
 
 
-def _difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra) -> tuple[Facts, ...] | None:
+def _equation(formulas: Formulas, entry: yaml_tree.AnyNode, section: str) -> Expression | None:
+    """The equation of an entry, written shortly or under `equation:`."""
+    node = entries.written(formulas, entry, section, "equation")
+    return None if node is None else formulas.parse(node, parser.parse_equation)
+
+
+def difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra) -> tuple[Facts, ...] | None:
+    """The facts of left - right, of one scalar or of three, or None with the error reported."""
     assert isinstance(equation.tree, tree.Relation)
     try:
         return evaluate.difference(equation.tree, algebra)

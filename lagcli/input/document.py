@@ -15,11 +15,13 @@ from lagcli.errors import diagnostics
 from lagcli.expression import facts, parser, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import (
+    conditions,
     constraint_equations,
     degree_notes,
     entries,
     entry_names,
     evaluation_order,
+    event_entries,
     family_ranges,
     key_hints,
     keys,
@@ -34,14 +36,15 @@ from lagcli.input.scalars import Formulas
 from lagcli.model import family, model
 
 T = TypeVar("T")
-Law = TypeVar("Law", model.Holonomic, model.Differential)
+Equation = model.Holonomic | model.Differential
+Law = TypeVar("Law", model.Holonomic, model.Differential, model.Inequality)
 
 
 def _same(value: T) -> T:
     return value
 
 
-_NAMED = (*(section for section, _ in entry_names.NAMING), "forces", "holonomic", "differential", "rigid")
+_NAMED = (*(section for section, _ in entry_names.NAMING), "forces", *entry_names.CONSTRAINTS, "events")
 
 
 def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = None) -> model.Model:
@@ -87,8 +90,10 @@ class _Document:
         forces = self._forces(particles)
         holonomic = self._laws("holonomic", constraint_equations.holonomic)
         differential = self._laws("differential", constraint_equations.differential)
+        inequality = self._laws("inequality", conditions.inequality)
         rigid = self._rigid()
         outputs = self._outputs()
+        events = self._named("events", functools.partial(event_entries.event, self._formulas))
         simulation = simulation_section.simulation(
             self._formulas, self._root.get("simulation"), particles, self._scope.names.rolls
         )
@@ -96,17 +101,8 @@ class _Document:
             message = "the model has no particles and no coordinates"
             self._formulas.report(self._root, "nothing-to-move", message)
         self._found.raise_errors()
-        read = (
-            parameters,
-            coordinates,
-            particles,
-            definitions,
-            forces,
-            holonomic,
-            differential,
-            rigid,
-            outputs,
-        )
+        laws = (holonomic, differential, rigid, inequality)
+        read = (parameters, coordinates, particles, definitions, forces, *laws, outputs, events)
         # Nothing may be left out in silence: without an error every entry has become a noun.
         assert sum(map(len, read)) == sum(1 for section in _NAMED for _ in self._entries(section))
         evaluation = evaluation_order.evaluation(self._formulas, particles, definitions)
@@ -130,7 +126,9 @@ class _Document:
             holonomic=holonomic,
             differential=differential,
             rigid=rigid,
+            inequality=inequality,
             outputs=outputs,
+            events=events,
             simulation=simulation,
             warnings=self._found.warnings,
             order=evaluation,
@@ -276,39 +274,25 @@ class _Document:
     def _laws(
         self, section: str, law: Callable[[Formulas, yaml_tree.AnyNode], Law | None]
     ) -> tuple[Law, ...]:
-        """Equations, each written shortly or as a mapping with `equation:`."""
+        """Equations and conditions, each written shortly or as a mapping."""
 
         def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> Law | None:
             formulas = self._formulas_of(section, name)
-            found = None
-            if formulas is not None:
-                equation = self._expression(formulas, node, section, "equation")
-                found = None if equation is None else law(formulas, equation)
+            found = None if formulas is None else law(formulas, node)
             self._number_law(name, found)
             return found
 
         return self._named(section, one)
 
-    def _number_law(self, name: yaml_tree.Scalar, law: model.Holonomic | model.Differential | None) -> None:
+    def _number_law(self, name: yaml_tree.Scalar, law: Equation | model.Inequality | None) -> None:
         base = family_ranges.base(name)
         if base not in self._scope.laws:
             return
-        shape: multiplier_names.Shape = "vector" if law is not None and law.is_vector else "scalar"
+        shape: multiplier_names.Shape = "vector" if isinstance(law, Equation) and law.is_vector else "scalar"
         found = family.one(base) if law is None else law.members
         self._names.refuse_repeated(
             name, found, self._scope.laws.number(found, None if law is None else shape)
         )
-
-    def _expression(
-        self, formulas: Formulas, node: yaml_tree.AnyNode, section: str, key: str
-    ) -> yaml_tree.AnyNode | None:
-        """An entry itself, or what stands under `key` where it is a mapping; None where nothing does."""
-        if not isinstance(node, yaml_tree.Mapping):
-            return node
-        fields = entries.fields(formulas, node, keys.FORMAT.key(section)) or {}
-        if key not in fields:
-            formulas.report(node, "missing-key", f"the key `{key}` is missing")
-        return fields.get(key)
 
     def _rigid(self) -> tuple[model.RigidBody, ...]:
         def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.RigidBody | None:
@@ -325,7 +309,7 @@ class _Document:
             formulas = self._formulas_of("outputs", name)
             if formulas is None:
                 continue
-            written = self._expression(formulas, node, "outputs", "expression")
+            written = entries.written(formulas, node, "outputs", "expression")
             expression = value = None
             if written is not None:
                 expression, value = entries.either(formulas, written, facts.OUTPUT, "an output")

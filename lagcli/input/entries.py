@@ -28,7 +28,7 @@ def fields(formulas: Formulas, node: yaml_tree.AnyNode, key: keys.Key) -> dict[s
     found: dict[str, yaml_tree.AnyNode] = {}
     by_name = {field.name: field for field in key.keys}
     for name, value in node:
-        if name.value in FAMILY:
+        if name.value in FAMILY and name.value in by_name:
             continue  # what they say has become the members of the entry
         if name.value not in by_name:
             unknown.append(name)
@@ -44,6 +44,23 @@ def fields(formulas: Formulas, node: yaml_tree.AnyNode, key: keys.Key) -> dict[s
         if field.required and field.name not in found and field.name not in meant:
             formulas.report(node, "missing-key", f"the key `{field.name}` is missing ({field.meaning})")
     return found
+
+
+def written(formulas: Formulas, node: yaml_tree.AnyNode, section: str, key: str) -> yaml_tree.AnyNode | None:
+    """An entry itself, or what stands under `key` where it is a mapping; None where nothing does."""
+    if not isinstance(node, yaml_tree.Mapping):
+        return node
+    found = fields(formulas, node, keys.FORMAT.key(section)) or {}
+    return required(formulas, node, found, key)
+
+
+def required(
+    formulas: Formulas, node: yaml_tree.AnyNode, found: dict[str, yaml_tree.AnyNode], key: str
+) -> yaml_tree.AnyNode | None:
+    """The field `key` of an entry; where there is none, that is reported."""
+    if key not in found:
+        formulas.report(node, "missing-key", f"the key `{key}` is missing")
+    return found.get(key)
 
 
 def text(formulas: Formulas, node: yaml_tree.AnyNode) -> str:

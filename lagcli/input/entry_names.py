@@ -18,8 +18,8 @@ NAMING: tuple[tuple[str, namespace.Kind], ...] = (
     ("definitions", "definition"),
     ("outputs", "output"),
 )
-CONSTRAINTS = ("holonomic", "rigid", "differential")
-FAMILIES = ("coordinates", "particles", "forces", "holonomic", "differential", "outputs")
+CONSTRAINTS = ("holonomic", "rigid", "differential", "inequality")
+FAMILIES = ("coordinates", "particles", "forces", "holonomic", "differential", "inequality", "outputs")
 
 Entries = Callable[[str], Iterator[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]]]
 
@@ -49,9 +49,9 @@ class EntryNames:
                     self._scope.names.spoil(name.value, base, kind)
 
     def take_constraint_names(self) -> None:
-        """Constraints have names of their own, told apart in the columns `lambda.NAME`."""
+        """Constraints have names of their own, told apart in the columns `lambda.NAME`; so have forces, and events."""
         taken: dict[str, tuple[str, bool]] = {}
-        for section in (*CONSTRAINTS, "forces"):
+        for section in (*CONSTRAINTS, "forces", "events"):
             for name, value in self._entries(section):
                 is_family = section in FAMILIES and family_ranges.is_family(name, value)
                 word = family_ranges.base(name) if is_family else name.value
@@ -60,7 +60,7 @@ class EntryNames:
                     self._formulas.report(name, "bad-name", message)
                 elif word in namespace.RESERVED:
                     self._formulas.report(name, "bad-name", f"`{word}` is reserved")
-                elif section != "forces":
+                elif section in CONSTRAINTS:
                     if word in taken and not (is_family and taken[word] == (section, True)):
                         message = f"`{word}` is already a constraint under `{taken[word][0]}`"
                         self._formulas.report(

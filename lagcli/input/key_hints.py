@@ -61,9 +61,7 @@ _SECTIONS = {
     **dict.fromkeys(
         ("potential", "potential_energy"), "a potential goes under `forces`: `NAME: {potential: ...}`"
     ),
-    **dict.fromkeys(
-        ("contacts", "contact", "inequalities"), "did you mean `inequality`? It is not supported yet"
-    ),
+    **dict.fromkeys(("contacts", "contact", "inequalities"), "did you mean `inequality`?"),
     **dict.fromkeys(("name", "model"), "did you mean `title`?"),
     **dict.fromkeys(("version", "format"), "a model begins with the line `lagcli: 1`"),
 }
@@ -132,8 +130,10 @@ EXAMPLES = {
     "forces": "`weight: {to: all, force: [0, 0, -m*g]}`, `spring: {potential: k/2*norm(a)**2}`",
     "holonomic": "`rod: norm(a) = 1`",
     "differential": "`skate: d(a.x) = 0`",
+    "inequality": "`floor: a.z >= 0`, `wall: {condition: a.x <= 1, restitution: 0.5}`",
     "rigid": "`body: [a, b, c]`",
     "outputs": "`height: a.z`",
+    "events": "`apex: {when: a.vz, direction: down}`",
     "units": "`length: mm`",
     "simulation": "`duration: 5`",
 }
@@ -201,6 +201,8 @@ def shape(owner: keys.Key, node: yaml_tree.AnyNode) -> str:
         )
     if owner.name == "particles":
         return "write `{mass: 1, position: [x, y, z]}`"
+    if owner.name == "events" and isinstance(node, yaml_tree.Scalar) and 0 < len(node.value) < 60:
+        return f"write `{{when: {node.value.strip()}}}`"
     if owner.name == "coordinates":
         return "write `{value: 0.5, rate: 0}`"
     return f"for example {EXAMPLES[owner.name]}" if owner.name in EXAMPLES else ""

@@ -127,11 +127,18 @@ FORMAT = Key(
         Key(
             "inequality",
             "condition",
-            "one-sided constraints",
+            "one-sided constraints in whole coordinates and time, with `>=` or `<=`",
             entries=True,
-            supported=False,
-            instead="without it bodies pass through: a contact that lasts is an equation under `holonomic` (while its"
-            " multiplier pushes), one that opens and closes a potential that rises steeply at the wall",
+            keys=(
+                Key("condition", "condition", "the constraint, where the entry is written at length"),
+                Key(
+                    "restitution",
+                    "expression of parameters",
+                    "coefficient of restitution e of its impacts, 0 <= e <= 1",
+                    "0",
+                ),
+                *_FAMILY,
+            ),
         ),
         Key("rigid", "list of particles", "particles that form one rigid body", entries=True),
         Key(
@@ -147,11 +154,28 @@ FORMAT = Key(
         Key(
             "events",
             "mapping",
-            "what stops or is recorded during a run",
+            "what is recorded, or stops the run, where an expression crosses zero",
             entries=True,
-            supported=False,
-            instead="take the section out, record the quantity under `outputs`, and look for its change of sign in the"
-            " table",
+            keys=(
+                Key(
+                    "when",
+                    "expression",
+                    "the quantity that crosses zero, of all an output may use",
+                    required=True,
+                ),
+                Key(
+                    "direction",
+                    "`up`, `down` or `both`",
+                    "the crossings that count: to positive values, to negative ones",
+                    "both",
+                ),
+                Key(
+                    "action",
+                    "`record` or `stop`",
+                    "whether the crossing is recorded only, or also ends the run",
+                    "record",
+                ),
+            ),
         ),
         Key(
             "simulation",

@@ -192,6 +192,24 @@ class Differential:
         return _with_axes(self.members, self.is_vector)
 
 
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Inequality:
+    """g(r, q, t) = left - right >= 0: a one-sided constraint, one row for each member, written with `>=` or with `<=`.
+
+    The `equation` is a `tree.Relation` that is turned round for `<=`. restitution: the coefficients e of its impacts,
+    0 <= e <= 1, shape (K,).
+    """
+
+    members: Family
+    equation: Expression
+    restitution: Floats
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """The names of its rows."""
+        return self.members.names
+
+
 def _with_axes(members: Family, is_vector: bool) -> tuple[str, ...]:
     if not is_vector:
         return members.names
@@ -219,6 +237,16 @@ class Output:
     def columns(self) -> tuple[str, ...]:
         """The names of its columns."""
         return _with_axes(self.members, self.is_vector)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class DeclaredEvent:
+    """An event of the file: where `when` crosses zero in this direction it is recorded, or also ends the run."""
+
+    name: str
+    when: Expression
+    direction: Literal["up", "down", "both"]
+    action: Literal["record", "stop"]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -275,7 +303,9 @@ class Model:
     holonomic: tuple[Holonomic, ...]
     differential: tuple[Differential, ...]
     rigid: tuple[RigidBody, ...]
+    inequality: tuple[Inequality, ...]
     outputs: tuple[Output, ...]
+    events: tuple[DeclaredEvent, ...]
     simulation: Simulation
     warnings: tuple[diagnostics.Diagnostic, ...]
     order: tuple[str | Batch, ...]
@@ -340,7 +370,7 @@ class Model:
         return next(p.location for p in self.particles if particle in p.members.names)
 
     def expressions(self) -> Iterator[Expression]:
-        """All expressions of positions, definitions, forces, constraints and outputs."""
+        """All expressions of positions, definitions, forces, constraints, outputs and events."""
         for particle in self.particles:
             yield from particle.position.parts
         for definition in self.definitions:
@@ -354,11 +384,13 @@ class Model:
                 yield force.force if isinstance(force, GeneralizedForce) else force.expression
         yield from (law.equation for law in self.holonomic)
         yield from (law.equation for law in self.differential)
-        for output in self.outputs:
-            yield output.expression
+        yield from (law.equation for law in self.inequality)
+        yield from (output.expression for output in self.outputs)
+        yield from (event.when for event in self.events)
 
-    def constraints(self) -> Iterator[Holonomic | RigidBody | Differential]:
-        """All constraints in the order of the multipliers: holonomic, rigid, differential."""
+    def constraints(self) -> Iterator[Holonomic | RigidBody | Differential | Inequality]:
+        """All constraints in the order of the multipliers: holonomic, rigid, differential, inequality."""
         yield from self.holonomic
         yield from self.rigid
         yield from self.differential
+        yield from self.inequality

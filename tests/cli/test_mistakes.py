@@ -146,8 +146,8 @@ def test_a_notation_of_elsewhere_is_told_what_to_write(expression: str) -> None:
 IN_EQUATIONS = {
     "norm(a) == L": "write `=`",
     "norm(a) := L": "write `=`",
-    "b.z >= -1": "not supported yet",
-    "b.z > -1": "not supported yet",
+    "b.z >= -1": "have an entry under `inequality`",
+    "b.z > -1": "have an entry under `inequality`",
     "norm(a) = L = 1": "an entry of its own",
     "norm(a) = 1 m": "no unit",
     "a.z = 0;": "no `;`",

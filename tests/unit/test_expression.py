@@ -166,7 +166,8 @@ def test_members_indices_and_calls_are_told_apart() -> None:
 def test_an_equation_without_a_sign_is_equal_to_zero() -> None:
     assert parser.parse_equation("x - 1").right == tree.Number(5, 5, "0")
     assert parser.parse_equation("x = 1").relation == "="
-    assert parser.parse_condition("x <= 1").relation == "<="
+    assert parser.parse_condition("x >= 1").relation == ">="
+    assert parser.parse_condition("x <= 1").right == tree.Name(0, 1, "x")
 
 
 @pytest.mark.parametrize(

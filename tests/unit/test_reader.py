@@ -235,8 +235,6 @@ def test_a_shadowed_name_is_a_warning_where_it_differs(text: str, count: int) ->
         (BALL + "forces: {f: a}\n", "not-a-mapping", 4, "a"),
         (BALL + "title: [a]\n", "not-a-text", 4, "[a]"),
         (BALL + "units: {lenght: m}\n", "unknown-key", 4, "lenght"),
-        (BALL + "inequality: {floor: a.z >= 0}\n", "not-supported-yet", 4, "inequality"),
-        (BALL + "events: {e: {when: a.z}}\n", "not-supported-yet", 4, "events"),
         # families
         (FAMILY + "outputs: {x: p.x}\n", "family-needs-index", 5, "p"),
         (FAMILY + "outputs: {x: 'p[4].x'}\n", "no-such-member", 5, "p[4].x"),

@@ -198,16 +198,6 @@ PLACES = [
     Refusal(KNIFE.replace("mass: 1", "mass: 0"), "mass-not-positive", "0", "is 0", "massless stick"),
     Refusal(KNIFE.replace("mass: 1", "mass: -2"), "mass-not-positive", "-2", "is -2", "massless stick"),
     Refusal(KNIFE.replace("value: 0, rate: 1", "value: nan"), "unknown-name", "nan", "`nan`", "is finite"),
-    Refusal(
-        BALL + "inequality:\n  f: a.z >= 0\n",
-        "not-supported-yet",
-        "inequality",
-        "leave it out",
-        "pass through",
-    ),
-    Refusal(
-        BALL + "events:\n  e: {when: a.z}\n", "not-supported-yet", "events", "leave it out", "change of sign"
-    ),
     Refusal(BALL + "rigid:\n  c: [a, b, a]\n", "duplicate-name", "a", "occurs twice", "each particle once"),
     Refusal(BALL + "rigid:\n  c: [a]\n", "too-few-particles", "[a]", "at least two", "nothing to hold"),
 ]
