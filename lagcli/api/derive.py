@@ -28,7 +28,8 @@ def derive(
 
     `solve`: lambda and accelerations in closed form; `everything`: all members of families and all terms of sums;
     `values`: names of parameters that are put in as numbers; `limit`: seconds of this computation. The object has
-    `text()`, `latex()`, `markdown()`, `html()`, `as_json()`, and in SymPy `equations()`, `constraints()` and `system`.
+    `text()`, `latex()`, `markdown()`, `html()`, `as_json()`, and in SymPy `equations()`, `constraints()`,
+    `inequalities()` and `system`.
     Raises `ModelError`, `ValueError` for a parameter there is not and for a limit that is none.
     """
     seconds = run_settings.seconds(limit)

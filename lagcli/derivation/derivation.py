@@ -11,6 +11,7 @@ from lagcli.derivation import closed_form, multiplier_equations
 from lagcli.derivation import formula as f
 from lagcli.derivation.calculus import ZERO
 from lagcli.derivation.derivation_page import Derivation, Line, Section
+from lagcli.derivation.one_sided_sections import TITLE, OneSided
 from lagcli.derivation.page_sections import Sections, joined, triple
 from lagcli.derivation.signs import Signs
 from lagcli.derivation.symbolic_system import Symbolic, symbolic
@@ -25,6 +26,8 @@ from lagcli.pfaffian.exact import time_limit
 SHOWN, TERMS = 2, 16
 # Operations up to which lambda is put into accelerations.
 SHORT = 16
+# Contacts of which each is shown closed alone.
+MOST_CLOSED = 3
 # Operations up to which a component of an acceleration is written with a longer lambda put in.
 COMPONENT = 40
 
@@ -62,12 +65,15 @@ def _derived(built: System, options: Options) -> Derivation:
     system = symbolic(model, built.bodies, options.values)
     signs = Signs(system)
     parts = Sections(system, signs)
+    contacts = OneSided(system, signs, parts)
+    held = system.rows or system.contacts.rows
     # The constraints come first on the page; lengths are only known when all else is written.
     drafts: list[tuple[str, Iterable[Line]]] = [
         ("Positions", parts.positions()),
         ("Constraints", parts.constraints()),
-        ("Rows", parts.rows() if system.rows else ()),
-        ("Constraint forces", parts.reactions() if system.rows else ()),
+        ("Inequalities", contacts.conditions()),
+        ("Rows", (*(parts.rows() if system.rows else ()), *contacts.rows())),
+        ("Constraint forces", parts.reactions() if held else ()),
         ("Energies", parts.energies()),
         ("Generalized forces", parts.forces()),
         ("Newton's equations", parts.newton()),
@@ -76,7 +82,7 @@ def _derived(built: System, options: Options) -> Derivation:
         ("From Newton to Lagrange", parts.identity()),
     ]
     written = [(title, list(lines)) for title, lines in drafts]
-    written += _multipliers(system, signs, parts, options)
+    written += _multipliers(system, parts, contacts, options)
     lengths = list(parts.lengths())
     place = next((i for i, (title, lines) in enumerate(written) if title == "Constraints" and lines), None)
     if lengths and place is not None:
@@ -93,10 +99,12 @@ def _derived(built: System, options: Options) -> Derivation:
 
 def _about(system: Symbolic) -> str:
     particles, rows = len(system.world.particles), len(system.rows)
+    contacts = len(system.contacts.rows)
     counts = [
         f"{particles} particle{'s' * (particles != 1)}" if particles else "",
         f"{len(system.q)} coordinate{'s' * (len(system.q) != 1)}",
         f"{rows} constraint row{'s' * (rows != 1)}",
+        f"{contacts} inequalit{'ies' if contacts > 1 else 'y'}" if contacts else "",
     ]
     said = ", ".join(part for part in counts if part)
     return f"{said}. (D.n): `lagcli explain D.n` says what each equation is."
@@ -118,31 +126,58 @@ def _constants(system: Symbolic, signs: Signs) -> list[Line]:
 
 
 def _multipliers(
-    system: Symbolic, signs: Signs, parts: Sections, options: Options
+    system: Symbolic, parts: Sections, contacts: OneSided, options: Options
 ) -> list[tuple[str, list[Line]]]:
-    """The equation for lambda (D.24), and its solution where that is asked for."""
-    if not system.rows:
+    """The equation for lambda (D.24), what contacts and impacts ask for, and solutions where they are asked for."""
+    every = system.all_closed
+    if not every.rows:
         return [("Solution", list(_without_rows(system, parts)))] if options.solve else []
     title = "Multiplier equation  (B M⁻¹ Bᵀ) λ = γ − B M⁻¹ h"
     lines = list(parts.gammas())
     inverted = multiplier_equations.inverse(system)
-    if inverted.entries is None:
-        reason = f"not written out: {inverted.reason}"
-        lines.append(Line(note=f"B M⁻¹ Bᵀ is {reason}."))
-        found = [(title, lines)]
-        if options.solve:
-            found.append(("Solution", [Line(note=f"λ in closed form is {reason}.")]))
-        return found
-    equation = multiplier_equations.equation(system, inverted.entries)
-    for r, row in enumerate(system.rows):
-        terms = (equation.S.get((r, j), ZERO) * lam for j, lam in enumerate(system.lam))
-        left = signs.node(sum(terms, ZERO))
-        sides = left, signs.node(equation.right[r])
-        lines.append(Line("D.24", sides, kind="S", family=row.family))
-    found = [(title, lines)]
-    if options.solve:
-        found.append(("Solution", list(_solution(system, parts, equation, inverted))))
+    equation = None
+    if inverted.entries is not None:
+        equation = multiplier_equations.equation(every, inverted.entries)
+        for r, row in enumerate(system.rows):
+            terms = (equation.S.get((r, j), ZERO) * lam for j, lam in enumerate(every.lam))
+            sides = parts.signs.node(sum(terms, ZERO)), parts.signs.node(equation.right[r])
+            lines.append(Line("D.24", sides, kind="S", family=row.family))
+    elif system.rows:
+        lines.append(Line(note=f"B M⁻¹ Bᵀ is not written out: {inverted.reason}."))
+    found = [(title, lines), (TITLE, list(contacts.contact(equation))), ("Impact", list(contacts.impact()))]
+    if options.solve and equation is None:
+        note = f"λ in closed form is not written out: {inverted.reason}."
+        found.append(("Solution", [Line(note=note)]))
+    elif options.solve:
+        found += _solutions(system, parts, contacts, inverted)
     return found
+
+
+def _solutions(
+    system: Symbolic, parts: Sections, contacts: OneSided, inverted: multiplier_equations.Inverse
+) -> Iterator[tuple[str, list[Line]]]:
+    """Solutions with all contacts open, and with each of the first few closed alone."""
+    assert inverted.entries is not None
+    names = [row.name for row in system.contacts.rows]
+    for closed in ((), *((j,) for j in range(min(len(names), MOST_CLOSED)))):
+        mode = system.closed(closed)
+        own = Sections(mode, parts.signs) if names else parts
+        while_ = f" while {names[closed[0]]} alone is closed" if closed else " while all contacts are open"
+        title = f"Solution{while_ if names else ''}"
+        if not mode.rows:
+            yield title, list(_accelerations(mode, own, inverted, closed_form.ClosedForm({}, "", {}), {}))
+            continue
+        equation = multiplier_equations.equation(mode, inverted.entries)
+        lines = list(_solution(mode, own, equation, inverted))
+        if closed:
+            whole = multiplier_equations.equation(system.all_closed, inverted.entries)
+            lines += contacts.alone(closed[0], whole, closed_form.surface(mode))
+        yield title, lines
+    if len(names) > MOST_CLOSED:
+        yield (
+            "Other solutions",
+            [Line(note=f"Of {len(names)} contacts the first {MOST_CLOSED} are shown closed.")],
+        )
 
 
 def _solution(

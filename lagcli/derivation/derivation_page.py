@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+from collections.abc import Callable
 
 import sympy
 
@@ -35,7 +36,7 @@ p.about { color: #555; margin: 0; }
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Line:
-    """`sides` joined by equals signs, with the `number` of the equation of the text; or a `note` in words.
+    """`sides` joined by `=` or by `signs`, with the `number` of the equation of the text; or a `note` in words.
 
     `number` is empty for what the text does not number. A line with sides may have a note too. `kind` and `family`
     group lines of which only some are shown.
@@ -46,6 +47,18 @@ class Line:
     note: str = ""
     kind: str = ""
     family: str = ""
+    signs: tuple[str, ...] = ()
+
+    @property
+    def relations(self) -> tuple[str, ...]:
+        """The signs between the sides: `=`, `≤`, `≥` or `⊥`."""
+        return self.signs or ("=",) * (len(self.sides) - 1)
+
+    def joined(self, first: int, written: Callable[[f.FormulaNode], str]) -> str:
+        """The sides from a number on with the signs between them."""
+        parts = [written(side) for side in self.sides[first:]]
+        more = (f" {sign} {part}" for sign, part in zip(self.relations[first:], parts[1:], strict=True))
+        return "".join([*parts[:1], *more])
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -76,8 +89,8 @@ class Derivation:
         return self.text()
 
     def equations(self) -> tuple[sympy.Eq, ...]:
-        """M a = h + B^T lambda for each coordinate (D.23, D.53), in SymPy."""
-        system = self.system
+        """M a = h + B^T lambda for each coordinate (D.23, D.53), in SymPy; with the lambda of inequalities."""
+        system = self.system.all_closed
         found = []
         for i in range(len(system.q)):
             left = sum((system.matrix(i, j) * a for j, a in enumerate(system.a)), sympy.Integer(0))
@@ -98,6 +111,11 @@ class Derivation:
                 value = row.b + sum((slope * system.v[i] for i, slope in row.B.items()), sympy.Integer(0))
             found.append(sympy.Eq(self._plain(value), 0, evaluate=False))
         return tuple(found)
+
+    def inequalities(self) -> tuple[sympy.Rel, ...]:
+        """g >= 0, in SymPy."""
+        rows = self.system.contacts.rows
+        return tuple(sympy.Ge(self._plain(row.f), 0, evaluate=False) for row in rows if row.f is not None)
 
     def _plain(self, value: sympy.Expr) -> sympy.Expr:
         return self.system.world.calculus.expanded(value)
@@ -159,15 +177,19 @@ class Derivation:
         return "\n".join([*parts, "</body></html>"])
 
     def as_json(self) -> list[dict[str, str]]:
-        """A list of {section, equation, left, right, latex, note}; a line in words has empty sides."""
+        """A list of {section, equation, left, right, latex, note}; a line in words has empty sides.
+
+        The sign between the sides is `=`, or stands under `relation`: `0 ≤ λ ⊥ g ≥ 0` has the right `λ ⊥ g ≥ 0`.
+        """
         return [
             {
                 "section": section.title,
                 "equation": line.number,
                 "left": render_text.text(line.sides[0]) if line.sides else "",
-                "right": " = ".join(map(render_text.text, line.sides[1:])),
-                "latex": " = ".join(map(render_latex.latex, line.sides)),
+                "right": line.joined(1, render_text.text),
+                "latex": _latex_of(line),
                 "note": line.note,
+                **({"relation": line.relations[0]} if line.signs and line.signs[0] != "=" else {}),
             }
             for section in self.sections
             for line in section.lines
@@ -184,7 +206,8 @@ def _text_section(section: Section, width: int) -> list[str]:
             found += ["  " + part for part in _folded(line.note, width - 2)]
             continue
         pad = " " * max(0, column - own)
-        whole = f"  {pad}{left}" + "".join(f" = {render_text.text(side)}" for side in line.sides[1:])
+        following = zip(line.relations, line.sides[1:], strict=True)
+        whole = f"  {pad}{left}" + "".join(f" {sign} {render_text.text(side)}" for sign, side in following)
         if line.note:
             whole += f"   {line.note}"
         number = f"({line.number})" if line.number else ""
@@ -203,7 +226,7 @@ def _wrapped(text: str, width: int, indent: int) -> list[str]:
     for place, letter in enumerate(text):
         depth += (letter == "(") - (letter == ")")
         bars ^= letter == "|"
-        is_sign = letter in "+−=" and text[place - 1 : place + 2] == f" {letter} "
+        is_sign = letter in "+−=≤≥⊥" and text[place - 1 : place + 2] == f" {letter} "
         if is_sign and not bars and (letter != "=" or used > EARLY):
             places[depth] = place
         used += render_text.width(letter)
@@ -249,14 +272,23 @@ def _chunks(node: f.FormulaNode) -> list[f.FormulaNode]:
     return [f.FormulaSum(tuple(part)) for part in found]
 
 
+def _latex_of(line: Line) -> str:
+    """The sides in one row, with their signs."""
+    parts = [render_latex.latex(side) for side in line.sides]
+    more = (
+        f" {render_latex.relation(sign)} {part}" for sign, part in zip(line.relations, parts[1:], strict=True)
+    )
+    return "".join([*parts[:1], *more])
+
+
 def _latex(line: Line) -> str:
     tag = rf" \tag{{{line.number}}}" if line.number else ""
-    first = render_latex.latex(line.sides[0])
     if all(len(_chunks(side)) == 1 for side in line.sides):
-        return " = ".join([first, *map(render_latex.latex, line.sides[1:])]) + tag
+        return _latex_of(line) + tag
     # One mark of alignment in each row: before the sign of equality, or where a side goes on.
     rows: list[str] = []
-    for place, side in enumerate(line.sides):
+    signs = ("", *map(render_latex.relation, line.relations))
+    for place, (sign, side) in enumerate(zip(signs, line.sides, strict=True)):
         for part, chunk in enumerate(_chunks(side)):
             written = render_latex.latex(chunk)
             if part:
@@ -264,9 +296,9 @@ def _latex(line: Line) -> str:
             elif place == 0:
                 rows.append(written if len(_chunks(side)) == 1 else f"& {written}")
             elif place == 1 and len(rows) == 1 and not rows[0].startswith("&"):
-                rows[0] += f" &= {written}"
+                rows[0] += f" &{sign} {written}"
             else:
-                rows.append(f"&= {written}")
+                rows.append(f"&{sign} {written}")
     return "\\begin{split}\n" + " \\\\\n".join(rows) + "\n\\end{split}" + tag
 
 
@@ -279,20 +311,21 @@ def _html(line: Line) -> list[str]:
     if note:
         note = f' <span class="note">{note}</span>'
     if render_text.width(render_text.text(line.sides[0])) > WIDEST_LEFT:
-        rows = "<br>".join(_equated(line.sides, 0))
+        rows = "<br>".join(_equated(line, 0))
         return [f'<tr><td class="whole" colspan="2">{rows}{note}</td>{tail}']
     left = _math(render_mathml.mathml(line.sides[0]))
-    rows = "<br>".join(_equated(line.sides, 1))
+    rows = "<br>".join(_equated(line, 1))
     return [f'<tr><td class="left">{left}</td><td>{rows}{note}</td>{tail}']
 
 
-def _equated(sides: tuple[f.FormulaNode, ...], first: int) -> list[str]:
-    """Sides with equals signs before all but the very first, in rows of bearable length."""
+def _equated(line: Line, first: int) -> list[str]:
+    """Sides with their signs before all but the very first, in rows of bearable length."""
+    signs = ("=", *line.relations)
     rows: list[str] = []
     used = LONG
-    for place, side in enumerate(sides[first:], first):
+    for place, side in enumerate(line.sides[first:], first):
         for part, chunk in enumerate(_chunks(side)):
-            sign = "=" if part == 0 else "" if _leads_negative(chunk) else "+"
+            sign = signs[place] if part == 0 else "" if _leads_negative(chunk) else "+"
             written = (f"<mo>{sign}</mo>" if sign and place else "") + render_mathml.mathml(chunk)
             own = render_text.width(render_text.text(chunk)) + 3
             if used + own > LONG or part:

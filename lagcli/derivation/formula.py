@@ -12,12 +12,16 @@ class FormulaNode:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Sign(FormulaNode):
-    """A letter or word with `sub`scripts and `dots` above it; `vector` is printed bold where there is bold type."""
+    """A letter or word with `sub`scripts and `dots` above it; `vector` is printed bold where there is bold type.
+
+    sup: "+" or "-" for a value just after or just before an impact.
+    """
 
     base: str
     sub: tuple[str, ...] = ()
     dots: int = 0
     vector: bool = False
+    sup: str = ""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

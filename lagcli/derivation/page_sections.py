@@ -28,6 +28,7 @@ class Sections:
 
     def __init__(self, system: Symbolic, signs: Signs) -> None:
         self._system, self.signs, self._world = system, signs, system.world
+        self._every = system.all_closed
         self._free = {system.place(number): number for number in system.newton}
         self._families = [_family(p.members.base, p.members.count) for p in self._entries()]
 
@@ -119,7 +120,7 @@ class Sections:
 
     def reactions(self) -> Iterator[Line]:
         """R_k = sum_i lambda_i B_ik (D.22), and Q'_n = sum_i lambda_i A_in (D.53)."""
-        signs, system = self.signs, self._system
+        signs, system = self.signs, self._every
         for first, number in self._free.items():
             name = self._world.particles.names[number]
             R = joined(self.reaction(first, system.lam))
@@ -135,12 +136,12 @@ class Sections:
         factors: Sequence[sympy.Expr],
         lengths: Mapping[sympy.Symbol, sympy.Expr] | None = None,
     ) -> list[tuple[int, f.FormulaNode]]:
-        """The terms of sum_i factor_i B_ik on the particle whose x is coordinate number `first`.
+        """The terms of sum_i factor_i B_ik of rows and contacts on the particle whose x is coordinate number `first`.
 
         `lengths`: values of lengths that rows hold, to be put in.
         """
         terms: list[tuple[int, f.FormulaNode]] = []
-        for row, factor in zip(self._system.rows, factors, strict=True):
+        for row, factor in zip(self._every.rows, factors, strict=True):
             slopes = part(row.B, first)
             if lengths:
                 x, y, z = (slope.xreplace(lengths) for slope in slopes)
@@ -150,7 +151,7 @@ class Sections:
         return terms
 
     def _simulating(self, i: int) -> sympy.Expr:
-        pairs = zip(self._system.rows, self._system.lam, strict=True)
+        pairs = zip(self._every.rows, self._every.lam, strict=True)
         return sum((row.B[i] * lam for row, lam in pairs if i in row.B), ZERO)
 
     def energies(self) -> Iterator[Line]:
@@ -200,7 +201,7 @@ class Sections:
             a = signs.of_particle("r", name, dots=2)
             left = a if world.mass(number) == 1 else f.FormulaProduct((m, a))
             F = signs.vector(triple(self._system.h, first))
-            terms = ([] if F == NIL else _terms(F)) + self.reaction(first, self._system.lam)
+            terms = ([] if F == NIL else _terms(F)) + self.reaction(first, self._every.lam)
             yield Line("D.23", (left, joined(terms)), kind="newton", family=self._families[number])
 
     def inertia(self) -> Iterator[Line]:
@@ -215,7 +216,7 @@ class Sections:
     def lagrange(self) -> Iterator[Line]:
         """d/dt dL/dq' - dL/dq = Q + sum_i lambda_i A_in (D.34, D.39, D.53)."""
         system, signs = self._system, self.signs
-        bound = any(i in row.B for row in system.rows for i in system.lagrange)
+        bound = any(i in row.B for row in self._every.rows for i in system.lagrange)
         driven = any(system.Q.get(i, ZERO) != 0 for i in system.lagrange)
         number = "D.53" if bound else "D.34" if driven else "D.39"
         for i in system.lagrange:

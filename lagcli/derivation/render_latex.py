@@ -10,6 +10,7 @@ from lagcli.derivation.paper_names import LETTERS
 _SCRIPT = {"𝒯": "T", "𝒱": "V", "ℒ": "L"}
 _KNOWN = frozenset("sin cos tan sinh cosh tanh exp log max min arcsin arccos arctan".split())
 _DOTS = {0: "{}", 1: r"\dot{{{}}}", 2: r"\ddot{{{}}}"}
+_RELATIONS = {"=": "=", "≥": r"\ge", "≤": r"\le", "⊥": r"\perp"}
 _SPECIAL = {
     "\\": r"\textbackslash{}",
     "{": r"\{",
@@ -27,6 +28,11 @@ _SPECIAL = {
 def latex(node: f.FormulaNode) -> str:
     """The formula in LaTeX's math mode."""
     return _WRITERS[type(node)](node)
+
+
+def relation(sign_: str) -> str:
+    """The sign between two sides."""
+    return _RELATIONS[sign_]
 
 
 def escaped(text: str) -> str:
@@ -65,7 +71,9 @@ def sign(node: f.Sign) -> str:
     if node.vector:
         base = rf"\mathbf{{{base}}}" if base.isalpha() else rf"\boldsymbol{{{base}}}"
     base = _DOTS[node.dots].format(base)
-    return base + (rf"_{{{','.join(word(part) for part in node.sub)}}}" if node.sub else "")
+    if node.sub:
+        base += rf"_{{{','.join(word(part) for part in node.sub)}}}"
+    return base + (f"^{{{node.sup}}}" if node.sup else "")
 
 
 def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
@@ -118,6 +126,10 @@ _IN_WORDS = {
     "−": "$-$",
     "·": r"$\cdot$",
     "Σ": r"$\sum$",
+    "≤": r"$\le$",
+    "≥": r"$\ge$",
+    "⊥": r"$\perp$",
+    "ġ": r"$\dot{g}$",
 }
 
 

@@ -23,9 +23,11 @@ def sign(node: f.Sign) -> str:
         base = f'<mi class="vector" mathvariant="normal">{html.escape(node.base)}</mi>'
     if node.dots:
         base = f'<mover accent="true">{base}<mo>{_DOTS[node.dots]}</mo></mover>'
+    after = f"<mo>{html.escape(node.sup.replace('-', '−'))}</mo>" if node.sup else ""
     if not node.sub:
-        return base
-    return f"<msub>{base}<mtext>{html.escape(','.join(node.sub))}</mtext></msub>"
+        return f"<msup>{base}{after}</msup>" if after else base
+    below = f"<mtext>{html.escape(','.join(node.sub))}</mtext>"
+    return f"<msubsup>{base}{below}{after}</msubsup>" if after else f"<msub>{base}{below}</msub>"
 
 
 def _row(*parts: str) -> str:

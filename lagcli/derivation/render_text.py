@@ -8,7 +8,7 @@ from collections.abc import Callable
 from lagcli.derivation import formula as f
 
 _SUB = str.maketrans("0123456789,", "₀₁₂₃₄₅₆₇₈₉,")
-_SUPER = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_SUPER = str.maketrans("0123456789-+", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺")
 _DOTS = {0: "", 1: "\u0307", 2: "\u0308"}
 _HALVES = {("1", "2"): "½", ("1", "3"): "⅓", ("2", "3"): "⅔", ("1", "4"): "¼", ("3", "4"): "¾"}
 
@@ -35,12 +35,13 @@ def sign(node: f.Sign) -> str:
         else:
             for _ in range(node.dots):
                 base = f"rate({base})"
+    after = node.sup.translate(_SUPER)
     if not node.sub:
-        return base
+        return base + after
     sub = ",".join(node.sub)
     if sub.replace(",", "").isdecimal() and sub.isascii():
-        return base + sub.translate(_SUB)
-    return f"{base}_{sub}"
+        return base + sub.translate(_SUB) + after
+    return f"{base}_{sub}{after}"
 
 
 def _write(node: f.FormulaNode) -> tuple[str, int]:

@@ -38,7 +38,8 @@ class Signs:
         self._parameters()
         self._constants()
         self._coordinates()
-        for symbol, row in zip(system.lam, system.rows, strict=True):
+        every = system.all_closed
+        for symbol, row in zip(every.lam, every.rows, strict=True):
             self._show(
                 symbol, f.Sign("λ", (paper_names.subscript(row.name),)), f"lambda.{row.name}", layout.LAMBDA
             )
@@ -50,6 +51,25 @@ class Signs:
     def _energy(self, letter: str) -> f.Sign:
         """T, V or L; a script letter where the model calls something else so."""
         return self._register.take_first((f.Sign(letter), f.Sign(_SCRIPT[letter])), letter)
+
+    def show(self, symbol: sympy.Symbol, wanted: f.Sign, name: str) -> f.Sign:
+        """The sign of a further symbol that stands beside the multipliers, `name` where that sign is taken."""
+        return self._show(symbol, wanted, name, layout.LAMBDA)
+
+    def show_jump(self, symbol: sympy.Symbol, number: int) -> None:
+        """A symbol for the change of a rate, shown as the rate after less the rate before."""
+        rate = self._shown[self._system.v[number]]
+        assert isinstance(rate, f.Sign)
+        sides = (dataclasses.replace(rate, sup=sup) for sup in "+-")
+        self._shown[symbol] = f.FormulaSum(tuple(zip((1, -1), sides, strict=True)))
+        self._kinds[symbol] = layout.ACCELERATION, number
+
+    def show_after(self, symbol: sympy.Symbol, number: int) -> None:
+        """A symbol for a rate just after an impact."""
+        rate = self._shown[self._system.v[number]]
+        assert isinstance(rate, f.Sign)
+        self._shown[symbol] = dataclasses.replace(rate, sup="+")
+        self._kinds[symbol] = layout.RATE, number
 
     def node(self, value: sympy.Expr) -> f.FormulaNode:
         """The formula of an expression."""

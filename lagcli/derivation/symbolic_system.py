@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import sympy
 
@@ -34,6 +34,23 @@ class SymbolicRow:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class SymbolicContacts:
+    """The K inequalities g >= 0: rows with f = g, their lambda, and their coefficients of restitution."""
+
+    rows: tuple[SymbolicRow, ...] = ()
+    lam: tuple[sympy.Symbol, ...] = ()
+    restitution: tuple[float, ...] = ()
+
+    def taken(self, numbers: Sequence[int]) -> SymbolicContacts:
+        """Some of them."""
+        return SymbolicContacts(
+            tuple(self.rows[j] for j in numbers),
+            tuple(self.lam[j] for j in numbers),
+            tuple(self.restitution[j] for j in numbers),
+        )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class Symbolic:
     """The system M a = h + B^T lambda in symbols, with the abbreviations of `world.calculus`.
 
@@ -41,7 +58,7 @@ class Symbolic:
     are not zero. newton: numbers of the Cartesian particles whose coordinates enter neither T of dependent particles
     nor the `lagrangian`: they obey Newton's equations by themselves; lagrange: numbers of all other coordinates.
     general: T of the dependent particles, extra: the `lagrangian`, potentials: the terms of V, forces: F_k without
-    those, by particle; Q (n): of forces without a potential.
+    those, by particle; Q (n): of forces without a potential; contacts: the inequalities, which are no rows here.
     """
 
     world: World
@@ -61,6 +78,18 @@ class Symbolic:
     rows: tuple[SymbolicRow, ...]
     lam: tuple[sympy.Symbol, ...]
     constants: dict[sympy.Symbol, float]
+    contacts: SymbolicContacts
+
+    def closed(self, numbers: Sequence[int]) -> Symbolic:
+        """The system in which these contacts are rows after the others, and there are no further ones."""
+        taken = self.contacts.taken(numbers)
+        rows, lam = (*self.rows, *taken.rows), (*self.lam, *taken.lam)
+        return dataclasses.replace(self, rows=rows, lam=lam, contacts=SymbolicContacts())
+
+    @property
+    def all_closed(self) -> Symbolic:
+        """The system with all contacts as rows."""
+        return self.closed(range(len(self.contacts.rows)))
 
     def place(self, number: int) -> int:
         """The number of the coordinate x of a Cartesian particle."""
@@ -125,9 +154,26 @@ def symbolic(
         M=M,
         h=tuple(h),
         rows=rows,
-        lam=tuple(sympy.Symbol(f"lambda.{row.name}", real=True) for row in rows),
+        lam=_multipliers(rows),
         constants=constants,
+        contacts=_contacts(world, index),
     )
+
+
+def _multipliers(rows: tuple[SymbolicRow, ...]) -> tuple[sympy.Symbol, ...]:
+    return tuple(sympy.Symbol(f"lambda.{row.name}", real=True) for row in rows)
+
+
+def _contacts(world: World, index: dict[sympy.Symbol, int]) -> SymbolicContacts:
+    """The inequalities of a model, each as the row that it is while it is closed."""
+    rows: list[SymbolicRow] = []
+    restitution: list[float] = []
+    for law in world.model.inequality:
+        for place, name in enumerate(law.rows):
+            (g,) = world.difference(law.equation, view(law.members, place))
+            rows.append(_holonomic(world, name, law.members.base, g, index))
+            restitution.append(float(law.restitution[place]))
+    return SymbolicContacts(tuple(rows), _multipliers(tuple(rows)), tuple(restitution))
 
 
 def _components(name: str) -> tuple[str, ...]:
