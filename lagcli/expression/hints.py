@@ -192,10 +192,14 @@ NAMES = {
     **dict.fromkeys(("e", "E", "ℯ"), "the exponential function is `exp(x)`"),
     **dict.fromkeys(("PI", "Pi", "π", "M_PI"), "write `pi`"),
     **dict.fromkeys(("time", "Time"), "time is `t`"),
-    **dict.fromkeys(("KE", "Ekin", "E_kin", "kinetic_energy"), "write `kinetic`, under `outputs` only"),
-    **dict.fromkeys(("PE", "Epot", "E_pot", "potential_energy"), "write `potential`, under `outputs` only"),
-    "T": "time is `t`; the kinetic energy is `kinetic`, under `outputs` only",
-    "V": "the potential energy is `potential`, under `outputs` only",
+    **dict.fromkeys(
+        ("KE", "Ekin", "E_kin", "kinetic_energy"), "write `kinetic`, under `outputs` or `events` only"
+    ),
+    **dict.fromkeys(
+        ("PE", "Epot", "E_pot", "potential_energy"), "write `potential`, under `outputs` or `events` only"
+    ),
+    "T": "time is `t`; the kinetic energy is `kinetic`, under `outputs` or `events` only",
+    "V": "the potential energy is `potential`, under `outputs` or `events` only",
     **dict.fromkeys(
         ("math", "Math", "np", "numpy", "sp", "sympy", "ca", "casadi", "torch"),
         "functions and constants are written without a prefix: `sin(x)`, `pi`",
@@ -239,11 +243,14 @@ FUNCTIONS = {
     **dict.fromkeys(("pos", "position", "r"), "the name of a particle alone is its position vector"),
     **dict.fromkeys(("vel", "v"), "the velocity of a particle `a` is `a.v`, of a coordinate `rate(theta)`"),
     **dict.fromkeys(
-        ("lambda", "lam", "lagrange", "mult", "λ"), "write `multiplier(NAME)`, under `outputs` only"
+        ("lambda", "lam", "lagrange", "mult", "λ"),
+        "write `multiplier(NAME)`, under `outputs` or `events` only",
     ),
-    **dict.fromkeys(("R", "reac", "reactions"), "write `reaction(NAME)`, under `outputs` only"),
+    **dict.fromkeys(("R", "reac", "reactions"), "write `reaction(NAME)`, under `outputs` or `events` only"),
     **dict.fromkeys(("sum", "prod", "mean"), "there is no sum over members: write out its terms"),
-    **dict.fromkeys(("kinetic", "potential"), "write it without parentheses, under `outputs` only"),
+    **dict.fromkeys(
+        ("kinetic", "potential"), "write it without parentheses, under `outputs` or `events` only"
+    ),
     **dict.fromkeys(("integral", "integrate", "int_"), _CHARACTERS["∫"]),
     **dict.fromkeys(
         ("grad", "gradient", "jacobian"), "gradients are taken by the program: write the function"
@@ -276,7 +283,9 @@ def vector(count: int, text: str = "") -> str:
     return "commas separate the components: `[1, 0, 0]`" if count == 1 else ""
 
 
-_VELOCITY = "the velocity of a coordinate is `rate({0})`, its acceleration `rate({0}, 2)` under `outputs`"
+_VELOCITY = (
+    "the velocity of a coordinate is `rate({0})`, its acceleration `rate({0}, 2)` under `outputs` or `events`"
+)
 _VALUE = "the name alone is the value: `{0}`"
 _OF_COORDINATE = {
     **dict.fromkeys(
@@ -309,10 +318,10 @@ def part_of(name: str, particles: Collection[str], laws: Collection[str] = ()) -
             return f"write `{owner}`" if part == "r" else f"write `{owner}.{part}`"
     for prefix in ("R_", "R", "reaction_", "F_"):
         if name.startswith(prefix) and name[len(prefix) :] in particles:
-            return f"write `reaction({name[len(prefix) :]})`, under `outputs` only"
+            return f"write `reaction({name[len(prefix) :]})`, under `outputs` or `events` only"
     for prefix in ("lambda_", "lam_", "lambda", "λ_", "multiplier_"):
         if name.startswith(prefix) and name[len(prefix) :] in laws:
-            return f"write `multiplier({name[len(prefix) :]})`, under `outputs` only"
+            return f"write `multiplier({name[len(prefix) :]})`, under `outputs` or `events` only"
     return ""
 
 
@@ -326,9 +335,9 @@ def _splits(name: str) -> list[tuple[str, str]]:
 def second_dot(owner: str, member: str, further: str) -> str:
     """For `R.a.x` and `a.v.x`: a second dot after a name."""
     if owner == "R":
-        return f"write `reaction({member}).{further}`, under `outputs` only"
+        return f"write `reaction({member}).{further}`, under `outputs` or `events` only"
     if owner == "lambda":
-        return f"write `multiplier({member}.{further})`, under `outputs` only"
+        return f"write `multiplier({member}.{further})`, under `outputs` or `events` only"
     if member in ("v", "a") and further in ("x", "y", "z"):
         return f"write `{owner}.{member}{further}`"
     return ""

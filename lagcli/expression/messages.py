@@ -16,26 +16,26 @@ UNDECLARED = {
     " `kinetic + potential`",
     **dict.fromkeys(
         ("lambda", "\N{GREEK SMALL LETTER LAMDA}"),
-        "multipliers are results: under `outputs`, and only there, write `multiplier(NAME)`",
+        "multipliers are results: under `outputs` or `events`, and only there, write `multiplier(NAME)`",
     ),
     "r": "`r` is a position inside the force of a particle only: elsewhere write the particle's name, `a` or `a.x`",
     "v": "`v` is a velocity inside the force of a particle only: elsewhere write `a.v` or `a.vx` of a particle `a`",
     "m": "`m` is a mass inside the force of a particle only: elsewhere give the mass a name under `parameters`",
-    "R": "constraint forces are results: under `outputs`, and only there, write `reaction(NAME)`",
+    "R": "constraint forces are results: under `outputs` or `events`, and only there, write `reaction(NAME)`",
     **dict.fromkeys(("nan", "inf", "infinity"), "every number of a model is finite"),
 }
 
 NO_ACCELERATION = (
-    "accelerations are results: under `outputs`, and only there, write `a.ax` or `a.a` for a particle, `rate(theta, 2)`"
-    " for a coordinate; a law in accelerations is integrated to one in velocities, under `differential`, or replaced by"
-    " a force"
+    "accelerations are results: under `outputs` or `events`, and only there, write `a.ax` or `a.a` for a particle,"
+    " `rate(theta, 2)` for a coordinate; a law in accelerations is integrated to one in velocities, under"
+    " `differential`, or replaced by a force"
 )
 _DERIVATIVE = (
     "a time derivative is written `rate(x)` for a coordinate, `a.vx` or `a.v` for a particle, `d(...)` in a"
     " differential constraint"
 )
 _CONSTRAINT_FORCE = (
-    "constraint forces are results: under `outputs`, and only there, write `multiplier(NAME)` or"
+    "constraint forces are results: under `outputs` or `events`, and only there, write `multiplier(NAME)` or"
     " `reaction(NAME)`"
 )
 
@@ -50,10 +50,11 @@ UNKNOWN_FUNCTIONS = {
 }
 # The same for what follows the dot of a particle.
 OTHER_MEMBER = (
-    "a particle has `.x .y .z`, `.vx .vy .vz` and the vector `.v`; under `outputs` also `.ax .ay .az`, `.a`"
+    "a particle has `.x .y .z`, `.vx .vy .vz` and the vector `.v`; under `outputs` and `events` also"
+    " `.ax .ay .az`, `.a`"
 )
 _POSITION_VECTOR = "the particle's name alone is its position vector; its components are `.x` `.y` `.z`"
-_REACTION = "the constraint force on a particle `a` is `reaction(a)`, under `outputs` only"
+_REACTION = "the constraint force on a particle `a` is `reaction(a)`, under `outputs` or `events` only"
 PARTICLE_MEMBERS = {
     **dict.fromkeys(("r", "pos", "position", "p", "xyz", "q"), _POSITION_VECTOR),
     **dict.fromkeys(
@@ -132,6 +133,10 @@ def way_out(flag: str, subject: str, written: str) -> str:
 
 
 _CONSTANT = "parameters, masses and initial values are numbers: write its value at the start"
+_RESTITUTION = (
+    "a coefficient of restitution",
+    "it is a number, the same at all impacts of a contact: an expression of parameters and indices",
+)
 
 _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
     "acceleration": (
@@ -147,15 +152,22 @@ _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "velocity": (
         ("a holonomic", "a law in velocities belongs under `differential`"),
+        (
+            "a one-sided",
+            "one-sided constraints are on positions: g(r, q, t) >= 0. Where a velocity crosses a value a run is"
+            " stopped, or a row recorded, under `events`",
+        ),
         ("a potential", "a force that depends on velocities is declared with `to:` and `force:`"),
         ("the position", "a position is x(q, t); a law in velocities belongs under `differential`"),
         (
             "a differential `d(",
             NO_ACCELERATION,
         ),
+        _RESTITUTION,
         ("", _CONSTANT),
     ),
     "position": (
+        _RESTITUTION,
         ("a mass", "a mass that varies is not part of these equations: give its mean, or split the body"),
         ("", _CONSTANT),
     ),
@@ -163,6 +175,7 @@ _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
         ("the position", "a relation to a Cartesian particle is a constraint: state it under `holonomic`"),
     ),
     "time": (
+        _RESTITUTION,
         (
             "a mass",
             "m a = F + R holds for constant masses: give the mass at the start, and the thrust of a rocket as a"
@@ -175,6 +188,7 @@ _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
             "a differential `d(",
             "a differential of a differential has no meaning in a constraint: write one `d`",
         ),
+        ("a one-sided", "it is written in whole coordinates: take the `d(...)` away"),
         ("a definition", "write the differentials in the law itself, or name a rate instead"),
         ("", "differentials belong under `differential`; a time derivative is written `rate(x)`"),
     ),

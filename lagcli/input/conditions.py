@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from lagcli import yaml_tree
-from lagcli.expression import facts, parser, tree
-from lagcli.expression.facts import Facts, FactsAlgebra
+from lagcli.expression import evaluate, facts, parser, tree
+from lagcli.expression.facts import FactsAlgebra
 from lagcli.expression.tree import ExpressionError
-from lagcli.input import constraint_equations, entries, keys, scope
+from lagcli.input import entries, keys, scope
 from lagcli.input.scalars import Formulas
 from lagcli.model.model import Expression, Floats, Inequality
 
@@ -21,8 +21,7 @@ def inequality(formulas: Formulas, entry: yaml_tree.AnyNode) -> Inequality | Non
     found: dict[str, yaml_tree.AnyNode] = {"condition": entry}
     if isinstance(entry, yaml_tree.Mapping):
         found = entries.fields(formulas, entry, section) or {}
-    node = entries.required(formulas, entry, found, "condition")
-    condition = None if node is None else _condition(formulas, node)
+    condition = _condition(formulas, found["condition"]) if "condition" in found else None
     restitution = _restitution(formulas, found.get("restitution"))
     if condition is None or restitution is None:
         return None
@@ -30,30 +29,37 @@ def inequality(formulas: Formulas, entry: yaml_tree.AnyNode) -> Inequality | Non
 
 
 def _condition(formulas: Formulas, node: yaml_tree.AnyNode) -> Expression | None:
+    if isinstance(node, yaml_tree.Sequence):
+        message = "a condition is needed here, and this is a list"
+        formulas.report(node, "bad-condition", message, "each condition has an entry of its own")
+        return None
     condition = formulas.parse(node, parser.parse_condition)
     if condition is None:
         return None
+    assert isinstance(condition.tree, tree.Relation)
     algebra = FactsAlgebra(formulas.lookup, facts.POSITION, SUBJECT)
-    found = constraint_equations.difference(formulas, condition, algebra)
-    trouble = None if found is None else _trouble(condition.tree, found)
-    if trouble is not None:
-        formulas.trouble(condition.origin, trouble)
-    return condition if found is not None and trouble is None else None
+    try:
+        _check(condition.tree, algebra)
+    except ExpressionError as error:
+        formulas.trouble(condition.origin, error)
+        formulas.unknown_names(condition, formulas.lookup)
+        return None
+    return condition
 
 
-def _trouble(node: tree.Node, found: tuple[Facts, ...]) -> ExpressionError | None:
-    """The error of a condition whose difference has these facts."""
-    if len(found) == 3:
-        message = "a condition compares two numbers, and these are vectors"
+def _check(node: tree.Relation, algebra: FactsAlgebra) -> None:
+    """Raise `ExpressionError` for what is no condition on coordinates."""
+    sides = [evaluate.evaluate(side, algebra) for side in (node.left, node.right)]
+    if any(isinstance(side, tuple) for side in sides):
+        message = "a condition compares two numbers, and here is a vector"
         hint = "give each component an entry of its own, `a.x >= 0`; a distance is `norm(a) >= 1`"
-        return ExpressionError("bad-condition", message, node.start, node.end, hint)
-    reads = scope.reads(found)
+        raise ExpressionError("bad-condition", message, node.start, node.end, hint)
+    reads = scope.reads(evaluate.difference(node, algebra))
     if "position" not in reads:
         what = "only the time `t`" if reads else "only constants"
         message = f"{SUBJECT} holds coordinates, and this one holds {what}"
         hint = "its force acts on the coordinates in it: without any there is none"
-        return ExpressionError("nothing-to-push", message, node.start, node.end, hint)
-    return None
+        raise ExpressionError("nothing-to-push", message, node.start, node.end, hint)
 
 
 def _restitution(formulas: Formulas, node: yaml_tree.AnyNode | None) -> Floats | None:

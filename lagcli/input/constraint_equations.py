@@ -21,7 +21,7 @@ def holonomic(formulas: Formulas, entry: yaml_tree.AnyNode) -> Holonomic | None:
     if equation is None:
         return None
     algebra = FactsAlgebra(formulas.lookup, facts.POSITION, "a holonomic constraint")
-    found = difference(formulas, equation, algebra)
+    found = _difference(formulas, equation, algebra)
     return None if found is None else Holonomic(formulas.members, equation, len(found) == 3)
 
 
@@ -32,7 +32,7 @@ def differential(formulas: Formulas, entry: yaml_tree.AnyNode) -> Differential |
         return None
     subject, text = "a differential constraint", equation.origin.value
     algebra = FactsAlgebra(formulas.lookup, facts.DIFFERENTIAL, subject, linear=True, text=text)
-    found = difference(formulas, equation, algebra)
+    found = _difference(formulas, equation, algebra)
     if found is None:
         return None
     try:
@@ -50,8 +50,7 @@ def _equation(formulas: Formulas, entry: yaml_tree.AnyNode, section: str) -> Exp
     return None if node is None else formulas.parse(node, parser.parse_equation)
 
 
-def difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra) -> tuple[Facts, ...] | None:
-    """The facts of left - right, of one scalar or of three, or None with the error reported."""
+def _difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra) -> tuple[Facts, ...] | None:
     assert isinstance(equation.tree, tree.Relation)
     try:
         return evaluate.difference(equation.tree, algebra)

@@ -51,13 +51,6 @@ def written(formulas: Formulas, node: yaml_tree.AnyNode, section: str, key: str)
     if not isinstance(node, yaml_tree.Mapping):
         return node
     found = fields(formulas, node, keys.FORMAT.key(section)) or {}
-    return required(formulas, node, found, key)
-
-
-def required(
-    formulas: Formulas, node: yaml_tree.AnyNode, found: dict[str, yaml_tree.AnyNode], key: str
-) -> yaml_tree.AnyNode | None:
-    """The field `key` of an entry; where there is none, that is reported."""
     if key not in found:
         formulas.report(node, "missing-key", f"the key `{key}` is missing")
     return found.get(key)

@@ -16,13 +16,17 @@ _POINTS = (
     "particles are points without inertia of their own: several form a body under `rigid`; the kinetic energy of a body"
     " in its angles can be written under `lagrangian`"
 )
+_NO_FRICTION = (
+    "contacts are ideal, without friction, which does virtual work (D.11); friction of given size is a force"
+)
 _START = "initial values are part of `particles` (`position`, `velocity`) and `coordinates` (`value`, `rate`)"
 
 # Words that newcomers use for sections, and where their content belongs.
 _SECTIONS = {
     **dict.fromkeys(
         ("constraints", "constraint", "laws", "joints", "joint", "links", "rods", "hinges"),
-        "constraints on positions go under `holonomic`, constraints on velocities under `differential`",
+        "constraints on positions go under `holonomic`, constraints on velocities under `differential`, one-sided ones"
+        " under `inequality`",
     ),
     **dict.fromkeys(
         ("nonholonomic", "non_holonomic", "velocity_constraints", "pfaffian", "kinematic", "rolling"),
@@ -61,7 +65,26 @@ _SECTIONS = {
     **dict.fromkeys(
         ("potential", "potential_energy"), "a potential goes under `forces`: `NAME: {potential: ...}`"
     ),
-    **dict.fromkeys(("contacts", "contact", "inequalities"), "did you mean `inequality`?"),
+    **dict.fromkeys(
+        (
+            *(
+                "contacts",
+                "contact",
+                "inequalities",
+                "one_sided",
+                "unilateral",
+                "collisions",
+                "impacts",
+                "walls",
+            ),
+            *("bounds", "limits", "obstacles"),
+        ),
+        "did you mean `inequality`? `floor: a.z >= 0` there keeps a particle above the floor",
+    ),
+    **dict.fromkeys(
+        ("event", "triggers", "zero_crossings", "stop", "terminate", "monitors", "guards"),
+        "did you mean `events`?",
+    ),
     **dict.fromkeys(("name", "model"), "did you mean `title`?"),
     **dict.fromkeys(("version", "format"), "a model begins with the line `lagcli: 1`"),
 }
@@ -84,6 +107,19 @@ _ALIASES: dict[str, dict[str, str]] = {
             ("value", "vector", "f", "F", "components", "torque", "moment", "magnitude"), "force"
         ),
         **dict.fromkeys(("V", "energy", "U", "potential_energy"), "potential"),
+    },
+    "inequality": {
+        **dict.fromkeys(
+            ("equation", "expression", "constraint", "g", "gap", "inequality", "when"), "condition"
+        ),
+        **dict.fromkeys(
+            ("e", "cor", "COR", "epsilon", "bounce", "elasticity", "bounciness", "coefficient"), "restitution"
+        ),
+    },
+    "events": {
+        **dict.fromkeys(("condition", "expression", "trigger", "function", "event", "g", "guard"), "when"),
+        **dict.fromkeys(("sign", "crossing", "slope", "dir"), "direction"),
+        **dict.fromkeys(("do", "then", "effect"), "action"),
     },
     "simulation": {
         **dict.fromkeys(
@@ -118,6 +154,16 @@ _SENTENCES: dict[tuple[str, str], str] = {
     },
     ("particles", "name"): "the name is written before the colon: `a: {mass: 1, position: [0, 0, 0]}`",
     ("particles", "force"): "forces go under `forces`: `push: {to: a, force: [1, 0, 0]}`",
+    **{("inequality", key): _NO_FRICTION for key in ("friction", "mu", "friction_coefficient", "tangential")},
+    **{
+        (
+            "inequality",
+            key,
+        ): "contacts are rigid: a soft one is a potential that rises at the wall, under `forces`"
+        for key in ("stiffness", "damping", "k", "penalty", "compliance")
+    },
+    **{("events", key): "an end of the run is `action: stop`" for key in ("terminal", "stop", "terminate")},
+    **{("events", key): "events are no families: each has an entry" for key in ("for", "if")},
     ("units", "angle"): "angles are in radians everywhere; degrees are written `30*deg`",
     ("units", "force"): "units of other quantities follow from length, mass and time",
 }
@@ -137,6 +183,10 @@ EXAMPLES = {
     "units": "`length: mm`",
     "simulation": "`duration: 5`",
 }
+
+
+# Sections whose entries are written over several lines, and often without an indent.
+_OFTEN_FLAT = ("particles", "coordinates", "forces", "inequality", "events")
 
 
 def section(name: str, value: yaml_tree.AnyNode, before: str) -> str:
@@ -218,7 +268,7 @@ def indented(
     found: list[tuple[yaml_tree.Scalar, yaml_tree.Scalar]] = []
     sections = []
     for name, node in root:
-        if name.value in ("particles", "coordinates", "forces") and isinstance(node, yaml_tree.Mapping):
+        if name.value in _OFTEN_FLAT and isinstance(node, yaml_tree.Mapping):
             node = _indented(keys.FORMAT.key(name.value), node, found)
         sections.append((name, node))
     if not found:

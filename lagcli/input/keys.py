@@ -130,7 +130,12 @@ FORMAT = Key(
             "one-sided constraints in whole coordinates and time, with `>=` or `<=`",
             entries=True,
             keys=(
-                Key("condition", "condition", "the constraint, where the entry is written at length"),
+                Key(
+                    "condition",
+                    "condition",
+                    "the constraint, where the entry is written at length",
+                    required=True,
+                ),
                 Key(
                     "restitution",
                     "expression of parameters",

@@ -144,7 +144,7 @@ def assert_well_said(found: tuple[diagnostics.Diagnostic, ...], text: str) -> No
 
 @every_part
 def test_an_expression_is_read_or_refused_at_its_spot(part: int) -> None:
-    look(part, 0.75, documents.equations, reads_an_equation)
+    look(part, 0.7, documents.equations, reads_an_equation)
 
 
 def reads_an_equation(text: str) -> None:
@@ -152,6 +152,20 @@ def reads_an_equation(text: str) -> None:
     if node is not None:
         with contextlib.suppress(tree.ExpressionError):
             evaluate.difference(node, facts.FactsAlgebra(_lookup, facts.DIFFERENTIAL, "a law", linear=True))
+
+
+@every_part
+def test_a_condition_and_an_event_are_read_or_refused_at_their_spot(part: int) -> None:
+    look(part, 0.05, documents.one_sided, reads_a_condition)
+
+
+def reads_a_condition(text: str) -> None:
+    read_or_refused(parser.parse_crossing, text)
+    node = read_or_refused(parser.parse_condition, text)
+    if node is not None:
+        assert node.relation == ">="
+        with contextlib.suppress(tree.ExpressionError):
+            evaluate.difference(node, facts.FactsAlgebra(_lookup, facts.POSITION, "a condition"))
 
 
 def read_or_refused(read: Callable[[str], Any], text: str) -> Any:

@@ -17,8 +17,9 @@ NUMBERS = ("0", "1", "2", "0.5", "-1", "1e3", "1e308", "1e-320", "1e400", "9" * 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt",
              "abs", "sign", "min", "max", "dot", "cross", "norm", "distance", "rate", "d", "multiplier", "reaction",
              "eval", "__import__", "Sin", "lambda")  # fmt: skip
-SIGNS = ("+", "-", "*", "/", "**", "^", "=", "==", ">=", "<", "(", ")", "[", "]", ",", ".", ":", "#", "&", "!", "|",
-         "{", "}", "'", '"', "%", "@", "\\", " ", "\n", "\t", "−", "·", "\u00a0", "\u2028", "\u202e")  # fmt: skip
+SIGNS = ("+", "-", "*", "/", "**", "^", "=", "==", ">=", "<=", "<", ">", "(", ")", "[", "]", ",", ".", ":", "#", "&",
+         "!", "|", "{", "}", "'", '"', "%", "@", "\\", " ",
+         "\n", "\t", "−", "·", "\u00a0", "\u2028", "\u202e")  # fmt: skip
 
 noise = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cn", "Co"]), max_size=12)
 raw = st.text(st.characters(codec="utf-8"), max_size=6)  # control characters too
@@ -100,6 +101,13 @@ equations = st.tuples(expressions, st.sampled_from(("", " = 0", " = ", "=")), ex
     lambda parts: parts[0] if not parts[1] else "".join(parts[:2]) + (parts[2] if parts[1][-1] != "0" else "")
 )
 
+one_sided = st.tuples(
+    expressions,
+    st.sampled_from((" >= ", " <= ", ">=", " > ", " = ", " == ", " != ", " and ", " => ", "")),
+    expressions,
+).map("".join)
+"""Conditions under `inequality`, and what is none."""
+
 ODD = ("", "~", "null", "no", "true", ".inf", ".nan", "-.inf", "1e400", "-1", "0", "2", "1e99", "0.001", "&x a", "*x",
        "!!python/object:os.system a", "!t", "[", "{", "}", "]", "- a", "? a", "|", ">", "|\n   x", "'", '"', "# c", "%",
        "@", "`", "a: b", "a, b", "[1, 2]", "[1, 2, 3]", "[[1], 2, 3]", "[, 0]", "{}", "[]", "{a: 1}", "<<", "---",
@@ -156,7 +164,28 @@ FAMILIES: dict[str, Any] = {
     "outputs": {"o[i]": {"for": "i = 2..2", "expression": "multiplier(link[i]) + p[i].vx"}, "g": "gap"},
     "simulation": {"duration": 0.1, "samples": 3, "keep": ["u", "p[1]"]},
 }  # fmt: skip
-KEYS = (*BASE, "inequality", "events", "mass", "position", "velocity", "value", "rate", "to", "force", "potential",
+SIDED: dict[str, Any] = {
+    "lagcli": 1,
+    "parameters": {"N": 2, "e": 0.5},
+    "particles": {
+        "a": {"mass": 1, "position": [0, 0, 1], "velocity": [0, 0, -4]},
+        "p[i]": {"for": "i = 1..N", "mass": 1, "position": "[2*i, 0, 3]"},
+    },
+    "forces": {"weight": {"to": "all", "force": [0, 0, "-m*9.81"]}},
+    "inequality": {
+        "floor": "a.z >= 0",
+        "rope": {"condition": "norm(a) <= 2 + t", "restitution": "e"},
+        "gap[i]": {"for": "i = 1..N", "if": "i > 0", "condition": "p[i].z >= 2*a.x", "restitution": "i/N*e"},
+    },
+    "outputs": {"push": "multiplier(floor) + reaction(p[1], gap[1]).z"},
+    "events": {
+        "top": {"when": "a.vz", "direction": "down"},
+        "late": {"when": "push + t - 0.09", "direction": "up", "action": "stop"},
+    },
+    "simulation": {"duration": 0.1, "samples": 3},
+}  # fmt: skip
+KEYS = (*BASE, "inequality", "events", "condition", "restitution", "when", "direction", "action", "floor", "gap[i]",
+        "mass", "position", "velocity", "value", "rate", "to", "force", "potential",
         "equation", "for", "if", "start", "output_step", "method", "atol", "assemble", "keep", "a", "b", "c", "q",
         "k", "p[i]", "p[i][j]", "p[2]", "p[i-1]", "u[i]", "d[i]", "link[i]", "roll[j]", "o[i]", "t",
         "all", "", " ", "1", "energy", "rod", "body", "holonomc", "Title", "é", "a b", "x" * 80)  # fmt: skip
@@ -166,7 +195,7 @@ KEYS = (*BASE, "inequality", "events", "mass", "position", "velocity", "value", 
 DROPPED = ((), (), ("outputs",), ("simulation", "units", "title"), ("outputs", "rigid"),
            ("outputs", "holonomic", "rigid", "differential"), ("differential", "outputs"),
            ("coordinates",), ("lagrangian",), ("definitions", "forces", "source"), ("lagcli",), ("parameters",),
-           ("particles",))  # fmt: skip
+           ("particles",), ("events",), ("inequality", "outputs"))  # fmt: skip
 
 
 class Raw(str):
@@ -196,7 +225,7 @@ trees = st.recursive(
 def documents(draw: st.DrawFn) -> str:
     """A model file: a good one, with parts dropped, replaced, added, moved or doubled, or noise in its text."""
     gone = draw(st.sampled_from(DROPPED))
-    base = draw(st.sampled_from((BASE, FAMILIES)))
+    base = draw(st.sampled_from((BASE, FAMILIES, SIDED)))
     tree: Any = {key: value for key, value in base.items() if key not in gone}
     for _ in range(draw(st.sampled_from((0, 1, 1, 1, 2, 3)))):
         tree = _mutated(draw, tree)

@@ -108,11 +108,15 @@ events:
         ("a.z >= 0 or a.x >= 0", "bad-condition", "or", "max(g, h)"),
         ("a.z", "bad-condition", "a.z", "`a.z >= 0`"),
         ("a >= 0", "bad-condition", "a >= 0", "norm(a)"),
+        ("a >= 1", "bad-condition", "a >= 1", "norm(a)"),
         ("a >= [0, 0, 0]", "bad-condition", "a >= [0, 0, 0]", "norm(a)"),
         ("e >= 0", "nothing-to-push", "e >= 0", "coordinates"),
         ("t >= 0", "nothing-to-push", "t >= 0", "coordinates"),
-        ("a.vz >= 0", "velocity-not-allowed", "a.vz", ""),
-        ("d(a.z) >= 0", "differential-not-allowed", "d(a.z)", ""),
+        ("a.vz >= 0", "velocity-not-allowed", "a.vz", "under `events`"),
+        ("d(a.z) >= 0", "differential-not-allowed", "d(a.z)", "whole coordinates"),
+        ("a.az >= 0", "result-not-allowed", "a.az", "under `outputs` or `events`"),
+        ("b.z >= 0", "unknown-name", "b", ""),
+        ("p.z >= 0", "family-needs-index", "p", "`p[1]`"),
         ("multiplier(floor) >= 0", "result-not-allowed", "multiplier(floor)", ""),
         ("a.z >= 9**9**9", "not-finite", "9**9**9", ""),
         (f"{'(' * 1000}a.z{')' * 1000} >= 0", "too-deep", "(", "definitions"),
@@ -125,20 +129,70 @@ def test_a_condition_that_is_none(condition: str, code: str, spot: str, hint: st
 
 
 @pytest.mark.parametrize(
-    ("restitution", "code", "spot"),
+    ("restitution", "code", "spot", "hint"),
     [
-        ("1.5", "restitution-out-of-range", "1.5"),
-        ("-0.1", "restitution-out-of-range", "-0.1"),
-        ("a.z", "position-not-allowed", "a.z"),
-        ("e*t", "time-not-allowed", "t"),
-        ("a.vz", "velocity-not-allowed", "a.vz"),
-        ("9**9**9", "not-finite", "9**9**9"),
-        ("'[1, 0, 0]'", "not-a-scalar", "[1, 0, 0]"),
+        ("1.5", "restitution-out-of-range", "1.5", "at 1 an impact takes no energy"),
+        ("-0.1", "restitution-out-of-range", "-0.1", "at 0 nothing bounces"),
+        ("a.z", "position-not-allowed", "a.z", "expression of parameters"),
+        ("e*t", "time-not-allowed", "t", "expression of parameters"),
+        ("a.vz", "velocity-not-allowed", "a.vz", "expression of parameters"),
+        ("9**9**9", "not-finite", "9**9**9", ""),
+        (f"{'(' * 1000}1{')' * 1000}", "too-deep", "(", ""),
+        ("'[1, 0, 0]'", "not-a-scalar", "[1, 0, 0]", ""),
     ],
 )
-def test_a_restitution_that_is_none(restitution: str, code: str, spot: str) -> None:
+def test_a_restitution_that_is_none(restitution: str, code: str, spot: str, hint: str) -> None:
     found = error(f"inequality:\n  floor: {{condition: a.z >= 0, restitution: {restitution}}}\n")
     assert found[:2] == (code, spot)
+    assert hint in found[2]
+
+
+@pytest.mark.parametrize(
+    ("entry", "code", "spot", "hint"),
+    [
+        ("[a.z >= 0, a.x >= 0]", "bad-condition", "[a.z >= 0, a.x >= 0]", "entry of its own"),
+        ("{condition: [a.z >= 0]}", "bad-condition", "[a.z >= 0]", "entry of its own"),
+        ("{restitution: e}", "missing-key", "{restitution: e}", ""),
+        ("{equation: a.z >= 0}", "unknown-key", "equation", "`condition`"),
+        ("{condition: a.z >= 0, e: 0.5}", "unknown-key", "e", "`restitution`"),
+        ("{condition: a.z >= 0, mu: 0.5}", "unknown-key", "mu", "without friction"),
+        ("{condition: a.z >= 0, stiffness: 9}", "unknown-key", "stiffness", "a soft one"),
+        ("{for: i = 1..N, condition: 'p[i].z >= 0'}", "bad-range", "floor", "`floor[i]`"),
+    ],
+)
+def test_an_entry_that_is_no_inequality(entry: str, code: str, spot: str, hint: str) -> None:
+    found = error(f"inequality:\n  floor: {entry}\n")
+    assert found[:2] == (code, spot)
+    assert hint in found[2]
+
+
+@pytest.mark.parametrize(
+    ("section", "hint"),
+    [
+        ("contacts", "`inequality`"),
+        ("walls", "`inequality`"),
+        ("constraints", "one-sided ones under `inequality`"),
+        ("event", "`events`"),
+        ("triggers", "`events`"),
+    ],
+)
+def test_a_section_of_another_name(section: str, hint: str) -> None:
+    found = error(f"{section}: {{floor: a.z >= 0}}\n")
+    assert found[:2] == ("unknown-key", section)
+    assert hint in found[2]
+
+
+def test_keys_that_are_not_indented_are_told_once() -> None:
+    found = error("inequality:\n  floor:\n  condition: a.z >= 0\n  restitution: e\n")
+    assert found[:2] == ("not-a-mapping", "condition")
+    assert error("events:\n  top:\n  when: a.vz\n")[:2] == ("not-a-mapping", "when")
+
+
+def test_a_one_sided_condition_under_another_section_is_sent_to_its_own() -> None:
+    for condition in ("a.z >= 0", "a.z > 0"):
+        found = error(f"holonomic:\n  floor: {condition}\n")
+        assert found[0] == "syntax"
+        assert "under `inequality`" in found[2]
 
 
 def test_the_first_member_with_a_wrong_restitution_is_named() -> None:
@@ -158,8 +212,11 @@ def test_the_first_member_with_a_wrong_restitution_is_named() -> None:
         ("{when: e - 3}", "never-crosses", "e - 3", "`t - 1`"),
         ("{when: a.z = 3}", "syntax", "=", "left - right"),
         ("{when: a.z > 3}", "syntax", ">", "`direction: up`"),
+        ("{condition: a.vz}", "unknown-key", "condition", "`when`"),
+        ("{when: a.vz, terminal: true}", "unknown-key", "terminal", "`action: stop`"),
+        ("{when: KE - 3}", "unknown-name", "KE", "under `outputs` or `events` only"),
         ("{when: multiplier(flor)}", "unknown-constraint", "flor", "`floor`"),
-        ("{for: i = 1..3, when: a.z}", "unknown-key", "for", "`when`"),
+        ("{for: i = 1..3, when: a.z}", "unknown-key", "for", "no families"),
     ],
 )
 def test_an_event_that_is_none(entry: str, code: str, spot: str, hint: str) -> None:
@@ -178,3 +235,31 @@ def test_constraints_have_one_namespace_and_events_their_own() -> None:
 def test_a_huge_family_is_refused() -> None:
     found = error("inequality:\n  f[i]: {for: 'i = 1..1e9', condition: 'p[i].z >= 0'}\n")
     assert found[:2] == ("too-many-members", "'i = 1..1e9'")
+
+
+def test_members_of_two_entries_have_names_of_their_own() -> None:
+    text = "inequality:\n  f[i]: {for: 'i = 1..2', condition: 'p[i].z >= 0'}\n"
+    assert error(text + "  f[2]: p[2].x >= 0\n")[:2] == ("duplicate-name", "f[2]")
+    assert read(text + "  f[3]: p[3].x >= 0\n").inequality[1].rows == ("f[3]",)
+
+
+@pytest.mark.parametrize(
+    ("output", "code", "spot"),
+    [
+        ("multiplier(f)", "family-needs-index", "f"),
+        ("multiplier(f[3])", "no-such-member", "f[3]"),
+        ("multiplier(floor.x)", "unknown-constraint", "floor.x"),
+        ("reaction(a, flor)", "unknown-constraint", "flor"),
+        ("reaction(floor)", "wrong-arguments", "floor"),
+    ],
+)
+def test_multipliers_and_forces_of_inequalities_are_checked(output: str, code: str, spot: str) -> None:
+    text = "inequality:\n  floor: a.z >= 0\n  f[i]: {for: 'i = 1..2', condition: 'p[i].z >= 0'}\n"
+    assert read(text + "outputs:\n  o: multiplier(f[2])\n  s: reaction(a, floor)\n").outputs[1].is_vector
+    assert error(text + f"outputs:\n  o: '{output}'\n")[:2] == (code, spot)
+    assert error(text + f"events:\n  o: {{when: 'norm({output})'}}\n")[:2] == (code, spot)
+
+
+def test_a_number_of_degrees_in_a_condition_is_noted() -> None:
+    found = read("inequality:\n  slope: a.z >= a.x*tan(30)\n")
+    assert [note.code for note in found.warnings] == ["angle-in-degrees"]
