@@ -10,29 +10,42 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output.tables import block_file, float_text
+from lagcli.output.tables import block_file, float_text, text_cells
 
 
 class Writer:
     """Writes a table to ``path`` as its rows arrive."""
 
     def __init__(
-        self, path: Path, columns: Sequence[str], provenance: Mapping[str, object] | None = None
+        self,
+        path: Path,
+        columns: Sequence[str],
+        texts: Sequence[str] = (),
+        provenance: Mapping[str, object] | None = None,
     ) -> None:
         self._end = b"\n]}\n"
         if provenance is not None:
             text = json.dumps(provenance, ensure_ascii=False, allow_nan=False)
             self._end = f'\n], "provenance": {text}}}\n'.encode()
-        self._columns = tuple(columns)
+        self._at = text_cells.places(columns, texts)
+        self._numbers = [name for place, name in enumerate(columns) if place not in self._at]
         self._separator = b"\n"
-        names = json.dumps(self._columns, ensure_ascii=False)
+        names = json.dumps(list(columns), ensure_ascii=False)
         self._file = block_file.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
 
-    def write(self, rows: NDArray[np.float64]) -> None:
-        """Append ``rows``, shape (k, columns); ValueError for infinity, which JSON cannot hold."""
-        float_text.require_no_infinity(rows, self._columns)
-        for part in float_text.slices(rows):
-            self._file.append(self._separator + float_text.json_lines(part))
+    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None:
+        """Append ``rows``, shape (k, columns of numbers), and the texts beside them.
+
+        ValueError for infinity, which JSON cannot hold.
+        """
+        float_text.require_no_infinity(rows, self._numbers)
+        for numbers, cells in text_cells.parts(rows, texts):
+            text = float_text.json_lines(numbers)
+            if self._at:
+                found = text[1:-1].split(b"],\n[")
+                words = text_cells.spliced(found, self._at, text_cells.as_json(cells), b",")
+                text = b"[" + b"],\n[".join(words) + b"]"
+            self._file.append(self._separator + text)
             self._separator = b",\n"
 
     def finish(self) -> None:

@@ -10,27 +10,36 @@ import pyarrow
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from lagcli.output.tables import row_buffer
+from lagcli.output.tables import row_buffer, text_cells
 
 _BATCH = 1 << 15  # rows read at a time
 
 
 class Writer:
-    """Writes a table of float64 columns without nulls to ``path`` as its rows arrive; the metadata of its schema hold
-    ``provenance`` as JSON."""
+    """Writes a table of float64 columns, and string ones, without nulls to ``path`` as its rows arrive; the metadata of
+    its schema hold ``provenance`` as JSON."""
 
     def __init__(
-        self, path: Path, columns: Sequence[str], provenance: Mapping[str, object] | None = None
+        self,
+        path: Path,
+        columns: Sequence[str],
+        texts: Sequence[str] = (),
+        provenance: Mapping[str, object] | None = None,
     ) -> None:
-        fields = [pyarrow.field(name, pyarrow.float64(), nullable=False) for name in columns]
+        kinds = {name: pyarrow.string() if name in texts else pyarrow.float64() for name in columns}
+        fields = [pyarrow.field(name, kind, nullable=False) for name, kind in kinds.items()]
         metadata = None if provenance is None else {"provenance": json.dumps(provenance, allow_nan=False)}
         self._schema = pyarrow.schema(fields, metadata=metadata)
-        self._gathered = row_buffer.Gathered(len(columns), self._store)
+        self._texts: dict[int, list[str]] = {place: [] for place in text_cells.places(columns, texts)}
+        self._gathered = row_buffer.Gathered(len(columns) - len(texts), self._store)
         # Dictionaries do not shrink columns in which hardly a number comes twice.
-        self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=False)
+        words = list(texts) or False
+        self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=words)
 
-    def write(self, rows: NDArray[np.float64]) -> None:
-        """Append ``rows``, shape (k, columns)."""
+    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None:
+        """Append ``rows``, shape (k, columns of numbers), and the texts beside them."""
+        for kept, cells in zip(self._texts.values(), texts, strict=True):
+            kept.extend(cells)
         self._gathered.add(rows)
 
     def finish(self) -> None:
@@ -46,6 +55,9 @@ class Writer:
 
     def _store(self, block: NDArray[np.float64]) -> None:
         arrays = [pyarrow.array(column) for column in block]
+        for place, cells in self._texts.items():
+            arrays.insert(place, pyarrow.array(cells[: block.shape[1]], pyarrow.string()))
+            del cells[: block.shape[1]]
         self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema))
 
 
@@ -87,6 +99,18 @@ def numbers(path: Path, names: Sequence[str], length: int) -> NDArray[np.float64
         raise Damaged(_reason(error)) from None
     if row < length:
         raise Damaged(f"it has {row} rows and says {length}")
+    return found
+
+
+def words(path: Path, name: str) -> list[object]:
+    """The cells of a column that holds no plain numbers. Raises `Damaged`."""
+    found: list[object] = []
+    try:
+        with pyarrow.parquet.ParquetFile(str(path)) as file:
+            for batch in file.iter_batches(_BATCH, columns=[name]):
+                found += batch.column(name).to_pylist()
+    except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:
+        raise Damaged(_reason(error)) from None
     return found
 
 

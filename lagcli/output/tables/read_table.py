@@ -10,30 +10,25 @@ import array
 import csv
 import os
 import re
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import BinaryIO, Protocol, TextIO
+from typing import Protocol, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.output import endings
 from lagcli.output.tables import float_text
+from lagcli.output.tables.read_npz import NpzTable
 from lagcli.output.tables.sinks import needing_pyarrow
+from lagcli.output.tables.unreadable import SHOWN, as_text, bad
+from lagcli.output.tables.unreadable import UnreadableTable as UnreadableTable
 
 MOST_NUMBERS = 5_000_000  # of the columns that are read: an audit of as many holds 2 GB (400 bytes a number)
 MOST_LINE = 1 << 22  # characters of a line of CSV: the names of 400 000 columns
 MOST_JSON = 1 << 26  # bytes: a parsed file is up to 27 times as large (empty lists), 1.8 GB
-MOST_HEADER = 4096  # bytes of the header of an array
-SHOWN = 60  # characters of what is no number
 
 Floats = NDArray[np.float64]
-
-
-class UnreadableTable(ValueError):
-    """The file is no table in the format that its ending names, or too large."""
 
 
 class ReadTable(Protocol):
@@ -43,6 +38,9 @@ class ReadTable(Protocol):
 
     def take(self, names: Sequence[str]) -> Floats:
         """The rows (T, len(names)) of columns; what has no value is nan. Raises `UnreadableTable`, OSError."""
+
+    def words(self, name: str) -> list[str]:
+        """The cells of a column of text (T,). Raises `UnreadableTable`, OSError."""
 
 
 def opened(path: str | os.PathLike[str]) -> ReadTable:
@@ -56,7 +54,7 @@ def opened(path: str | os.PathLike[str]) -> ReadTable:
         "csv": _Csv,
         "tsv": _Tsv,
         "json": _Json,
-        "npz": _Npz,
+        "npz": lambda path: NpzTable(path, _check_size),
         "parquet": _Parquet,
     }
     found = kinds[fmt](target)
@@ -69,10 +67,6 @@ def read(path: str | os.PathLike[str]) -> tuple[tuple[str, ...], Floats]:
     """All columns of a table and its rows (T, columns). Raises what `opened` raises."""
     table = opened(path)
     return table.columns, table.take(table.columns)
-
-
-def _bad(path: Path, reason: object) -> UnreadableTable:
-    return UnreadableTable(f"{path} is no table in the format .{path.suffix.lower()[1:]}: {reason}")
 
 
 def _places(columns: Sequence[str], names: Sequence[str]) -> list[int]:
@@ -99,7 +93,7 @@ class _Lines:
         while line := self._file.readline(MOST_LINE):
             self.held += len(line)
             if self.held >= MOST_LINE:
-                raise _bad(self._path, f"a row has {MOST_LINE} characters or more")
+                raise bad(self._path, f"a row has {MOST_LINE} characters or more")
             yield line
 
 
@@ -112,12 +106,24 @@ class _Csv:
         self._path = path
         self.columns = next((tuple(row) for row in self._rows()), ())
         if len(self.columns) == 1 and re.search(self.others, self.columns[0]):
-            raise _bad(path, f"its columns are not separated by {self.called}")
+            raise bad(path, f"its columns are not separated by {self.called}")
 
     def take(self, names: Sequence[str]) -> Floats:
-        """See `Table`."""
+        """See `ReadTable`."""
         places = _places(self.columns, names)
-        numbers, count, blank = array.array("d"), 0, 0
+        numbers, count = array.array("d"), 0
+        for count, row in self._whole(len(names)):
+            numbers.extend([self._number(row[k], count, self.columns[k]) for k in places])
+        return np.array(numbers, dtype=np.float64).reshape(count, len(names))
+
+    def words(self, name: str) -> list[str]:
+        """See `ReadTable`."""
+        place = self.columns.index(name)
+        return [as_text(self._path, row[place], count, name) for count, row in self._whole(1)]
+
+    def _whole(self, wanted: int) -> Iterator[tuple[int, list[str]]]:
+        """The rows, counted from 1, each with all its cells, of which so many are wanted."""
+        count, blank = 0, 0
         rows = self._rows()
         next(rows, None)
         for row in rows:
@@ -127,10 +133,9 @@ class _Csv:
             count += 1
             if blank or len(row) != len(self.columns):
                 many = 0 if blank else len(row)
-                raise _bad(self._path, f"row {count} has {many} entries for {len(self.columns)} columns")
-            _check_size(self._path, count, len(names))
-            numbers.extend([self._number(row[k], count, self.columns[k]) for k in places])
-        return np.array(numbers, dtype=np.float64).reshape(count, len(names))
+                raise bad(self._path, f"row {count} has {many} entries for {len(self.columns)} columns")
+            _check_size(self._path, count, wanted)
+            yield count, row
 
     def _number(self, cell: str, row: int, name: str) -> float:
         try:
@@ -138,7 +143,7 @@ class _Csv:
                 return float(cell) if cell else np.nan
         except ValueError:
             pass
-        raise _bad(self._path, f"row {row}: {cell[:SHOWN]!r} in the column {name[:SHOWN]!r} is no number")
+        raise bad(self._path, f"row {row}: {cell[:SHOWN]!r} in the column {name[:SHOWN]!r} is no number")
 
     def _rows(self) -> Iterator[list[str]]:
         with self._path.open(encoding="utf-8-sig", newline="") as file:
@@ -148,7 +153,7 @@ class _Csv:
                 try:
                     row = next(rows, None)
                 except (csv.Error, UnicodeDecodeError) as error:
-                    raise _bad(self._path, error) from None
+                    raise bad(self._path, error) from None
                 if row is None:
                     return
                 lines.held = 0
@@ -176,109 +181,45 @@ class _Json:
         try:
             found = float_text.parsed_json(text.removeprefix(b"\xef\xbb\xbf"))
         except ValueError as error:
-            raise _bad(path, error) from None
+            raise bad(path, error) from None
         names = found.get("columns") if isinstance(found, dict) else None
         rows = found.get("rows") if isinstance(found, dict) else None
         if not isinstance(names, list) or not isinstance(rows, list):
-            raise _bad(path, "it is no object with the lists `columns` and `rows`")
+            raise bad(path, "it is no object with the lists `columns` and `rows`")
         if not all(isinstance(name, str) for name in names):
-            raise _bad(path, "a name of a column is no text")
+            raise bad(path, "a name of a column is no text")
         self.columns, self._rows = tuple(names), rows
 
     def take(self, names: Sequence[str]) -> Floats:
-        """See `Table`."""
-        _check_size(self._path, len(self._rows), len(names))
+        """See `ReadTable`."""
         places = _places(self.columns, names)
         found = np.empty((len(self._rows), len(names)))
+        for number, row in self._whole(len(names)):
+            found[number - 1] = [self._number(row[k], number, self.columns[k]) for k in places]
+        return found
+
+    def words(self, name: str) -> list[str]:
+        """See `ReadTable`."""
+        place = self.columns.index(name)
+        return [as_text(self._path, row[place], number, name) for number, row in self._whole(1)]
+
+    def _whole(self, wanted: int) -> Iterator[tuple[int, list[object]]]:
+        """As of CSV."""
+        _check_size(self._path, len(self._rows), wanted)
         for number, row in enumerate(self._rows, 1):
             if not isinstance(row, list) or len(row) != len(self.columns):
                 many = len(row) if isinstance(row, list) else "no list of"
-                raise _bad(self._path, f"row {number} has {many} entries for {len(self.columns)} columns")
-            found[number - 1] = [self._number(row[k], number, self.columns[k]) for k in places]
-        return found
+                raise bad(self._path, f"row {number} has {many} entries for {len(self.columns)} columns")
+            yield number, row
 
     def _number(self, cell: object, row: int, name: str) -> float:
         if cell is None:
             return np.nan
         if isinstance(cell, bool) or not isinstance(cell, int | float):
-            raise _bad(
+            raise bad(
                 self._path, f"row {row}: {name[:SHOWN]!r} holds {str(cell)[:SHOWN]!r}, which is no number"
             )
         return float(cell)
-
-
-class _Npz:
-    """A zip archive of arrays, stored or deflated; of their headers only the plainest are taken."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        with path.open("rb") as file, self._archive(file) as archive:
-            self._members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-            self.columns = tuple(info.filename.removesuffix(".npy") for info in archive.infolist())
-
-    def take(self, names: Sequence[str]) -> Floats:
-        """See `Table`."""
-        with self._path.open("rb") as file, self._archive(file) as archive:
-            headers = [self._header(archive, name) for name in names]
-            lengths = {length for _, length, _ in headers}
-            if len(lengths) > 1:
-                raise _bad(self._path, f"its arrays have different lengths: {min(lengths)}, {max(lengths)}")
-            length = lengths.pop() if lengths else 0
-            _check_size(self._path, length, len(names))
-            found = np.empty((length, len(names)))
-            for k, (kind, _, start) in enumerate(headers):
-                data = self._bytes(archive, names[k], start, length * kind.itemsize)
-                found[:, k] = np.frombuffer(data, kind)
-        return found
-
-    def _archive(self, file: BinaryIO) -> zipfile.ZipFile:
-        try:
-            return zipfile.ZipFile(file)
-        except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError) as error:
-            # The file is open: an OSError is a place that the archive names and that is not there.
-            raise _bad(self._path, error) from None
-
-    def _header(self, archive: zipfile.ZipFile, name: str) -> tuple[np.dtype[np.generic], int, int]:
-        """Type and length of an array, and where its numbers begin; without running what its header says."""
-        info = self._members[name]
-        if info.flag_bits & 1:
-            raise _bad(self._path, f"`{name}` is encrypted")
-        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise _bad(self._path, f"`{name}` is compressed by a method that NumPy does not write")
-        head = self._bytes(archive, name, 0, min(MOST_HEADER, info.file_size))
-        if head[:6] != b"\x93NUMPY" or len(head) < 12:
-            raise _bad(self._path, f"`{name}` is no array")
-        first = 10 if head[6] == 1 else 12
-        start = first + int.from_bytes(head[8:first], "little")
-        text = head[first:start].decode("latin-1")
-        kind = re.search(r"'descr': *'([<>|=]?[fiu][1248])'", text)
-        shape = re.search(r"'shape': *\((\d{1,15}),?\)", text)
-        if kind is None or shape is None or start > MOST_HEADER:
-            raise _bad(self._path, f"`{name}` is no column of real numbers: {text[:SHOWN].strip()}")
-        if kind[1].endswith("f1"):  # a number of one byte has no fractions
-            raise _bad(self._path, f"`{name}` is no column of real numbers: {kind[1]}")
-        plain = np.dtype(kind[1])
-        if start + int(shape[1]) * plain.itemsize != info.file_size:
-            raise _bad(self._path, f"`{name}` is said to have {shape[1]} numbers, which its size denies")
-        return plain, int(shape[1]), start
-
-    def _bytes(self, archive: zipfile.ZipFile, name: str, start: int, count: int) -> bytes:
-        try:
-            with archive.open(self._members[name]) as member:
-                member.read(start)
-                data = member.read(count)
-        except (
-            zipfile.BadZipFile,
-            zlib.error,
-            EOFError,
-            NotImplementedError,
-            RuntimeError,
-            OSError,
-        ) as error:
-            raise _bad(self._path, f"`{name}`: {error or 'it ends too early'}") from None
-        if len(data) != count:
-            raise _bad(self._path, f"`{name}` ends too early")
-        return data
 
 
 class _Parquet:
@@ -293,15 +234,26 @@ class _Parquet:
         try:
             self.columns, self._length, self._odd = parquet_table.outline(path)
         except parquet_table.Damaged as error:
-            raise _bad(path, error) from None
+            raise bad(path, error) from None
 
     def take(self, names: Sequence[str]) -> Floats:
-        """See `Table`."""
+        """See `ReadTable`."""
         _check_size(self._path, self._length, len(names))
         for name in names:
             if name in self._odd:
-                raise _bad(self._path, f"`{name}` holds {self._odd[name]}, no plain numbers")
+                raise bad(self._path, f"`{name}` holds {self._odd[name]}, no plain numbers")
         try:
             return self._table.numbers(self._path, names, self._length)
         except self._table.Damaged as error:
-            raise _bad(self._path, error) from None
+            raise bad(self._path, error) from None
+
+    def words(self, name: str) -> list[str]:
+        """See `ReadTable`."""
+        _check_size(self._path, self._length, 1)
+        if name not in self._odd:
+            raise bad(self._path, f"`{name}` holds numbers and no text")
+        try:
+            found = self._table.words(self._path, name)
+        except self._table.Damaged as error:
+            raise bad(self._path, error) from None
+        return [as_text(self._path, cell, row, name) for row, cell in enumerate(found, 1)]

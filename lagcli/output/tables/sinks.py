@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lagcli import requirements
 from lagcli.output import atomic_file, endings
-from lagcli.output.tables import csv_table, json_table, npz_table, tsv_table
+from lagcli.output.tables import csv_table, json_table, npz_table, text_cells
 
 
 class MissingExtra(RuntimeError):
@@ -29,8 +29,9 @@ class Sink(Protocol):
     before. All methods let OSError pass; a commit or keep_partial that fails has discarded.
     """
 
-    def write(self, rows: NDArray[np.float64]) -> None:
-        """Append ``rows``, shape (k, columns); raises ValueError for another shape or an ended sink."""
+    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None:
+        """Append ``rows``, shape (k, columns of numbers), and the cells of each column of text; raises ValueError for
+        another shape or an ended sink."""
 
     @property
     def is_file(self) -> bool:
@@ -55,14 +56,14 @@ class Sink(Protocol):
 class _Writer(Protocol):
     """One file format."""
 
-    def write(self, rows: NDArray[np.float64]) -> None: ...
+    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None: ...
 
     def finish(self) -> None: ...
 
     def abandon(self) -> None: ...
 
 
-Make = Callable[[Path, Sequence[str]], _Writer]
+Make = Callable[[Path, Sequence[str], Sequence[str]], _Writer]
 
 
 def open_sink(
@@ -70,8 +71,9 @@ def open_sink(
     columns: Sequence[str],
     fmt: str | None = None,
     provenance: Mapping[str, object] | None = None,
+    texts: Sequence[str] = (),
 ) -> Sink:
-    """A sink for the table with the names ``columns``.
+    """A sink for the table with the names ``columns``; those in ``texts`` hold text, the others numbers.
 
     ``target`` is a path, whose ending (or ``fmt``, one of ``endings.TABLES``) picks the format, or an open
     stream, which gets CSV, flushed after every block. A file is written aside and moved into place.
@@ -86,18 +88,18 @@ def open_sink(
     if not isinstance(target, str | os.PathLike):
         if fmt not in (None, "csv"):
             raise endings.UnknownFormat(f"a stream as {fmt}", ("csv",))
-        return _StreamSink(target, columns)
+        return _StreamSink(target, columns, texts)
     path = Path(target)
     if fmt is None:
         fmt = endings.of(path, endings.TABLES)
-    return _FileSink(path, columns, _writer(path, fmt, provenance))
+    return _FileSink(path, columns, texts, _writer(path, fmt, provenance))
 
 
 class _Base(abc.ABC):
     """The common part of all sinks."""
 
-    def __init__(self, columns: Sequence[str]) -> None:
-        self._width = len(columns)
+    def __init__(self, columns: Sequence[str], texts: Sequence[str]) -> None:
+        self._width, self._texts = len(columns) - len(texts), len(texts)
         self._ended = False
 
     @abc.abstractmethod
@@ -123,22 +125,24 @@ class _Base(abc.ABC):
         if self._ended:
             raise ValueError("the sink has ended")
 
-    def _checked(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _checked(self, rows: NDArray[np.float64], texts: text_cells.Texts) -> NDArray[np.float64]:
         self._must_be_open()
         if rows.ndim != 2 or rows.shape[1] != self._width:
             raise ValueError(f"rows of shape {rows.shape} for {self._width} columns")
+        if len(texts) != self._texts or any(len(cells) != len(rows) for cells in texts):
+            raise ValueError(f"texts that do not fit {len(rows)} rows of {self._texts} columns of text")
         return rows.astype(np.float64, copy=False)
 
 
 class _FileSink(_Base):
-    def __init__(self, path: Path, columns: Sequence[str], make: Make) -> None:
-        super().__init__(columns)
+    def __init__(self, path: Path, columns: Sequence[str], texts: Sequence[str], make: Make) -> None:
+        super().__init__(columns, texts)
         self._aside = atomic_file.Aside(path)
         with atomic_file.undone_by(self._aside.discard):
-            self._writer = make(self._aside.path, columns)
+            self._writer = make(self._aside.path, columns, texts)
 
-    def write(self, rows: NDArray[np.float64]) -> None:
-        self._writer.write(self._checked(rows))
+    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None:
+        self._writer.write(self._checked(rows, texts), texts)
 
     @property
     def is_file(self) -> bool:
@@ -174,11 +178,11 @@ class _FileSink(_Base):
 
 
 class _StreamSink(_Base):
-    def __init__(self, stream: BinaryIO | TextIO, columns: Sequence[str]) -> None:
-        super().__init__(columns)
+    def __init__(self, stream: BinaryIO | TextIO, columns: Sequence[str], texts: Sequence[str]) -> None:
+        super().__init__(columns, texts)
+        self._table = csv_table.CsvText(columns, texts)
         # Written with the first rows, so that a run which fails before them leaves the stream empty.
-        self._columns = tuple(columns)
-        self._header = csv_table.header(columns)
+        self._header = self._table.header()
         self._text: TextIO | None = None
         if isinstance(stream, io.TextIOBase):
             # The bytes below the text, where there are any: a text layer may turn "\n" into "\r\n".
@@ -188,8 +192,8 @@ class _StreamSink(_Base):
         else:
             self._bytes = cast(BinaryIO, stream)
 
-    def write(self, rows: NDArray[np.float64]) -> None:
-        parts = csv_table.lines(self._checked(rows), self._columns)
+    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None:
+        parts = self._table.lines(self._checked(rows, texts), texts)
         self._put(self._header)
         self._header = b""
         for part in parts:
@@ -243,7 +247,7 @@ def _writer(path: Path, fmt: str, provenance: Mapping[str, object] | None) -> Ma
         case "csv":
             return csv_table.Writer
         case "tsv":
-            return tsv_table.Writer
+            return functools.partial(csv_table.Writer, delimiter="\t")
         case "json":
             return functools.partial(json_table.Writer, provenance=provenance)
         case "npz":

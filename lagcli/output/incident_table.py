@@ -1,0 +1,204 @@
+"""The incidents of a run as a table and as a sequence: `--events` and `run.events`."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import operator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from typing import overload
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.errors import diagnostics
+from lagcli.model.model import Model
+from lagcli.simulation.incident import KINDS, Incident
+
+Floats = npt.NDArray[np.float64]
+Words = npt.NDArray[np.str_]
+Column = Floats | Words
+
+TEXTS = ("kind", "name")
+HEAD = ("t", *TEXTS)
+IMPULSE, BEFORE, AFTER = "impulse.", "before.", "after."
+SHOWN = 6  # incidents in a repr
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class IncidentColumns:
+    """The columns of the table of incidents of a model.
+
+    names: all of them; positions, velocities: numbers of the columns of `System.columns` that are positions or
+    coordinates, and their rates.
+    """
+
+    names: tuple[str, ...]
+    positions: list[int]
+    velocities: list[int]
+
+    def numbers(self, incidents: Sequence[Incident]) -> Floats:
+        """The columns of numbers (k, all but `TEXTS`) of k incidents."""
+        rows = np.empty((len(incidents), len(self.names) - len(TEXTS)))
+        for row, incident in zip(rows, incidents, strict=True):
+            before, after = incident.before[self.velocities], incident.after[self.velocities]
+            row[0] = incident.t
+            row[1:] = np.concatenate([incident.impulses, incident.after[self.positions], before, after])
+        rows += 0.0  # no table shows -0.0
+        return rows
+
+    def words(self, incidents: Sequence[Incident]) -> tuple[list[str], list[str]]:
+        """The columns of text: kinds and names."""
+        return [incident.kind for incident in incidents], [incident.name for incident in incidents]
+
+    def table(self, incidents: Sequence[Incident]) -> IncidentTable:
+        """The table of incidents in the order of time."""
+        return IncidentTable(self.names, *self.words(incidents), self.numbers(incidents))
+
+
+def columns(model: Model, columns: Sequence[str]) -> IncidentColumns:
+    """The columns of the incidents of a model from those of its table, `System.columns`."""
+    particles, generalized = model.particle_names, model.generalized_names
+    places = {*(f"{name}.{axis}" for name in particles for axis in "xyz"), *generalized}
+    rates = {*(f"{name}.v{axis}" for name in particles for axis in "xyz")}
+    rates |= {f"rate({name})" for name in generalized}
+    positions = [i for i, name in enumerate(columns) if name in places]
+    velocities = [i for i, name in enumerate(columns) if name in rates]
+    multipliers = [name.removeprefix("lambda.") for name in columns if name.startswith("lambda.")]
+    names = [
+        *HEAD,
+        *(IMPULSE + name for name in multipliers),
+        *(columns[i] for i in positions),
+        *(BEFORE + columns[i] for i in velocities),
+        *(AFTER + columns[i] for i in velocities),
+    ]
+    return IncidentColumns(tuple(names), positions, velocities)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class IncidentRow:
+    """An incident of `run.events`, by the names of constraints, positions and velocities.
+
+    kind: impact, contact, release, accumulation, event or crossing; name: of the constraint or event; impulses: of
+    every constraint at that instant, in units of lambda times time; at: positions and coordinates; before, after:
+    velocities and rates.
+    """
+
+    t: float
+    kind: str
+    name: str
+    impulses: dict[str, float]
+    at: dict[str, float]
+    before: dict[str, float]
+    after: dict[str, float]
+
+    def __repr__(self) -> str:
+        pushed = ", ".join(f"{name}: {value:.6g}" for name, value in self.impulses.items() if value)
+        return (
+            f"<{self.kind} of {self.name} at t = {self.t:.9g}{f', impulses {{{pushed}}}' if pushed else ''}>"
+        )
+
+
+class IncidentTable(Sequence[IncidentRow]):
+    """The incidents of a run in the order of time; by name also the columns of their table, as `dict(run.events)`.
+
+    columns: all names, `t`, `kind` and `name` first; numbers: the columns that hold numbers (k, len(columns) - 2), in
+    the same order; kinds, names: of the incidents (k,).
+    """
+
+    def __init__(
+        self, columns: Sequence[str], kinds: Iterable[str], names: Iterable[str], numbers: Floats
+    ) -> None:
+        self.columns, self.numbers = tuple(columns), numbers
+        self.kinds, self.names = tuple(kinds), tuple(names)
+
+    @overload
+    def __getitem__(self, key: str) -> Column: ...
+    @overload
+    def __getitem__(self, key: int) -> IncidentRow: ...
+    @overload
+    def __getitem__(self, key: slice) -> IncidentTable: ...
+    def __getitem__(self, key: str | int | slice) -> Column | IncidentRow | IncidentTable:
+        if isinstance(key, str):
+            return self._column(key)
+        if isinstance(key, slice):
+            return IncidentTable(self.columns, self.kinds[key], self.names[key], self.numbers[key])
+        return self._row(range(len(self))[operator.index(key)])
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    def __iter__(self) -> Iterator[IncidentRow]:
+        return map(self._row, range(len(self)))
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.columns if isinstance(key, str) else super().__contains__(key)
+
+    def __repr__(self) -> str:
+        if not len(self):
+            return "<IncidentTable: no incidents>"
+        counts = ", ".join(f"{n} {kind}" for kind, n in sorted(Counter(self.kinds).items(), key=_by_kind))
+        first, last = self.numbers[0, 0], self.numbers[-1, 0]
+        return f"<IncidentTable: {counts}; t = {first:.9g} to {last:.9g}>"
+
+    def keys(self) -> tuple[str, ...]:
+        """The names of the columns."""
+        return self.columns
+
+    def values(self) -> Iterator[Column]:
+        """The columns (k,)."""
+        return map(self._column, self.columns)
+
+    def items(self) -> Iterator[tuple[str, Column]]:
+        """The columns with their names."""
+        return zip(self.columns, self.values(), strict=True)
+
+    @property
+    def t(self) -> Floats:
+        """The times (k,)."""
+        return self.numbers[:, 0]
+
+    def of(self, kind: str | None = None, name: str | None = None) -> IncidentTable:
+        """The incidents of a kind, of a name, or of both."""
+        pairs = zip(self.kinds, self.names, strict=True)
+        kept = [i for i, (k, n) in enumerate(pairs) if kind in (None, k) and name in (None, n)]
+        kinds, names = ([words[i] for i in kept] for words in (self.kinds, self.names))
+        return IncidentTable(self.columns, kinds, names, self.numbers[kept])
+
+    def to_pandas(self) -> object:
+        """The table as a `pandas.DataFrame`, a row an incident. Raises `ImportError` without pandas."""
+        try:
+            import pandas
+        except ModuleNotFoundError as error:
+            raise ImportError("to_pandas() needs pandas: pip install pandas") from error
+        frame: object = pandas.DataFrame(dict(self.items()))
+        return frame
+
+    @functools.cached_property
+    def _places(self) -> dict[str, int]:
+        numbers = (name for name in self.columns if name not in TEXTS)
+        return {name: place for place, name in enumerate(numbers)}
+
+    def _column(self, name: str) -> Column:
+        if name in TEXTS:
+            return np.array(self.kinds if name == "kind" else self.names, dtype=np.str_)
+        if name not in self._places:
+            hint = diagnostics.nearest(name, self.columns)
+            raise KeyError(f"there is no column `{name}`" + (f"; {hint}" if hint else ""))
+        return self.numbers[:, self._places[name]]
+
+    def _row(self, number: int) -> IncidentRow:
+        values = self.numbers[number]
+        parts: dict[str, dict[str, float]] = {IMPULSE: {}, BEFORE: {}, AFTER: {}, "": {}}
+        for name, place in self._places.items():
+            if place:
+                prefix = next(part for part in parts if name.startswith(part))
+                parts[prefix][name.removeprefix(prefix)] = float(values[place])
+        named = parts[IMPULSE], parts[""], parts[BEFORE], parts[AFTER]
+        return IncidentRow(float(values[0]), self.kinds[number], self.names[number], *named)
+
+
+def _by_kind(counted: tuple[str, int]) -> int:
+    kind, _ = counted
+    return [str(known) for known in KINDS].index(kind) if kind in KINDS else len(KINDS)
