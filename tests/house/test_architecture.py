@@ -20,7 +20,7 @@ FLOORS = (
     ("model", "input"),
     ("equations",),
     ("compiled", "linear"),
-    ("start",),
+    ("contact", "start"),
     ("pfaffian", "simulation", "analysis", "auditing", "output", "formulations", "derivation"),
     ("api",),
     ("cli", "__main__"),

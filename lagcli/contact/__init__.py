@@ -1,0 +1,8 @@
+"""One-sided rows at one instant and along one step: plain numbers, and no integrator.
+
+In: functions of x in [0, 1] along a step; M, the rows B and G and the velocities at an instant
+Out: the first crossing of zero; impulses, velocities after an impact, forces of contacts, or why there are none
+
+`zero_search` finds where functions first cross zero and loses no root it could see, `zero_bounds` holds the bounds of
+a function on a piece of the step that it works with.
+"""
