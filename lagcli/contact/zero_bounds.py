@@ -55,11 +55,11 @@ class Piece:
         return self.right.x - self.left.x
 
     def among(self, kept: Flags) -> Piece:
-        """The same with some of the rows."""
+        """Some of the rows alone."""
         return dataclasses.replace(self, rows=self.rows[kept], doubt=self.doubt[kept])
 
     def ended(self, right: Sample) -> Piece:
-        """What is left of an inner sample, which told nothing new about the doubt."""
+        """Its part left of an inner sample, which told nothing new about the doubt."""
         return dataclasses.replace(self, right=right)
 
     def cut(self, inner: Sample, noise: Floats) -> tuple[Piece, Piece]:
@@ -85,7 +85,7 @@ class Piece:
         )
 
     def wary(self) -> Piece:
-        """The same with no less doubt than a part of how much the cubics bend: one misfit may be small by chance."""
+        """The piece with no less doubt than a part of how much the cubics bend: one misfit may be small by chance."""
         bounds = self.bounds()
         bend = np.maximum(
             np.abs(bounds.b0 - 2 * bounds.b1 + bounds.b2), np.abs(bounds.b1 - 2 * bounds.b2 + bounds.b3)
@@ -143,7 +143,7 @@ class Bounds:
         return once
 
     def fall(self, row: int) -> float:
-        """Where in the piece, in [0, 1], the cubic of a function that falls to below zero once does so."""
+        """The place in the piece, in [0, 1], at which the cubic of a function that falls to below zero once does so."""
         b0, b1, b2, b3 = (float(b[row]) for b in (self.b0, self.b1, self.b2, self.b3))
         level = min(b0, 0.0)
         low, high = 0.0, 1.0
@@ -155,8 +155,8 @@ class Bounds:
         return (low + high) / 2
 
     def lowest(self, is_up: Flags) -> float | None:
-        """Where in the piece, in (0, 1), the function that comes nearest to leaving its side turns back; None where
-        that cannot be told."""
+        """The place in the piece, in (0, 1), at which the function that comes nearest to leaving its side turns back;
+        None where that cannot be told."""
         sign = np.where(is_up, 1.0, -1.0)
         b = [sign * c for c in (self.b0, self.b1, self.b2, self.b3)]
         low, high = functools.reduce(np.minimum, b), functools.reduce(np.maximum, b)

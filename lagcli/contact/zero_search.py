@@ -35,8 +35,8 @@ MOST_STEPS = 130
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Crossing:
-    """What a search has found.
+class FirstCrossing:
+    """The end of a search.
 
     x: the first place at which a function crosses zero in its direction, None where none does; `rows` cross there.
     ending: functions that arrive at zero at x = 1, to rounding, from their side, where none crosses before: what they
@@ -59,7 +59,7 @@ def first_crossing(
     armed: npt.ArrayLike = True,
     together: float = 0.0,
     most: int = MOST,
-) -> Crossing:
+) -> FirstCrossing:
     """The first crossing of zero by functions of x in [0, 1], to double precision.
 
     noise: (K,) rounding of the values; a function within it is at zero. One crosses when it goes from its side to
@@ -71,7 +71,7 @@ def first_crossing(
     """
     count = noise.size
     if not count:
-        return Crossing(None)
+        return FirstCrossing(None)
     search = _Search(values, np.asarray(noise, dtype=float), most)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         search.begin(np.broadcast_to(direction, count), np.broadcast_to(armed, count))
@@ -107,7 +107,7 @@ class _Search:
         spent = ~armed & (direction != BOTH)
         self.up = (self.start.g >= -self.noise) & ~spent
 
-    def run(self, together: float) -> Crossing:
+    def run(self, together: float) -> FirstCrossing:
         count = self.noise.size
         end = self.sample(1.0)
         piece = Piece(self.start, end, np.arange(count), np.zeros(count))
@@ -128,9 +128,9 @@ class _Search:
                 pieces += reversed(piece.cut(self.sample(self.place(piece)), self.noise[piece.rows]))
         if found is None:
             ending = self.up & (np.abs(end.g) <= self.noise) & (self.start.g > self.noise)
-            return Crossing(None, ending=_numbers(ending), evaluations=self.evaluations)
+            return FirstCrossing(None, ending=_numbers(ending), evaluations=self.evaluations)
         x = found[1].x
-        return Crossing(x, self.near(*found, together), clear=x, evaluations=self.evaluations)
+        return FirstCrossing(x, self.near(*found, together), clear=x, evaluations=self.evaluations)
 
     def open_on(self, piece: Piece) -> Piece:
         """Those functions that may leave their side in a piece in a way not yet known; sides change where they do."""
@@ -185,7 +185,7 @@ class _Search:
         return sample
 
     def place(self, piece: Piece) -> float:
-        """Where a piece is cut: at the lowest place of a function that comes near zero, if that can be told."""
+        """The place of a cut: at the lowest place of a function that comes near zero, if that can be told."""
         u = piece.bounds().lowest(self.up[piece.rows])
         part = GOLDEN if u is None else min(max(u, MARGIN), 1 - MARGIN)
         return piece.left.x + part * piece.width
@@ -196,9 +196,9 @@ class _Search:
         near[row] = True
         return _numbers(near)
 
-    def unresolved(self, piece: Piece) -> Crossing:
+    def unresolved(self, piece: Piece) -> FirstCrossing:
         rows = tuple(int(row) for row in piece.rows)
-        return Crossing(None, unresolved=rows, clear=piece.left.x, evaluations=self.evaluations)
+        return FirstCrossing(None, unresolved=rows, clear=piece.left.x, evaluations=self.evaluations)
 
 
 def _numbers(flags: Flags) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli.contact import zero_search
-from lagcli.contact.zero_search import BOTH, DOWN, UP, Crossing
+from lagcli.contact.zero_search import BOTH, DOWN, UP, FirstCrossing
 
 Floats = npt.NDArray[np.float64]
 Function = Callable[[float], float]
@@ -17,7 +17,7 @@ Function = Callable[[float], float]
 NOISE = 1e-15
 
 
-def search(*functions: tuple[Function, Function], noise: float = NOISE, **options: object) -> Crossing:
+def search(*functions: tuple[Function, Function], noise: float = NOISE, **options: object) -> FirstCrossing:
     """The first crossing of functions given with their slopes."""
 
     def values(x: float) -> tuple[Floats, Floats]:
