@@ -15,13 +15,15 @@ from lagcli.api.load import Path, as_model
 from lagcli.api.simulate import simulate
 from lagcli.equations import row_jumps
 from lagcli.model.model import Model, Simulation
-from lagcli.output import table_columns
+from lagcli.output import incident_table, table_columns
+from lagcli.output.incident_table import IncidentTable
 from lagcli.output.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation import run_stop, step_tolerance
 from lagcli.simulation.global_error import error_estimate
 
 if TYPE_CHECKING:
     from lagcli.auditing.audit_report import Audit
+    from lagcli.auditing.incident_record import EventTable
 
 Floats = npt.NDArray[np.float64]
 
@@ -42,11 +44,13 @@ def audit(
     max_step: float | None = None,
     assemble: bool | None = None,
     digits: bool = False,
+    events: IncidentTable | Path | None = None,
 ) -> Audit:
     """Check a run by its table and the model alone, without the functions that made it.
 
     `run`: a trajectory, or the file of a table; without one the model is simulated now, with the other options as of
-    `simulate`. For a table that is given, `rtol` and `atol` say how well it was computed. `passed` says whether no
+    `simulate`. `events`: the incidents of that run, `run.events` or the file of `simulate --events`. For a table that
+    is given, `rtol` and `atol` say how well it was computed. `passed` says whether no
     check fails, `checks` has each with its worst place and limit. Raises `ModelError`, `ValueError` for a table that
     lacks columns and for bad options, `OSError`.
     """
@@ -69,12 +73,17 @@ def audit(
     else:
         table, notes = _dense(model)
         columns, rows = table.columns, table.rows
+    if events is not None and not isinstance(events, IncidentTable):
+        from lagcli.output.tables import read_events
+
+        events = read_events.read_events(events)
     tolerance = tolerances.Tolerance(
         chosen.rtol,
         step_tolerance.absolute(chosen, table_columns.size(model, columns, rows)),
         row_jumps.jumps(model),
     )
-    found = all_checks.audit(model, columns, rows, tolerance, notes, unread)
+    given = all_checks.AuditedTable(columns, rows, unread, _event_table(events))
+    found = all_checks.audit(model, given, tolerance, notes)
     found = dataclasses.replace(found, complete=not notes)
     return _with_digits(found, model, columns, rows) if digits else found
 
@@ -92,6 +101,16 @@ def _read(model: Model, path: Path) -> tuple[tuple[str, ...], Floats, tuple[str,
     known = set(columns)
     unread = tuple(name for name in table_file.columns if name not in known)
     return columns, table_file.take(columns), unread
+
+
+def _event_table(events: IncidentTable | None) -> EventTable | None:
+    """The incidents as an audit takes them: it knows nothing of their tables."""
+    from lagcli.auditing.incident_record import EventTable
+
+    if events is None:
+        return None
+    columns = tuple(name for name in events.columns if name not in incident_table.TEXTS)
+    return EventTable(events.kinds, events.names, columns, events.numbers)
 
 
 def _dense(model: Model) -> tuple[Trajectory, tuple[str, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,13 +13,16 @@ from lagcli.auditing import (
     checks_pointwise,
     checks_steps,
     hamilton,
+    incident_record,
     momenta,
+    one_sided,
     table_input,
     uniqueness_text,
 )
 from lagcli.auditing.audit_report import Audit, Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
 from lagcli.auditing.differences import Estimate
+from lagcli.auditing.incident_record import EventTable
 from lagcli.auditing.laws import ModelLaws, start
 from lagcli.auditing.table_input import Record
 from lagcli.auditing.tolerances import RESOLVED, Evidence, Tolerance
@@ -27,30 +31,42 @@ from lagcli.model import model as nouns
 NUMBERS = CheckedLaw("numbers", "", "every entry is a finite number")
 
 
-def audit(
-    model: nouns.Model,
-    columns: Sequence[str],
-    rows: Array,
-    tolerance: Tolerance,
-    notes: Sequence[str] = (),
-    unread: Sequence[str] = (),
-) -> Audit:
-    """The second opinion on a table, rows (T, len(columns)), of a model run to a tolerance.
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class AuditedTable:
+    """Columns with their rows (T, len(columns)); unread: further columns, which are not at hand; events: the incidents
+    of the run, where they are."""
 
-    unread: further columns of the table, which are not at hand.
+    columns: Sequence[str]
+    rows: Array
+    unread: Sequence[str] = ()
+    events: EventTable | None = None
+
+
+def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: Sequence[str] = ()) -> Audit:
+    """The second opinion on the table of a model run to a tolerance.
+
     Raises `table_input.TableError` where columns are missing or times do not increase.
     """
-    laws = ModelLaws(model, tolerance.jumps)
+    columns, rows, events = table.columns, table.rows, table.events
+    laws = _laws(model, tolerance)
+    is_smooth = not (model.inequality or model.events)
+    incidents = incident_record.read(laws, events) if events is not None else None
     known = set(table_input.wanted(laws, columns))
-    unread = (*(name for name in columns if name not in known), *unread)
-    found = table_input.read(laws, columns, rows)
+    unread = (*(name for name in columns if name not in known), *table.unread)
+    found = table_input.read(laws, columns, rows, repeats=not is_smooth)
     numbers = _numbers(laws, found)
     checks = [numbers]
     sentences: tuple[str, ...] = ()
     figures: tuple[tuple[str, float], ...] = ()
     if numbers.verdict != "fail":
         with np.errstate(all="ignore"):
-            more, sentences, figures = _examined(Evidence(laws, found, tolerance), columns, rows)
+            e = Evidence(laws, found, tolerance)
+            if model.inequality or np.any(np.diff(found.t) == 0):
+                judged = one_sided.OneSidedAudit(e, incidents).examined(columns, rows)
+                more, sentences, figures, said = judged
+                notes = (*notes, *said)
+            else:
+                more, sentences, figures = _examined(e, columns, rows)
         checks += more
     return Audit(
         title=model.title,
@@ -70,7 +86,13 @@ def audit(
 
 def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
     """The columns that an audit reads of those of a table. Raises `table_input.TableError` with what is missing."""
-    return table_input.wanted(ModelLaws(model), columns)
+    return table_input.wanted(_laws(model), columns)
+
+
+def _laws(model: nouns.Model, tolerance: Tolerance | None = None) -> ModelLaws:
+    """The laws of a model with all its inequalities as rows."""
+    count = sum(law.members.count for law in model.inequality)
+    return ModelLaws(model, tolerance.jumps if tolerance else {}, range(count))
 
 
 def _examined(

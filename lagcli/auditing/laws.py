@@ -59,15 +59,24 @@ NOTHING: Mapping[int, tuple[float, ...]] = {}
 
 
 class ModelLaws:
-    """The laws of a model, ready to be evaluated at any rows. jumps: those of `tolerances.Tolerance`."""
+    """The laws of a model, ready to be evaluated at any rows. jumps: those of `tolerances.Tolerance`; closed: numbers
+    of inequalities that hold as equations g = 0, in their order, which stand after the other holonomic rows."""
 
-    def __init__(self, model: nouns.Model, jumps: Mapping[int, tuple[float, ...]] = NOTHING) -> None:
+    def __init__(
+        self,
+        model: nouns.Model,
+        jumps: Mapping[int, tuple[float, ...]] = NOTHING,
+        closed: Sequence[int] = (),
+    ) -> None:
         self.model, self.cast = model, ModelIndex(model)
         self.bodies = self._geometries() if model.rigid else ()
         self.holonomic = [name for law in model.holonomic for name in law.rows]
         for body, geometry in zip(model.rigid, self.bodies, strict=True):
             count = len(geometry.pairs) + 3 * len(geometry.further)
             self.holonomic += [f"{body.name}.{i}" for i in range(1, count + 1)]
+        self.contacts = tuple(name for law in model.inequality for name in law.rows)
+        self.holonomic += [self.contacts[j] for j in closed]
+        self._closed = list(_members(model.inequality, np.array(closed, dtype=np.int64)))
         self.rows = (*self.holonomic, *(name for law in model.differential for name in law.rows))
         self.s, self.C = len(self.holonomic), len(self.rows)
         self._pattern: Array | None = None
@@ -240,6 +249,13 @@ class ModelLaws:
             for x, offsets in _rigid_rows(scene, numbers, geometry):
                 surfaces.append((x, first + offsets))
             first += len(geometry.pairs) + 3 * len(geometry.further)
+        for inequality, members in self._closed:
+            assert isinstance(inequality.equation.tree, tree.Relation)
+            algebra = scene.algebra(inequality.members.taken(members))
+            surfaces.append(
+                (evaluate.difference(inequality.equation.tree, algebra)[0], first + np.arange(members.size))
+            )
+            first += members.size
         for differential in self.model.differential:
             first = _lay(scene, differential, laws, first)
         return surfaces, laws
@@ -355,6 +371,17 @@ def _lay(
     for axis, part in enumerate(parts):
         into.append((part, first + len(parts) * members + axis))
     return first + len(parts) * law.members.count
+
+
+def _members(laws: Sequence[nouns.Inequality], numbers: Whole) -> Iterator[tuple[nouns.Inequality, Whole]]:
+    """The inequalities with those of their members that are among these numbers of all."""
+    first = 0
+    for law in laws:
+        count = law.members.count
+        found = numbers[(numbers >= first) & (numbers < first + count)] - first
+        if found.size:
+            yield law, found
+        first += count
 
 
 def _rigid_rows(

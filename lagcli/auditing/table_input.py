@@ -87,15 +87,18 @@ def wanted(laws: ModelLaws, columns: Sequence[str]) -> tuple[str, ...]:
     return (*needed, *(name for name in own if name in known))
 
 
-def read(laws: ModelLaws, columns: Sequence[str], rows: Array) -> Record:
-    """The record in a table, rows (T, len(columns)). Raises `TableError` with what is missing."""
+def read(laws: ModelLaws, columns: Sequence[str], rows: Array, repeats: bool = False) -> Record:
+    """The record in a table, rows (T, len(columns)). Raises `TableError` with what is missing.
+
+    repeats: several rows may stand at one time, before and after an incident.
+    """
     wanted(laws, columns)
     known = {name: i for i, name in enumerate(columns)}
     t = rows[:, known["t"]]
     if not len(t):
         raise TableError("the table has no rows")
     with np.errstate(invalid="ignore"):  # inf - inf
-        grows = np.diff(t) > 0
+        grows = (np.diff(t) > 0) | (repeats & (np.diff(t) == 0))
     if not np.isfinite(t).all() or not grows.all():
         k = int(np.argmax(np.concatenate([[not np.isfinite(t[0])], ~(grows & np.isfinite(t[1:]))])))
         raise TableError(f"the times of the table do not increase: row {k + 1} is at t = {t[k]:.9g}")

@@ -43,9 +43,15 @@ class Tolerance:
 
 
 class Evidence:
-    """The record of a run beside what the model says at its rows. All numbers of the record are finite but lambda."""
+    """The record of a run beside what the model says at its rows. All numbers of the record are finite but lambda.
 
-    def __init__(self, laws: ModelLaws, found: Record, tolerance: Tolerance) -> None:
+    whole: the record of which `found` is a part; the sizes to which a run was made are those of all its rows.
+    """
+
+    def __init__(
+        self, laws: ModelLaws, found: Record, tolerance: Tolerance, whole: Record | None = None
+    ) -> None:
+        self._whole = whole or found
         self.laws, self.record, self.tolerance = laws, found, tolerance
         self.names: TableNames = table_input.names(laws)
         self.grid = DifferenceGrid(found.t)
@@ -65,12 +71,12 @@ class Evidence:
     @functools.cached_property
     def off_q(self) -> Array:
         """By how much the coordinates may be off, (n,)."""
-        return self._off(self.record.q, self.record.x)
+        return self._off(self._whole.q, self._whole.x)
 
     @functools.cached_property
     def off_v(self) -> Array:
         """By how much their rates may be off, (n,)."""
-        return self._off(self.record.v, self.record.u)
+        return self._off(self._whole.v, self._whole.u)
 
     def _off(self, y: Array, beside: Array) -> Array:
         """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""
@@ -116,7 +122,7 @@ class Evidence:
     @functools.cached_property
     def acceleration_x(self) -> Estimate:
         """d/dt of the recorded velocities of dependent particles, (T, 3 Nd)."""
-        return self.grid.derivative(self.record.u, SAFETY * self._off_x(self.record.u) + self.noise("u"))
+        return self.grid.derivative(self.record.u, SAFETY * self._off_x + self.noise("u"))
 
     @functools.cached_property
     def is_resolved(self) -> tuple[Array, Array]:
@@ -132,7 +138,7 @@ class Evidence:
         slow = self.grid.resolved(r.v, SAFETY * self.off_v) | self.grid.resolved(
             force, SAFETY * self.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
         )
-        slow_x = self.grid.resolved(r.u, SAFETY * self._off_x(r.u)) | self.grid.resolved(
+        slow_x = self.grid.resolved(r.u, SAFETY * self._off_x) | self.grid.resolved(
             force_x, SAFETY * self.tolerance.rtol * np.abs(force_x).max(axis=0, initial=0.0)
         )
         if r.x.size:
@@ -189,8 +195,11 @@ class Evidence:
             self.grid.derivative(self.values.L_u, self.noise("L_u")),
         )
 
-    def _off_x(self, y: Array) -> Array:
-        return np.asarray(self.tolerance.rtol * np.abs(y).max(initial=0.0) + self.tolerance.atol)
+    @property
+    def _off_x(self) -> Array:
+        """By how much velocities of dependent particles may be off."""
+        size = np.abs(self._whole.u).max(initial=0.0)
+        return np.asarray(self.tolerance.rtol * size + self.tolerance.atol)
 
     @functools.cached_property
     def is_coarse(self) -> tuple[Array, Array]:

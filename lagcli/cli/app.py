@@ -289,6 +289,10 @@ def audit(
             "--run", metavar="FILE", help="a table: .csv, .tsv, .json, .npz, .parquet; else a new run"
         ),
     ] = None,
+    events: Annotated[
+        str | None,
+        typer.Option("--events", metavar="FILE", help="the events of that run, of `simulate --events`"),
+    ] = None,
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of the checks: png, svg, pdf")
     ] = None,
@@ -316,7 +320,7 @@ def audit(
     from lagcli.cli import audit_command, preflight
 
     has_rows = duration is not None or samples is not None
-    options = preflight.AuditOptions(run, plot, digits, as_json, quiet, verbose, has_rows)
+    options = preflight.AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)
     options.require(model)
     read = _reported(lambda: _load(model, changes), as_json)
     given: audit_command.AuditedRun = {

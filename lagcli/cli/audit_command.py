@@ -13,7 +13,8 @@ from lagcli.cli import console, exits, json_output
 from lagcli.cli.preflight import AuditOptions
 from lagcli.errors import diagnostics
 from lagcli.output import endings
-from lagcli.output.tables import read_table
+from lagcli.output.incident_table import IncidentTable
+from lagcli.output.tables import read_events, read_table
 from lagcli.output.tables.sinks import MissingExtra
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def run(model: Model, given: AuditedRun, options: AuditOptions) -> None:
 def _audited(model: Model, given: AuditedRun, options: AuditOptions) -> Audit:
     """The audit. Raises `exits.UsageError` for a table that is none, or not of this model."""
     try:
-        return audit.audit(model, options.table, digits=options.digits, **given)
+        return audit.audit(model, options.table, digits=options.digits, events=_events(options), **given)
     except OSError as error:
         raise exits.UsageError(f"--run: cannot read {options.table}: {error.strerror}") from None
     except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
@@ -68,6 +69,18 @@ def _audited(model: Model, given: AuditedRun, options: AuditOptions) -> Audit:
         raise exits.UsageError(f"--run {options.table}: {error}") from None
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
+
+
+def _events(options: AuditOptions) -> IncidentTable | None:
+    """The incidents in the file of `--events`. Raises `exits.UsageError` for one that is none."""
+    if options.events is None:
+        return None
+    try:
+        return read_events.read_events(options.events)
+    except OSError as error:
+        raise exits.UsageError(f"--events: cannot read {options.events}: {error.strerror}") from None
+    except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
+        raise exits.UsageError(f"--events: {error}") from None
 
 
 def _tell(found: Audit, options: AuditOptions) -> None:

@@ -137,6 +137,7 @@ class AuditOptions:
     """Options of `audit` besides the settings of the run; `has_rows`: --duration or --samples is given."""
 
     table: str | None
+    events: str | None
     plot: str | None
     digits: bool
     as_json: bool
@@ -150,8 +151,14 @@ class AuditOptions:
         _require_ending(self.table, endings.TABLES)
         if self.table is not None and not os.path.exists(self.table):
             raise exits.UsageError(f"--run: there is no file {self.table}")
+        _require_ending(self.events, endings.TABLES)
+        if self.events is not None and self.table is None:
+            raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
+        if self.events is not None and not os.path.exists(self.events):
+            raise exits.UsageError(f"--events: there is no file {self.events}")
         if self.plot is not None:
-            read = [file_conflicts.File("--run", self.table)] if self.table is not None else []
+            given = (("--run", self.table), ("--events", self.events))
+            read = [file_conflicts.File(option, file) for option, file in given if file is not None]
             figure = file_conflicts.File("--plot", self.plot, is_written=True)
             _require_writable(file_conflicts.model(model), [*read, figure])
         if self.table is not None and self.has_rows:

@@ -11,6 +11,7 @@ import pytest
 import lagcli
 from lagcli.auditing import all_checks, checks_outputs, checks_steps, table_input
 from lagcli.auditing import checks_motion as motions
+from lagcli.auditing.all_checks import AuditedTable
 from lagcli.auditing.audit_report import Audit, CheckedLaw, judge
 from lagcli.auditing.laws import ModelLaws
 from lagcli.auditing.tolerances import Evidence, Tolerance
@@ -338,7 +339,7 @@ simulation: {duration: 4}
     table = np.column_stack(
         [t, 1 + x * felt, t + t * t / 4, nothing, v, 1 + t / 2, nothing, nothing, nothing, nothing]
     )
-    return all_checks.audit(model, columns, table, Tolerance(1e-11, 1e-13))
+    return all_checks.audit(model, AuditedTable(columns, table), Tolerance(1e-11, 1e-13))
 
 
 @pytest.mark.parametrize("rows", [41, 81, 161, 401, 1001, 4001])
@@ -365,7 +366,7 @@ forces: {w: {to: a, force: [0, 0, -9.81*m]}, kick: {to: a, force: ["5*exp(-((t -
     columns = ["t", "a.x", "a.y", "a.z", "a.vx", "a.vy", "a.vz", "lambda.rod", "R.a.x", "R.a.y", "R.a.z"]
     row = [0, 0, -1, 0, 0, 0, -9.81, 0, 0, 9.81]
     found = all_checks.audit(
-        model, columns, np.column_stack([t, np.tile(row, (501, 1))]), Tolerance(1e-11, 1e-13)
+        model, AuditedTable(columns, np.column_stack([t, np.tile(row, (501, 1))])), Tolerance(1e-11, 1e-13)
     )
     assert "a.vx" in failing(found)["steps"]
 

@@ -1,0 +1,148 @@
+"""The law of impact at every recorded incident: momenta, rows, restitution, and the energy that is lost.
+
+M (v+ - v-) = B^T Lambda + G^T Lambda_G,  B v+ + b = 0,  0 <= Lambda_j  _|_  dg_j+ + e_j min(dg_j-, 0) >= 0
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from lagcli.auditing.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.autodiff import Array
+from lagcli.auditing.incident_record import Incidents
+from lagcli.auditing.table_input import Record
+from lagcli.auditing.tolerances import SAFETY, Evidence
+
+JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
+KEPT = CheckedLaw("kept", "D.2, D.6", "f = 0 and B v(+) + b = 0 at every incident")
+IMPACTS = CheckedLaw("impacts", "", "0 <= impulse_j, dg_j(+) + e_j min(dg_j(-), 0) >= 0, one of them 0")
+TOUCHED = CheckedLaw(
+    "touched", "", "g_j = 0 where an incident names it, and where it has an impulse; g_j >= 0"
+)
+LOSSES = CheckedLaw("losses", "", "T(+) - T(-) = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0")
+MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
+
+
+class ImpactEvidence:
+    """The states before and after every incident beside what the model says there."""
+
+    def __init__(self, e: Evidence, incidents: Incidents) -> None:
+        """e: of the whole record, and of laws with all inequalities closed."""
+        self.laws, self.incidents, self.tolerance = e.laws, incidents, e.tolerance
+        self.before = Evidence(e.laws, incidents.before, e.tolerance, e.record)
+        self.after = Evidence(e.laws, incidents.after, e.tolerance, e.record)
+        count = len(e.laws.contacts)
+        self.contacts = slice(e.laws.s - count, e.laws.s)
+        is_row = np.ones(e.laws.C, dtype=bool)
+        is_row[self.contacts] = False
+        self.rows = np.flatnonzero(is_row)
+        self.is_still = not (np.any(self.before.values.b) or np.any(self.before.values.x_t))
+        largest = np.abs(incidents.impulses).max(initial=0.0)
+        self.impulse_limit = float(SAFETY * e.tolerance.rtol * largest + e.tolerance.atol)
+
+    def checks(self) -> list[Check]:
+        """All checks of incidents."""
+        found = [self.jumps(), self.touched(), self.impacts()]
+        if self.rows.size:
+            found.append(self.kept())
+        if self.is_still and self.laws.model.lagrangian is None:
+            found.append(self.losses())
+        return found
+
+    def jumps(self) -> Check:
+        """The jump of the momenta of all coordinates."""
+        one, other = self.before, self.after
+        p, off_p = momenta(one)
+        p_after, off_after = momenta(other)
+        limit = off_p + off_after + one.noise("pull") + self.tolerance.atol
+        names = [f"p({name})" for name in one.names.q]
+        return judge(JUMPS, names, self.incidents.t, p_after - p - one.values.pull, limit)
+
+    def kept(self) -> Check:
+        """The rows that are equations, before and after."""
+        laws, t = self.laws, self.incidents.t
+        own = [i for i in self.rows if i < laws.s]
+        places = self.before.values.f[:, own]
+        residual = np.concatenate([places, self.after.values.w[:, self.rows]], axis=1)
+        limit = np.concatenate([self.before.noise("f")[:, own], self.after.noise("w")[:, self.rows]], axis=1)
+        names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows)]
+        return judge(KEPT, names, t, residual, limit + self.tolerance.atol)
+
+    @property
+    def _gaps(self) -> tuple[Array, Array]:
+        """g (E, K) with its limit."""
+        limit = self.before.noise("f")[:, self.contacts] + self.tolerance.atol
+        return self.before.values.f[:, self.contacts], limit
+
+    def touched(self) -> Check:
+        """Contacts that an incident names, or that push, are closed; none is passed through."""
+        g, limit = self._gaps
+        incidents = self.incidents
+        named = np.zeros(g.shape, dtype=bool)
+        told = np.flatnonzero(incidents.cuts)
+        named[told, incidents.contact[told]] = True
+        acts = named | (np.abs(incidents.impulses[:, self.contacts]) > self.impulse_limit)
+        residual = np.where(acts, g, np.minimum(g, 0.0))
+        return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * limit)
+
+    def impacts(self) -> Check:
+        """Complementarity of impulses and rates after, of the contacts with g = 0; others have no impulse."""
+        g, limit_g = self._gaps
+        impulse = self.incidents.impulses[:, self.contacts]
+        before, after = (e.values.w[:, self.contacts] for e in (self.before, self.after))
+        e = np.concatenate([np.zeros(0), *(law.restitution for law in self.laws.model.inequality)])
+        rebound = after + e * np.minimum(before, 0.0)
+        limit = self.after.noise("w")[:, self.contacts] + self.before.noise("w")[:, self.contacts]
+        limit = limit + self.tolerance.atol
+        pushes = impulse > self.impulse_limit
+        wrong = np.where(pushes, rebound, np.minimum(rebound, 0.0))
+        wrong = np.where(np.abs(g) <= np.where(pushes, MERGED, 1.0) * limit_g, wrong, 0.0)
+        sign = np.minimum(impulse, 0.0)
+        residual = np.concatenate([wrong, sign], axis=1)
+        limits = np.concatenate([limit, np.full(sign.shape, self.impulse_limit)], axis=1)
+        names = [*self.laws.contacts, *(f"impulse.{name}" for name in self.laws.contacts)]
+        return judge(IMPACTS, names, self.incidents.t, residual, limits)
+
+    def losses(self) -> Check:
+        """The energy lost, by velocities and by impulses; no more than rounding is gained."""
+        one, other = self.before, self.after
+        T, T_after = kinetic(one, one.record), kinetic(other, other.record)
+        off = one.spread(T[:, None], kinetic(one, _moved(one))[:, None])[:, 0]
+        off = off + other.spread(T_after[:, None], kinetic(other, _moved(other))[:, None])[:, 0]
+        rates = one.values.w + other.values.w
+        work = (self.incidents.impulses * rates).sum(axis=1) / 2
+        apart = T_after - T - work
+        sizes = np.abs(self.incidents.impulses) * (one.noise("w") + other.noise("w"))
+        limit = off + sizes.sum(axis=1) + self.tolerance.atol
+        residual = np.stack([apart, np.maximum(T_after - T, 0.0)], axis=1)
+        names = ("impulses and velocities", "energy created")
+        return judge(LOSSES, names, self.incidents.t, residual, np.stack([limit, limit], axis=1))
+
+    @property
+    def lost(self) -> float:
+        """The energy that all incidents took."""
+        first = self.incidents.is_first
+        change = kinetic(self.after, self.after.record) - kinetic(self.before, self.before.record)
+        return float(-change[first].sum())
+
+
+def _moved(e: Evidence) -> Record:
+    return dataclasses.replace(e.record, q=e.moved[0], v=e.moved[1], u=e.moved_values.u)
+
+
+def kinetic(e: Evidence, r: Record) -> Array:
+    """T (E,) of the particles."""
+    return np.asarray((e.masses * r.v**2).sum(axis=1) / 2 + (e.masses_x * r.u**2).sum(axis=1) / 2)
+
+
+def momenta(e: Evidence) -> tuple[Array, Array]:
+    """p = dL/dv (E, n) of all coordinates, and by how much it may be off."""
+
+    def at(q: Array, v: Array, u: Array, L_v: Array, L_u: Array) -> Array:
+        return np.asarray(e.masses * v + L_v + e.laws.pushed(e.record.t, q, v, e.masses_x * u + L_u))
+
+    r, one, other = e.record, e.values, e.moved_values
+    p = at(r.q, r.v, r.u, one.L_v, one.L_u)
+    return p, e.spread(p, at(*e.moved, other.u, other.L_v, other.L_u)) + SAFETY * e.masses * e.off_v

@@ -1,0 +1,269 @@
+"""The second opinion on runs with contacts and impacts: closed forms pass, faults that are put in are found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import lagcli
+from lagcli.auditing import all_checks
+from lagcli.auditing.all_checks import AuditedTable
+from lagcli.auditing.audit_report import Audit
+from lagcli.auditing.incident_record import EventTable
+from lagcli.auditing.table_input import TableError
+from lagcli.auditing.tolerances import Tolerance
+from tests.helpers import bouncing_ball
+from tests.helpers.bouncing_ball import COLUMNS, EVENTS, MODEL, Ball, G, M
+from tests.helpers.in_process import Command, command
+
+__all__ = ["command"]
+
+Floats = npt.NDArray[np.float64]
+LAMBDA, Z, VZ, R_Z = (COLUMNS.index(name) for name in ("lambda.floor", "a.z", "a.vz", "R.a.z"))
+MOTION = {
+    "steps",
+    "rates",
+    "newton",
+    "impulse",
+    "dalembert",
+    "energy",
+    "flights",
+    "balance",
+    "jumps",
+    "impacts",
+}
+
+
+def audited(found: Ball, told: bool = True, model: str = MODEL) -> Audit:
+    names = ("floor",) * len(found.kinds)
+    events = EventTable(tuple(found.kinds), names, EVENTS, found.incidents) if told else None
+    table = AuditedTable(COLUMNS, found.rows, (), events)
+    return all_checks.audit(lagcli.loads(model), table, Tolerance(1e-11, 1e-13))
+
+
+def fails(found: Audit) -> set[str]:
+    return {check.name for check in found.checks if check.verdict == "fail"}
+
+
+def rebounds() -> Ball:
+    return bouncing_ball.ball(np.linspace(0, 1.4, 281))
+
+
+def to_rest() -> Ball:
+    return bouncing_ball.ball(np.linspace(0, 5, 401))
+
+
+@pytest.mark.parametrize("made", [rebounds, to_rest])
+def test_a_ball_in_closed_form_passes(made: Callable[[], Ball]) -> None:
+    found = audited(made())
+    assert found.passed, fails(found)
+    for name in ("gaps", "pushes", "complementarity", "contacts", "missed", *MOTION, "losses", "columns"):
+        assert found.check(name).judged > 0.8 * found.check(name).entries, name
+    assert dict(found.figures)["energy_lost_in_impacts"] == pytest.approx(
+        -dict(found.figures)["energy_gained"], rel=1e-9
+    )
+
+
+def test_steps_with_incidents_are_left_out_and_counted() -> None:
+    found = audited(rebounds())
+    assert "2 of 280 steps between rows hold incidents" in found.notes[0]
+    assert found.check("steps").entries - found.check("steps").judged <= 6 * 3
+
+
+@pytest.mark.parametrize("made", [rebounds, to_rest])
+def test_without_events_jumps_are_not_judged_and_not_failed(made: Callable[[], Ball]) -> None:
+    found = audited(made(), told=False)
+    assert found.passed, fails(found)
+    assert "not judged without --events" in found.notes[0]
+    assert found.check("newton").judged > 0
+    assert found.check("steps").judged < found.check("steps").entries
+
+
+def test_what_is_determined_is_told_for_each_set_of_contacts() -> None:
+    told = " ".join(audited(to_rest()).sentences)
+    assert "with all contacts open, there are no rows" in told
+    assert "while floor is closed, the one row leaves 2 of 3 directions free" in told
+
+
+def wrong_sign(found: Ball) -> None:
+    found.rows[-50:, LAMBDA] *= -1
+
+
+def wrong_sign_with_its_reaction(found: Ball) -> None:
+    found.rows[-50:, [LAMBDA, R_Z]] *= -1
+
+
+def impulse_too_large(found: Ball) -> None:
+    found.incidents[1, EVENTS.index("impulse.floor")] *= 1.01
+
+
+def event_left_out(found: Ball) -> None:
+    del found.kinds[1]
+    found.incidents = np.delete(found.incidents, 1, axis=0)
+
+
+def penetration(found: Ball) -> None:
+    found.rows[-30, Z] = -1e-6
+
+
+def energy_created(found: Ball) -> None:
+    """An impact that gives back 1.1 of what it is met with, and the flight that follows from it."""
+    found.incidents[1, EVENTS.index("after.a.vz")] *= 1.1 / bouncing_ball.E
+    found.incidents[1, EVENTS.index("impulse.floor")] *= 2.1 / (1 + bouncing_ball.E)
+
+
+def push_in_the_air(found: Ball) -> None:
+    found.rows[20, [LAMBDA, R_Z]] = 0.5
+
+
+def no_push_at_rest(found: Ball) -> None:
+    found.rows[-20, [LAMBDA, R_Z]] = 0.0
+
+
+def contact_without_an_incident(found: Ball) -> None:
+    found.kinds[-2:] = ["event", "event"]
+
+
+def event_late(found: Ball) -> None:
+    found.incidents[1, 0] += 1e-6
+
+
+def velocity_of_one_row(found: Ball) -> None:
+    found.rows[45, VZ] += 1e-6
+
+
+def rebounds_end_early(found: Ball) -> None:
+    """At once after the second impact the ball is said to rest."""
+    at = found.incidents[1, 0]
+    rests = found.rows[:, 0] > at + 1e-3
+    found.rows[np.ix_(rests, [Z, VZ])] = 0
+    found.rows[np.ix_(rests, [LAMBDA, R_Z])] = M * G
+    found.kinds = ["impact", "impact", "accumulation", "contact"]
+    last = found.incidents[-1].copy()
+    last[0] = at + 1e-3
+    found.incidents = np.array([*found.incidents[:2], last, last])
+
+
+FAULTS = [
+    (to_rest, wrong_sign, {"pushes", "reactions"}),
+    (to_rest, wrong_sign_with_its_reaction, {"pushes", "newton"}),
+    (rebounds, impulse_too_large, {"jumps"}),
+    (rebounds, event_left_out, {"steps"}),
+    (to_rest, event_left_out, {"balance"}),
+    (to_rest, penetration, {"gaps"}),
+    (rebounds, energy_created, {"impacts", "losses", "flights", "balance"}),
+    (rebounds, push_in_the_air, {"complementarity", "positions"}),
+    (to_rest, no_push_at_rest, {"contacts"}),
+    (to_rest, contact_without_an_incident, {"missed"}),
+    (rebounds, event_late, {"flights"}),
+    (rebounds, velocity_of_one_row, {"steps"}),
+    (to_rest, rebounds_end_early, {"flights"}),
+]
+
+
+@pytest.mark.parametrize(("made", "fault", "seen"), FAULTS, ids=[fault.__name__ for _, fault, _ in FAULTS])
+def test_faults_are_found(made: Callable[[], Ball], fault: Callable[[Ball], None], seen: set[str]) -> None:
+    found = made()
+    fault(found)
+    assert seen <= fails(audited(found))
+
+
+@pytest.mark.parametrize(
+    "fault", [wrong_sign, penetration, push_in_the_air, no_push_at_rest, velocity_of_one_row]
+)
+def test_faults_of_rows_are_found_without_events(fault: Callable[[Ball], None]) -> None:
+    found = to_rest() if fault in (wrong_sign, no_push_at_rest, penetration) else rebounds()
+    fault(found)
+    assert fails(audited(found, told=False))
+
+
+def test_another_restitution_fails() -> None:
+    found = audited(rebounds(), model=MODEL.replace("e: 0.8", "e: 0.79"))
+    assert "impacts" in fails(found)
+    assert found.check("impacts").worst is not None
+    assert found.check("impacts").worst.name == "floor"
+
+
+def test_rows_before_and_after_an_incident_may_stand_at_one_time() -> None:
+    """As `--event-rows` writes them."""
+    found = rebounds()
+    extra = []
+    for line in found.incidents:
+        for head in ("before.", "after."):
+            row = dict.fromkeys(COLUMNS, 0.0)
+            row |= {name: line[EVENTS.index(name)] for name in ("t", "a.x", "a.y", "a.z")}
+            row |= {f"a.v{axis}": line[EVENTS.index(f"{head}a.v{axis}")] for axis in "xyz"}
+            row["energy"] = M * (row["a.vx"] ** 2 + row["a.vz"] ** 2) / 2
+            extra.append(list(row.values()))
+    rows = np.concatenate([found.rows, extra])
+    found.rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    judged = audited(found)
+    assert judged.passed, fails(judged)
+    assert judged.check("steps").judged == judged.check("steps").entries
+    assert audited(found, told=False).passed
+
+
+def test_tables_of_other_events_are_refused() -> None:
+    found = rebounds()
+    events = EventTable(("impact",) * 2, ("wall",) * 2, EVENTS, found.incidents)
+    with pytest.raises(TableError, match="`wall`, which is no inequality"):
+        all_checks.audit(
+            lagcli.loads(MODEL), AuditedTable(COLUMNS, found.rows, (), events), Tolerance(1e-11, 1e-13)
+        )
+    short = EventTable(("impact",) * 2, ("floor",) * 2, EVENTS[:-1], found.incidents[:, :-1])
+    with pytest.raises(TableError, match=r"lacks the column `after\.a\.vz`"):
+        all_checks.audit(
+            lagcli.loads(MODEL), AuditedTable(COLUMNS, found.rows, (), short), Tolerance(1e-11, 1e-13)
+        )
+
+
+def files(folder: Path, found: Ball) -> list[str]:
+    """The files of model, table and events, as options of `audit`."""
+    model = folder / "ball.yaml"
+    model.write_text(MODEL, encoding="utf-8")
+    table, events = folder / "run.csv", folder / "events.csv"
+    lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in found.rows.tolist())]
+    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    head = [EVENTS[0], "kind", "name", *EVENTS[1:]]
+    lines = [",".join(head)]
+    for kind, line in zip(found.kinds, found.incidents.tolist(), strict=True):
+        lines.append(",".join([repr(line[0]), kind, "floor", *map(repr, line[1:])]))
+    events.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return [str(model), "--run", str(table), "--events", str(events)]
+
+
+def test_command_with_a_table_and_its_events(tmp_path: Path, command: Command) -> None:
+    good = rebounds()
+    options = files(tmp_path, good)
+    out, err, code = command("audit", *options, "--json")
+    assert code == 0, err
+    told = json.loads(out)
+    assert told["passed"]
+    assert {"gaps", "jumps", "impacts", "flights"} <= {check["name"] for check in told["checks"]}
+    impulse_too_large(good)
+    out, _, code = command("audit", *files(tmp_path, good))
+    assert code == 1
+    assert "jumps fails" in out
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (["--events", "events.csv"], "--events: the incidents are of the table of --run"),
+        (["--run", "run.csv", "--events", "none.csv"], "--events: there is no file none.csv"),
+        (["--run", "run.csv", "--events", "run.csv"], "--events: run.csv is no table of events"),
+    ],
+)
+def test_command_refuses_other_events(
+    tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch, wrong: list[str], said: str
+) -> None:
+    files(tmp_path, rebounds())
+    monkeypatch.chdir(tmp_path)
+    _, err, code = command("audit", "ball.yaml", *wrong)
+    assert code == 2
+    assert said in " ".join(err.split())
