@@ -56,7 +56,7 @@ DOORS = {
         "lagcli.simulation.singular_point",
         "lagcli.simulation.step_end",
     ),
-    "scipy": (),
+    "scipy": ("lagcli.contact.",),
 }
 
 LINES, PARAMETERS = 70, 6

@@ -1,0 +1,102 @@
+"""The shortest vector that satisfies linear inequalities (Lawson and Hanson, Solving Least Squares Problems, ch. 23).
+
+The shortest x with A x >= h is A^T mu with mu >= 0, and mu is that of the least squares with mu >= 0 of
+(A^T; h^T) mu against (0, ..., 0, 1). That answer names the rows that hold x; from those x and mu are solved anew to
+rounding, and what is found is checked.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.contact import nonnegative
+from lagcli.contact.nonnegative import Floats
+
+# A least squares distance below this says that no vector will do: a shortest one would be 1e8 times as long as h.
+NONE_LEFT = 1e-8
+# Relative to lengths and bounds of unit rows, what the solution may leave of them.
+CLOSE = 1e-11
+# A row takes part in a contradiction if its weight is this part of the largest.
+WEIGHT = 1e-9
+
+
+class ContradictoryRows(ValueError):
+    """Inequalities that no vector satisfies: a sum of the `rows`, with weights > 0, says 0 >= something positive."""
+
+    def __init__(self, rows: tuple[int, ...]) -> None:
+        super().__init__(f"rows {', '.join(map(str, rows))} contradict each other")
+        self.rows = rows
+
+
+class UndecidedRows(ArithmeticError):
+    """Numbers that do not decide which of the inequalities hold: they are not finite, or too near dependent ones."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Shortest:
+    """x (m,) = A^T mu, mu (k,) >= 0; A x >= h, with equality where mu > 0."""
+
+    x: Floats
+    mu: Floats
+
+
+def shortest(A: Floats, h: Floats) -> Shortest:
+    """The shortest x with A x >= h, of rows of length one A (k, m). Raises `ContradictoryRows`, `UndecidedRows`."""
+    if not (np.isfinite(A).all() and np.isfinite(h).all()):
+        raise UndecidedRows("not finite")
+    largest = float(h.max(initial=0.0))
+    if not largest > 0:
+        return Shortest(np.zeros(A.shape[1]), np.zeros(h.size))
+    if h.size == 1:
+        return Shortest(A[0] * h[0], h.copy())
+    count, n = A.shape
+    factor = A.T if n <= count else np.asarray(np.linalg.qr(A.T, mode="r"), dtype=float)
+    target = np.zeros(min(n, count) + 1)
+    target[-1] = 1.0
+    doubt = None
+    for weights in nonnegative.proposals(np.vstack([factor, h / largest]), target):
+        if float(np.hypot(np.linalg.norm(weights @ A), weights @ h / largest - 1)) <= NONE_LEFT:
+            raise ContradictoryRows(_numbers(weights > WEIGHT * weights.max()))
+        try:
+            return _settled(A, h, list(_numbers(weights > 0)))
+        except UndecidedRows as error:
+            doubt = error
+    raise UndecidedRows("rows too near dependent ones") from doubt
+
+
+def _numbers(flags: npt.NDArray[np.bool_]) -> tuple[int, ...]:
+    return tuple(int(row) for row in np.flatnonzero(flags))
+
+
+def _settled(A: Floats, h: Floats, held: list[int]) -> Shortest:
+    """x and mu of the rows that hold, solved to rounding; a row that rounding has put on the wrong side changes it."""
+    for _ in range(2 * h.size + 10):
+        x, mu = _on(A[held], h[held])
+        allowed = CLOSE * (float(np.linalg.norm(x)) + np.abs(h))
+        if mu.size and mu.min() < 0:
+            del held[int(np.argmin(mu))]
+            continue
+        short = A @ x - h + allowed
+        short[held] = 0.0
+        if short.min() >= 0:
+            whole = np.zeros(h.size)
+            whole[held] = mu
+            return Shortest(x, whole)
+        held = sorted([*held, int(np.argmin(short))])
+    raise UndecidedRows("rows too near dependent ones")
+
+
+def _on(A: Floats, h: Floats) -> tuple[Floats, Floats]:
+    """The shortest x with A x = h, and mu with x = A^T mu, of independent rows; with one step of refinement."""
+    Q, R = np.linalg.qr(A.T)
+    try:
+        x, mu = np.zeros(A.shape[1]), np.zeros(h.size)
+        for _ in range(2):
+            part = np.linalg.solve(R.T, h - A @ x)
+            x, mu = x + Q @ part, mu + np.linalg.solve(R, part)
+    except np.linalg.LinAlgError as error:
+        raise UndecidedRows("rows too near dependent ones") from error
+    return x, mu

@@ -1,0 +1,78 @@
+"""A load that rows hold together: how it is shared where that is not determined, and which shares are not.
+
+Rows of length one A (k, m), and x = A^T mu with mu >= 0. Where rows are dependent other mu may do, as the legs of a
+table. Of all of them the shortest is given: the same split as among equality rows (`compiled.selection`), of those
+that push.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.contact import least_distance, nonnegative
+from lagcli.contact.nonnegative import EPS, Floats
+
+Flags = npt.NDArray[np.bool_]
+
+# Rows are dependent where a singular value is below the first; a load is only shared anew where it is below the
+# second, for a share moved between rows must not be felt in the sum.
+DEPENDENT, SAME = 3e-6, 1e-11
+# A row of the null space of length less than this takes no part in it; a share of the load less than this is none.
+NONE = 1e-9
+
+
+def shared(A: Floats, mu: Floats) -> tuple[Floats, Flags]:
+    """The shortest mu >= 0 with the same A^T mu, and which entries are the same in all such mu."""
+    count = mu.size
+    if count < 2:
+        return mu, np.ones(count, dtype=bool)
+    left, sigma, _ = np.linalg.svd(A, full_matrices=True)
+    sigma = np.concatenate([sigma, np.zeros(count - sigma.size)])
+    if sigma[-1] > DEPENDENT:
+        return mu, np.ones(count, dtype=bool)
+    free = left[:, sigma <= SAME]
+    if free.shape[1]:
+        mu = _shortest(mu, free)
+    return mu, ~_varies(left[:, sigma <= DEPENDENT], mu)
+
+
+def _shortest(mu: Floats, free: Floats) -> Floats:
+    """The shortest mu + free z >= 0, `free` (k, d) orthonormal: that of a mu without a part in them, and then the
+    shortest z that makes it push."""
+    least = mu - free @ (free.T @ mu)
+    lengths = np.linalg.norm(free, axis=1)
+    rows = lengths > NONE
+    # Rounding must not make two shares that can only be zero contradict each other.
+    bounds = -least[rows] - 16 * EPS * float(np.linalg.norm(mu))
+    try:
+        z = least_distance.shortest(free[rows] / lengths[rows, None], bounds / lengths[rows]).x
+    except (least_distance.ContradictoryRows, least_distance.UndecidedRows):
+        # One share alone is possible, and rounding leaves none.
+        return mu
+    return np.asarray(np.maximum(least + free @ z, 0.0))
+
+
+def _varies(free: Floats, mu: Floats) -> Flags:
+    """The shares that change along a direction of `free` (k, d) in which none becomes negative.
+
+    Shares that are zero may only grow. Of directions that leave all others as they are every one is looked for in
+    which one of those grows; with all found, the shares that can be positive change in any direction that leaves the
+    rest at zero.
+    """
+    free = free * (np.linalg.norm(free, axis=1) > NONE)[:, None]
+    positive = mu > NONE * mu.max(initial=0.0)
+    for row in np.flatnonzero(~positive):
+        if positive[row]:
+            continue
+        # A direction z with (free z)_row = 1 and (free z)_zero >= 0: none if some weights >= 0 of the rows at zero
+        # sum to minus this row (Farkas).
+        zero = np.flatnonzero(~positive)
+        left = nonnegative.residual(free[zero].T, -free[row])
+        if left is not None and np.linalg.norm(left) > DEPENDENT:
+            positive[zero] |= free[zero] @ -left > NONE
+    rest = free[~positive]
+    if rest.shape[0]:
+        _, sigma, Vt = np.linalg.svd(rest, full_matrices=True)
+        free = free @ Vt[int((sigma > DEPENDENT).sum()) :].T
+    return np.asarray(positive & (np.linalg.norm(free, axis=1) > DEPENDENT))
