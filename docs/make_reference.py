@@ -26,7 +26,6 @@ def key_table() -> str:
     lines = ["| key | holds | meaning | default |", "| --- | --- | --- | --- |"]
     for path, key in _walk(keys.FORMAT, ""):
         notes = ["required"] if key.required else []
-        notes += [] if key.supported else ["not supported yet"]
         meaning = key.meaning + (f" ({', '.join(notes)})" if notes else "")
         default = f"`{key.default}`" if key.default else ""
         lines.append(f"| `{path}` | {key.holds} | {meaning} | {default} |")

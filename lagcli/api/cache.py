@@ -7,8 +7,7 @@ from collections import OrderedDict
 from lagcli import progress
 from lagcli.api.compiled_model import CompiledModel
 from lagcli.equations import size_limits, system
-from lagcli.errors import diagnostics
-from lagcli.model.model import DeclaredEvent, Model
+from lagcli.model.model import Model
 
 KEPT_SYSTEMS = 8  # compiled systems that stay for another run with other parameters
 
@@ -19,24 +18,12 @@ _kept: OrderedDict[str, CompiledModel] = OrderedDict()
 def compiled(model: Model) -> CompiledModel:
     """The compiled system of a model. Other values of parameters or of the start need no new build."""
     size_limits.require_built(model)
-    _require_connected(model)
     kept = _kept.pop(model.fingerprint, None)
     result = (kept.with_values(model) if kept is not None else None) or CompiledModel(system.build(model))
     _kept[model.fingerprint] = result
     while len(_kept) > KEPT_SYSTEMS:
         _kept.popitem(last=False)
     return result
-
-
-def _require_connected(model: Model) -> None:
-    """Refuse what is read and not yet carried out: a run would leave it out in silence."""
-    for section, found in (("inequality", model.inequality), ("events", model.events)):
-        if found:
-            first = found[0]
-            at = first.when.location if isinstance(first, DeclaredEvent) else first.equation.location
-            message = f"the section `{section}` is not supported yet: the run would leave it out"
-            hint = "take the section out"
-            raise diagnostics.ModelError([diagnostics.Diagnostic("not-supported-yet", message, at, hint)])
 
 
 def forget() -> None:

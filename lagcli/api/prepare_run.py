@@ -120,7 +120,7 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
 
 def _integrals(ready: CompiledModel, point: checkpoints.Checkpoint) -> invariants.Integrals:
     """The integrals of a checkpoint. Raises `checkpoints.CheckpointError` where one is none of this system."""
-    if point.mark.selection.count != len(ready.system.rows.rows):
+    if point.mark.selection.count != len(ready.system.multiplier_rows):
         raise checkpoints.CheckpointError("it is a damaged checkpoint: its number of rows is wrong")
     try:
         return ready.integrals(point.integrals).keeping(point.mark.selection)

@@ -130,8 +130,50 @@ class NumericSystem:
 
     @cached_property
     def rows(self) -> ca.Function:
-        """rows(t, q, v, p) -> B (C, n), b (C,)."""
-        return ca.Function("rows", self._inputs, [self._parts.B, self._parts.b])
+        """rows(t, q, v, p) -> B (C, n), b (C,); where contacts act, all K of them too, after the others."""
+        parts = self._parts
+        if not parts.closed:
+            return ca.Function("rows", self._inputs, [parts.B, parts.b])
+        return ca.Function("rows", self._inputs, list(self._every_row))
+
+    @property
+    def _every_row(self) -> tuple[ca.SX, ca.SX]:
+        parts, contacts = self._parts, self._parts.contacts
+        return ca.sparsify(ca.vertcat(parts.B, contacts.G)), ca.vertcat(parts.b, contacts.g_t)
+
+    @cached_property
+    def contacts(self) -> ca.Function:
+        """contacts(t, q, v, p) -> g (K,), G (K, n), g_t (K,), gamma (K,), and sum |G_i q_i| (K,), the size of the terms
+        of g."""
+        contacts = self._parts.contacts
+        size = ca.fabs(contacts.G) @ ca.fabs(self._parts.y[: self.n])
+        outputs = [contacts.g, contacts.G, contacts.g_t, contacts.gamma, ca.densify(size)]
+        return ca.Function("contacts", self._inputs, outputs)
+
+    @cached_property
+    def gaps(self) -> ca.Function:
+        """gaps(t, y, p) -> g (K,)."""
+        return ca.Function("gaps", self._parts.inputs, [ca.densify(self._parts.contacts.g)])
+
+    @cached_property
+    def closed_rows(self) -> list[int]:
+        """The numbers of the contacts that act, each beyond C."""
+        return self._parts.closed
+
+    @cached_property
+    def solved(self) -> ca.Function:
+        """solved(t, y, p) -> y' (2n + 1,) and lambda of all rows (C + K,), the state as it is."""
+        t, y, p = inputs = _inputs(self._way.landing)
+        _, rate, lam, _, _ = self._way.landing(t, y, p)
+        return ca.Function("solved", inputs, [rate, self._parts.multipliers(t, y, p, lam)])
+
+    @cached_property
+    def event_values(self) -> ca.Function:
+        """event_values(t, y, y', lambda, p) -> `when` of the declared events, (E,)."""
+        system, parts = self._system, self._parts
+        rate = ca.vertcat(ca.SX.sym("v", self.n), system.a, ca.SX.sym("power"))
+        inputs = [parts.t, parts.y, rate, system.lam, parts.p]
+        return ca.Function("event_values", inputs, [ca.densify(system.event_values)])
 
     @cached_property
     def inertia(self) -> ca.Function:

@@ -13,6 +13,7 @@ from lagcli.compiled import selection as choice
 from lagcli.compiled import solvers
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics
+from lagcli.equations.contact_rows import ContactRows
 from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
@@ -31,7 +32,8 @@ class Parts:
     cartesian: how many of q are components of Cartesian particles; they come first.
     g (k,), dg (k, n): what is held at zero besides f, first integrals of differential rows less their values at
     the start, and the gradient by q. They enter the projection of positions and nothing else.
-    selection: the independent rows among all C; lambda is that of these rows, unless said otherwise.
+    contacts: the K rows after the C of B; those that are closed act as holonomic ones do.
+    selection: the independent rows among all C + K; lambda is that of these rows, unless said otherwise.
     """
 
     t: ca.SX
@@ -48,6 +50,7 @@ class Parts:
     is_small: bool
     g: ca.SX
     dg: ca.SX
+    contacts: ContactRows
     selection: Selection
     cartesian: int
 
@@ -70,7 +73,7 @@ class Parts:
     def has_time(self) -> bool:
         """True if t occurs in what moves the system: rows, integrals that are held, inertia, forces, power."""
         entries = [self.B.nz[:], self.M.nz[:], self.dg.nz[:]]
-        rest = [self.f, self.b, self.gamma, self.h, self.power, self.g]
+        rest = [self.f, self.b, self.gamma, self.h, self.power, self.g, self.contacts.g]
         whole = ca.vertcat(*(ca.vec(each) for each in entries), *(ca.densify(each) for each in rest))
         return bool(ca.depends_on(whole, self.t))
 
@@ -94,48 +97,62 @@ class Parts:
         """S of the rows of `B_held`, (s + k, s + k)."""
         if self.g.numel():
             return self.B_held @ self.inertia(self.B_held.T)
-        s = len(self._whole)
-        return self.S if s == len(self.selection.kept) else self.S[:s, :s]
+        kept = self.selection.kept
+        places = [k for k, row in enumerate(kept) if self._is_whole(row)]
+        return self.S if len(places) == len(kept) else self.S[places, places]
 
     @property
     def B_whole(self) -> ca.SX:
         """The rows of B that belong to f."""
         return self.B[: self.f.numel(), :]
 
-    @property
-    def _whole(self) -> list[int]:
-        """The independent rows that belong to f."""
-        return [i for i in self.selection.kept if i < self.f.numel()]
+    def _is_whole(self, row: int) -> bool:
+        """True for a row of whole coordinates: of f, or a contact."""
+        return row < self.f.numel() or row >= self.B.shape[0]
+
+    def of(self, numbers: Sequence[int], equalities: ca.SX, contacts: ca.SX) -> ca.SX:
+        """Entries of rows by their ascending numbers, out of those of all equality rows (C,) and contacts (K,)."""
+        C = self.B.shape[0]
+        own = [i for i in numbers if i < C]
+        found = equalities if len(own) == equalities.shape[0] else equalities[own, :]
+        closed = [i - C for i in numbers if i >= C]
+        return ca.vertcat(found, contacts[closed, :]) if closed else found
 
     @cached_property
     def B_kept(self) -> ca.SX:
         """The independent rows of B."""
-        return self._kept(self.B)
+        return self.of(self.selection.kept, self.B, self.contacts.G)
 
     @cached_property
     def b_kept(self) -> ca.SX:
         """b of the independent rows."""
-        return self._kept(self.b)
+        return self.of(self.selection.kept, self.b, self.contacts.g_t)
 
     @cached_property
     def gamma_kept(self) -> ca.SX:
         """gamma of the independent rows."""
-        return self._kept(self.gamma)
+        return self.of(self.selection.kept, self.gamma, self.contacts.gamma)
 
-    def _kept(self, rows: ca.SX) -> ca.SX:
-        return rows if self.selection.is_everything else rows[list(self.selection.kept), :]
+    @property
+    def _kept_whole(self) -> list[int]:
+        return [i for i in self.selection.kept if self._is_whole(i)]
 
     @cached_property
     def held(self) -> ca.SX:
-        """Independent rows of f, and g: what the projection of positions brings to zero."""
-        f = self.f if self.selection.is_everything else self.f[self._whole]
+        """Independent rows of f, closed contacts, and g: what the projection of positions brings to zero."""
+        f = self.of(self._kept_whole, self.f, self.contacts.g)
         return ca.vertcat(f, self.g) if self.g.numel() else f
 
     @cached_property
     def B_held(self) -> ca.SX:
         """Their gradients by q."""
-        B = self.B_whole if self.selection.is_everything else self.B[self._whole, :]
+        B = self.of(self._kept_whole, self.B_whole, self.contacts.G)
         return ca.vertcat(B, self.dg) if self.g.numel() else B
+
+    @property
+    def closed(self) -> list[int]:
+        """The numbers of the contacts that act, each beyond C."""
+        return [i for i in self.selection.present if i >= self.B.shape[0]]
 
     def keeping(self, selection: Selection) -> Parts:
         """These parts stepped with other independent rows."""
@@ -143,11 +160,13 @@ class Parts:
 
     @cached_property
     def multipliers(self) -> ca.Function:
-        """multipliers(t, y, p, lambda) -> lambda of all rows, (C,)."""
+        """multipliers(t, y, p, lambda) -> lambda of all rows, (C + K,)."""
         lam = ca.SX.sym("lam", len(self.selection.kept))
-        if self.selection.is_everything:
-            return ca.Function("multipliers", [*self.inputs, lam], [lam])
-        B = self.B[list(self.selection.shared), :]
+        if not self.selection.circuits:
+            every = ca.SX.zeros(self.selection.count)
+            every[list(self.selection.kept)] = lam
+            return ca.Function("multipliers", [*self.inputs, lam], [every])
+        B = self.of(self.selection.shared, self.B, self.contacts.G)
         gram = ca.Function("gram", self.inputs, [B @ self.inertia(B.T)])
         sizes = zip(("t", "y", "p", "lam"), (*self.inputs, lam), strict=True)
         t, y, p, given = inputs = [ca.MX.sym(name, x.numel()) for name, x in sizes]
@@ -173,21 +192,28 @@ def parts(system: System) -> Parts:
     t, v = system.symbols.t, system.symbols.v
     y = ca.vertcat(system.symbols.q, v, ca.SX.sym("W"))
     B, M = rows.B, dynamics.M
+    contacts = system.contacts
+    G = contacts.G
     expressions = [system.f, B.nz[:], rows.b, rows.gamma, M.nz[:], dynamics.h, dynamics.power]
+    expressions += [contacts.g, G.nz[:], contacts.g_t, contacts.gamma]
     # Shared here, before the factorizations, which are large and have nothing left to share. The search takes
     # time that grows faster than the model, and large models repeat small parts that share nothing. Of matrices it
     # sees the entries alone: the zeros would take memory and time by their number.
-    graph = ca.vertcat(ca.vec(B.nz[:]), rows.gamma, dynamics.h)
-    is_small = B.nnz() <= SHARED_NODES and int(ca.n_nodes(graph)) <= SHARED_NODES
+    graph = ca.vertcat(ca.vec(B.nz[:]), rows.gamma, dynamics.h, ca.vec(G.nz[:]), contacts.gamma)
+    is_small = B.nnz() + G.nnz() <= SHARED_NODES and int(ca.n_nodes(graph)) <= SHARED_NODES
     if is_small:
         expressions = ca.cse(expressions)
-    f, B_entries, b, gamma, M_entries, h, power = expressions
-    B, M = ca.SX(B.sparsity(), B_entries), ca.SX(M.sparsity(), M_entries)
-    nothing, no_rows = ca.SX(0, 1), ca.SX(0, v.numel())
-    everything = Selection(tuple(range(B.shape[0])))
+    f, B_entries, b, gamma, M_entries, h, power, g, G_entries, g_t, gamma_g = expressions
+    B, M, G = (
+        ca.SX(matrix.sparsity(), entries)
+        for matrix, entries in ((B, B_entries), (M, M_entries), (G, G_entries))
+    )
+    contacts = dataclasses.replace(contacts, g=g, G=G, g_t=g_t, gamma=gamma_g)
+    nothing, no_rows, C = ca.SX(0, 1), ca.SX(0, v.numel()), B.shape[0]
+    open_ = Selection(tuple(range(C)), inactive=tuple(range(C, C + contacts.count)))
     cartesian = v.numel() - len(system.model.generalized_names)
     equations = (f, B, b, gamma, M, h, power)
-    return Parts(t, y, system.p, v, *equations, is_small, nothing, no_rows, everything, cartesian)
+    return Parts(t, y, system.p, v, *equations, is_small, nothing, no_rows, contacts, open_, cartesian)
 
 
 def _level(chart: LevelExpression, a: ca.SX, b: ca.SX) -> ca.SX:
@@ -209,15 +235,10 @@ def position_residual(parts: Parts) -> ca.SX:
 
 
 def _position_rows(parts: Parts) -> tuple[ca.SX, ca.SX]:
-    """f and g, and their gradients."""
-    return (
-        (parts.f, parts.B_whole)
-        if not parts.g.numel()
-        else (
-            ca.vertcat(parts.f, parts.g),
-            ca.vertcat(parts.B_whole, parts.dg),
-        )
-    )
+    """f, closed contacts and g, and their gradients."""
+    every = [*range(parts.f.numel()), *parts.closed]
+    f, B = parts.of(every, parts.f, parts.contacts.g), parts.of(every, parts.B_whole, parts.contacts.G)
+    return (ca.vertcat(f, parts.g), ca.vertcat(B, parts.dg)) if parts.g.numel() else (f, B)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -276,7 +297,7 @@ def _departure(parts: Parts, v: ca.SX, sizes: Sizes) -> ca.SX:
     rest = [circuit[0] for circuit in parts.selection.circuits]
     if not rest:
         return ca.SX(0)
-    B, b = parts.B[rest, :], parts.b[rest]
+    B, b = parts.of(rest, parts.B, parts.contacts.G), parts.of(rest, parts.b, parts.contacts.g_t)
     slope, by_time = ca.jacobian(b, parts.y[: v.numel()]), ca.densify(ca.jacobian(b, parts.t))
     whole = _row_norms(B, sizes.units) * (sizes.v + TINY) + ROUNDED * ca.fabs(by_time * parts.t)
     if slope.nnz():
@@ -285,11 +306,13 @@ def _departure(parts: Parts, v: ca.SX, sizes: Sizes) -> ca.SX:
 
 
 def velocity_residual(parts: Parts) -> ca.SX:
-    """Largest |B_i v + b_i| / |B_i|; of a row without a gradient, g dt = 0, |b_i|."""
-    if parts.B.shape[0] == 0:
+    """Largest |B_i v + b_i| / |B_i| of all equality rows and closed contacts; of a row without a gradient |b_i|."""
+    every = [*range(parts.B.shape[0]), *parts.closed]
+    if not every:
         return ca.SX(0)
-    empty = np.bincount(parts.B.sparsity().row(), minlength=parts.B.shape[0]) == 0
-    return ca.mmax(ca.fabs(parts.B @ parts.v + parts.b) / (_row_norms(parts.B) + ca.DM(empty.astype(float))))
+    B, b = parts.of(every, parts.B, parts.contacts.G), parts.of(every, parts.b, parts.contacts.g_t)
+    empty = np.bincount(B.sparsity().row(), minlength=B.shape[0]) == 0
+    return ca.mmax(ca.fabs(B @ parts.v + b) / (_row_norms(B) + ca.DM(empty.astype(float))))
 
 
 def _row_norms(B: ca.SX, units: ca.SX | None = None) -> ca.SX:

@@ -25,20 +25,25 @@ SOLVER = "ldl"
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Selection:
-    """The rows a run is stepped with, `kept`; circuits: each other row, followed by the kept rows it depends on."""
+    """The rows a run is stepped with, `kept`; circuits: each other row, followed by the kept rows it depends on;
+    inactive: rows that are declared and do not act, as contacts that are open.
+
+    Rows are numbered as the multipliers are: the C equality rows, then the K contacts.
+    """
 
     kept: tuple[int, ...]
     circuits: tuple[tuple[int, ...], ...] = ()
+    inactive: tuple[int, ...] = ()
 
     @property
     def count(self) -> int:
-        """All rows, C."""
-        return len(self.kept) + len(self.circuits)
+        """All rows, C + K."""
+        return len(self.kept) + len(self.circuits) + len(self.inactive)
 
     @property
-    def is_everything(self) -> bool:
-        """True if no row is left out."""
-        return not self.circuits
+    def present(self) -> tuple[int, ...]:
+        """The rows that act, in their order."""
+        return tuple(sorted((*self.kept, *(circuit[0] for circuit in self.circuits))))
 
     @property
     def indeterminate(self) -> frozenset[int]:
@@ -74,7 +79,7 @@ class Selection:
 
 
 def split(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
-    """lambda of all rows (C,), from those of the kept rows.
+    """lambda of all rows (C + K,), from those of the kept rows; 0 of inactive ones.
 
     S = B M^-1 B^T of the `shared` rows in their order; S and lambda are expressions.
     """
@@ -82,7 +87,7 @@ def split(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
     place = {row: i for i, row in enumerate(selection.kept)}
     supports = {circuit[0]: frozenset(circuit[1:]) for circuit in selection.circuits}
     values: dict[int, ca.MX | float] = {row: lam[i] for row, i in place.items()}
-    values |= dict.fromkeys(supports, 0.0)
+    values |= dict.fromkeys((*supports, *selection.inactive), 0.0)
     for rest, kept in selection.groups():
         here = [*rest, *kept]
         pattern = np.array([[k in supports[i] for k in kept] for i in rest])

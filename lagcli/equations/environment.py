@@ -107,7 +107,7 @@ class Environment:
         x, y, z = (evaluate.scalar(part.tree, used) for part in vector.parts)
         return x, y, z
 
-    def equation(self, law: nouns.Holonomic | nouns.Differential) -> ca.SX:
+    def equation(self, law: nouns.Law) -> ca.SX:
         """left - right of all members of a law, one after another."""
         assert isinstance(law.equation.tree, tree.Relation)
         parts = evaluate.difference(law.equation.tree, self.algebra(law.members.variables))

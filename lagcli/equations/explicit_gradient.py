@@ -125,8 +125,9 @@ class DependentForces:
             self._known[base] = _Gradient({name: i for i, name in enumerate(names)}, B)
         return self._known[base]
 
-    def _laws(self, base: str) -> list[nouns.Holonomic | nouns.Differential]:
-        laws: list[nouns.Holonomic | nouns.Differential] = [*self._model.holonomic, *self._model.differential]
+    def _laws(self, base: str) -> list[nouns.Law]:
+        model = self._model
+        laws: list[nouns.Law] = [*model.holonomic, *model.differential, *model.inequality]
         return [law for law in laws if law.members.base == base and law.members.count]
 
     def _is_differential(self, base: str) -> bool:

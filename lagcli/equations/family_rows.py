@@ -56,7 +56,7 @@ class FamilyBlock:
     gamma: ca.SX
 
 
-def block(law: nouns.Holonomic | nouns.Differential, environment: Environment) -> FamilyBlock | None:
+def block(law: nouns.Law, environment: Environment) -> FamilyBlock | None:
     """The rows of a law, or None where they are better laid down over columns."""
     if law.members.count < WORTH or _has_index_in_exponent(law):
         return None
@@ -67,7 +67,7 @@ def block(law: nouns.Holonomic | nouns.Differential, environment: Environment) -
         )
     except NotAlike:
         return None
-    lay = holonomic if isinstance(law, nouns.Holonomic) else differential
+    lay = differential if isinstance(law, nouns.Differential) else holonomic
     one = lay(ca.densify(ca.vertcat(*values)), leaves)
     count = law.members.count
     mapped = leaves.mapped([one.f, ca.vec(one.B.nz[:]), one.b, one.gamma], count)
@@ -88,12 +88,12 @@ def differential(value: ca.SX, leaves: Rates) -> FamilyBlock:
     return FamilyBlock(ca.SX(0, 1), B, ca.densify(b), ca.densify(-leaves.rate(value)))
 
 
-def _relation(law: nouns.Holonomic | nouns.Differential) -> tree.Relation:
+def _relation(law: nouns.Law) -> tree.Relation:
     assert isinstance(law.equation.tree, tree.Relation)
     return law.equation.tree
 
 
-def _has_index_in_exponent(law: nouns.Holonomic | nouns.Differential) -> bool:
+def _has_index_in_exponent(law: nouns.Law) -> bool:
     """An exponent is built in, and must then be the same for all members."""
     indices = law.members.variables.keys()
     powers = (node for node in tree.walk(law.equation.tree) if isinstance(node, tree.Power))

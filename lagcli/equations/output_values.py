@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from lagcli.equations import energy, explicit_gradient, family_columns, rows
+from lagcli.equations.casadi_algebra import SymbolicAlgebra
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Columns, Triple, Value
 from lagcli.errors import diagnostics
@@ -24,7 +25,7 @@ from lagcli.model.resolve import Reference, is_second
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class SolvedValues:
-    """The rows of a system and what is solved for: lam (C,), a (n,), a_k and R_k of all particles."""
+    """The rows of a system and what is solved for: lam (C + K,), a (n,), a_k and R_k of all particles."""
 
     rows: rows.ConstraintRows
     lam: ca.SX
@@ -170,13 +171,22 @@ def outputs(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:
     for entry, output in enumerate(model.outputs):
         if not output.members.count:
             continue
-        origin = output.expression.origin
-        try:
-            parts = env.either(output.expression, env.algebra(output.members.variables, results=named))
-        except ExpressionError as error:
-            location = origin.locate(error.start, error.end)
-            found = diagnostics.Diagnostic(error.code, error.message, location, error.hint)
-            raise diagnostics.ModelError([found]) from None
+        parts = _located(output.expression, env, env.algebra(output.members.variables, results=named))
         named.keep(entry, output.members.count, parts)
         values.append(family_columns.interleaved(parts, output.members.count))
+    return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
+
+
+def _located(expression: nouns.Expression, env: Environment, algebra: SymbolicAlgebra) -> list[ca.SX]:
+    try:
+        return env.either(expression, algebra)
+    except ExpressionError as error:
+        location = expression.origin.locate(error.start, error.end)
+        found = diagnostics.Diagnostic(error.code, error.message, location, error.hint)
+        raise diagnostics.ModelError([found]) from None
+
+
+def events(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:
+    """`when` of all declared events, (E,); they may read outputs. Raises as `outputs`, which comes before."""
+    values = [_located(event.when, env, env.algebra(results=named))[0] for event in model.events]
     return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)

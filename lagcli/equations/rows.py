@@ -62,6 +62,20 @@ def lay_down(
     return ConstraintRows(names, f, B, b, gamma)
 
 
+def of_inequalities(model: nouns.Model, environment: Environment) -> ConstraintRows:
+    """The rows g >= 0, with their gradients: f is g. Raises `diagnostics.ModelError` for a row without coordinates."""
+    pile = _Pile(environment)
+    for law in model.inequality:
+        pile.add(law)
+    blocks = pile.blocks(family_rows.holonomic)
+    n = environment.symbols.q.numel()
+    B = ca.sparsify(ca.vertcat(ca.SX(0, n), *(block.B for block in blocks)))
+    f, b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("f", "b", "gamma"))
+    names = tuple(pile.names)
+    _refuse_empty(names, B, f, ca.SX(0, 1), environment.symbols.q)
+    return ConstraintRows(names, f, B, b, gamma)
+
+
 class _Pile:
     """The rows of one kind of law, in their order; neighbours that cannot be mapped are laid down together."""
 
@@ -70,7 +84,7 @@ class _Pile:
         self.names: list[Row] = []
         self._parts: list[family_rows.FamilyBlock | list[ca.SX]] = []
 
-    def add(self, law: nouns.Holonomic | nouns.Differential) -> None:
+    def add(self, law: nouns.Law) -> None:
         """The rows of a law."""
         if not law.members.count:
             return
@@ -99,9 +113,9 @@ class _Pile:
         ]
 
 
-def _rows(law: nouns.Holonomic | nouns.Differential) -> list[Row]:
+def _rows(law: nouns.Law) -> list[Row]:
     """The rows of a law, those of one member after another."""
-    each = 3 if law.is_vector else 1
+    each = 3 if not isinstance(law, nouns.Inequality) and law.is_vector else 1
     location = law.equation.location
     return [Row(name, law.members.names[k // each], location) for k, name in enumerate(law.rows)]
 

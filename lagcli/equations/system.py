@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from lagcli.equations import (
     branch_cuts,
+    contact_rows,
     energy,
     energy_jumps,
     explicit_gradient,
@@ -28,6 +29,7 @@ from lagcli.equations import (
 )
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Columns
+from lagcli.equations.rows import Row as ConstraintRow
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
@@ -39,9 +41,11 @@ Floats = npt.NDArray[np.float64]
 class System:
     """Symbols and expressions, all CasADi SX.
 
-    Inputs: `symbols` t, q (n), v (n); `p` parameters and constants of rigid bodies; lam (C); a (n).
-    M (n, n), h (n); f (s), B (C, n), b (C), gamma (C), the first s rows holonomic; R (N, 3) flattened,
-    Q_R = B^T lambda (n); T, V, energy, jacobi, power as in `energy.Dynamics`; outputs flattened.
+    Inputs: `symbols` t, q (n), v (n); `p` parameters and constants of rigid bodies; lam (C + K), those of the K
+    contacts last; a (n).
+    M (n, n), h (n); f (s), B (C, n), b (C), gamma (C), the first s rows holonomic; contacts: g (K), G (K, n) and so
+    on; R (N, 3) flattened, Q_R = B^T lambda + G^T lambda (n); event_values (E,): `when` of the declared events;
+    T, V, energy, jacobi, power as in `energy.Dynamics`; outputs flattened.
     built_in: parameters that stand in exponents, with the values built into the expressions.
     kinks: where the gradients of rows jump, or None where they cannot; cuts: f continued across the cuts of angles, or
     None where there are none; jumps: where potentials, the Lagrangian or places jump, or None where they cannot.
@@ -54,11 +58,13 @@ class System:
     a: ca.SX
     dynamics: energy.Dynamics
     rows: rows.ConstraintRows
+    contacts: contact_rows.ContactRows
     Q_R: ca.SX
     R: ca.SX
     r: ca.SX
     r_dot: ca.SX
     outputs: ca.SX
+    event_values: ca.SX
     bodies: tuple[rigid.Geometry, ...]
     built_in: tuple[tuple[str, float], ...]
     kinks: kinks.Kinks | None
@@ -77,13 +83,18 @@ class System:
         return int(self.rows.f.numel())
 
     @property
+    def multiplier_rows(self) -> tuple[ConstraintRow, ...]:
+        """The rows of all multipliers in their order: equality rows, then contacts."""
+        return (*self.rows.rows, *self.contacts.rows)
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """The columns of the table after `t`, in the order of the specification."""
         model = self.model
         particles, generalized = model.particle_names, model.generalized_names
         names = [f"{name}.{part}" for name in particles for part in ("x", "y", "z", "vx", "vy", "vz")]
         names += [column for name in generalized for column in (name, f"rate({name})")]
-        names += [f"lambda.{row.name}" for row in self.rows.rows]
+        names += [f"lambda.{row.name}" for row in self.multiplier_rows]
         names += [f"R.{name}.{axis}" for name in particles for axis in "xyz"]
         names += [f"R.{name}" for name in generalized]
         names += ["energy", *(column for output in model.outputs for column in output.columns)]
@@ -109,12 +120,14 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     dynamics = energy.dynamics(model, env, fixed)
     if restated is not None:
         laid, dynamics = restated(env, laid, dynamics)
-    lam, a = ca.SX.sym("lam", len(laid.rows)), ca.SX.sym("a", s.q.numel())
-    Q_R = reaction(laid.B, lam)
+    contacts = contact_rows.lay_down(model, env)
+    everything = contact_rows.with_equalities(laid, contacts)
+    lam, a = ca.SX.sym("lam", len(everything.rows)), ca.SX.sym("a", s.q.numel())
+    Q_R = reaction(everything.B, lam)
     everyone = np.arange(len(env.particles))
     accelerations = _accelerations(env, a)
     R = _reactions(env, dynamics, Q_R, accelerations)
-    solved = output_values.SolvedValues(laid, lam, a, accelerations, R)
+    solved = output_values.SolvedValues(everything, lam, a, accelerations, R)
     named = output_values.OutputValues(
         env, dynamics, solved, explicit_gradient.DependentForces(model, env, bodies, constants)
     )
@@ -123,25 +136,28 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     start_place = _place(model, bodies)
     kinks.require_smooth(switching, *start_place)
     cut = branch_cuts.find(model, s, p, laid, start_place)
-    everything = p if cut is None else ca.vertcat(p, cut.references)
+    numbers = p if cut is None else ca.vertcat(p, cut.references)
+    recorded = output_values.outputs(model, env, named)
     return System(
         model=model,
         symbols=s,
-        p=everything,
+        p=numbers,
         lam=lam,
         a=a,
         dynamics=dynamics,
         rows=laid,
+        contacts=contacts,
         Q_R=Q_R,
         R=_flat(R.take(everyone)),
         r=_flat(env.position(everyone)),
         r_dot=_flat(env.velocity(everyone)),
-        outputs=output_values.outputs(model, env, named),
+        outputs=recorded,
+        event_values=output_values.events(model, env, named),
         bodies=bodies,
         built_in=fixed.used(),
         kinks=switching,
         cuts=cut,
-        jumps=energy_jumps.find(model, s, everything, env),
+        jumps=energy_jumps.find(model, s, numbers, env),
         warnings=_reaction_warnings(model, s, env, dynamics),
     )
 

@@ -338,9 +338,6 @@ def _check_sections(root: yaml_tree.Mapping, formulas: Formulas) -> None:
         if key.value not in keys.FORMAT.names:
             hint = key_hints.section(key.value, value, empty)
             formulas.report(key, "unknown-key", f"there is no section `{key.value}`", hint)
-        elif not keys.FORMAT.key(key.value).supported and not yaml_tree.is_empty(value):
-            message = f"the section `{key.value}` is not supported yet: the run would leave it out"
-            formulas.report(key, "not-supported-yet", message, keys.FORMAT.key(key.value).instead)
         empty = key.value if yaml_tree.is_empty(value) and key.value in keys.FORMAT.names else ""
     version = root.get("lagcli")
     if version is None:

@@ -18,9 +18,9 @@ MOST_NAMED = 8  # names that a hint lists
 
 
 def fields(formulas: Formulas, node: yaml_tree.AnyNode, key: keys.Key) -> dict[str, yaml_tree.AnyNode] | None:
-    """The fields of a mapping by the keys of `key`; unknown, unsupported and missing ones are reported."""
+    """The fields of a mapping by the keys of `key`; unknown and missing ones are reported."""
     if not isinstance(node, yaml_tree.Mapping):
-        known = ", ".join(f"`{k.name}`" for k in key.keys if k.supported)
+        known = ", ".join(f"`{k.name}`" for k in key.keys)
         message = f"a mapping is needed here, with the keys {known}"
         formulas.report(node, "not-a-mapping", message, key_hints.shape(key, node))
         return None
@@ -34,9 +34,6 @@ def fields(formulas: Formulas, node: yaml_tree.AnyNode, key: keys.Key) -> dict[s
             unknown.append(name)
             hint = key_hints.key(key, name, value)
             formulas.report(name, "unknown-key", f"there is no key `{name.value}` here", hint)
-        elif not by_name[name.value].supported:
-            message = f"`{name.value}` is not supported yet"
-            formulas.report(name, "not-supported-yet", message, by_name[name.value].instead)
         else:
             found[name.value] = value
     meant = key_hints.meant_keys(key, unknown)

@@ -220,7 +220,7 @@ def key(owner: keys.Key, name: yaml_tree.Scalar, value: yaml_tree.AnyNode) -> st
     alias = _ALIASES.get(owner.name, {}).get(name.value)
     if alias:
         return f"did you mean `{alias}`?"
-    known = ", ".join(f"`{k.name}`" for k in owner.keys if k.supported)
+    known = ", ".join(f"`{k.name}`" for k in owner.keys)
     return diagnostics.nearest(name.value, owner.names) or f"the keys here are {known}"
 
 

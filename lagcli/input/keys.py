@@ -11,8 +11,7 @@ from lagcli.model import settings
 class Key:
     """One key: what stands under it, what it means, its default, and the keys of its entries.
 
-    `entries` says that names of the user's stand below, each with `keys`; `supported` is False for what the
-    format knows and this version does not carry out, and `instead` says what to do without it.
+    `entries` says that names of the user's stand below, each with `keys`.
     """
 
     name: str
@@ -21,8 +20,6 @@ class Key:
     default: str = ""
     entries: bool = False
     required: bool = False
-    supported: bool = True
-    instead: str = ""
     keys: tuple[Key, ...] = ()
 
     def key(self, name: str) -> Key:

@@ -69,7 +69,7 @@ def dependence(rows: MetricRows, count: int, whole: int = 0) -> Dependence:
 def elsewhere(selection: Selection, rows: MetricRows, whole: int) -> Selection | None:
     """Other independent rows, where those of a selection have come close to dependent ones; None where no others
     are much better, or where rows are too many to be looked at densely."""
-    if selection.is_everything or rows.is_large:
+    if not selection.circuits or rows.is_large:
         return None
     kept = dependence(rows, len(selection.kept), whole).kept
     if _clearance(rows, kept) < BETTER * _clearance(rows, selection.kept):
@@ -89,8 +89,8 @@ def rebased(selection: Selection, kept: tuple[int, ...]) -> Selection | None:
         if len(staying) != len(support):
             return None
         circuits += [(row, *staying) for row in sorted(together.difference(kept))]
-    everything = sorted([*kept, *(circuit[0] for circuit in circuits)])
-    return Selection(kept, tuple(sorted(circuits))) if everything == list(range(selection.count)) else None
+    found = Selection(kept, tuple(sorted(circuits)), selection.inactive)
+    return found if found.present == selection.present else None
 
 
 def _clearance(rows: MetricRows, kept: tuple[int, ...]) -> float:

@@ -91,6 +91,17 @@ class Metric:
         step[self._free] = moved
         return step
 
+    def solved(self, force: Floats) -> Floats:
+        """M^-1 force (n,) on the free coordinates; zero where one is held."""
+        free = force[self._free]
+        moved = free / self._lengths[self._free] ** 2
+        for block in self._blocks:
+            inner = np.linalg.solve(block.lower, free[block.places])
+            moved[block.places] = np.linalg.solve(block.lower.T, inner)
+        found = np.zeros(self._free.size)
+        found[self._free] = moved
+        return found
+
     def length(self, step: Floats) -> float:
         """sqrt(step^T M step); infinite where that is too large for a number."""
         with np.errstate(over="ignore", invalid="ignore"):

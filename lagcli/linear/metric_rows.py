@@ -287,3 +287,8 @@ class MetricRows:
 def are_many(count: int, coordinates: int) -> bool:
     """True if so many rows over so many coordinates are too many to be looked at densely."""
     return count > DENSE and coordinates > DENSE
+
+
+def stacked(first: Sparse, then: Sparse) -> Sparse:
+    """Rows, and others below them."""
+    return ca.vertcat(first, then)

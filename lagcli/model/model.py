@@ -210,6 +210,9 @@ class Inequality:
         return self.members.names
 
 
+Law = Holonomic | Differential | Inequality
+
+
 def _with_axes(members: Family, is_vector: bool) -> tuple[str, ...]:
     if not is_vector:
         return members.names

@@ -23,6 +23,7 @@ from lagcli.model import settings
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Vector3
 from lagcli.simulation import saved_form
+from lagcli.simulation.contact_state import NOTHING, ContactState
 from lagcli.simulation.incident import NONE, Tally
 from lagcli.simulation.invariants import Levels
 from lagcli.simulation.singular_point import RankDrop
@@ -50,7 +51,8 @@ class RunState:
     which may lie on either side of t; figures: those of all rows handed out; levels: how each integral is held;
     notes: what has been said about them; selection: the rows it is stepped with; watch: what the
     next singular configuration is foreseen from; crossings: those that were passed; turns: where angles with a cut
-    were, counted through all turns; tally: of incidents up to t; told: of those handed out, which may lie beyond t.
+    were, counted through all turns; tally: of incidents up to t; told: of those handed out, which
+    may lie beyond t; contacts: see `ContactState`.
     Times are counted from `origin`, but for those of crossings and incidents.
     """
 
@@ -73,6 +75,7 @@ class RunState:
     turns: tuple[float, ...] = ()
     tally: Tally = NONE
     told: Tally = NONE
+    contacts: ContactState = NOTHING
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -246,9 +249,7 @@ def _require_sound(point: Checkpoint) -> None:
             raise ValueError("a chart that there is not")
     if not all(selection.circuits):
         raise ValueError("a circuit without rows")
-    if sorted([*selection.kept, *(circuit[0] for circuit in selection.circuits)]) != list(
-        range(selection.count)
-    ):
+    if sorted([*selection.present, *selection.inactive]) != list(range(selection.count)):
         raise ValueError("rows that are not all there")
     if not {row for circuit in selection.circuits for row in circuit[1:]} <= set(selection.kept):
         raise ValueError("a row that depends on rows left out")

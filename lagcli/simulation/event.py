@@ -11,6 +11,9 @@ class Event(Protocol):
     """A thing that ordinary steps do not lead over. It is asked before each step and after it; by default it has
     nothing to say."""
 
+    # True where steps are looked at beyond the end of the run, so that what happens before it does not depend on it.
+    looks_ahead: bool = False
+
     @classmethod
     def of(cls, stepper: Stepper) -> Self | None:
         """That of a run; None where it cannot occur."""
@@ -24,3 +27,9 @@ class Event(Protocol):
 
     def cut(self) -> None:
         """End the step just found, whichever found it, where the motion does not go on in it."""
+
+    def begin(self) -> None:
+        """Act on the start of a run."""
+
+    def act(self) -> None:
+        """Act on the state that a step has led to, once it is accepted."""

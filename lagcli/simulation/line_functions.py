@@ -15,6 +15,8 @@ from lagcli.simulation import step_end
 # all of the line is, or overflows.
 FIGURES = 5
 BEYOND = FIGURES + 1
+# The place of the Jacobi energy in a line.
+JACOBI = -4
 
 
 # Symbols or numbers.

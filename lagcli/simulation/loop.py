@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ from lagcli.simulation import grid as grids
 from lagcli.simulation import line_functions, run_start
 from lagcli.simulation.angle_turns import Turns
 from lagcli.simulation.checkpoint import CheckpointError, RunState
+from lagcli.simulation.contact_event import ContactEvent
 from lagcli.simulation.event import Event
 from lagcli.simulation.impulse_event import ImpulseEvent
 from lagcli.simulation.incident import Incident
@@ -37,7 +38,7 @@ Floats = npt.NDArray[np.float64]
 BLOCK_VALUES = 2**16  # numbers in a block of rows
 PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed out: for progress and interrupts
 # In the order in which they are asked; the first that finds a step leaves none to the others.
-EVENTS: tuple[type[Event], ...] = (SwitchEvent, SingularEvent, ImpulseEvent)
+EVENTS: tuple[type[Event], ...] = (SwitchEvent, SingularEvent, ImpulseEvent, ContactEvent)
 
 
 def start(
@@ -116,6 +117,8 @@ class Run:
         self._row, self.passed_over = row, passed_over
         found = (kind.of(stepper) for kind in EVENTS)
         self._events = tuple(event for event in found if event is not None)
+        # A row at an incident is to be written once the run is beyond it.
+        self._is_due = False
 
     @property
     def origin(self) -> float:
@@ -210,31 +213,66 @@ class Run:
         """Take steps and put their rows into the block until it is full or the time is over; True at the end."""
         stepper, writer = self._stepper, self._writer
         found = stepper.found
-        if self._begin is not None:
-            run_start.begin(stepper, self._begin)
-            if not self._begin.is_singular:
-                writer.put_begin()
-            self._begin = None
+        self._start()
         while True:
-            if found.is_open:
-                if not writer.put_rows():
-                    return False
-                if writer.is_done:
-                    stepper.t = self.grid.end
-                    return True
-                stepper.accept()
-                if time.perf_counter() > until:
-                    return False
-            elif writer.is_done:
+            if self._is_due and not self._put_state():
+                return False
+            if self.account.ended_by or (writer.is_done and not found.is_open):
                 return True
-            self._find_step()
+            if not found.is_open:
+                self._find_step()
+                continue
+            if not writer.put_rows():
+                return False
+            if writer.is_done:
+                stepper.t = self.grid.end
+                return True
+            self._is_due = found.is_jump
+            stepper.accept()
+            for event in self._events:
+                event.act()
+            if time.perf_counter() > until:
+                return False
+
+    def _start(self) -> None:
+        """Begin, where that is still to be done."""
+        if self._begin is None:
+            return
+        run_start.begin(self._stepper, self._begin)
+        if not self._begin.is_singular:
+            for event in self._events:
+                event.begin()
+            self._writer.put_begin()
+        self._begin = None
+
+    def _put_state(self) -> bool:
+        """Write the row at an incident that the run is behind, if there is one; False where the block is full."""
+        writer = self._writer
+        is_put = writer.put_last() if self.account.ended_by else writer.put_state()
+        self._is_due = not is_put
+        return is_put
 
     def _find_step(self) -> None:
-        for event in self._events:
-            if event.passes():
-                break
-        else:
-            self._stepper.advance()
+        if any(event.passes() for event in self._events):
+            self._cut()
+            return
+        stepper = self._stepper
+        if any(event.looks_ahead for event in self._events):
+            # What happens before the end is found in the step of a run that goes on.
+            take_back = _unfound(stepper)
+            try:
+                stepper.advance(beyond=True)
+                self._cut()
+            except StepFailure:
+                take_back()
+            else:
+                if not stepper.found.is_open or stepper.found.reached <= self.grid.end:
+                    return
+                take_back()
+        stepper.advance()
+        self._cut()
+
+    def _cut(self) -> None:
         for event in self._events:
             event.cut()
 
@@ -242,3 +280,16 @@ class Run:
         t = self.origin + self.t
         where = f"stopped at t = {t:.9g} (after row {self._writer.next_row} of {self.grid.count})"
         return Stop(t, f"{where}: {failure.reason}", failure.code)
+
+
+def _unfound(stepper: Stepper) -> Callable[[], None]:
+    """A call that takes back the step that is found next."""
+    account, watch, foreseen = stepper.account, stepper.watch.state, stepper.foreseen
+    counted = account.steps, account.rejected
+
+    def take_back() -> None:
+        account.steps, account.rejected = counted
+        stepper.watch.state, stepper.foreseen = watch, foreseen
+        stepper.found.is_open, stepper.found.barrier = False, None
+
+    return take_back

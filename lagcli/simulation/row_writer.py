@@ -59,12 +59,33 @@ class RowWriter:
         rows.begin.trigger()
         self._put_line()
 
+    def put_state(self) -> bool:
+        """Write the row at the state where the run stands, if there is one; False where the block is full before."""
+        if self._stepper.row_time != self._stepper.t:
+            return True
+        if self._filled == len(self._lines):
+            return False
+        self.put_begin()
+        return True
+
+    def put_last(self) -> bool:
+        """Write a row of the state where the run has ended before its end; False where the block is full before."""
+        if self._filled == len(self._lines):
+            return False
+        if not (self._filled and self._lines[self._filled - 1, 0] == self._stepper.origin + self._stepper.t):
+            self._stepper.row_time = self._stepper.t
+            self.put_begin()
+        return True
+
     def put_rows(self) -> bool:
-        """Write the rows of the grid within the step that was found; False where the block is full before."""
+        """Write the rows of the grid within the step that was found; False where the block is full before.
+
+        A row at an incident is that of the state after it, and is left.
+        """
         run, rows, found = self._stepper, self._stepper.rows, self._stepper.found
         t, reached, taken = run.t, found.reached, found.taken
         capacity = len(self._lines)
-        while run.row_time <= reached:
+        while run.row_time <= reached and not (found.is_jump and run.row_time == reached):
             if self._filled == capacity:
                 return False
             at = run.row_time

@@ -7,6 +7,7 @@ import dataclasses
 # Why a run stops, as codes for `lagcli explain`.
 SINGULAR, NO_SOLUTION = "singular-constraints", "no-solution-beyond"
 NOT_FINITE, TOO_SMALL = "not-finite", "step-too-small"
+CONTACT = "contact-undecided"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ def away(numeric: NumericSystem, land: BoundFunction, here: Point, h: float) -> 
 
 def _others(numeric: NumericSystem, state: State) -> Selection | None:
     """Other independent rows, where those at hand are close to dependent ones at a state and others are not."""
-    if numeric.selection.is_everything:
+    if not numeric.selection.circuits or numeric.closed_rows:
         return None
     rows = MetricRows(numeric.rows(state.t, state.q, state.v, state.p)[0], metric_at(numeric, state))
     return independent_rows.elsewhere(numeric.selection, rows, numeric.whole.size1_out(0))

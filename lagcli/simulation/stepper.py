@@ -48,6 +48,7 @@ NONE_TRIED: invariants.Tried = frozenset()
 class FoundStep:
     """A step that was found and is not yet accepted, where `is_open`: its end, length and the step proposed after it.
 
+    is_jump: its end is an incident, beyond which the state is another;
     is_still: it leads over a switch, where the state stays the same; has_dense: its dense output is made; passage: of
     one across a singular configuration; work: W within it, where its stages were too few for it;
     barrier: where something jumps, the end of the run.
@@ -57,6 +58,7 @@ class FoundStep:
     taken: float = 0.0
     proposed: float = 0.0
     is_open: bool = False
+    is_jump: bool = False
     is_still: bool = False
     has_dense: bool = False
     passage: SingularStep | None = None
@@ -85,7 +87,6 @@ class Stepper:
         longest = settings.max_step or math.inf
         self.timetable = Timetable(timed, grid.start, grid.step, longest, 0 if is_again else 1)
         self._witnesses = Witnesses(grid, timed, is_again)
-        self._is_timed = self.timetable.is_any
         # A run counts its turns in numbers of its own.
         held = dataclasses.replace(held, p=held.p.copy())
         self._turns = Turns(held.integrals.system)
@@ -99,6 +100,7 @@ class Stepper:
         self.account = RunStatistics(
             *counted, 0.0, figures, state.notes, state.crossings, state.tally, state.told
         )
+        self.contacts = state.contacts
         self.watch = SingularityMonitor(state.watch)
         self.foreseen = self.watch.again()
         # The state before the last step that is what a longer run would have taken; None where that is the last.
@@ -120,7 +122,7 @@ class Stepper:
 
     def _here(self) -> RunState:
         account, bound, control = self.account, self.bound, self.control
-        (steps, rejected, evaluations), held, notes, watched, crossings, tally = self._settled
+        (steps, rejected, evaluations), held, notes, watched, crossings, tally, contacts = self._settled
         return RunState(
             bound.t[0],
             bound.y.copy(),
@@ -140,6 +142,7 @@ class Stepper:
             origin=self.origin,
             turns=self._turns.of(bound.held.p),
             tally=tally,
+            contacts=contacts,
             told=account.told,
         )
 
@@ -148,7 +151,7 @@ class Stepper:
         account = self.account
         counted = account.steps, account.rejected, account.evaluations
         held, watched = self.bound.held, self.watch.state
-        self._settled = counted, held, account.notes, watched, account.crossings, account.tally
+        self._settled = counted, held, account.notes, watched, account.crossings, account.tally, self.contacts
         self.tried: invariants.Tried = NONE_TRIED
 
     def state_at(self, t: float, y: Floats) -> State:
@@ -156,11 +159,12 @@ class Stepper:
         n = y.size // 2
         return State(self.origin + t, y[:n], y[n : 2 * n], self.bound.held.p)
 
-    def advance(self) -> None:
+    def advance(self, beyond: bool = False) -> None:
         """Find an acceptable step from the current state.
 
         The last step is cut to end where the run does. Where it is rejected the whole step is tried, as a
-        longer run would have tried it, so that the steps up to the last do not depend on the end.
+        longer run would have tried it, so that the steps up to the last do not depend on the end. beyond: the end
+        plays no part.
         """
         t, end = self.t, self.grid.end
         h, wished = self._lengths(t)
@@ -171,7 +175,7 @@ class Stepper:
             taken = reached - t
             if not taken > 0.0:
                 raise StepFailure(stop_diagnosis.BELOW_ROUNDING, TOO_SMALL)
-            last = reached >= end or end - reached < 1e-12 * h
+            last = not beyond and (reached >= end or end - reached < 1e-12 * h)
             is_cut = last and not shorter
             if is_cut:
                 reached, taken = end, end - t
@@ -198,7 +202,7 @@ class Stepper:
         self.account.steps += 1
         found = self.found
         if outcome[7] > COARSE and self.account.is_balanced:
-            self._find_work(taken)
+            self.find_work(taken)
         found.is_open, found.reached, found.taken = True, reached, taken
         grown = self.control.grown(taken, error, grow)
         # Where the timetable has cut a step, and not its error, the next one has the length that was wished.
@@ -209,7 +213,7 @@ class Stepper:
         wished = self.control.step
         if self.foreseen is not NEVER:
             wished = self.foreseen.shortened(t, wished)
-        return self.timetable.shortened(t, wished) if self._is_timed else wished, wished
+        return self.timetable.shortened(t, wished) if self.timetable.is_any else wished, wished
 
     def _try(self, reached: float, taken: float) -> tuple[float, float]:
         """The error of a step, and the length of a smaller one that should be tried; 0 where it may be taken.
@@ -247,7 +251,7 @@ class Stepper:
                 return at
         return math.inf
 
-    def _find_work(self, taken: float) -> None:
+    def find_work(self, taken: float) -> None:
         """Integrate W over a step on its dense output: the scheme's own W is not right to the tolerance of the run."""
         bound = self.bound
         bound.staged.trigger()
@@ -308,7 +312,7 @@ class Stepper:
         if found.barrier is not None:
             self.t = found.reached
             raise stop_diagnosis.impulse(found.barrier.told)
-        was_still, found.is_still = found.is_still, False
+        was_still, found.is_still, found.is_jump = found.is_still, False, False
         found.is_open, found.passage, found.work = False, None, None
         bound.t[0] = self.t = found.reached
         bound.y[:], bound.k[:] = bound.new, bound.k_new

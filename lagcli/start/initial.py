@@ -286,5 +286,5 @@ def contradiction(system: System, rows: list[int], at: str = "") -> diagnostics.
 
 def names_of(system: System, rows: list[int]) -> str:
     """The names of rows, the first of them where they are many."""
-    names = ", ".join(f"`{system.rows.rows[i].name}`" for i in rows[:MOST_TOLD])
+    names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows[:MOST_TOLD])
     return names + (f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else "")

@@ -55,6 +55,7 @@ DOORS = {
         "lagcli.simulation.line_functions",
         "lagcli.simulation.singular_point",
         "lagcli.simulation.step_end",
+        "lagcli.simulation.watch_functions",
     ),
     "scipy": ("lagcli.contact.",),
 }

@@ -47,6 +47,7 @@ def _codes_in_source() -> set[str]:
         run_stop.NO_SOLUTION,
         run_stop.NOT_FINITE,
         run_stop.TOO_SMALL,
+        run_stop.CONTACT,
         trajectory.INTERRUPTED,
         trajectory.NOT_WRITTEN,
     }

@@ -1,0 +1,247 @@
+"""Impacts and changes of closed contacts at an incident of a run, told with their impulses."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.selection import Selection
+from lagcli.contact import impact_law
+from lagcli.simulation import contact_change, contact_mode, line_functions, run_stop
+from lagcli.simulation.contact_change import Blow
+from lagcli.simulation.contact_instant import WEIGHTLESS, ContactInstant, ContactParameters
+from lagcli.simulation.contact_state import ContactState
+from lagcli.simulation.incident import Incident, Kind
+from lagcli.simulation.run_stop import StepFailure
+from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
+from lagcli.simulation.singularity_step import SingularStep
+from lagcli.simulation.stepper import Stepper
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Found = TypeVar("Found")
+
+# Changes without a step between them, after which a run stops.
+MOST_AGAIN = 64
+# Places within the passing of a singular configuration at which gaps are looked at.
+PASSING = np.linspace(0.0, 1.0, 33)
+
+
+class ContactChanges:
+    """The contacts of a run at its state."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self._run = stepper
+        self._system = system = stepper.bound.held.integrals.system
+        self._rows, self._count = len(system.rows.rows), system.contacts.count
+        self._open = self._selection_without(stepper)
+        self._base = stepper.bound.numeric
+        e = [law.restitution for law in system.model.inequality if law.members.count]
+        rtol = float(stepper.tolerance[0])
+        self._parameters = ContactParameters(rtol, np.concatenate(e) if e else np.zeros(0))
+
+    def _selection_without(self, stepper: Stepper) -> Selection:
+        found = stepper.bound.held.integrals.selection
+        kept = tuple(i for i in found.kept if i < self._rows)
+        circuits = tuple(circuit for circuit in found.circuits if circuit[0] < self._rows)
+        return dataclasses.replace(
+            found, kept=kept, circuits=circuits, inactive=tuple(range(self._rows, found.count))
+        )
+
+    @property
+    def closed(self) -> tuple[int, ...]:
+        """The contacts that press."""
+        return contact_mode.closed_in(self._run.bound.numeric, self._rows)
+
+    def row_of(self, line: Floats) -> Floats:
+        """The columns of the table, of a line."""
+        return np.asarray(line[1 : -line_functions.BEYOND]) + 0.0
+
+    def here(self) -> ContactInstant:
+        """The contacts where the run stands."""
+        return self._instant(self._run.t, self._run.bound.y)
+
+    def _instant(self, t: float, y: Floats) -> ContactInstant:
+        kept, span = list(self._open.kept), self._run.found.taken
+        chosen = dataclasses.replace(self._parameters, span=span)
+        return ContactInstant(self._base, self._run.state_at(t, y.copy()), kept, chosen)
+
+    def noises(self) -> tuple[Floats, Floats]:
+        """Of gaps and of multipliers (K,) at the state: what is zero there."""
+        here = self.here()
+        gaps = here.noise.copy()
+        touching = list(self._run.contacts.touching)
+        gaps[touching] = here.nearness[touching]
+        if self._run.contacts.again == 0:
+            self._require_apart(here)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            forces = np.where(here.lengths > 0, WEIGHTLESS * here.pull / here.lengths**2, 0.0)
+        return gaps, forces
+
+    def _require_apart(self, here: ContactInstant) -> None:
+        deep = np.flatnonzero(here.g < -2 * here.nearness)
+        if deep.size:
+            worst = int(deep[np.argmin(here.g[deep])])
+            name = self._system.contacts.rows[worst].name
+            raise StepFailure(
+                f"`{name}` is violated by {-here.g[worst]:.3g} without a contact: it jumps there",
+                run_stop.CONTACT,
+            )
+
+    def unresolved(self) -> str:
+        """The reason to stop where the zeros of a gap cannot be told apart."""
+        return "a gap of an inequality, or a declared event, crosses zero so often that its zeros cannot be told apart"
+
+    def require_clear(self, passage: SingularStep) -> None:
+        """Raise `StepFailure` where a contact closes in the passing of a singular configuration."""
+        step = passage.step
+        for x in PASSING:
+            g = np.array(
+                self._base.gaps(self._run.origin + step.t + x * step.h, step.state(x), self._run.bound.held.p)
+            )
+            here = self.here()
+            open_ = sorted(set(range(self._count)) - set(self.closed))
+            if (g.ravel()[open_] < -here.nearness[open_]).any():
+                raise StepFailure(
+                    "a contact closes while a singular configuration is passed", run_stop.CONTACT
+                )
+
+    def begin(self) -> None:
+        """Decide the contacts at the start; an impact there is an incident."""
+        here = self.here()
+        if here.near.any():
+            self._change(here, here.near, None, is_start=True)
+
+    def at(self, hits: tuple[int, ...], ahead: tuple[float, Floats] | None) -> None:
+        """Change what changes where watched functions cross zero, by the numbers of their rows."""
+        run = self._run
+        if run.contacts.again > MOST_AGAIN:
+            names = ", ".join(
+                f"`{self._system.multiplier_rows[i].name}`" for i in hits if i < self._rows + self._count
+            )
+            raise StepFailure(
+                f"the contacts {names} open and close without end at one instant", run_stop.CONTACT
+            )
+        first = self._rows + self._count
+        self._events([i - first for i in hits if i >= first])
+        if any(i < first for i in hits):
+            self._change(self.here(), None, ahead, hits=hits)
+        else:
+            run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
+
+    def _events(self, numbers: list[int]) -> None:
+        run = self._run
+        if not numbers:
+            return
+        line = self._line()
+        impulses = np.zeros(self._rows + self._count)
+        for number in numbers:
+            event = self._system.model.events[number]
+            run.account.add(Incident(run.origin + run.t, "event", event.name, impulses, line, line))
+            if event.action == "stop":
+                run.account.ended_by = event.name
+
+    def _line(self) -> Floats:
+        return self.row_of(self._whole_line())
+
+    def _whole_line(self) -> Floats:
+        rows = self._run.rows
+        rows.at[0] = self._run.origin + self._run.t
+        rows.begin.trigger()
+        return rows.line.copy()
+
+    def _change(
+        self,
+        here: ContactInstant,
+        near: Flags | None,
+        ahead: tuple[float, Floats] | None,
+        is_start: bool = False,
+        hits: tuple[int, ...] = (),
+    ) -> None:
+        run, before, closed_before = self._run, self._whole_line(), set(self.closed)
+        blow = self._decided(lambda: contact_change.impact(here, self._parameters.restitution))
+        after = here if blow is None else here.moved(blow.v)
+        level = after.near & (np.abs(after.speeds) <= after.slow)
+        if blow is None and ahead is not None:
+            level[[*closed_before, *run.contacts.touching]] = True
+            look = self._instant(*ahead)
+        else:
+            look = after
+        pressing = self._decided(lambda: contact_change.pressing(look, level))
+        closed = set(pressing.closed)
+        touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
+        if closed != closed_before:
+            selection = contact_mode.of(self._open, after, sorted(closed), self._rows)
+            run.bind(run.bound.held.keeping(selection))
+            run.watch, run.foreseen = SingularityMonitor(), NEVER
+        self._land(after.state.v)
+        line = self._whole_line()
+        if blow is not None:
+            # What the impact takes away is work done there: the balance of the energy goes on.
+            run.bound.y[-1] += line[line_functions.JACOBI] - before[line_functions.JACOBI]
+        unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in closed & closed_before)
+        run.contacts = ContactState(touching, unarmed, run.t, run.contacts.again)
+        told = _Told(before, line, blow, closed_before, closed)
+        self._tell(told, is_start)
+
+    def _land(self, v: Floats) -> None:
+        bound = self._run.bound
+        n = v.size
+        bound.y[n : 2 * n] = v
+        bound.land.trigger()
+        bound.y[:], bound.k[:], *_ = bound.land.results
+        self._run.account.evaluations += 1
+
+    def _tell(self, told: _Told, is_start: bool) -> None:
+        run, names = self._run, [row.name for row in self._system.contacts.rows]
+        t = run.origin + run.t
+        before, after = self.row_of(told.before), self.row_of(told.after)
+        impulses = np.zeros(self._rows + self._count)
+        later: list[Incident] = []
+
+        def tell(kind: Kind, j: int, at: float = t) -> None:
+            incident = Incident(at, kind, names[j], impulses, before, after)
+            if at == t:
+                run.account.add(incident)
+            else:
+                later.append(incident)
+
+        if told.blow is not None:
+            impulses[list(self._open.kept)] = told.blow.of_equalities
+            impulses[self._rows :] = told.blow.of_contacts
+            for j in np.flatnonzero(told.blow.struck).tolist():
+                tell("impact", j)
+        ended = set() if told.blow is None else set(np.flatnonzero(told.blow.ended).tolist())
+        if not is_start or told.blow is not None:
+            for j in sorted(told.closed - told.closed_before):
+                at = t
+                if told.blow is not None and j in ended:
+                    at = t + float(told.blow.lasting[j])
+                    tell("accumulation", j, at)
+                tell("contact", j, at)
+            for j in sorted(told.closed_before - told.closed):
+                tell("release", j)
+        for incident in sorted(later, key=lambda each: each.t):
+            run.account.add(incident)
+
+    def _decided(self, law: Callable[[], Found]) -> Found:
+        try:
+            return law()
+        except impact_law.LawError as error:
+            names = ", ".join(f"`{self._system.contacts.rows[j].name}`" for j in error.contacts)
+            raise StepFailure(f"{error}: {names}", run_stop.CONTACT) from None
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """Lines before and after a change, the impact, and contacts that pressed and press."""
+
+    before: Floats
+    after: Floats
+    blow: Blow | None
+    closed_before: set[int]
+    closed: set[int]

@@ -1,0 +1,57 @@
+"""The watched functions on the step that a run has just found, bound to its arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.bound_function import BoundFunction, cells
+from lagcli.simulation.stepper import Stepper
+from lagcli.simulation.watch_functions import WatchFunctions
+
+Floats = npt.NDArray[np.float64]
+
+
+class StepWatch:
+    """w (W,) of `WatchFunctions` along a step."""
+
+    def __init__(self, functions: WatchFunctions, run: Stepper) -> None:
+        self.functions, self._run, self._bound = functions, run, run.bound
+        t, x = np.zeros(1), np.zeros(1)
+        self._t, self._x = cells(t), cells(x)
+        bound = run.bound
+        _, h, y, k, _, _ = bound.step.arguments
+        self._screen = BoundFunction(functions.screen, [t, h, y, k, bound.new, bound.k_new, bound.p])
+        self._clear = cells(self._screen.results[0])
+        self._inside = BoundFunction(functions.inside, [t, h, x, y, run.rows.dense.results[0].T, bound.p])
+        self._begin = BoundFunction(functions.watched, [t, y, bound.p])
+        self._end = BoundFunction(functions.watched, [t, bound.new, bound.p])
+
+    def is_of(self, run: Stepper) -> bool:
+        """True as long as the run steps with the functions it did."""
+        return run.bound is self._bound
+
+    def is_clear(self) -> bool:
+        """True if no function has a zero in the step, as far as its ends tell."""
+        self._t[0] = self._run.origin + self._run.t
+        self._screen.trigger()
+        return self._clear[0] > 0.0
+
+    def inside(self, x: float) -> tuple[Floats, Floats]:
+        """w and dw/dx at the fraction x of the dense output."""
+        self._t[0], self._x[0] = self._run.origin + self._run.t, x
+        self._inside.trigger()
+        w, slope = self._inside.results
+        return w.copy(), slope.copy()
+
+    def begin(self) -> Floats:
+        """w where the run stands."""
+        self._t[0] = self._run.origin + self._run.t
+        self._begin.trigger()
+        return self._begin.results[0].copy()
+
+    def end(self, t: float) -> Floats:
+        """w at the end of the step, which is at t."""
+        self._t[0] = self._run.origin + t
+        self._end.trigger()
+        return self._end.results[0].copy()

@@ -1,0 +1,114 @@
+"""The functions that are watched along a step: gaps of open contacts, multipliers of closed ones, declared events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import casadi as ca
+
+from lagcli.compiled import NumericSystem
+from lagcli.simulation import step_end
+from lagcli.simulation.method import Method
+from lagcli.simulation.step_end import Compiled
+
+# Places in a step at which the watched functions are looked at before its dense output is made; those within are no
+# fractions of a period.
+NODES = (0.0, 0.3819660112501051, 0.7071067811865476, 1.0)
+
+
+class WatchFunctions:
+    """Functions w (W,) for one set of closed contacts, in this order: g of the contacts `open_`, lambda of those
+    `closed`, `when` of the events."""
+
+    def __init__(self, numeric: NumericSystem, method: Method, count: tuple[int, int]) -> None:
+        C, K = count
+        self._numeric, self._method = numeric, method
+        self.closed = [i - C for i in numeric.closed_rows]
+        self.open_ = sorted(set(range(K)) - set(self.closed))
+        self._first = C
+        self._events = numeric.event_values.numel_out(0)
+
+    @cached_property
+    def watched(self) -> Compiled:
+        """watched(t, y, p) -> w (W,)."""
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
+        values = [self._numeric.gaps(t, y, p)[self.open_]] if self.open_ else []
+        if self.closed or self._events:
+            rate, lam = self._numeric.solved(t, y, p)
+            values += [lam[[self._first + j for j in self.closed]]] if self.closed else []
+            values += [self._numeric.event_values(t, y, rate, lam, p)] if self._events else []
+        return ca.Function("watched", [t, y, p], [ca.densify(ca.vertcat(*values))])
+
+    @cached_property
+    def inside(self) -> Compiled:
+        """inside(t, h, x, y, coefficients, p) -> w and dw/dx, (W,) each, at the fraction x of a step from y at t."""
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, h, x, y = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("x"), ca.MX.sym("y", size)
+        coefficients, p = ca.MX.sym("c", size, self._method.dense_rows), ca.MX.sym("p", parameters)
+        w = self.watched(t + x * h, self._method.interpolated(y, coefficients, x), p)
+        slope = ca.densify(ca.jtimes(w, x, ca.MX(1)))
+        return ca.Function("inside", [t, h, x, y, coefficients, p], [w, slope])
+
+    @cached_property
+    def screen(self) -> Compiled:
+        """screen(t, h, y, k, new, k_new, p) -> a number above 0 where no watched function can have a zero within the
+        step.
+
+        Each is looked at on the quintic curve q through q, v, a at both ends, at the `NODES`. Between two of them it is
+        taken for the cubic of its values and slopes, whose control points bound it, less twice of what such cubics over
+        two intervals are off at the node between.
+        """
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, h, p = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("p", parameters)
+        y, k, new, k_new = (ca.MX.sym(name, size) for name in ("y", "k", "new", "k_new"))
+        x = ca.MX.sym("x")
+        w = self.watched(t + x * h, _quintic(x, h, (y, k), (new, k_new)), p)
+        at = ca.Function("node", [x, t, h, y, k, new, k_new, p], [w, ca.jtimes(w, x, ca.MX(1))])
+        nodes = [at(node, t, h, y, k, new, k_new, p) for node in NODES]
+        values = [value for value, _ in nodes]
+        slopes = [slope for _, slope in nodes]
+        # Contacts that are on the wrong side are no clear ones; an event may begin on either side.
+        contacts = len(self.open_) + len(self.closed)
+        side = ca.MX.ones(contacts, 1)
+        if self._events:
+            side = ca.vertcat(side, ca.sign(values[0][contacts:]))
+        misfit = ca.fmax(
+            *(ca.fabs(_cubic(NODES[i], i - 1, i + 1, values, slopes) - values[i]) for i in (1, 2))
+        )
+        lowest = [
+            ca.fmin(
+                ca.fmin(side * values[i], side * values[i + 1]),
+                ca.fmin(
+                    side * (values[i] + slopes[i] * ((NODES[i + 1] - NODES[i]) / 3)),
+                    side * (values[i + 1] - slopes[i + 1] * ((NODES[i + 1] - NODES[i]) / 3)),
+                ),
+            )
+            for i in range(len(NODES) - 1)
+        ]
+        clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - 2 * misfit
+        arguments = [t, h, y, k, new, k_new, p]
+        return ca.Function("screen", arguments, [ca.densify(ca.mmin(clear))])
+
+
+def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, ca.MX]) -> ca.MX:
+    """The state at the fraction x of a step from the states and their rates at its ends; W is 0."""
+    (y, k), (new, k_new) = begin, end
+    n = (y.numel() - 1) // 2
+    q0, v0, a0 = y[:n], h * y[n : 2 * n], h * h * k[n : 2 * n]
+    q1, v1, a1 = new[:n], h * new[n : 2 * n], h * h * k_new[n : 2 * n]
+    # Of the rest beyond the parabola of the start: value, slope and curvature at the end.
+    r, s, c = q1 - q0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
+    A, B, D = 10 * r - 4 * s + c / 2, -15 * r + 7 * s - c, 6 * r - 3 * s + c / 2
+    q = q0 + x * (v0 + x * (a0 / 2 + x * (A + x * (B + x * D))))
+    v = v0 + x * (a0 + x * (3 * A + x * (4 * B + x * 5 * D)))
+    return ca.vertcat(q, v / h, ca.MX(1, 1))
+
+
+def _cubic(x: float, i: int, j: int, values: Sequence[ca.MX], slopes: Sequence[ca.MX]) -> ca.MX:
+    """The cubic through values and slopes at two of the `NODES`."""
+    d = NODES[j] - NODES[i]
+    u = (x - NODES[i]) / d
+    begin = (1 + 2 * u) * (1 - u) ** 2 * values[i] + u * (1 - u) ** 2 * d * slopes[i]
+    return begin + u * u * (3 - 2 * u) * values[j] - u * u * (1 - u) * d * slopes[j]
