@@ -16,7 +16,6 @@ from lagcli.api import run_settings
 from lagcli.cli import signals
 from lagcli.equations import system as mechanics
 from lagcli.errors import catalogue
-from lagcli.input import keys
 from lagcli.model import settings
 
 BALL = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0]}\n  b: {mass: 2, position: [2, 0, 0]}\n"
@@ -557,10 +556,6 @@ def test_a_family_names_what_a_scheme_of_another_program_is() -> None:
         ((key, sentence),) = settings.faults(dataclasses.replace(base, method=name))
         assert key == "method"
         assert words in sentence
-
-
-def test_what_is_not_supported_says_what_to_do_instead() -> None:
-    assert all(key.instead for key in keys.FORMAT.keys if not key.supported)
 
 
 def test_errors_as_data_hold_code_place_and_hint(
