@@ -536,7 +536,8 @@ def test_the_form_of_a_file_is_the_one_of_format_6() -> None:
     mark = {
         "t": 0.5, "y": [1.0, 2.0, 0.0], "k": [2.0, 0.0, 0.0], "step": 0.1, "pace_from": 0.0, "steps": 3,
         "rejected": 0, "evaluations": 36, "row": 0.5, "figures": figures,
-        "selection": {"kept": [0], "circuits": [[1, 0]], "inactive": [2]}, "levels": [[0, 0.6, 0.8], None], "notes": ["n"],
+        "selection": {"kept": [0], "circuits": [[1, 0]], "inactive": [2]},
+        "levels": [[0, 0.6, 0.8], None], "notes": ["n"],
         "watch": [0.5], "crossings": [{"t": 0.25, "number": 1, "participants": [0, 1]}], "origin": 0.0, "turns": [],
         "tally": tally, "told": tally,
         "contacts": {"touching": [2], "unarmed": [], "last": 0.25, "again": 0},
