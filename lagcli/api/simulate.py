@@ -7,14 +7,18 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.api import prepare_run, run_settings
 from lagcli.api.load import Path, as_model
+from lagcli.api.simulation_run import SimulationRun
 from lagcli.model.model import Model
-from lagcli.output import checkpoint_file, column_choice
+from lagcli.output import checkpoint_file, column_choice, incident_table
 from lagcli.output.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation import run_stop
+
+Floats = npt.NDArray[np.float64]
 
 
 @progress.phase("simulating")
@@ -36,6 +40,7 @@ def simulate(
     limit: float | None = None,
     checkpoint: Path | None = None,
     resume: Path | None = None,
+    event_rows: bool = False,
 ) -> Trajectory:
     """Integrate m a = F + sum lambda_i B_i (D.24) and return the table.
 
@@ -43,7 +48,9 @@ def simulate(
     is what no step is longer than; `assemble` moves the start to the nearest consistent state, without the coordinates
     in `keep`; `columns` takes patterns ("t,lambda.*"); `digits` adds columns `err.*` and `run.digits`, from a second
     run; `limit` is the seconds to find the first integrals that are enforced; `checkpoint` and `resume` are files to
-    keep the state of the run in and to go on from: rows then begin after the last one of the run before.
+    keep the state of the run in and to go on from: rows then begin after the last one of the run before, and
+    `run.events` with the incidents after it; `event_rows` adds two rows at each instant of impacts, contacts, releases
+    and events, before and after it.
     Raises `ModelError` where the start is inconsistent, `ValueError` for bad options and for a checkpoint that belongs
     to a different run, `OSError`, `SimulationStopped` where the integration cannot go on.
     """
@@ -55,15 +62,14 @@ def simulate(
         "keep": None if keep is None else tuple(keep),
     }  # fmt: skip
     run = prepare_run.prepare(model, run_settings.chosen(model, changes), resume, limit, digits)
-    picked = column_choice.select(run.columns, columns, run.by_name)
-    everything = (*run.columns, *run.by_name)
-    names = tuple(everything[i] for i in picked)
+    if event_rows:
+        run.add_event_rows()
+    table = _GatheredTable(run, columns)
     keeper = checkpoint_file.Keeper(checkpoint) if checkpoint is not None else None
-    blocks = [np.zeros((0, len(names)))]
     stop: run_stop.Stop | None = None
     try:
         for block in run.blocks():
-            blocks.append(run.taken(block, picked))
+            table.add(block)
             if keeper is not None:
                 keeper.take(run.checkpoint())
     except run_stop.RunStop as stopped:
@@ -71,12 +77,37 @@ def simulate(
     finally:
         if keeper is not None:
             keeper.write()
-    rows = np.concatenate(blocks)
-    blocks.clear()  # freeing memory takes its time too
-    # What is left of the wall time went into the rows: taken together, chosen, kept.
-    stats = run.stats
-    seconds = time.perf_counter() - began - stats.compile_seconds
-    result = Trajectory(names, rows, dataclasses.replace(stats, solve_seconds=seconds), run.notes)
+    result = table.trajectory(began)
     if stop is not None:
         raise SimulationStopped(stop.reason, stop.t, result)
     return result
+
+
+class _GatheredTable:
+    """The rows and the incidents of a run, in the order in which they come."""
+
+    def __init__(self, run: SimulationRun, columns: str) -> None:
+        self._run = run
+        self._picked = column_choice.select(run.columns, columns, run.by_name)
+        self._blocks = [np.zeros((0, len(self._picked)))]
+        self._incidents = [run.incident_columns.table([])]
+
+    def add(self, block: Floats) -> None:
+        """A block of rows, and the incidents that came with it."""
+        run = self._run
+        self._blocks.append(run.taken(block, self._picked))
+        if run.incidents:
+            self._incidents.append(run.incident_columns.table(run.incidents))
+
+    def trajectory(self, began: float) -> Trajectory:
+        """The table of all, made since the time `began`."""
+        run = self._run
+        everything = (*run.columns, *run.by_name)
+        rows = np.concatenate(self._blocks)
+        self._blocks.clear()  # freeing memory takes its time too
+        # What is left of the wall time went into the rows: taken together, chosen, kept.
+        stats = run.stats
+        seconds = time.perf_counter() - began - stats.compile_seconds
+        stats = dataclasses.replace(stats, solve_seconds=seconds)
+        names = tuple(everything[i] for i in self._picked)
+        return Trajectory(names, rows, stats, run.notes, incident_table.joined(self._incidents))

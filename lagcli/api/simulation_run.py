@@ -17,7 +17,8 @@ from lagcli.compiled import NumericSystem
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model import settings
-from lagcli.output import table_columns
+from lagcli.output import event_rows, incident_table, table_columns
+from lagcli.output.incident_table import IncidentColumns
 from lagcli.output.trajectory import Outcome, Stats, provenance
 from lagcli.simulation import checkpoint as checkpoints
 from lagcli.simulation import grid, loop, run_stop
@@ -67,6 +68,7 @@ class SimulationRun:
         self.grid = grid.grid(self.model.simulation)
         # Those that have come with the last block, up to its last row or a little beyond.
         self.incidents: list[Incident] = []
+        self._has_event_rows = False
         # The account covers the whole run: rows that were handed out before it was resumed too.
         self.outcome = Outcome()
         if self.resumed is not None:
@@ -86,6 +88,8 @@ class SimulationRun:
                 self.incidents = run.take_incidents()
                 if self._paired:
                     self._floors.take(block)
+                if self._has_event_rows:
+                    block = event_rows.merged(block, self.incidents)
                 self.outcome.take(block)
                 yield block
         except run_stop.RunStop as stopped:
@@ -97,6 +101,22 @@ class SimulationRun:
                 stop = dataclasses.replace(stop, reason=f"{where}: {why}", code=run_stop.NO_SOLUTION)
             self.outcome.stop(stop)
             raise run_stop.RunStop(stop) from None
+
+    def add_event_rows(self) -> None:
+        """Hand out two more rows at each instant of incidents, before and after it."""
+        self._has_event_rows = True
+        if self.resumed is not None:
+            self.outcome.rows += 2 * self.resumed.mark.told.instants
+
+    @functools.cached_property
+    def incident_columns(self) -> IncidentColumns:
+        """The columns of the table of incidents."""
+        return incident_table.columns(self.model, self._system.columns)
+
+    @property
+    def end(self) -> float:
+        """The time of the last row: the end of the grid, or that of the event that has ended the run."""
+        return self.t if self._run.account.ended_by is not None else self.grid.end
 
     @functools.cached_property
     def _forces(self) -> table_columns.GeneralizedForces:

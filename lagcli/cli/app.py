@@ -12,12 +12,19 @@ import typer
 from lagcli.cli import command_group, exits, json_output
 from lagcli.cli.options import (
     AssembleOption,
+    CheckpointOption,
+    ColumnsOption,
     DebugOption,
+    DigitsOption,
+    EventRowsOption,
+    EventsOption,
     JsonOption,
     LimitOption,
     ModelArgument,
+    OutputOption,
     OutputStepOption,
     QuietOption,
+    ResumeOption,
     SetOption,
     VerboseOption,
 )
@@ -163,12 +170,7 @@ def check(
 @exits.command
 def simulate(
     model: ModelArgument,
-    output: Annotated[
-        str | None,
-        typer.Option(
-            "-o", "--output", metavar="FILE", help=".csv, .tsv, .json, .npz, .parquet; - for stdout"
-        ),
-    ] = None,
+    output: OutputOption = None,
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
     ] = None,
@@ -182,20 +184,13 @@ def simulate(
     ] = None,
     method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
     assemble: AssembleOption = False,
-    columns: Annotated[
-        str | None, typer.Option(metavar="PATTERNS", help="columns to write, such as 't,lambda.*,R.a.*'")
-    ] = None,
+    columns: ColumnsOption = None,
+    events: EventsOption = None,
+    event_rows: EventRowsOption = False,
     stats: Annotated[str | None, typer.Option(metavar="FILE", help="the account of the run as JSON")] = None,
-    checkpoint: Annotated[
-        str | None, typer.Option(metavar="FILE", help="keep the state of the run, for --resume")
-    ] = None,
-    resume: Annotated[
-        str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
-    ] = None,
-    digits: Annotated[
-        bool,
-        typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run"),
-    ] = False,
+    checkpoint: CheckpointOption = None,
+    resume: ResumeOption = None,
+    digits: DigitsOption = False,
     limit: LimitOption = settings.LIMIT,
     changes: SetOption = None,
     as_json: Annotated[
@@ -214,7 +209,19 @@ def simulate(
     from lagcli.cli import preflight, simulate_command
 
     options = preflight.SimulateOptions(
-        output, plot, stats, columns, as_json, quiet, verbose, checkpoint, resume, limit, digits
+        output,
+        plot,
+        stats,
+        columns,
+        as_json,
+        quiet,
+        verbose,
+        checkpoint,
+        resume,
+        limit,
+        digits,
+        events,
+        event_rows,
     )
     options.require(model)
     read = _reported(lambda: _load(model, changes), as_json)

@@ -35,3 +35,27 @@ AssembleOption = Annotated[
     bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
 ]
 OutputStepOption = Annotated[float | None, typer.Option("--output-step", help="time between rows")]
+# Those of `simulate` alone, at some length.
+OutputOption = Annotated[
+    str | None,
+    typer.Option("-o", "--output", metavar="FILE", help=".csv, .tsv, .json, .npz, .parquet; - for stdout"),
+]
+ColumnsOption = Annotated[
+    str | None, typer.Option(metavar="PATTERNS", help="columns to write, such as 't,lambda.*,R.a.*'")
+]
+EventsOption = Annotated[
+    str | None,
+    typer.Option(metavar="FILE", help="table of impacts, contacts, releases and events; - for stdout"),
+]
+EventRowsOption = Annotated[
+    bool, typer.Option("--event-rows", help="two more rows at each of these instants, before and after")
+]
+CheckpointOption = Annotated[
+    str | None, typer.Option(metavar="FILE", help="keep the state of the run, for --resume")
+]
+ResumeOption = Annotated[
+    str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
+]
+DigitsOption = Annotated[
+    bool, typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run")
+]

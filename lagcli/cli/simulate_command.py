@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from lagcli.api import prepare_run
 from lagcli.api.simulation_run import SimulationRun
-from lagcli.cli import console, exits, json_output, signals, table_output
+from lagcli.cli import console, exits, json_output, run_figure, safe_table, signals, table_output
 from lagcli.cli.preflight import SimulateOptions
-from lagcli.equations import rows as row_lengths
+from lagcli.cli.safe_table import RowsBefore, TablePlan
 from lagcli.model.model import Model, Simulation
-from lagcli.output import atomic_file, column_choice, trajectory
+from lagcli.output import atomic_file, trajectory
 from lagcli.output.figures import decimate
 from lagcli.output.trajectory import Outcome, Stats, Stopped
 from lagcli.simulation import checkpoint, run_stop, step_tolerance
@@ -31,7 +31,7 @@ Floats = npt.NDArray[np.float64]
 def ready(model: Model, chosen: Simulation, options: SimulateOptions) -> SimulationRun:
     """The run, from its start or from a checkpoint. Raises `exits.UsageError`, `diagnostics.ModelError`."""
     try:
-        return prepare_run.prepare(
+        prepared = prepare_run.prepare(
             model, chosen, options.resume, options.limit, options.digits, may_be_over=True
         )
     except checkpoint.CheckpointError as error:
@@ -40,37 +40,36 @@ def ready(model: Model, chosen: Simulation, options: SimulateOptions) -> Simulat
         raise exits.UsageError(f"--resume: there is no file {options.resume}") from None
     except OSError as error:
         raise exits.UsageError(f"--resume: cannot read {options.resume}: {error.strerror}") from None
+    if options.event_rows:
+        prepared.add_event_rows()
+    return prepared
 
 
 def run(ready: SimulationRun, options: SimulateOptions) -> None:
     """Integrate and write. Raises `exits.Exit` with 3 where the run stopped before its end."""
-    picked = _picked(ready.columns, options, ready.by_name)
+    picked = run_figure.picked(ready.columns, options, ready.by_name)
     everything = (*ready.columns, *ready.by_name)
     names = [everything[i] for i in picked]
-    first = table_output.before(ready, options.resume, options.file, names)
-    if first is None:
-        _require_rows_left(ready, options)
-        table_output.require_kept(ready, options.resume, options.file)
+    begun = _begun(ready, options, names)
     for warning in () if options.quiet else ready.warnings:
         exits.say(warning.render())
-    _tell_start(ready, options, first)
+    _tell_start(ready, options, begun)
     kept = decimate.Thinned()
     signals.leave()
     outcome = dataclasses.replace(ready.outcome)  # of the rows that have been written
     with signals.unwinding():
         try:
-            with table_output.opened(ready, options.file, options.to_stdout, names) as written:
+            with table_output.opened(ready, begun.table, begun.events) as written:
                 if options.checkpoint is not None:
-                    written.keep_checkpoints(options.checkpoint, names, ready.grid.step, first)
-                if first is not None:
-                    is_whole = options.plot is not None and names == list(ready.columns)
-                    written.begin(first, names, kept.add if is_whole else lambda block: None)
+                    written.keep_checkpoints(options.checkpoint, begun.rows, begun.incidents)
+                is_whole = options.plot is not None and names == list(ready.columns)
+                written.begin(begun.rows, begun.incidents, kept.add if is_whole else lambda block: None)
                 stopped = _write_rows(ready, options, picked, written, kept, outcome)
         except (signals.Interrupted, exits.WriteError, OSError) as error:
             _account_of_ended(ready, options, outcome, error)
             raise
         _write_account(options, ready.stats)
-        _draw(ready, options, kept)
+        run_figure.draw(ready, options, kept)
         signals.check()
     if not options.quiet:
         for note in ready.notes:
@@ -88,22 +87,39 @@ def _require_rows_left(ready: SimulationRun, options: SimulateOptions) -> None:
         raise exits.UsageError(f"--resume {options.resume}: {error}") from None
 
 
-def _picked(names: tuple[str, ...], options: SimulateOptions, by_name: tuple[str, ...] = ()) -> list[int]:
-    try:
-        if options.columns is None:
-            return list(range(len(names)))
-        return column_choice.select(names, options.columns, by_name)
-    except column_choice.UnknownColumn as error:
-        raise exits.UsageError(f"--columns: {error}") from None
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Begun:
+    """The tables of a run, and what they begin with of the run before."""
+
+    table: TablePlan | None
+    events: TablePlan | None
+    rows: RowsBefore | None
+    incidents: RowsBefore | None
 
 
-def _tell_start(ready: SimulationRun, options: SimulateOptions, first: table_output.Before | None) -> None:
+def _begun(ready: SimulationRun, options: SimulateOptions, names: list[str]) -> _Begun:
+    table, events = table_output.table(ready, options, names), table_output.events(ready, options)
+    plans = [plan for plan in (table, events) if plan is not None]
+    found = {plan.option: safe_table.before(ready, options.resume, plan) for plan in plans}
+    if not any(found.values()):
+        _require_rows_left(ready, options)
+    for plan in plans:
+        if found[plan.option] is None:
+            safe_table.require_kept(ready, options.resume, plan)
+    return _Begun(table, events, found.get("--output"), found.get("--events"))
+
+
+def _tell_start(ready: SimulationRun, options: SimulateOptions, begun: _Begun) -> None:
     if options.quiet:
         return
-    if first is not None:
-        exits.say(f"note: {options.file} begins {first.sentence}")
-    elif lost := table_output.elsewhere(ready, options.resume):
-        exits.say(f"note: {lost}")
+    for file, first, lost in (
+        (options.file, begun.rows, safe_table.elsewhere(ready, options.resume, "table")),
+        (options.events_file, begun.incidents, safe_table.elsewhere(ready, options.resume, "events")),
+    ):
+        if first is not None:
+            exits.say(f"note: {file} begins {first.sentence}")
+        elif lost:
+            exits.say(f"note: {lost}")
     if ready.assembly is not None:
         exits.say_all(assembly_moves.moves(ready.model, ready.assembly).lines(ready.model.units))
     if ready.passed_over:
@@ -137,23 +153,24 @@ def _write_rows(
         with _progress(ready, options) as bar:
             for block in _blocks(ready, bar):
                 point = ready.checkpoint() if options.checkpoint is not None else None
-                written.take(block, ready.taken(block, picked), point)
+                written.take(block, ready.taken(block, picked), point, ready.incidents)
                 outcome.rows, outcome.t_end = ready.outcome.rows, ready.outcome.t_end
                 if options.plot is not None:
                     kept.add(block)
+                    kept.marks.extend((incident.t, incident.kind) for incident in ready.incidents)
     except run_stop.RunStop as stop:
         stopped = stop
     except signals.Interrupted:
-        if written.t_end == ready.grid.end:
+        if written.t_end == ready.end:
             written.complete()
-        elif (partial := written.keep()) is not None:
-            exits.say(f"lagcli: interrupted; the complete rows are in {partial}")
+        elif kept_in := written.keep():
+            exits.say(f"lagcli: interrupted; {kept_in}")
         raise
     if stopped is None:
         written.complete()
-    elif (partial := written.keep()) is not None:
-        signals.leave(f"lagcli: interrupted; the complete rows are in {partial}")
-        exits.say(f"lagcli: the complete rows are in {partial}")
+    elif kept_in := written.keep():
+        signals.leave(f"lagcli: interrupted; {kept_in}")
+        exits.say(f"lagcli: {kept_in}")
     return stopped
 
 
@@ -173,7 +190,7 @@ def _progress(
     ready: SimulationRun, options: SimulateOptions
 ) -> contextlib.AbstractContextManager[console.Progress]:
     # Rows and a bar on one terminal would overwrite each other.
-    silent = options.quiet or (options.to_stdout and sys.stdout.isatty())
+    silent = options.quiet or (options.is_stdout_taken and sys.stdout.isatty())
     return console.progress(ready.grid.start, ready.grid.end, silent)
 
 
@@ -189,7 +206,7 @@ def _account_of_ended(
     if code == trajectory.NOT_WRITTEN and not options.to_stdout:
         outcome = Outcome()  # the file is as it was
     outcome.stopped = ready.outcome.stopped
-    if outcome.stopped is None and outcome.t_end != ready.grid.end:
+    if outcome.stopped is None and outcome.t_end != ready.end:
         outcome.stopped = Stopped(ready.t, reason, code)
     account = dataclasses.replace(
         ready.stats, stopped=outcome.stopped, rows=outcome.rows, t_end=outcome.t_end
@@ -209,68 +226,8 @@ def _write_account(options: SimulateOptions, stats: Stats) -> None:
         if options.stats is not None:
             with exits.writing(options.stats):
                 _write_json(options.stats, account)
-        if options.as_json and not options.to_stdout:
+        if options.as_json and not options.is_stdout_taken:
             print(json_output.text(account), flush=True)
-
-
-def _draw(ready: SimulationRun, options: SimulateOptions, kept: decimate.Thinned) -> None:
-    """The figure, where one is asked for."""
-    rows = kept.rows()
-    if options.plot is not None and len(rows):
-        # matplotlib takes a third of a second to load: only where a figure is asked for.
-        from lagcli.output.figures import panels
-
-        names, drawn = _drawn(ready.columns, rows, options, ready.by_name)
-        title = ready.model.title or pathlib.Path(ready.model.path).stem
-        with exits.drawing(options.plot):
-            from lagcli.output.figures import figure
-
-            figure.draw(
-                pathlib.Path(options.plot),
-                names,
-                drawn,
-                title=title,
-                units=ready.model.units,
-                facts=panels.PanelFacts(
-                    ready.stats.indeterminate,
-                    _zeros(ready, rows),
-                    row_lengths.lengths(ready.model),
-                    len(names) < len(ready.columns),
-                ),
-            )
-
-
-def _drawn(
-    names: tuple[str, ...], rows: Floats, options: SimulateOptions, by_name: tuple[str, ...]
-) -> tuple[tuple[str, ...], Floats]:
-    """The columns of the figure: those of multipliers and reactions that `--columns` names, all where it names none."""
-    if options.columns is None:
-        return names, rows
-    everything = (*names, *by_name)
-    chosen = [everything[i] for i in _picked(names, options, by_name)]
-    # A reaction of a particle is drawn with all its components.
-    groups = {
-        name.removesuffix(f".{name[-1]}") for name in chosen if name.startswith("R.") and name[-2] == "."
-    }
-    kept = [
-        i
-        for i, name in enumerate(names)
-        if name in chosen or (name.startswith("R.") and name.rpartition(".")[0] in groups)
-    ]
-    kept = [i for i in kept if names[i].startswith(("lambda.", "R."))]
-    if not kept:
-        if not options.quiet:
-            exits.say("note: --columns names no multiplier and no reaction; the figure shows all of them")
-        return names, rows
-    kept = [names.index("t"), *kept]
-    return tuple(names[i] for i in kept), rows[:, kept]
-
-
-def _zeros(ready: SimulationRun, rows: Floats) -> list[str]:
-    """The columns that are zero to rounding."""
-    floors = ready.floors()
-    floors.take(rows)
-    return [name for name, is_zero in zip(ready.columns, floors.zeros(), strict=True) if is_zero]
 
 
 def _write_json(path: str, value: dict[str, object]) -> None:
@@ -292,5 +249,29 @@ def _tell_account(stats: Stats, held_to: str, complete: bool) -> None:
         f" drift {stats.position_drift:.1e} in position, {stats.velocity_drift:.1e} in velocity;"
         f" energy balance {balance}"
     )
+    if happened := _incidents(stats):
+        exits.say(f"incidents: {happened}")
     if stats.accuracy is not None and stats.accuracy.sentence:
         exits.say(f"digits: {stats.accuracy.sentence}")
+
+
+def _incidents(stats: Stats) -> str:
+    """The incidents that are counted, and the event that ended the run, or nothing."""
+    counted = (
+        (stats.impacts, "impact"),
+        (stats.accumulations, "accumulation of impacts"),
+        (stats.releases, "release"),
+    )
+    parts = [
+        f"{count} {noun}" if count == 1 else f"{count} {_plural(noun)}" for count, noun in counted if count
+    ]
+    if stats.largest_penetration > 0:
+        parts.append(f"largest penetration {stats.largest_penetration:.1e}")
+    if stats.ended_by is not None and stats.t_end is not None:
+        parts.append(f"ended by the event {stats.ended_by} at t = {stats.t_end:.9g}")
+    return ", ".join(parts)
+
+
+def _plural(noun: str) -> str:
+    first, _, rest = noun.partition(" ")
+    return f"{first}s {rest}".strip()

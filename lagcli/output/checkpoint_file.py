@@ -12,33 +12,51 @@ from lagcli.simulation import checkpoint
 EVERY = 30.0  # seconds
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class KeptRows:
+    """Rows of a table that are on the disk before a checkpoint is.
+
+    target: the table; step: the distance of its rows; has_event_rows: with rows of the instants of incidents.
+    """
+
+    rows: row_file.RowFile
+    target: Path
+    step: float = 0.0
+    has_event_rows: bool = False
+
+    def record(self, path: Path) -> checkpoint.CheckpointTable:
+        """The words about it in a checkpoint in the file `path`."""
+        written = self.rows.rows
+        seen = seen_from(path, self.target)
+        return checkpoint.CheckpointTable(
+            seen, self.step, written.count, written.checksum, self.has_event_rows
+        )
+
+
 class Keeper:
     """Keeps the last checkpoint of a run in a file: the first at once, the others now and then, and on request.
 
     So a file that cannot be made is known when the run begins. Later a failure waits for `write`: a full disk may
-    have room again, and the run goes on meanwhile. Where the rows go into a file, `rows`, they are on the disk before
-    the checkpoint is; `target` and `step` are the table and the distance of its rows.
+    have room again, and the run goes on meanwhile. table, events: rows and incidents, where they go into files.
     """
 
     def __init__(
         self,
         path: str | os.PathLike[str],
-        rows: row_file.RowFile | None = None,
-        target: Path | None = None,
-        step: float = 0.0,
+        table: KeptRows | None = None,
+        events: KeptRows | None = None,
     ) -> None:
         self._path = Path(path)
-        self._rows, self._step = rows, step
-        self._table = "" if target is None else seen_from(self._path, target)
+        self._table, self._events = table, events
         self._last: checkpoint.Checkpoint | None = None
         self._due: float | None = None
 
     def take(self, point: checkpoint.Checkpoint) -> None:
         """The run has come to a point. Raises OSError where the first one cannot be written."""
-        if self._rows is not None:
-            written = self._rows.rows
-            table = checkpoint.CheckpointTable(self._table, self._step, written.count, written.checksum)
-            point = dataclasses.replace(point, table=table)
+        if self._table is not None:
+            point = dataclasses.replace(point, table=self._table.record(self._path))
+        if self._events is not None:
+            point = dataclasses.replace(point, events=self._events.record(self._path))
         is_first, self._last = self._due is None, point
         now = time.monotonic()
         if self._due is not None and now < self._due:
@@ -55,8 +73,9 @@ class Keeper:
         """Write the last point taken; whether there was one that the file does not hold yet. Raises OSError."""
         if self._last is None:
             return False
-        if self._rows is not None:
-            self._rows.sync()
+        for kept in (self._table, self._events):
+            if kept is not None:
+                kept.rows.sync()
         file = atomic_file.Aside(self._path)
         with atomic_file.undone_by(file.discard):
             file.path.write_bytes(checkpoint.encoded(self._last))

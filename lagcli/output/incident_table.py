@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import operator
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -197,6 +198,17 @@ class IncidentTable(Sequence[IncidentRow]):
                 parts[prefix][name.removeprefix(prefix)] = float(values[place])
         named = parts[IMPULSE], parts[""], parts[BEFORE], parts[AFTER]
         return IncidentRow(float(values[0]), self.kinds[number], self.names[number], *named)
+
+
+def joined(tables: Sequence[IncidentTable]) -> IncidentTable:
+    """One table of several with the same columns, in their order."""
+    kinds, names = (
+        itertools.chain(*parts) for parts in zip(*((t.kinds, t.names) for t in tables), strict=True)
+    )
+    return IncidentTable(tables[0].columns, kinds, names, np.concatenate([t.numbers for t in tables]))
+
+
+NONE = IncidentTable(HEAD, (), (), np.zeros((0, 1)))
 
 
 def _by_kind(counted: tuple[str, int]) -> int:

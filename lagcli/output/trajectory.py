@@ -12,6 +12,8 @@ from lagcli import __version__
 from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation, Vector3
+from lagcli.output import incident_table
+from lagcli.output.incident_table import IncidentTable
 from lagcli.simulation import run_stop
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.start.assembly_moves import Moves
@@ -143,14 +145,21 @@ class Trajectory(dict[str, Floats]):
     """The table of a run: a mapping from the names of its columns to arrays (T,), in the order of the table.
 
     columns: their names; rows: all as one array (T, len(columns)), the first column `t`; stats: the account of the
-    run; notes: sentences about first integrals that were not enforced all the time. It is not to be changed.
+    run; notes: sentences about first integrals that were not enforced all the time; events: its incidents, impacts,
+    contacts, releases and declared events, a sequence that is a mapping of columns too. It is not to be changed.
     """
 
     def __init__(
-        self, columns: tuple[str, ...], rows: Floats, stats: Stats, notes: tuple[str, ...] = ()
+        self,
+        columns: tuple[str, ...],
+        rows: Floats,
+        stats: Stats,
+        notes: tuple[str, ...] = (),
+        events: IncidentTable = incident_table.NONE,
     ) -> None:
         super().__init__(zip(columns, rows.T, strict=True))
         self.columns, self.rows, self.stats, self.notes = columns, rows, stats, notes
+        self.events = events
 
     def __missing__(self, column: str) -> Floats:
         hint = diagnostics.nearest(column, self.columns)
@@ -167,7 +176,7 @@ class Trajectory(dict[str, Floats]):
     __hash__ = object.__hash__  # type: ignore[assignment] # it is not to be changed
 
     def __reduce__(self) -> tuple[type[Trajectory], tuple[object, ...]]:
-        return Trajectory, (self.columns, self.rows, self.stats, self.notes)
+        return Trajectory, (self.columns, self.rows, self.stats, self.notes, self.events)
 
     def __repr__(self) -> str:
         count = len(self.rows)

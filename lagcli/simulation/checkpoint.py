@@ -99,23 +99,25 @@ class Identity:
 @dataclasses.dataclass(frozen=True, slots=True)
 class CheckpointTable:
     """The table a run was writing into a file: where it is, seen from the folder of the checkpoint; step: between its
-    rows; count, checksum: of those that were written."""
+    rows; count, checksum: of those that were written; has_event_rows: with rows of the instants of incidents."""
 
     file: str
     step: float
     count: int
     checksum: int
+    has_event_rows: bool = False
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Checkpoint:
     """A run, and whose; integrals: those that were found of its differential rows when it began; table: where its rows
-    went, where that is a file."""
+    went, where that is a file; events: the same of its incidents."""
 
     identity: Identity
     mark: RunState
     integrals: tuple[FirstIntegral, ...]
     table: CheckpointTable | None = None
+    events: CheckpointTable | None = None
 
 
 def identity(model: Model) -> Identity:

@@ -56,8 +56,8 @@ def _read(kind: object, tree: object, place: str) -> object:
         return np.array(_of_parts((float, ...), tree, place), dtype=float)
     if kind is float or kind is int:
         return _number(tree, place) if kind is float else _count(tree, place)
-    if kind is str:
-        return _typed(str, tree, place)
+    if kind is str or kind is bool:
+        return _typed(kind, tree, place)
     assert isinstance(kind, type), kind
     return _of_fields(kind, tree, place)
 

@@ -544,8 +544,8 @@ def test_the_form_of_a_file_is_the_one_of_format_6() -> None:
     }  # fmt: skip
     chart = {"above": "x", "below": "1", "period": None}
     integrals = [{"text": "x", "rows": ["r"], "charts": [chart]}, {"text": "y", "rows": ["r"], "charts": []}]
-    table = {"file": "t.csv", "step": 0.1, "count": 6, "checksum": 7}
-    parts = {"identity": identity, "mark": mark, "integrals": integrals, "table": table}
+    table = {"file": "t.csv", "step": 0.1, "count": 6, "checksum": 7, "has_event_rows": False}
+    parts = {"identity": identity, "mark": mark, "integrals": integrals, "table": table, "events": None}
     head = {"lagcli-checkpoint": 6, "version": lagcli.__version__}
     whole = {**head, **parts, "sum": checkpoint.control_sum(parts)}
     point = checkpoint.decoded(json.dumps(whole).encode())

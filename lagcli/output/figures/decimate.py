@@ -9,9 +9,13 @@ NUMBERS = 1 << 22
 
 
 class Thinned:
-    """Rows in arrival order, thinned evenly so that their number stays bounded; the last row is always there."""
+    """Rows in arrival order, thinned evenly so that their number stays bounded; the last row is always there.
+
+    marks: times and kinds of incidents among them.
+    """
 
     def __init__(self) -> None:
+        self.marks: list[tuple[float, str]] = []
         self._stride = 1
         self._arrived = 0
         self._blocks: list[NDArray[np.float64]] = []

@@ -1,0 +1,250 @@
+"""A table of a run on its way into a file or onto standard output, and its rows that are safe beside checkpoints."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import pathlib
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.api.simulation_run import SimulationRun
+from lagcli.cli import exits, signals
+from lagcli.output import atomic_file, checkpoint_file
+from lagcli.output.checkpoint_file import KeptRows
+from lagcli.output.tables import row_file, sinks, text_cells
+from lagcli.simulation.checkpoint import CheckpointTable
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class TablePlan:
+    """A table that a run shall write.
+
+    option: the option that names its file; file: None for standard output; names: its columns; words: those of its
+    columns that hold text, with all texts that may stand there; step: between its rows; has_event_rows: with rows of
+    the instants of incidents; noun: of its rows.
+    """
+
+    option: str
+    file: str | None
+    names: tuple[str, ...]
+    words: Mapping[str, Sequence[str]] = dataclasses.field(default_factory=dict)
+    step: float = 0.0
+    has_event_rows: bool = False
+    noun: str = "rows"
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The columns of text."""
+        return tuple(self.words)
+
+    @property
+    def path(self) -> pathlib.Path:
+        """The file, where there is one."""
+        assert self.file is not None
+        return pathlib.Path(os.path.realpath(self.file))
+
+    def numbers(self, rows: Floats, texts: text_cells.Texts) -> Floats:
+        """Rows as numbers alone, a text as its place among the words, (k, names)."""
+        if not self.words:
+            return rows
+        known = ({word: float(i) for i, word in enumerate(words)} for words in self.words.values())
+        coded = {
+            name: [places[text] for text in cells]
+            for name, cells, places in zip(self.texts, texts, known, strict=True)
+        }
+        numbers = iter(rows.T)
+        columns = [coded[name] if name in coded else next(numbers) for name in self.names]
+        return np.array(columns, dtype=float).reshape(len(self.names), len(rows)).T
+
+    def decoded(self, block: Floats) -> tuple[Floats, list[list[str]]]:
+        """The rows and the texts of rows as numbers alone."""
+        texts = []
+        for name, words in self.words.items():
+            texts.append([words[int(i)] for i in block[:, self.names.index(name)]])
+        kept = [i for i, name in enumerate(self.names) if name not in self.words]
+        return block if not self.words else np.ascontiguousarray(block[:, kept]), texts
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RowsBefore:
+    """Rows of the run that is resumed, which the same table begins with: their file, and the time they go up to."""
+
+    path: pathlib.Path
+    rows: row_file.SafeRows
+    t_end: float
+    noun: str
+
+    @property
+    def sentence(self) -> str:
+        """The sentence about them."""
+        count = self.rows.count
+        return f"with the {count} {self.noun} up to t = {self.t_end:.9g} of the run before, from {self.path}"
+
+
+def _record(ready: SimulationRun, plan: TablePlan) -> CheckpointTable | None:
+    """The words of a checkpoint about the table of the run before."""
+    point = ready.resumed
+    if point is None:
+        return None
+    return point.events if plan.option == "--events" else point.table
+
+
+def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBefore | None:
+    """The rows before a resumed run, where it writes the same table and that table was never completed.
+
+    Raises `exits.UsageError` where they do not fit together, for they would be lost.
+    """
+    point, record = ready.resumed, _record(ready, plan)
+    if point is None or record is None or plan.file is None or resume is None:
+        return None
+    table, told = plan.path, f"{plan.option} {plan.file}"
+    path = row_file.path_of(table)
+    if checkpoint_file.table_of(pathlib.Path(resume), record.file) != table or not path.is_file():
+        return None
+    instead = f"give another file for the {plan.noun} after it alone"
+    if record.step != plan.step:
+        raise exits.UsageError(
+            f"{told}: the run before wrote rows {record.step:.9g} apart into it, and this one {plan.step:.9g};"
+            f" {instead}"
+        )
+    if record.has_event_rows != plan.has_event_rows:
+        with_them, without = ("the run before", "this one")[:: 1 if record.has_event_rows else -1]
+        raise exits.UsageError(
+            f"{told}: {with_them} writes rows of --event-rows into it, and {without} none; {instead}"
+        )
+    rows = row_file.SafeRows(record.count, record.checksum)
+    try:
+        with contextlib.closing(row_file.read(path, plan.names, rows)) as blocks:
+            for _ in blocks:
+                pass
+    except row_file.UnfitRows as error:
+        raise exits.UsageError(f"{told}: {error}; {instead}") from None
+    except OSError as error:
+        raise exits.UsageError(f"{told}: cannot read {path}: {error.strerror}") from None
+    return RowsBefore(path, rows, point.mark.origin + point.mark.row, plan.noun)
+
+
+def require_kept(ready: SimulationRun, resume: str | None, plan: TablePlan) -> None:
+    """Refuse to replace the table of the run before by the rows after it alone. Raises `exits.UsageError`."""
+    point, record = ready.resumed, _record(ready, plan)
+    if point is None or record is None or plan.file is None or resume is None:
+        return
+    if plan.path.is_file() and checkpoint_file.table_of(pathlib.Path(resume), record.file) == plan.path:
+        t = point.mark.origin + point.mark.row
+        raise exits.UsageError(
+            f"{plan.option} {plan.file}: that is the table of the run before, and a resumed run has only the"
+            f" {plan.noun} after t = {t:.9g}: give another file, or move that one away"
+        )
+
+
+def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", "events"]) -> str:
+    """The place of the rows before a resumed run if their table was never completed, as a sentence, or nothing."""
+    point = ready.resumed
+    record = None if point is None else getattr(point, field)
+    if point is None or record is None or resume is None:
+        return ""
+    table = checkpoint_file.table_of(pathlib.Path(resume), record.file)
+    path = row_file.path_of(table)
+    if not path.is_file():
+        return ""
+    t = point.mark.origin + point.mark.row
+    option, noun = ("-o", "rows") if field == "table" else ("--events", "events")
+    return (
+        f"the {record.count} {noun} up to t = {t:.9g} of the run before are in {path}; `{option} {table}` writes one"
+        " table of all"
+    )
+
+
+class SafeTable:
+    """Takes the rows of one table. Everything that ends it is called where interrupts are held back."""
+
+    def __init__(self, sink: sinks.Sink, plan: TablePlan) -> None:
+        self._sink, self._plan = sink, plan
+        self._rows: row_file.RowFile | None = None
+
+    @property
+    def file(self) -> str | None:
+        """The file, None for standard output."""
+        return self._plan.file
+
+    def keep_rows(self, first: RowsBefore | None) -> KeptRows | None:
+        """Keep the rows beside the table, where it is a file, after those of the run before."""
+        plan = self._plan
+        if not self._sink.is_file or plan.file is None:
+            return None
+        rows = row_file.path_of(plan.path)
+        with exits.writing(os.fspath(rows)):
+            if first is not None:
+                self._rows = row_file.RowFile.going_on(first.path, plan.names, first.rows)
+            else:
+                row_file.require_ours(rows)
+                self._rows = row_file.RowFile(rows, plan.names)
+        return KeptRows(self._rows, plan.path, plan.step, plan.has_event_rows)
+
+    def begin(self, first: RowsBefore, seen: Callable[[Floats], None]) -> None:
+        """Begin with the rows of the run before, each block of which is also `seen`."""
+        for block in row_file.read(first.path, self._plan.names, first.rows):
+            with signals.window():
+                seen(block)
+            self._sink.write(*self._plan.decoded(block))
+
+    def write(self, rows: Floats, texts: text_cells.Texts = ()) -> None:
+        """More rows (k, columns of numbers), and their texts."""
+        with exits.writing(self._plan.file or "standard output"), self._patient():
+            self._sink.write(rows, texts)
+        if self._rows is not None:
+            with exits.writing(os.fspath(self._rows.path)):
+                self._rows.write(self._plan.numbers(rows, texts))
+
+    def complete(self) -> None:
+        """All rows are there."""
+        with exits.writing(self._plan.file or "standard output"), self._patient():
+            self._sink.commit(durably=self._rows is not None)
+
+    def leave_rows(self, is_complete: bool) -> None:
+        """The last checkpoint is written: rows beside a complete table are needed no more."""
+        if self._rows is not None:
+            if is_complete:
+                self._rows.remove()
+            else:
+                self._rows.close()
+
+    def keep(self) -> str:
+        """The run has ended before its end: keep what there is; where it is, as a part of a sentence, or nothing."""
+        with exits.writing(self._plan.file or "standard output"), self._patient():
+            partial = self._sink.keep_partial()
+        return f"the complete {self._plan.noun} are in {partial}" if partial is not None else ""
+
+    def _patient(self) -> contextlib.AbstractContextManager[None]:
+        """A pipe may wait for its reader for ever; a file does not, and is finished whatever comes."""
+        return contextlib.nullcontext() if self._sink.is_file else signals.shielded(signals.PATIENCE)
+
+
+@contextlib.contextmanager
+def opened(plan: TablePlan, provenance: Mapping[str, object]) -> Iterator[SafeTable]:
+    """A table in a file or on standard output; trouble with it is told with its name.
+
+    Interrupts are held back inside but in `signals.window`.
+    """
+    file = plan.file
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(exits.writing(file or "standard output"))
+        # An interrupt finds a sink that will be discarded, or none: no file stays behind.
+        with signals.shielded():
+            target = sys.stdout.buffer if file is None else pathlib.Path(file)
+            # A pipe with a name is opened when somebody reads it.
+            is_waiting = file is not None and not atomic_file.is_replaced(pathlib.Path(file))
+            try:
+                with signals.shielded(signals.PATIENCE) if is_waiting else contextlib.nullcontext():
+                    sink = sinks.open_sink(target, plan.names, provenance=provenance, texts=plan.texts)
+            except sinks.MissingExtra as error:
+                raise exits.UsageError(str(error)) from None
+            yield SafeTable(stack.enter_context(sink), plan)
