@@ -328,11 +328,16 @@ SLOTS: tuple[tuple[tuple[str, ...], st.SearchStrategy[str]], ...] = (
     (("holonomic", "rod2"), st.tuples(_whole, _whole).map(" = ".join)),
     (("differential", "roll"), _linear),
     (("differential", "roll2"), _linear),
+    (("inequality", "floor"), _whole.map(lambda e: f"{e} >= 0")),
+    (("inequality", "wall"), st.tuples(_whole, _whole, _constant | st.just("0.5")).map(
+        lambda p: {"condition": f"{p[0]} <= {p[1]}", "restitution": p[2]})),
+    (("events", "e"), st.tuples(_moving, st.sampled_from(("up", "both")), st.sampled_from(("stop", "record"))).map(
+        lambda p: {"when": p[0], "direction": p[1], "action": p[2]})),
     (("outputs", "o"), _moving),
     (("rigid", "body"), st.just(["a", "b"])),
     (("simulation", "assemble"), st.just("true")),
     (("simulation", "start"), _constant),
-)
+)  # fmt: skip
 
 
 @st.composite
@@ -407,6 +412,10 @@ FAMILY_SLOTS: tuple[tuple[tuple[str, ...], st.SearchStrategy[Any]], ...] = (
     (("differential", "w[i]"), st.tuples(_for, _members("d(p[#].x) - $*d(p[#].y)", "rate(u[#]) = rate(q)*(#)",
                                                         "dot(p[#], p[#].v) = $", "p[#].v = [0, $, 0]")).map(
         lambda p: {"for": p[0], "equation": p[1]})),
+    (("inequality", "g[i]"), st.tuples(_for, _members("distance(p[#], p[#]) >= $", "p[#].z <= $", "norm(p[#]) <= $ + t",
+                                                      "d[#].x >= p[#].y"), _members("$", "i/N", "1/(#)", "1")).map(
+        lambda p: {"for": p[0], "condition": p[1], "restitution": p[2]})),
+    (("events", "e"), _members("multiplier(g[#])", "multiplier(h[#]) - $", "p[#].vz - $").map(lambda e: {"when": e})),
     (("outputs", "o[i]"), st.tuples(_for, _members("multiplier(h[#])", "reaction(p[#])", "p[#].v*$", "rate(u[#])")).map(
         lambda p: {"for": p[0], "expression": p[1]})),
     (("rigid", "body"), st.lists(_members("p[#]", "p[1]", "p[2]"), min_size=2, max_size=3) | st.just("p")),
