@@ -8,7 +8,7 @@ from lagcli import yaml_tree
 from lagcli.expression import evaluate, facts, parser, tree
 from lagcli.expression.facts import FactsAlgebra
 from lagcli.expression.tree import ExpressionError
-from lagcli.input import entries, keys, scope
+from lagcli.input import entries, keys
 from lagcli.input.scalars import Formulas
 from lagcli.model.model import Expression, Floats, Inequality
 
@@ -49,12 +49,12 @@ def _condition(formulas: Formulas, node: yaml_tree.AnyNode) -> Expression | None
 
 def _check(node: tree.Relation, algebra: FactsAlgebra) -> None:
     """Raise `ExpressionError` for what is no condition on coordinates."""
-    sides = [evaluate.evaluate(side, algebra) for side in (node.left, node.right)]
-    if any(isinstance(side, tuple) for side in sides):
+    left, right = evaluate.evaluate(node.left, algebra), evaluate.evaluate(node.right, algebra)
+    if isinstance(left, tuple) or isinstance(right, tuple):
         message = "a condition compares two numbers, and here is a vector"
         hint = "give each component an entry of its own, `a.x >= 0`; a distance is `norm(a) >= 1`"
         raise ExpressionError("bad-condition", message, node.start, node.end, hint)
-    reads = scope.reads(evaluate.difference(node, algebra))
+    reads = algebra.add(node, left, -1, right).reads
     if "position" not in reads:
         what = "only the time `t`" if reads else "only constants"
         message = f"{SUBJECT} holds coordinates, and this one holds {what}"
