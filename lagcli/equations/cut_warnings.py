@@ -27,6 +27,10 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     for i, told in _rows(built):
         row = built.rows.rows[i]
         found.setdefault(row.location, _warning(f"the row `{row.name}` {told}", row.location))
+    for j in _jumping(built, ca.densify(built.contacts.g)):
+        row = built.contacts.rows[j]
+        message = f"the one-sided constraint `{row.name}` jumps where `atan2` or `atan` crosses its cut"
+        found.setdefault(row.location, _warning(message, row.location))
     return (*found.values(), *_forces(built))
 
 
@@ -91,6 +95,7 @@ def texts(model: nouns.Model) -> Iterator[str]:
     """The texts that rows, forces and places of dependent particles are made of."""
     yield from (law.equation.text for law in model.holonomic)
     yield from (law.equation.text for law in model.differential)
+    yield from (law.equation.text for law in model.inequality)
     yield from (expression.text for expression in _force_expressions(model))
     yield from (part.text for p in model.particles if p.is_dependent for part in p.position.parts)
 

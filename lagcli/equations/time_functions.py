@@ -144,7 +144,8 @@ def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, W
         parts = force.force.parts if isinstance(force, nouns.ParticleForce) else (force.force,)
         # A family acts with each of its members somewhere, or nowhere: then a switch of it does no harm.
         yield from ((part, force.members.variables) for part in parts)
-    laws: tuple[nouns.Holonomic | nouns.Differential, ...] = (*model.holonomic, *model.differential)
+    laws: tuple[nouns.Holonomic | nouns.Differential | nouns.Inequality, ...]
+    laws = (*model.holonomic, *model.differential, *model.inequality)
     yield from ((law.equation, law.members.variables) for law in laws)
 
 
