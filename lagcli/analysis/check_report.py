@@ -11,16 +11,21 @@ from lagcli.analysis.uniqueness import NullVector
 from lagcli.errors import diagnostics
 from lagcli.model.invariant import FirstIntegral
 from lagcli.start.assembly_moves import Moves
+from lagcli.start.gaps import Side
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ConstraintReport:
     """One row: its verdict, whether it follows from rows before it, and whether its multiplier is uniquely
-    determined at generic points of the constraint surface, None where that is undecided."""
+    determined at generic points of the constraint surface, None where that is undecided.
+
+    side: of a one-sided constraint, where the start lies; its multiplier depends on which others are closed.
+    """
 
     verdict: Verdict
     redundant: bool
     unique: bool | None
+    side: Side | None = None
 
     @property
     def name(self) -> str:
@@ -30,7 +35,7 @@ class ConstraintReport:
     def as_json(self) -> dict[str, Any]:
         """An entry of `constraints`."""
         verdict = self.verdict
-        return {
+        found = {
             "name": verdict.row,
             "declared": verdict.declared,
             "verdict": verdict.kind,
@@ -40,6 +45,7 @@ class ConstraintReport:
             "method": verdict.method,
             "unique": self.unique,
         }
+        return found if self.side is None else {**found, "state": self.side}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -102,7 +108,8 @@ def joint(count: DofCount, found: Classification) -> JointReport:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Initial:
-    """Largest residuals of the declared start, |f_i| and |B_i v + b_i| of the equations as they are written.
+    """Largest residuals of the declared start, |f_i| and |B_i v + b_i| of the equations as they are written, -g_j of
+    violated one-sided constraints among those of positions.
 
     assembled: what assembly changes, where that is wanted.
     """

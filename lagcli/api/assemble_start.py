@@ -15,12 +15,14 @@ def assembled(model: Model) -> tuple[Model, assembly.Assembly]:
     ready = cache.compiled(model)
     built, numeric = ready.system, ready.numeric
     try:
-        found = assembly.assemble(built, numeric, initial.declared(built), model.simulation.keep)
+        found = assembly.assemble(
+            built, numeric, initial.declared(built), model.simulation.keep, one_sided=True
+        )
     except diagnostics.ModelError as error:
         if not hidden_conditions.is_conflict(error):
             raise
         case = hidden_conditions.classified(built, numeric).case
         found = assembly.assemble(
-            case.system, case.numeric, initial.declared(case.system), model.simulation.keep
+            case.system, case.numeric, initial.declared(case.system), model.simulation.keep, one_sided=True
         )
     return restart.at(model, found.state.q, found.state.v), found

@@ -13,7 +13,7 @@ from lagcli.api.load import Path, as_model
 from lagcli.equations import cut_warnings, energy_jumps, system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.start import assembly_moves, initial, lipschitz
+from lagcli.start import assembly_moves, gaps, initial, lipschitz
 
 
 def check(model: Model | Path, *, assemble: bool = False, limit: float | None = None) -> Report:
@@ -29,9 +29,11 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
     ready = cache.compiled(model)
     residuals = initial.residuals(ready.system, ready.numeric, initial.declared(ready.system))
     moved = None
-    if (assemble or model.simulation.assemble) and not residuals.consistent:
+    apart = gaps.gaps(ready.system, ready.numeric, initial.declared(ready.system))
+    if (assemble or model.simulation.assemble) and (apart.violated or not residuals.consistent):
         model, done = assemble_start.assembled(model)
         moved, ready = assembly_moves.moves(model, done), cache.compiled(model)
+    sides = gaps.gaps(ready.system, ready.numeric, initial.declared(ready.system)).sides
     whole, examined = count_dof.examined(ready, seconds)
     built, numeric, case = ready.system, ready.numeric, whole.case
     found, counted = whole.found, examined.count
@@ -44,21 +46,28 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
     faults = [
         *_inertia(ready),
         *(initial.inconsistencies(case.system, residuals) if moved is None else ()),
+        *(gaps.penetrations(built, apart) if moved is None else ()),
     ]
     return Report(
         title=model.title,
         path=model.path,
         dof=counted,
-        constraints=tuple(
-            check_report.ConstraintReport(verdict, verdict.row in counted.redundant_rows, unique)
-            for verdict, unique in zip(verdicts, multipliers.unique, strict=True)
+        constraints=(
+            *(
+                check_report.ConstraintReport(verdict, verdict.row in counted.redundant_rows, unique)
+                for verdict, unique in zip(verdicts, multipliers.unique, strict=True)
+            ),
+            *(
+                check_report.ConstraintReport(verdict, False, None, side)
+                for verdict, side in zip(row_verdicts.one_sided(model), sides, strict=True)
+            ),
         ),
         null_vectors=multipliers.null_vectors,
         joint=check_report.joint(counted, found),
         initial=check_report.Initial(
-            residuals.of_positions,
+            max(residuals.of_positions, apart.depth),
             residuals.of_velocities,
-            residuals.consistent,
+            residuals.consistent and not apart.violated,
             moved,
         ),
         warnings=(

@@ -23,7 +23,7 @@ from lagcli.model.model import Model, Simulation
 from lagcli.simulation import checkpoint as checkpoints
 from lagcli.simulation import invariants, loop, run_start
 from lagcli.simulation.global_error import error_estimate, reference_run
-from lagcli.start import assembly, initial, lipschitz
+from lagcli.start import assembly, gaps, initial, lipschitz
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -194,7 +194,8 @@ def _consistent(
     residuals = initial.residuals(built, numeric, start)
     if not chosen.assemble:
         assembly.require_consistent(built, numeric, start, residuals)
-        return start, None
-    moved = assembly.assemble(built, numeric, start, chosen.keep)
+        gaps.require_outside(built, numeric, start)
+        return assembly.settled(built, numeric, start), None
+    moved = assembly.assemble(built, numeric, start, chosen.keep, one_sided=True)
     initial.inertia(built, numeric, moved.state)
     return moved.state, moved

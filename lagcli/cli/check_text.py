@@ -14,7 +14,7 @@ NOT_UNIQUE = {True: "", False: "not unique", None: "undecided"}
 ALWAYS, FORMULAS = ("constraint", "declared", "verdict"), ("integral", "factor")
 MOST_NAMED = 40  # redundant rows
 NARROW = 60  # columns of a terminal below which a table is folded beyond reading
-COLOURS = {"nonholonomic": "yellow", "undecided": "red", "yes": "red"}
+COLOURS = {"nonholonomic": "yellow", "undecided": "red", "yes": "red", "violated": "red"}
 
 
 def report(found: Report, heading: bool) -> None:
@@ -53,7 +53,8 @@ def _constraints(constraints: tuple[ConstraintReport, ...]) -> None:
         for row in rows:
             redundant = ", redundant" if row["redundant"] else ""
             multiplier = f", multiplier {row['multiplier']}" if row["multiplier"] else ""
-            console.paragraph(f"{row['constraint']}: {row['verdict']}{redundant}{multiplier}", "    ")
+            side = f", {row['at the start']} at the start" if row["at the start"] else ""
+            console.paragraph(f"{row['constraint']}: {row['verdict']}{redundant}{multiplier}{side}", "    ")
     else:
         shown = [name for name in shown if not (formulas and name in FORMULAS)]
         console.table(shown, _picked(rows, shown), COLOURS)
@@ -101,7 +102,8 @@ def _cells(constraint: ConstraintReport) -> dict[str, str]:
         "integral": "" if verdict.integral is None else f"{verdict.integral} = const",
         "factor": "" if verdict.integrating_factor in (None, "1") else str(verdict.integrating_factor),
         "redundant": "yes" if constraint.redundant else "",
-        "multiplier": NOT_UNIQUE[constraint.unique],
+        "multiplier": "" if constraint.side else NOT_UNIQUE[constraint.unique],
+        "at the start": constraint.side or "",
     }
 
 

@@ -13,7 +13,7 @@ from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
-from lagcli.start import conflict, initial, projection
+from lagcli.start import boundary, conflict, initial, projection
 from lagcli.start.configuration_search import FEW, MANY, Search, tangential
 from lagcli.start.initial import Residuals, State
 
@@ -49,16 +49,21 @@ def held(system: System, keep: tuple[str, ...]) -> Flags:
     return np.array([name in kept or name.partition(".")[0] in kept for name in names], dtype=bool)
 
 
-def assemble(system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...]) -> Assembly:
+def assemble(
+    system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...], one_sided: bool = False
+) -> Assembly:
     """The nearest consistent state: positions first, then velocities, in the mass-weighted norm.
 
-    Kept coordinates hold their values and their rates. A model without inertia is measured with unit masses:
+    one_sided: also on the allowed side of the one-sided constraints, in position only: a gap that closes does so by an
+    impact. Kept coordinates hold their values and their rates. A model without inertia is measured with unit masses:
     it can be counted, not run. Raises `diagnostics.ModelError` where no state is found, naming the smallest set of
     rows that no configuration, or no velocity, was found for.
     """
     initial.residuals(system, numeric, state)  # a row may have no value there
     search = Search(system, numeric, state, held(system, keep))
     q = _configuration(search)
+    if one_sided and system.contacts.count:
+        q = boundary.nearest(search, q)
     there = dataclasses.replace(state, q=q)
     _, rows, b = initial.finite_rows(system, numeric, there)
     metric, whole = initial.metric_at(numeric, there, search.fixed), initial.metric_at(numeric, there)
@@ -76,6 +81,13 @@ def configuration(system: System, numeric: NumericSystem, state: State) -> State
     """The state with the nearest configuration, whatever its velocities. Raises `diagnostics.ModelError`."""
     initial.residuals(system, numeric, state)  # a row may have no value there
     return dataclasses.replace(state, q=_configuration(Search(system, numeric, state, held(system, ()))))
+
+
+def settled(system: System, numeric: NumericSystem, state: State) -> State:
+    """A consistent state with the gaps that decimals have put below zero at zero."""
+    if not system.contacts.count:
+        return state
+    return dataclasses.replace(state, q=boundary.settled(Search(system, numeric, state, held(system, ()))))
 
 
 def require_consistent(system: System, numeric: NumericSystem, state: State, found: Residuals) -> None:

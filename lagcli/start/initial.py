@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -160,12 +161,29 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     slow = SLOWEST * float(np.abs(state.q).max(initial=0.0)) / (system.model.simulation.duration or 1.0)
     speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
     position = np.abs(f) / norms[:s]
-    limits = ROUNDINGS * np.finfo(float).eps * _sizes(rows, state.q)[:s]
-    if (position > limits).any():
-        limits += _explained(numeric, state, rows)[:s]
+
+    def rows_at(q: Floats) -> LocalRows:
+        return LocalRows(numeric.rows(state.t, q, state.v, state.p)[0])
+
+    whole = np.zeros(norms.size)
+    whole[:s] = position
+    allowed = limits(rows_at, state, rows, whole)[:s]
     return Residuals(
-        position, np.abs(rows.times(state.v) + b) / norms, limits, CONSISTENT * speed, rows.norms == 0, norms
+        position, np.abs(rows.times(state.v) + b) / norms, allowed, CONSISTENT * speed, rows.norms == 0, norms
     )
+
+
+def limits(
+    rows_at: Callable[[Floats], LocalRows], state: State, rows: LocalRows, residuals: Floats
+) -> Floats:
+    """Residuals that are none, for a gradient of length one: rounding, or where some are more that of decimals.
+
+    rows_at: the rows at other configurations q (n,); rows: at the state.
+    """
+    found = ROUNDINGS * np.finfo(float).eps * _sizes(rows, state.q)
+    if (residuals > found).any():
+        found += _explained(rows_at, state, rows)
+    return np.asarray(found)
 
 
 def finite_rows(
@@ -197,7 +215,7 @@ def finite_rows(
     return f, rows, b
 
 
-def _explained(numeric: NumericSystem, state: State, rows: LocalRows) -> Floats:
+def _explained(rows_at: Callable[[Floats], LocalRows], state: State, rows: LocalRows) -> Floats:
     """The residual that the rounding of declared decimals explains: a part of the size of each row.
 
     The size of a row is that of its coordinates, but no more than its radius of curvature |B_i| / |dB_i/dq|: a
@@ -209,7 +227,7 @@ def _explained(numeric: NumericSystem, state: State, rows: LocalRows) -> Floats:
     radius = np.full(rows.count, np.inf)
     for k in range(PROBES):
         step = largest * 10.0**-k
-        there = LocalRows(numeric.rows(state.t, state.q + step * direction, state.v, state.p)[0])
+        there = rows_at(state.q + step * direction)
         with np.errstate(all="ignore"):  # a row may have no value there, or not change
             estimate = step * rows.norms / LocalRows.difference(rows, there).norms
         radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))

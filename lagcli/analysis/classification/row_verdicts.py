@@ -1,4 +1,4 @@
-"""Rows declared in whole coordinates, and the verdicts of differential rows told in the model's notation."""
+"""Verdicts that need no search: of rows declared in whole coordinates, and of one-sided ones."""
 
 from __future__ import annotations
 
@@ -20,3 +20,10 @@ def holonomic(model: nouns.Model, row_names: tuple[str, ...]) -> tuple[Verdict, 
             continue
         verdicts.append(Verdict(row, "holonomic", "holonomic", None, None, method, "symbolic"))
     return tuple(verdicts)
+
+
+def one_sided(model: nouns.Model) -> tuple[Verdict, ...]:
+    """Verdicts of the one-sided constraints, in their order."""
+    rows = (row for law in model.inequality for row in law.rows)
+    method = "declared as one-sided: not counted in s"
+    return tuple(Verdict(row, "inequality", "inequality", None, None, method, "symbolic") for row in rows)

@@ -7,8 +7,10 @@ from typing import Literal
 
 from lagcli.model.invariant import FirstIntegral
 
-Declared = Literal["holonomic", "differential"]
-Kind = Literal["holonomic", "exact", "integrable", "jointly-integrable", "nonholonomic", "undecided"]
+Declared = Literal["holonomic", "differential", "inequality"]
+Kind = Literal[
+    "holonomic", "exact", "integrable", "jointly-integrable", "nonholonomic", "undecided", "inequality"
+]
 Proof = Literal["symbolic", "numeric", "none"]
 
 
