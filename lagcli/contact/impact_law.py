@@ -1,9 +1,8 @@
-"""The law of impact, and the forces of contacts that stay closed (theory of one-sided constraints; Moreau).
+"""The law of impact, and the forces of contacts that stay closed, with all equality rows.
 
-Impact: M (v+ - v-) = B^T Lambda + G^T Lambda_G and 0 <= Lambda_G ⊥ dg/dt+ + e min(dg/dt-, 0) >= 0; contact:
- 0 <= lambda ⊥ d2g/dt2 = G a - gamma >= 0. Both are the point of least kinetic distance that satisfies
-B x = r and G x >= s, whose multipliers least-distance programming gives (Lawson and Hanson, Solving Least Squares
-Problems, ch. 23).
+Impact: M (v+ - v-) = B^T Lambda_B + G^T Lambda, B v+ + b = 0, and for every contact
+0 <= Lambda_j, dot g_j+ + e_j min(dot g_j-, 0) >= 0, one of the two zero (Newton's law as Moreau wrote it).
+Forces: M a = h + B^T lambda_B + G^T lambda, B a = gamma_B, and 0 <= lambda_j, ddot g_j = (G a - gamma)_j >= 0.
 """
 
 from __future__ import annotations
@@ -11,13 +10,18 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
+from lagcli.contact.load_sharing import Flags
+from lagcli.contact.nonnegative import EPS, Floats
+from lagcli.contact.touching_rows import Push, TouchingRows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import Sparse
 
-Floats = npt.NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
+# Rounding of a sum, as many times that of its terms.
+SAFE = 8.0
+# The part of the energy that goes through contacts which they may gain: speeds of gaps are no better known.
+GAINED = 1e-9
 
 
 class LawError(Exception):
@@ -28,71 +32,73 @@ class LawError(Exception):
         self.contacts = contacts
 
 
+class EnergyCreated(LawError):
+    """The law would make energy, `energy`; the contacts are those that open already and would be pushed."""
+
+    def __init__(self, contacts: tuple[int, ...], energy: float) -> None:
+        super().__init__(f"the law of impact would create energy, {energy:.3g}", contacts)
+        self.energy = energy
+
+
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class LawResult:
-    """x (n,), velocities after an impact or accelerations, and impulses or forces of the rows, (C,) and (k,)."""
+    """x (n,), velocities after an impact or accelerations, and impulses or forces of the rows, (C,) and (k,).
+
+    unique: which of those are, (C + k,), equality rows first. slack: of the contacts (k,), dot g+ or ddot g. energy:
+    1/2 sum Lambda_j (dot g_j+ + dot g_j-), which is T+ - T- where rows are at rest; 0 for forces.
+    """
 
     x: Floats
     of_equalities: Floats
     of_contacts: Floats
+    unique: Flags
+    slack: Floats
+    energy: float = 0.0
 
 
 def impact(
     metric: Metric, v: Floats, equalities: tuple[Sparse, Floats], contacts: tuple[Sparse, Floats, Floats]
 ) -> LawResult:
-    """The impact of contacts G v + g_t with coefficients e, (G, g_t, e), held by rows B v + b = 0, (B, b)."""
+    """The impact of contacts G v + g_t with coefficients e, (G, g_t, e), held by rows B v + b = 0, (B, b).
+
+    Raises `LawError` where no impulses part the contacts, `EnergyCreated` where they would make energy: with
+    dot g_j- <= 0 at all contacts that cannot be, whatever their coefficients.
+    """
     (B, b), (G, g_t, e) = equalities, contacts
-    speeds = np.array(G) @ v + g_t
-    return _nearest(metric, v, (B, -b), (G, -e * np.minimum(speeds, 0.0) - g_t))
+    rows = TouchingRows(metric, B, G)
+    before = rows.G @ v + g_t
+    terms = np.abs(rows.G) @ np.abs(v) + np.abs(g_t)
+    push = _push(rows, -(rows.B @ v + b), -e * np.minimum(before, 0.0) - before, SAFE * EPS * terms)
+    after = v + push.change
+    speeds = rows.G @ after + g_t
+    gains = push.contacts * (before + speeds) / 2
+    energy = float(gains.sum())
+    if energy > GAINED * float(push.contacts @ (terms + np.abs(speeds))):
+        raise EnergyCreated(tuple(int(row) for row in np.flatnonzero(gains > 0)), energy)
+    return LawResult(after, push.equality, push.contacts, push.unique, speeds, energy)
 
 
 def forces(
     metric: Metric, h: Floats, equalities: tuple[Sparse, Floats], contacts: tuple[Sparse, Floats]
 ) -> LawResult:
-    """The accelerations and forces under h with rows B a = gamma, (B, gamma), and contacts G a >= gamma, (G, gamma)."""
-    return _nearest(metric, metric.solved(h), equalities, contacts)
+    """The accelerations and forces under h with rows B a = gamma, (B, gamma), and contacts G a >= gamma, (G, gamma).
+
+    Raises `LawError` where no forces keep the contacts from closing.
+    """
+    (B, gamma_B), (G, gamma) = equalities, contacts
+    rows, free = TouchingRows(metric, B, G), metric.solved(h)
+    rounding = SAFE * EPS * (np.abs(rows.G) @ np.abs(free) + np.abs(gamma))
+    push = _push(rows, gamma_B - rows.B @ free, gamma - rows.G @ free, rounding)
+    a = free + push.change
+    slack = np.where(push.contacts > 0, 0.0, rows.G @ a - gamma)
+    return LawResult(a, push.equality, push.contacts, push.unique, slack)
 
 
-def _nearest(
-    metric: Metric, x: Floats, equalities: tuple[Sparse, Floats], contacts: tuple[Sparse, Floats]
-) -> LawResult:
-    (B, r), (G, s) = equalities, contacts
-    Bw, Gw = (np.array(metric.whitened(rows)) for rows in (B, G))
-    S = Bw @ Bw.T
-    first = np.linalg.solve(S, r - np.array(B) @ x) if r.size else np.zeros(0)
-    onto = x + metric.unwhitened(Bw.T @ first)
-    coupling = np.linalg.solve(S, Bw @ Gw.T) if r.size else np.zeros((0, s.size))
-    projected = Gw - coupling.T @ Bw
-    pressing = _least_distance(projected, s - np.array(G) @ onto)
-    held = -coupling @ pressing
-    return LawResult(onto + metric.unwhitened(Bw.T @ held + Gw.T @ pressing), first + held, pressing)
-
-
-def _least_distance(G: Floats, h: Floats) -> Floats:
-    """The multipliers (k,) of the shortest x with G x >= h."""
-    if (h <= 0).all():
-        return np.zeros(h.size)
-    if h.size == 1:
-        square = float(G[0] @ G[0])
-        if not square > 0:
-            raise LawError("no impulse can part", (0,))
-        return h / square
-    from scipy import optimize
-
-    lengths = np.linalg.norm(G, axis=1)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    rows, heights = G / lengths[:, None], h / lengths
-    size = float(np.abs(heights).max())
-    target = np.zeros(G.shape[1] + 1)
-    target[-1] = 1.0
-    weights = optimize.nnls(np.vstack([rows.T, heights / size]), target)[0]
-    left = 1.0 - float(weights @ heights) / size
-    if left < 1e3 * EPS:
-        raise LawError("no impulses can part", tuple(np.flatnonzero(weights > 0).tolist()))
-    multipliers = np.asarray(weights / left * size)
-    on = multipliers > 0
-    # The active set is exact; its multipliers are to be so to rounding.
-    exact = np.linalg.lstsq(rows[on] @ rows[on].T, heights[on], rcond=1e-12)[0]
-    if (exact >= 0).all():
-        multipliers[on] = exact
-    return multipliers / lengths
+def _push(rows: TouchingRows, c: Floats, d: Floats, rounding: Floats) -> Push:
+    try:
+        return rows.push(c, d, rounding)
+    except ContradictoryRows as error:
+        raise LawError("no push keeps all of these contacts from closing further", error.rows) from None
+    except UndecidedRows as error:
+        everything = tuple(range(rows.count))
+        raise LawError(f"the law of impact does not decide ({error}) for contacts", everything) from None

@@ -1,8 +1,8 @@
 """A load that rows hold together: how it is shared where that is not determined, and which shares are not.
 
-Rows of length one A (k, m), and x = A^T mu with mu >= 0. Where rows are dependent other mu may do, as the legs of a
-table. Of all of them the shortest is given: the same split as among equality rows (`compiled.selection`), of those
-that push.
+Rows of length one A (k, m), and x = A^T mu, of which the first may pull and the others only push, mu >= 0. Where rows
+are dependent other mu may do, as the legs of a table. Of all of them the shortest is given: the same split as among
+equality rows (`compiled.selection`), of those that push.
 """
 
 from __future__ import annotations
@@ -22,27 +22,28 @@ DEPENDENT, SAME = 3e-6, 1e-11
 NONE = 1e-9
 
 
-def shared(A: Floats, mu: Floats) -> tuple[Floats, Flags]:
-    """The shortest mu >= 0 with the same A^T mu, and which entries are the same in all such mu."""
+def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
+    """The shortest mu with the same A^T mu, >= 0 after the first `pulling`; and which entries are the same in all."""
     count = mu.size
-    if count < 2:
+    if not count or (count == 1 and A.any()):
         return mu, np.ones(count, dtype=bool)
-    left, sigma, _ = np.linalg.svd(A, full_matrices=True)
+    left, sigma, _ = np.linalg.svd(A, full_matrices=A.shape[1] < count)
     sigma = np.concatenate([sigma, np.zeros(count - sigma.size)])
     if sigma[-1] > DEPENDENT:
         return mu, np.ones(count, dtype=bool)
     free = left[:, sigma <= SAME]
     if free.shape[1]:
-        mu = _shortest(mu, free)
-    return mu, ~_varies(left[:, sigma <= DEPENDENT], mu)
+        mu = _shortest(mu, free, pulling)
+    return mu, ~_varies(left[:, sigma <= DEPENDENT], mu, pulling)
 
 
-def _shortest(mu: Floats, free: Floats) -> Floats:
+def _shortest(mu: Floats, free: Floats, pulling: int) -> Floats:
     """The shortest mu + free z >= 0, `free` (k, d) orthonormal: that of a mu without a part in them, and then the
     shortest z that makes it push."""
     least = mu - free @ (free.T @ mu)
     lengths = np.linalg.norm(free, axis=1)
     rows = lengths > NONE
+    rows[:pulling] = False
     # Rounding must not make two shares that can only be zero contradict each other.
     bounds = -least[rows] - 16 * EPS * float(np.linalg.norm(mu))
     try:
@@ -50,18 +51,22 @@ def _shortest(mu: Floats, free: Floats) -> Floats:
     except (least_distance.ContradictoryRows, least_distance.UndecidedRows):
         # One share alone is possible, and rounding leaves none.
         return mu
-    return np.asarray(np.maximum(least + free @ z, 0.0))
+    mu = least + free @ z
+    mu[pulling:] = np.maximum(mu[pulling:], 0.0)
+    return mu
 
 
-def _varies(free: Floats, mu: Floats) -> Flags:
-    """The shares that change along a direction of `free` (k, d) in which none becomes negative.
+def _varies(free: Floats, mu: Floats, pulling: int) -> Flags:
+    """The shares that change along a direction of `free` (k, d) in which none that only pushes becomes
+    negative.
 
     Shares that are zero may only grow. Of directions that leave all others as they are every one is looked for in
     which one of those grows; with all found, the shares that can be positive change in any direction that leaves the
     rest at zero.
     """
     free = free * (np.linalg.norm(free, axis=1) > NONE)[:, None]
-    positive = mu > NONE * mu.max(initial=0.0)
+    positive = mu > NONE * np.abs(mu).max(initial=0.0)
+    positive[:pulling] = True
     for row in np.flatnonzero(~positive):
         if positive[row]:
             continue
