@@ -32,7 +32,7 @@ def flown(seed: int) -> Recorded:
         for blow in answer.blows
         if blow.t in starts
     ]
-    instants += [instant(t, "accumulation", {}, (name,)) for t, name in answer.rests]
+    instants += [instant(t, "contact", {}, (name,)) for t, name in answer.rests]
     t = np.linspace(0, answer.until, 21)
     x, v = (np.array(part) for part in zip(*map(answer.at, t), strict=True))
     energy = (scene.m[:, None] * (v**2 / 2 - x * scene.weight)).sum((1, 2))

@@ -17,8 +17,9 @@ from tests.helpers.free_flight import complementary
 from tests.helpers.one_sided_models import Contact, Floats, Scene
 
 STILL = 1e-8  # a gap or a rate that counts as zero
-TOUCH = 1e-11  # a gap that must take part in an impact
+TOUCH = 1e-14  # a gap that must take part in an impact
 TOLERANCE = 1e-6
+LAST = 1e-4  # of an impact that stands for the rest of a series of rebounds
 PENETRATION = 1e-8
 
 
@@ -146,10 +147,12 @@ def _impacts(scene: Scene, run: Recorded) -> Iterator[str]:
             if not at.names("accumulation") and np.abs(at.after - at.before).max() > TOLERANCE:
                 yield f"velocities jump without an impact at t = {at.t!r}"
             continue
-        yield from (f"impact at t = {at.t!r}: {text}" for text in _impact(scene, at))
+        ends = [o for o in run.instants if o.names("accumulation") & at.names("impact")]
+        lax = LAST if any(at.t < o.t < at.t + LAST for o in ends) else TOLERANCE
+        yield from (f"impact at t = {at.t!r}: {text}" for text in _impact(scene, at, lax))
 
 
-def _impact(scene: Scene, at: Instant) -> Iterator[str]:
+def _impact(scene: Scene, at: Instant, lax: float) -> Iterator[str]:
     size = 1 + np.abs(at.before).max()
     before, after = Rows(scene, at.t, at.x, at.before), Rows(scene, at.t, at.x, at.after)
     rods, _ = before.rods()
@@ -166,9 +169,9 @@ def _impact(scene: Scene, at: Instant) -> Iterator[str]:
     if len(rods) and np.abs(rods @ at.after.ravel()).max() > TOLERANCE * size:
         yield "a rod stretches"
     wanted = left + np.array([c.e for c in near]) * np.minimum(came, 0)
-    if (-TOLERANCE * size > P).any() or (wanted < -TOLERANCE * size).any():
+    if (-TOLERANCE * size > P).any() or (wanted < -lax * size).any():
         yield f"impulse {P.min():.1e}, u+ + e u- {wanted.min():.1e}"
-    if (np.abs(P * wanted) > TOLERANCE * size**2).any():
+    if (np.abs(P * wanted) > lax * size**2).any():
         yield f"impulse times (u+ + e u-) {np.abs(P * wanted).max():.1e}"
     for name in at.names("impact") - {c.name for c in near}:
         yield f"{name} is open"
@@ -179,12 +182,10 @@ def _impact(scene: Scene, at: Instant) -> Iterator[str]:
 
 def _legs(scene: Scene, run: Recorded) -> Iterator[str]:
     t, x, v = run.t[0], run.x[0], run.v[0]
-    marks = [(at.t, at.x, at.before, at) for at in run.instants]
+    # Nothing changes where a series of rebounds ends: the contact is closed from the last one that is told.
+    marks = [(at.t, at.x, at.before, at) for at in run.instants if not at.names("accumulation")]
     for end, goal, speed, at in [*marks, (run.t[-1], run.x[-1], run.v[-1], None)]:
-        if at is not None and at.names("accumulation"):
-            if np.abs(goal - x - (end - t) * v).max() > 1e-3:
-                yield f"accumulation at t = {end!r} moves by {np.abs(goal - x).max():.1e}"
-        elif end > t:
+        if end > t:
             found = [
                 _leg(scene, (t, x, v), held, (end, goal, speed)) for held in Rows(scene, t, x, v).choices()
             ]

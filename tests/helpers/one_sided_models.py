@@ -201,7 +201,7 @@ def scene(seed: int) -> Scene:
         contacts = [dataclasses.replace(c, **_drive(random)) for c in contacts]
     if kind in ("dumbbells", "frames"):
         rods = tuple(pairs[: 1 if kind == "dumbbells" else len(pairs)])
-        v = v - v + _rigid(random, x, flat) if kind == "frames" else _free_rod(v, x, rods)
+        v = _rigid(random, x, flat) if kind == "frames" else _free_rod(v, x, rods)
     free = [pair for pair in pairs if pair not in rods]
     if radius and kind != "ropes":
         contacts += [Contact(f"c_{i}_{j}", (i, j), 2 * radius, e(), squared=squared) for i, j in free]
