@@ -50,6 +50,7 @@ def draw(ready: SimulationRun, options: SimulateOptions, kept: decimate.Thinned)
                     _zeros(ready, rows),
                     row_lengths.lengths(ready.model),
                     len(names) < len(ready.columns),
+                    kept.marks,
                 ),
             )
 

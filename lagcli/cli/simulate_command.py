@@ -19,7 +19,7 @@ from lagcli.cli import console, exits, json_output, run_figure, safe_table, sign
 from lagcli.cli.preflight import SimulateOptions
 from lagcli.cli.safe_table import RowsBefore, TablePlan
 from lagcli.model.model import Model, Simulation
-from lagcli.output import atomic_file, trajectory
+from lagcli.output import atomic_file, event_rows, trajectory
 from lagcli.output.figures import decimate
 from lagcli.output.trajectory import Outcome, Stats, Stopped
 from lagcli.simulation import checkpoint, run_stop, step_tolerance
@@ -156,7 +156,9 @@ def _write_rows(
                 written.take(block, ready.taken(block, picked), point, ready.incidents)
                 outcome.rows, outcome.t_end = ready.outcome.rows, ready.outcome.t_end
                 if options.plot is not None:
-                    kept.add(block)
+                    # Jumps are drawn upright.
+                    is_merged = options.event_rows
+                    kept.add(block if is_merged else event_rows.merged(block, ready.incidents))
                     kept.marks.extend((incident.t, incident.kind) for incident in ready.incidents)
     except run_stop.RunStop as stop:
         stopped = stop

@@ -193,7 +193,11 @@ def lengths(model: nouns.Model) -> dict[str, float]:
     """The dimension of rows as a power of a length, by their names, where the particles in them tell it."""
     particles = {particle.members.base for particle in model.particles}
     found: dict[str, float] = {}
-    laws: tuple[nouns.Holonomic | nouns.Differential, ...] = (*model.holonomic, *model.differential)
+    laws: tuple[nouns.Holonomic | nouns.Differential | nouns.Inequality, ...] = (
+        *model.holonomic,
+        *model.differential,
+        *model.inequality,
+    )
     for law in laws:
         power = dimensions.of_relation(law.equation.tree, particles.__contains__)
         if power is not None:

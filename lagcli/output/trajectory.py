@@ -103,8 +103,8 @@ class Stats:
     ended_by: the name of the event that ended it; rows: how many there are up to t_end, the
     time of the last one; provenance: model, program and settings behind it; accuracy: the estimate of the errors,
     where it was asked for; assembled: what assembly changed in the start, where it was asked for; rtol and atol:
-    the tolerances, atol None where it is a part of the sizes of the motion; impacts and accumulations: instants of
-    such; releases: contacts that were released; largest_penetration: the largest -g over all rows, in units of g.
+    the tolerances, atol None where it is a part of the sizes of the motion; impacts, releases, accumulations:
+    numbers of such, by contact; largest_penetration: the largest -g over all rows, in units of g.
     """
 
     steps: int

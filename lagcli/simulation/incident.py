@@ -36,8 +36,8 @@ class Incident:
 class Tally:
     """Numbers of incidents up to some state.
 
-    incidents: all of them; instants: different times; impacts, accumulations: instants of such; releases: contacts
-    released; last, last_impact, last_accumulation: times of the last ones, None before.
+    incidents: all of them; instants: different times; impacts, releases, accumulations: of single contacts, several of
+    which may share an instant; last: time of the last one, None before.
     """
 
     incidents: int = 0
@@ -46,22 +46,16 @@ class Tally:
     releases: int = 0
     accumulations: int = 0
     last: float | None = None
-    last_impact: float | None = None
-    last_accumulation: float | None = None
 
     def plus(self, incident: Incident) -> Tally:
         """The numbers behind one more."""
-        t, kind = incident.t, incident.kind
-        hit, ended = kind == "impact", kind == "accumulation"
         return Tally(
             self.incidents + 1,
-            self.instants + (t != self.last),
-            self.impacts + (hit and t != self.last_impact),
-            self.releases + (kind == "release"),
-            self.accumulations + (ended and t != self.last_accumulation),
-            t,
-            t if hit else self.last_impact,
-            t if ended else self.last_accumulation,
+            self.instants + (incident.t != self.last),
+            self.impacts + (incident.kind == "impact"),
+            self.releases + (incident.kind == "release"),
+            self.accumulations + (incident.kind == "accumulation"),
+            incident.t,
         )
 
 

@@ -532,7 +532,7 @@ def test_the_form_of_a_file_is_the_one_of_format_6() -> None:
         0.5,
     )  # fmt: skip
     tally = {"incidents": 2, "instants": 1, "impacts": 1, "releases": 0, "accumulations": 0}
-    tally |= {"last": 0.25, "last_impact": 0.25, "last_accumulation": None}
+    tally["last"] = 0.25
     mark = {
         "t": 0.5, "y": [1.0, 2.0, 0.0], "k": [2.0, 0.0, 0.0], "step": 0.1, "pace_from": 0.0, "steps": 3,
         "rejected": 0, "evaluations": 36, "row": 0.5, "figures": figures,

@@ -271,3 +271,20 @@ def test_a_trajectory_without_incidents_has_an_empty_table() -> None:
     assert not run.events
     assert run.events.columns[:3] == incident_table.HEAD
     assert repr(run.events) == "<IncidentTable: no incidents>"
+
+
+def test_a_figure_of_a_run_with_incidents_is_drawn(command, here, made_up, monkeypatch):
+    from lagcli.output.figures import figure
+
+    drawn = {}
+    draw = figure.draw
+
+    def drawing(path, columns, rows, **facts):
+        drawn.update(rows=rows, facts=facts["facts"])
+        draw(path, columns, rows, **facts)
+
+    monkeypatch.setattr(figure, "draw", drawing)
+    assert command("simulate", "m.yaml", "-q", "--plot", "f.png", "-o", "run.csv")[2] == 0
+    run = lagcli.simulate("m.yaml", event_rows=True)
+    assert [t for t, _ in drawn["facts"].incidents] == run.events.t.tolist()
+    np.testing.assert_array_equal(drawn["rows"], run.rows)  # jumps are upright without --event-rows too

@@ -14,7 +14,7 @@ def incident(t: float, kind: Kind, name: str = "floor") -> Incident:
     return Incident(t, kind, name, np.zeros(1), np.zeros(2), np.zeros(2))
 
 
-def test_impacts_of_one_instant_are_one_and_releases_are_counted_by_contact() -> None:
+def test_incidents_are_counted_by_contact_and_by_instant() -> None:
     account = RunStatistics()
     for t, kind, name in (
         (1.0, "impact", "a"), (1.0, "impact", "b"), (1.0, "contact", "b"), (2.0, "impact", "a"),
@@ -23,7 +23,7 @@ def test_impacts_of_one_instant_are_one_and_releases_are_counted_by_contact() ->
         account.add(incident(t, kind, name))
     tally = account.tally
     assert (tally.incidents, tally.instants) == (8, 4)
-    assert (tally.impacts, tally.accumulations, tally.releases) == (2, 1, 2)
+    assert (tally.impacts, tally.accumulations, tally.releases) == (3, 2, 2)
     assert [i.t for i in account.incidents] == [1.0, 1.0, 1.0, 2.0, 3.0, 3.0, 4.0, 4.0]
 
 

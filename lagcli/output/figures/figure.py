@@ -21,7 +21,7 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.output import atomic_file, endings
-from lagcli.output.figures import labels, panels
+from lagcli.output.figures import incident_marks, labels, panels
 
 _Dash = Literal["-"] | tuple[float, tuple[float, ...]]
 
@@ -55,6 +55,16 @@ _DASHES: tuple[_Dash, ...] = (
     (0, (6, 1.5, 1.5, 1.5)),
     (0, (3, 3)),
     (0, (8, 3)),
+)
+# Of marks of incidents, lighter, in the order of their kinds.
+_MARK_COLOURS = ("#E3A587", "#C39BD3", "#B7A27A", "#93C9A8", "#9DB9D9", "#AAAAAA")
+_MARK_DASHES: tuple[_Dash, ...] = (
+    "-",
+    (0, (6, 1.5)),
+    (0, (2, 1)),
+    (0, (4, 2)),
+    (0, (1, 1)),
+    (0, (6, 1.5, 1.5, 1.5)),
 )
 # Asked only for characters that DejaVu Sans, which comes with matplotlib, does not have.
 _FALLBACK_FONTS = (
@@ -113,7 +123,8 @@ def draw(
     """Draw the multipliers and constraint forces of a run to ``path``: png, svg or pdf.
 
     ``rows`` has shape (T, len(columns)), with all the columns of a run; equal runs give equal bytes.
-    ``facts``: multipliers that are not unique are marked, columns that are zero to rounding drawn as zero.
+    ``facts``: multipliers that are not unique are marked, columns that are zero to rounding drawn as zero, incidents
+    light upright lines.
     The file is written aside and moved into place.
     Raises ``endings.UnknownFormat``, OSError, and ValueError where the column ``t`` is missing.
     """
@@ -151,8 +162,14 @@ def compose(
         ruler = _Ruler([title, *columns, units.length, units.mass, units.time])
         matplotlib.rcParams["font.family"] = ruler.families
         blocks = [_text(ruler, title, size=11, weight="bold", gap=0.04)] if title.strip() else []
+        marks: Sequence[incident_marks.IncidentMarks] = ()
+        if facts.incidents and any(band.panels for band in found):
+            span = _time_limits(next(band for band in found if band.panels))
+            marks = incident_marks.of(facts.incidents, span)
+            names = [mark.label for mark in marks]
+            blocks.append(_legend(ruler, names, [_mark_look(mark) for mark in marks]))
         for band in found:
-            blocks += _band(ruler, band, time)
+            blocks += _band(ruler, band, time, marks)
         page = _Page(sum(block.height for block in blocks) + 2 * _MARGIN)
         top = _MARGIN
         for block in blocks:
@@ -274,16 +291,18 @@ def _text(
     return _FigureBlock(gap + _high(wrapped, size), draw)
 
 
-def _band(ruler: _Ruler, band: panels.Band, time: str) -> list[_FigureBlock]:
+def _band(
+    ruler: _Ruler, band: panels.Band, time: str, marks: Sequence[incident_marks.IncidentMarks]
+) -> list[_FigureBlock]:
     blocks = [_text(ruler, band.heading, 9, weight="bold", gap=0.1)]
     if band.panels:
         labels = [curve.label for curve in band.panels[0].curves]
         if band.family:
-            blocks.append(_family(ruler, band))
+            blocks.append(_family(ruler, band, marks))
         else:
             if len(labels) > 1:
-                blocks.append(_legend(ruler, labels))
-            blocks.append(_grid(ruler, band))
+                blocks.append(_legend(ruler, labels, [_look(place) for place in range(len(labels))]))
+            blocks.append(_grid(ruler, band, marks))
         blocks.append(_time_label(ruler, time))
     if band.note:
         blocks.append(_text(ruler, band.note, 7.5, gap=0.02, colour="#666666"))
@@ -299,7 +318,7 @@ def _time_label(ruler: _Ruler, time: str) -> _FigureBlock:
     return _FigureBlock(_high(wrapped, 8), draw)
 
 
-def _legend(ruler: _Ruler, labels: Sequence[str]) -> _FigureBlock:
+def _legend(ruler: _Ruler, labels: Sequence[str], looks: Sequence[_LineStyle]) -> _FigureBlock:
     """Samples of the lines with their names, from left to right in as many lines as it takes."""
     size, sample, space = 8, 0.32, 0.2
     places: list[tuple[float, float, str]] = []
@@ -316,7 +335,7 @@ def _legend(ruler: _Ruler, labels: Sequence[str]) -> _FigureBlock:
     def draw(page: _Page, start: float) -> None:
         for place, (x, y, text) in enumerate(places):
             middle = start + y + 0.55 * _high("", size)
-            page.line(x, x + sample - 0.07, middle, **_look(place))
+            page.line(x, x + sample - 0.07, middle, **looks[place])
             page.text(x + sample, start + y, text, size)
 
     return _FigureBlock(below + 0.04, draw)
@@ -330,7 +349,31 @@ def _look(place: int) -> _LineStyle:
     }
 
 
-def _grid(ruler: _Ruler, band: panels.Band) -> _FigureBlock:
+def _mark_look(mark: incident_marks.IncidentMarks) -> _LineStyle:
+    return {
+        "color": _MARK_COLOURS[mark.number],
+        "linestyle": "-" if mark.is_dense else _MARK_DASHES[mark.number],
+        "linewidth": 1.2,
+    }
+
+
+def _put_marks(plot: axes.Axes, marks: Sequence[incident_marks.IncidentMarks]) -> None:
+    """The marks behind the curves, from the lower edge of the axes to the upper one."""
+    for mark in marks:
+        look = _mark_look(mark)
+        plot.vlines(
+            mark.times,
+            0.0,
+            1.0,
+            transform=plot.get_xaxis_transform(),
+            colors=look["color"],
+            linestyles=look["linestyle"],
+            linewidths=0.3 if mark.is_dense else 0.7,
+            zorder=0.5,
+        )
+
+
+def _grid(ruler: _Ruler, band: panels.Band, marks: Sequence[incident_marks.IncidentMarks]) -> _FigureBlock:
     """Small axes side by side, each under its title and with its own scale, all with the same times."""
     count = len(band.panels)
     usual = {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(count, 4 if count <= 12 else 5)
@@ -365,6 +408,7 @@ def _grid(ruler: _Ruler, band: panels.Band) -> _FigureBlock:
             page.text(left, top, titles[place], size)
             plot = page.axes(left, top + heads[row], width, high)
             _ticks(plot, times, scales[place], size - 1, times_named=bottom)
+            _put_marks(plot, marks)
             for number, curve in enumerate(panel.curves):
                 marker = "o" if len(curve.t) == 1 else None
                 plot.plot(curve.t, curve.values, marker=marker, markersize=3, **_look(number))
@@ -372,7 +416,7 @@ def _grid(ruler: _Ruler, band: panels.Band) -> _FigureBlock:
     return _FigureBlock(tops[-1] + 0.14, draw)
 
 
-def _family(ruler: _Ruler, band: panels.Band) -> _FigureBlock:
+def _family(ruler: _Ruler, band: panels.Band, marks: Sequence[incident_marks.IncidentMarks]) -> _FigureBlock:
     """Many curves on common axes, coloured by their order, with names along the bar of colours."""
     (panel,) = band.panels
     count, size = len(panel.curves), 7.0
@@ -398,6 +442,7 @@ def _family(ruler: _Ruler, band: panels.Band) -> _FigureBlock:
         )
         plot = page.axes(left, top, width, high)
         _ticks(plot, times, scale, size, times_named=True)
+        _put_marks(plot, marks)
         shade = shades(np.linspace(0, 1, count))
         paths = [np.column_stack([curve.t, curve.values]) for curve in panel.curves]
         plot.add_collection(collections.LineCollection(paths, colors=shade, linewidths=0.7), autolim=False)

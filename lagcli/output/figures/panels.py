@@ -43,13 +43,14 @@ class PanelFacts:
 
     indeterminate: constraints of which lambda is not unique, by name; zeros: columns that are zero to rounding and are
     shown as zero; lengths: the dimension of rows as a power of a length, where it is known; is_choice: the columns are
-    some of those of a run.
+    some of those of a run; incidents: their times and kinds.
     """
 
     indeterminate: Collection[str] = ()
     zeros: Collection[str] = ()
     lengths: Mapping[str, float] = dataclasses.field(default_factory=dict)
     is_choice: bool = False
+    incidents: Sequence[tuple[float, str]] = ()
 
 
 NOTHING = PanelFacts()
