@@ -72,7 +72,7 @@ def compare(
     if run.stats.singular_times:
         states = table_columns.States(model, run.columns)(first.table)
         near = formulation_plan.singular(run.numeric, states, run.parameters, run.rank)
-    found = formulation_plan.compared(first, others, tolerance, near)
+    found = formulation_plan.compared(model, first, others, tolerance, near)
     if not left_out:
         return found
     note = f"not compared, for they are not unique in one of the models: {', '.join(left_out)}"
@@ -126,7 +126,7 @@ def _reformulated(run: SimulationRun, first: Formulation) -> Iterator[Formulatio
         size_limits.require_built(freed)
         ready = CompiledModel(particle_form.build(run.built, freed))
         yield _table("freed", prepare_run.start_compiled(ready, KnownIntegrals()))
-    if formulation_plan.is_reducible(first.rows, first.coordinates):
+    if formulation_plan.is_reducible(run.model, first.rows, first.coordinates):
         chosen = dataclasses.replace(run.model.simulation, start=float(t), assemble=False, keep=())
         table, account, stop = reduced_run.run(run.built, run.grid, (q, v, run.parameters), chosen)
         yield dataclasses.replace(
@@ -143,11 +143,14 @@ def _reformulated(run: SimulationRun, first: Formulation) -> Iterator[Formulatio
 def _table(name: str, run: SimulationRun) -> Formulation:
     """A run to its end, or as far as it goes."""
     from lagcli.formulations.comparison import Formulation
+    from lagcli.formulations.event_times import RunEvent
 
     blocks, stopped = [np.zeros((0, len(run.columns)))], ""
+    events: list[RunEvent] = []
     try:
         for block in run.blocks():
             blocks.append(block)
+            events += [RunEvent(one.t, one.kind, one.name) for one in run.incidents]
     except run_stop.RunStop as stop:
         stopped = stop.stop.reason
     n, stats = len(run.model.coordinate_names), run.stats
@@ -163,4 +166,5 @@ def _table(name: str, run: SimulationRun) -> Formulation:
         table=np.concatenate(blocks),
         exchanged=run.exchanged,
         stopped=stopped,
+        events=tuple(events),
     )

@@ -81,6 +81,12 @@ def flown(e: Evidence, found: Flights) -> Check:
     """Momenta and places over each flight, of models in Cartesian coordinates."""
     k = np.flatnonzero(found.is_free)
     names = (*e.names.q, *e.names.v)
+    if not k.size:
+        note = "rows or contacts act all along"
+        count = len(found.is_free) * len(names)
+        return Check(
+            FLIGHTS.name, FLIGHTS.law, FLIGHTS.equation, "not judged", None, entries=count, note=note
+        )
     one, other = found.begin.part(k), found.end.part(k)
     h = (other.t - one.t)[:, None]
     middle = dataclasses.replace(

@@ -13,7 +13,7 @@ from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
 from lagcli.auditing.incident_record import Incidents
 from lagcli.auditing.table_input import Record
-from lagcli.auditing.tolerances import SAFETY, Evidence
+from lagcli.auditing.tolerances import RESOLVED, SAFETY, Evidence
 
 JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
 KEPT = CheckedLaw("kept", "D.2, D.6", "f = 0 and B v(+) + b = 0 at every incident")
@@ -87,6 +87,19 @@ class ImpactEvidence:
         residual = np.where(acts, g, np.minimum(g, 0.0))
         return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * limit)
 
+    @property
+    def _ends_rebounds(self) -> Array:
+        """True for contacts at the instant of their accumulation, and at their last impact before it, (E, K): rebounds
+        that are no longer told are none."""
+        incidents = self.incidents
+        found = np.zeros((len(incidents.t), len(self.laws.contacts)), dtype=bool)
+        for k in np.flatnonzero(np.array(incidents.kinds, dtype=np.str_) == "accumulation"):
+            j = incidents.contact[k]
+            found[incidents.t == incidents.t[k], j] = True
+            hit = (incidents.impulses[:, self.contacts][:, j] > 0) & (incidents.t < incidents.t[k])
+            found[incidents.t == incidents.t[hit].max(initial=-np.inf), j] = True
+        return found
+
     def impacts(self) -> Check:
         """Complementarity of impulses and rates after, of the contacts with g = 0; others have no impulse."""
         g, limit_g = self._gaps
@@ -95,7 +108,13 @@ class ImpactEvidence:
         e = np.concatenate([np.zeros(0), *(law.restitution for law in self.laws.model.inequality)])
         rebound = after + e * np.minimum(before, 0.0)
         limit = self.after.noise("w")[:, self.contacts] + self.before.noise("w")[:, self.contacts]
-        limit = limit + self.tolerance.atol
+        limit = (
+            limit
+            + self.tolerance.atol
+            + np.where(self._ends_rebounds, np.abs(e * before), 0.0).clip(
+                max=RESOLVED * np.abs(before).max(initial=0.0)
+            )
+        )
         pushes = impulse > self.impulse_limit
         wrong = np.where(pushes, rebound, np.minimum(rebound, 0.0))
         wrong = np.where(np.abs(g) <= np.where(pushes, MERGED, 1.0) * limit_g, wrong, 0.0)

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.formulations import event_times
+from lagcli.formulations.event_times import RunEvent
 from lagcli.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -18,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 TOLERANCE = 1e-8
 # More digits than a double has are not told.
 MOST_DIGITS = 16.0
-KINDS = ("r", "v", "lambda", "R", "energy", "outputs")
+KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")
 # A kind of columns that are all below this part of the largest number of the table is rounding, and has no digits.
 ROUNDING = 1e-12
 
@@ -35,7 +37,7 @@ TITLES = {
 class Formulation:
     """One run. name: a key of `TITLES`; path: the file of the model; freedoms: of the velocities, n - rank; rows: C;
     columns and table (k, columns), t first; exchanged: the largest T plus the largest change of V, by which energies
-    are measured; stopped: why it ended before its end, or nothing.
+    are measured; stopped: why it ended before its end, or nothing; events: its incidents.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Formulation:
     table: Floats
     exchanged: float
     stopped: str = ""
+    events: tuple[RunEvent, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Formulation {self.name} of {self.path}: {len(self.table)} rows>"
@@ -64,7 +67,8 @@ class Agreement:
     """The agreement of a kind of columns with the first formulation.
 
     error: the largest difference as a part of the largest value of that kind, of energies as a part of what is
-    exchanged; digits = -log10(error); column and t: where that is. columns: how many are shared.
+    exchanged, of the times of events as a part of the run; digits = -log10(error); column and t: where that is.
+    columns: how many are shared, of events how many belong together.
     """
 
     columns: int
@@ -161,12 +165,17 @@ def compare(
 ) -> dict[str, Agreement]:
     """The agreement of two tables over one grid, as far as both go; `of`: shared columns with their kinds.
 
-    singular (k,): rows of the first in which multipliers are not compared. A multiplier or an output that has no
+    singular (k,): rows of the first in which multipliers are not compared. Rows between the times of one incident in
+    both runs are compared in positions alone; of `events` the times are. A multiplier or an output that has no
     value (nan) in a row is not compared there; anything else without a value agrees with nothing.
     """
     count = min(len(first.table), len(other.table))
     t = first.table[:count, 0]
     found = {}
+    paired = (
+        event_times.matched(first.events, other.events, float(t[-1]), float(np.ptp(t))) if count else None
+    )
+    parted = np.zeros(count, dtype=bool) if paired is None else paired.parts(t)
     values = first.table[:, 1:]
     rounding = ROUNDING * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
     for kind in KINDS:
@@ -178,9 +187,11 @@ def compare(
             one = np.where(singular[:count, None], np.nan, one)
         gaps = np.abs(one - two)
         known = ~np.isnan(gaps) if kind in ("lambda", "outputs") else np.ones_like(gaps, dtype=bool)
+        if kind != "r":
+            known &= ~parted[:, None]
+        gaps = np.where(np.isnan(gaps), np.inf, gaps)
         if not known.any():
             continue
-        gaps = np.where(np.isnan(gaps), np.inf, gaps)
         scale = float(np.abs(one[known & np.isfinite(one)]).max(initial=0.0))
         scale = max(scale, first.exchanged if kind == "energy" else 0.0)
         row, place = np.unravel_index(int(np.argmax(np.where(known, gaps, -1.0))), gaps.shape)
@@ -188,4 +199,20 @@ def compare(
         error = 0.0 if max(scale, worst) <= rounding else worst / (scale or 1.0)
         error = min(error, sys.float_info.max)
         found[kind] = Agreement(len(shared), error, shared[int(place)], float(t[row]))
+    if paired is not None and (first.events or other.events):
+        found["events"] = _of_events(paired, float(np.ptp(t)))
     return found
+
+
+def _of_events(paired: event_times.Matched, span: float) -> Agreement:
+    """The agreement of the times of incidents, as a part of the time both runs last; none where one is alone."""
+    count = len(paired.t)
+    if paired.alone is not None:
+        return Agreement(count, 1.0, paired.alone.label, paired.alone.t)
+    if not count:
+        return Agreement(0, 0.0, "", 0.0)
+    apart = np.abs(paired.t[:, 1] - paired.t[:, 0])
+    worst = int(np.argmax(apart))
+    return Agreement(
+        count, float(apart[worst]) / (span or 1.0), paired.labels[worst], float(paired.t[worst, 0])
+    )

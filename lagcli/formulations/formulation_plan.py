@@ -29,9 +29,10 @@ def declared(model: Model, rows: int) -> str:
     return "lagrange-multipliers" if rows else "lagrange"
 
 
-def is_reducible(rows: int, n: int) -> bool:
-    """True if the null space of C rows in n coordinates is to be taken: there are rows, and not too many columns."""
-    return rows > 0 and n <= MOST_COORDINATES
+def is_reducible(model: Model, rows: int, n: int) -> bool:
+    """True if the null space of C rows in n coordinates is to be taken: there are rows, not too many columns, and no
+    contacts that would change it."""
+    return rows > 0 and n <= MOST_COORDINATES and not model.inequality
 
 
 def has_dependent(model: Model) -> bool:
@@ -63,6 +64,7 @@ def singular(
 
 
 def compared(
+    model: Model,
     first: Formulation,
     others: Sequence[tuple[Formulation, Mapping[str, str]]],
     tolerance: float,
@@ -78,7 +80,12 @@ def compared(
         )
     runs = (first, *(other for other, _ in others))
     notes += [f"{one.path} as {comparison.TITLES[one.name]} {one.stopped}" for one in runs if one.stopped]
-    if first.rows and first.coordinates > MOST_COORDINATES:
+    if first.rows and model.inequality:
+        notes.append(
+            "the reduction by the null space is left out: it is that of the equations, and contacts that close and"
+            " impacts would change it"
+        )
+    elif first.rows and first.coordinates > MOST_COORDINATES:
         notes.append(
             f"the reduction by the null space is left out: it is dense, and meant for {MOST_COORDINATES} coordinates"
             " or fewer"

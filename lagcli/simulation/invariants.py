@@ -95,6 +95,16 @@ class Integrals:
         """True if all that was built holds for other values of parameters too."""
         return self._charts.hold_for(system)
 
+    def of(self, system: System) -> Integrals:
+        """These integrals with all that was built of a system that has other values alone."""
+        if system is self._system:
+            return self
+        kept: dict[Selection, Integrals] = {}
+        for selection, one in self._kept.items():
+            kept[selection] = other = copy.copy(one)
+            other._system, other._kept = system, kept
+        return kept[self.selection]
+
     def keeping(self, selection: Selection) -> Integrals:
         """These integrals with a system stepped with other independent rows."""
         if selection not in self._kept:

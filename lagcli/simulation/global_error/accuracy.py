@@ -21,6 +21,8 @@ class Accuracy:
     rtol: what the steps of the repeated run were held to; steps, rejected, evaluations: its account. zero: kinds of
     which all values are zero to rounding; parted: between which times the two runs have gone apart at once, one of them
     having missed a force; None where they have not.
+    between: how many rows stand between the times of one incident in both runs, and the time of the first: they count
+    for positions alone; growth: by how much each impact makes errors grow, None where they do not grow exponentially.
     """
 
     t: float
@@ -33,6 +35,8 @@ class Accuracy:
     evaluations: int
     zero: frozenset[str] = frozenset()
     parted: tuple[float, float] | None = None
+    between: tuple[int, float] | None = None
+    growth: float | None = None
 
     @property
     def digits(self) -> dict[str, float | None]:
@@ -55,7 +59,24 @@ class Accuracy:
         if none:
             is_one = none == ["R"]
             told.append(f"{' and '.join(none)} {'is' if is_one else 'are'} zero to rounding")
-        return ", ".join(told) + self._parting
+        return ", ".join(told) + self._parting + self._incidents
+
+    @property
+    def _incidents(self) -> str:
+        said = ""
+        if self.growth is not None:
+            said += (
+                f"; errors grow about {self.growth:.2g} times at each impact, as they do at convex bodies: no tolerance"
+                " helps for long"
+            )
+        if self.between is not None:
+            count, first = self.between
+            rows = "1 row stands" if count == 1 else f"{count} rows stand"
+            said += (
+                f"; {rows} between the times that an incident has in both runs ({'' if count == 1 else 'the first '}at"
+                f" t = {first:.9g}): velocities there are those before it or behind it, and are not counted"
+            )
+        return said
 
     @property
     def _parting(self) -> str:
@@ -84,6 +105,8 @@ class Accuracy:
                 "rejected": self.rejected,
                 "evaluations": self.evaluations,
                 "parted": None if self.parted is None else list(self.parted),
+                **({} if self.between is None else {"rows_between": self.between[0]}),
+                **({} if self.growth is None else {"growth_at_impacts": self.growth}),
             },
         }
 

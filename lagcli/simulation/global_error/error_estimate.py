@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,8 @@ from lagcli.model.model import Simulation
 from lagcli.simulation import loop, step_tolerance
 from lagcli.simulation.global_error import divergence
 from lagcli.simulation.global_error.accuracy import KINDS, SURE, Accuracy
+from lagcli.simulation.global_error.incident_sides import ImpactGrowth, IncidentSides
+from lagcli.simulation.incident import Incident
 
 Floats = npt.NDArray[np.float64]
 
@@ -95,13 +98,23 @@ class Errors:
         self._kinds, self._factor = kinds, factor
         self._gaps, self._sizes = np.zeros(len(kinds)), np.zeros(len(kinds))
         self._last = math.nan
+        self.sides, self._growth = IncidentSides(), ImpactGrowth()
         self._until = [math.nan] * len(kinds)
         self._is_lost = [False] * len(kinds)
 
-    def take(self, rows: Floats, others: Floats) -> Floats:
-        """The errors (k, 4) of rows (k, columns) of the one table from those of the other at the same times."""
+    def take(self, rows: Floats, others: Floats, incidents: Sequence[Incident] | None = ()) -> Floats:
+        """The errors (k, 4) of rows (k, columns) of the one table from those of the other at the same times.
+
+        incidents: those that came with them, which `sides` knows already; None where they are not known.
+        """
+        t = rows[:, 0]
+        between = self.sides.beside(t) if incidents is None else self.sides.between(t)
+        apart = [rows[:, at] - others[:, at] for at in self._kinds]
+        for gap in apart[1:]:  # positions go on through an impact
+            gap[between] = 0.0
         with np.errstate(invalid="ignore"):
-            gaps = self._running(self._gaps, [rows[:, at] - others[:, at] for at in self._kinds])
+            gaps = self._running(self._gaps, apart)
+        self._growth.take(t, gaps[:, 0], incidents or ())
         # Where one of the runs has seen nothing, its values alone give no scale.
         both = [np.maximum(np.abs(rows[:, at]), np.abs(others[:, at])) for at in self._kinds]
         sizes = self._running(self._sizes, both)
@@ -128,6 +141,8 @@ class Errors:
             account.rejected,
             account.evaluations,
             parted=self._parting.found,
+            between=None if self.sides.first is None else (self.sides.rows, self.sides.first),
+            growth=self._growth.factor(FLOOR * float(self._sizes[0])),
         )
 
     def _running(self, before: Floats, values: list[Floats]) -> Floats:

@@ -80,7 +80,8 @@ class RunWithReference:
             part = rows[known : known + len(others)]
             if len(part) < len(others) or not np.allclose(part[:, 0], others[:, 0], rtol=SAME_TIME, atol=0):
                 return None
-            self._errors.take(part, others)
+            self._errors.sides.add(1, self._again.take_incidents())
+            self._errors.take(part, others, None)
             known += len(others)
         return self.accuracy if known == len(rows) else None
 
@@ -93,7 +94,8 @@ class RunWithReference:
             self._incidents = self._run.take_incidents()
             others = self._others(len(rows))
             known = len(others)
-            errors = self._errors.take(rows[:known], others)
+            self._errors.sides.add(0, self._incidents)
+            errors = self._errors.take(rows[:known], others, self._incidents)
             if known < len(rows):
                 if known:
                     self._cut = self._run.grid.time(self._taken + known - 1)
@@ -124,7 +126,7 @@ class RunWithReference:
         try:
             while have < count:
                 parts.append(next(self._ahead))
-                self._again.take_incidents()
+                self._errors.sides.add(1, self._again.take_incidents())
                 have += len(parts[-1])
         except run_stop.RunStop as stopped:
             stop = stopped.stop
