@@ -265,6 +265,11 @@ def test_a_model_with_hostile_formulas_is_answered_or_refused(part: int) -> None
     look(part, 0.02, documents.wild_models() | documents.wild_families(), answers_or_refuses)
 
 
+@every_part
+def test_a_model_with_hostile_inequalities_and_events_is_answered_or_refused(part: int) -> None:
+    look(part, 0.01, documents.wild_one_sided, answers_or_refuses)
+
+
 def answers_or_refuses(text: str) -> None:
     try:
         model = lagcli.loads(text)

@@ -328,20 +328,25 @@ SLOTS: tuple[tuple[tuple[str, ...], st.SearchStrategy[str]], ...] = (
     (("holonomic", "rod2"), st.tuples(_whole, _whole).map(" = ".join)),
     (("differential", "roll"), _linear),
     (("differential", "roll2"), _linear),
-    (("inequality", "floor"), _whole.map(lambda e: f"{e} >= 0")),
-    (("inequality", "wall"), st.tuples(_whole, _whole, _constant | st.just("0.5")).map(
-        lambda p: {"condition": f"{p[0]} <= {p[1]}", "restitution": p[2]})),
-    (("events", "e"), st.tuples(_moving, st.sampled_from(("up", "both")), st.sampled_from(("stop", "record"))).map(
-        lambda p: {"when": p[0], "direction": p[1], "action": p[2]})),
     (("outputs", "o"), _moving),
     (("rigid", "body"), st.just(["a", "b"])),
     (("simulation", "assemble"), st.just("true")),
     (("simulation", "start"), _constant),
 )  # fmt: skip
 
+ONE_SIDED_SLOTS: tuple[tuple[tuple[str, ...], st.SearchStrategy[Any]], ...] = (
+    (("inequality", "floor"), _whole.map(lambda e: f"{e} >= 0")),
+    (("inequality", "wall"), st.tuples(_whole, _whole, _constant | st.just("0.5")).map(
+        lambda p: {"condition": f"{p[0]} <= {p[1]}", "restitution": p[2]})),
+    (("events", "e"), st.tuples(_moving, st.sampled_from(("up", "both")), st.sampled_from(("stop", "record"))).map(
+        lambda p: {"when": p[0], "direction": p[1], "action": p[2]})),
+)  # fmt: skip
+
 
 @st.composite
-def wild_models(draw: st.DrawFn) -> str:
+def wild_models(
+    draw: st.DrawFn, slots: tuple[tuple[tuple[str, ...], st.SearchStrategy[Any]], ...] = SLOTS
+) -> str:
     """A small model with hostile formulas in some of its places."""
     tree: dict[str, Any] = {
         "lagcli": 1,
@@ -352,7 +357,7 @@ def wild_models(draw: st.DrawFn) -> str:
         "lagrangian": "rate(q)**2/2 + rate(h)**2",
     }
     for path, strategy in draw(
-        st.lists(st.sampled_from(SLOTS), min_size=1, max_size=5, unique_by=lambda s: s[0])
+        st.lists(st.sampled_from(slots), min_size=1, max_size=5, unique_by=lambda s: s[0])
     ):
         if path[0] == "rigid":
             tree["particles"]["b"] = {"mass": "1", "position": ["0", "1", "0"]}
@@ -412,10 +417,6 @@ FAMILY_SLOTS: tuple[tuple[tuple[str, ...], st.SearchStrategy[Any]], ...] = (
     (("differential", "w[i]"), st.tuples(_for, _members("d(p[#].x) - $*d(p[#].y)", "rate(u[#]) = rate(q)*(#)",
                                                         "dot(p[#], p[#].v) = $", "p[#].v = [0, $, 0]")).map(
         lambda p: {"for": p[0], "equation": p[1]})),
-    (("inequality", "g[i]"), st.tuples(_for, _members("distance(p[#], p[#]) >= $", "p[#].z <= $", "norm(p[#]) <= $ + t",
-                                                      "d[#].x >= p[#].y"), _members("$", "i/N", "1/(#)", "1")).map(
-        lambda p: {"for": p[0], "condition": p[1], "restitution": p[2]})),
-    (("events", "e"), _members("multiplier(g[#])", "multiplier(h[#]) - $", "p[#].vz - $").map(lambda e: {"when": e})),
     (("outputs", "o[i]"), st.tuples(_for, _members("multiplier(h[#])", "reaction(p[#])", "p[#].v*$", "rate(u[#])")).map(
         lambda p: {"for": p[0], "expression": p[1]})),
     (("rigid", "body"), st.lists(_members("p[#]", "p[1]", "p[2]"), min_size=2, max_size=3) | st.just("p")),
@@ -423,9 +424,18 @@ FAMILY_SLOTS: tuple[tuple[tuple[str, ...], st.SearchStrategy[Any]], ...] = (
     (("simulation", "keep"), _members("p[#]", "u", "p[#].x")),
 )  # fmt: skip
 
+ONE_SIDED_FAMILY_SLOTS: tuple[tuple[tuple[str, ...], st.SearchStrategy[Any]], ...] = (
+    (("inequality", "g[i]"), st.tuples(_for, _members("distance(p[#], p[#]) >= $", "p[#].z <= $", "norm(p[#]) <= $ + t",
+                                                      "d[#].x >= p[#].y"), _members("$", "i/N", "1/(#)", "1")).map(
+        lambda p: {"for": p[0], "condition": p[1], "restitution": p[2]})),
+    (("events", "e"), _members("multiplier(g[#])", "multiplier(h[#]) - $", "p[#].vz - $").map(lambda e: {"when": e})),
+)  # fmt: skip
+
 
 @st.composite
-def wild_families(draw: st.DrawFn) -> str:
+def wild_families(
+    draw: st.DrawFn, slots: tuple[tuple[tuple[str, ...], st.SearchStrategy[Any]], ...] = FAMILY_SLOTS
+) -> str:
     """A small model of families with hostile ranges, indices and formulas in some of its places."""
     tree: dict[str, Any] = {
         "lagcli": 1,
@@ -439,7 +449,7 @@ def wild_families(draw: st.DrawFn) -> str:
         "lagrangian": "rate(q)**2/2",
     }
     for path, strategy in draw(
-        st.lists(st.sampled_from(FAMILY_SLOTS), min_size=1, max_size=4, unique_by=lambda s: s[0])
+        st.lists(st.sampled_from(slots), min_size=1, max_size=4, unique_by=lambda s: s[0])
     ):
         place = tree
         for key in path[:-1]:
@@ -524,3 +534,12 @@ def _changed(draw: st.DrawFn, tree: Any) -> Any:
             | st.sampled_from((tree * (1 + 1e-15), tree * 1.001, -tree, tree + 1e-6, repr(tree)))
         )
     return draw(_scraps)
+
+
+wild_one_sided = wild_models((*SLOTS, *ONE_SIDED_SLOTS)).filter(
+    lambda text: "inequality" in text or "when" in text
+)
+wild_one_sided |= wild_families((*FAMILY_SLOTS, *ONE_SIDED_FAMILY_SLOTS)).filter(
+    lambda text: "inequality" in text or "when" in text
+)
+"""Such models with one-sided constraints or events."""
