@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -86,9 +88,9 @@ def pressing(here: ContactInstant, among: Flags) -> Pressing:
     """The forces of contacts that are closed and neither approach nor part: 0 <= lambda ⊥ d2g/dt2 >= 0."""
     numbers = np.flatnonzero(among)
     B, _, gamma = here.equalities
-    found = impact_law.forces(
-        here.metric, here.force, (B.B, gamma), (here.G.B[numbers.tolist(), :], here.gamma[numbers])
-    )
+    contacts = here.G.B[numbers.tolist(), :], here.gamma[numbers]
+    with _told_of(numbers):
+        found = impact_law.forces(here.metric, here.force, (B.B, gamma), contacts)
     multipliers = np.zeros(here.g.size)
     multipliers[numbers] = found.of_contacts
     accelerations = here.G.times(found.x) - here.gamma
@@ -101,4 +103,15 @@ def pressing(here: ContactInstant, among: Flags) -> Pressing:
 def _law(here: ContactInstant, near: npt.NDArray[np.intp], e: Floats) -> impact_law.LawResult:
     B, b, _ = here.equalities
     contacts = here.G.B[near.tolist(), :], here.g_t[near], e[near]
-    return impact_law.impact(here.metric, here.state.v, (B.B, b), contacts)
+    with _told_of(near):
+        return impact_law.impact(here.metric, here.state.v, (B.B, b), contacts)
+
+
+@contextlib.contextmanager
+def _told_of(numbers: npt.NDArray[np.intp]) -> Iterator[None]:
+    """The law told of these contacts alone; its errors name contacts by their numbers among all."""
+    try:
+        yield
+    except impact_law.LawError as error:
+        error.contacts = tuple(int(numbers[place]) for place in error.contacts)
+        raise

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import lagcli
 from lagcli.contact import impact_law
 from lagcli.contact.impact_law import EnergyCreated, LawError, LawResult
 from lagcli.linear.metric import Metric
@@ -262,3 +263,20 @@ def test_random_impacts(seed: int, n: int, held: int, count: int, is_whole: bool
     kinetic = (found.x @ M @ found.x - v @ M @ v) / 2
     work = found.energy - found.of_equalities @ b
     assert kinetic == pytest.approx(work, abs=1e-9 * (1 + v @ M @ v + np.abs(found.of_equalities @ b)))
+
+
+CLOSING = """
+lagcli: 1
+particles:
+  a: {mass: 1, position: [0.5, 0, 0], velocity: [0.4, 0, 0]}
+inequality:
+  ceiling: {condition: a.z <= 5, restitution: 1}
+  left: {condition: a.x >= t, restitution: 0.5}
+  right: {condition: a.x <= 2 - t, restitution: 0.5}
+"""
+
+
+def test_a_run_between_walls_that_close_names_them() -> None:
+    """Of three contacts only those that touch are put to the law: their names are told, not those of their places."""
+    with pytest.raises(lagcli.SimulationStopped, match=r"closing further: `left`, `right`"):
+        lagcli.simulate(lagcli.loads(CLOSING), duration=2, samples=2)
