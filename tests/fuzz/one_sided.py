@@ -1,0 +1,193 @@
+"""Random one-sided models against the judges: the command that looks at many of them.
+
+    python -m tests.fuzz.one_sided --models 1000 --first 0 --limit 20
+
+Every model is judged leg by leg (`helpers/motion_legs.py`), those of free masses also as a whole by closed forms
+(`helpers/free_flight.py`). A process of its own does the work; where it takes longer than the limit for a model, or
+dies, the model is reported and another one goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import dataclasses
+import json
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+
+import lagcli
+from lagcli.simulation import run_stop
+from tests.helpers import free_flight, motion_legs, one_sided_models, recorded_runs
+from tests.helpers.one_sided_models import Floats, Scene
+
+ROOT = Path(__file__).parents[2]
+OPTIONS = {"rtol": 1e-10, "atol": 1e-12}
+NUDGE, LARGEST = 1e-9, 1e4  # a disturbance, and how much it may have grown where answers are still compared
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Verdict:
+    """faults: what is wrong; outcome: `done`, `refused: CODE`, `stopped: REASON`; compared: impacts, closed form."""
+
+    faults: list[str]
+    outcome: str
+    impacts: int = 0
+    compared: int = 0
+
+
+def judged(scene: Scene) -> Verdict:
+    """A run of a scene and what is to say against it."""
+    try:
+        run = recorded_runs.recorded(scene, **OPTIONS)
+    except lagcli.ModelError as error:
+        return Verdict([], f"refused: {error.diagnostics[0].code}")
+    except run_stop.RunStop as stopped:
+        return Verdict([], f"stopped: {stopped.stop.reason}")
+    impacts = [at for at in run.instants if at.names("impact")]
+    found = motion_legs.faults(scene, run)
+    if run.t[-1] != scene.duration:
+        found.append(f"ends at {run.t[-1]!r}")
+    compared = 0
+    if not scene.rods:
+        more, compared = against_closed_form(scene, run)
+        found += more
+    return Verdict(found, "done", len(impacts), compared)
+
+
+def against_closed_form(scene: Scene, run: motion_legs.Recorded) -> tuple[list[str], int]:
+    """Faults of a run beside the closed form, and the number of impacts that were compared.
+
+    A twin that starts a little elsewhere tells how much a disturbance grows; what has grown too much is not compared.
+    """
+    random = np.random.default_rng(1)
+    answer = free_flight.solve(scene)
+    other = free_flight.solve(
+        dataclasses.replace(scene, v=scene.v + NUDGE * _mask(scene) * random.normal(size=scene.v.shape))
+    )
+    impacts = [at for at in run.instants if at.names("impact")]
+    faults: list[str] = []
+    compared, grown = 0, NUDGE
+    for k, (blow, twin) in enumerate(zip(answer.blows, other.blows, strict=False)):
+        near = max(blow.impulses.values(), default=0.0) < 100 * free_flight.SMALL
+        grown = max(grown, abs(twin.t - blow.t))
+        if twin.impulses.keys() != blow.impulses.keys() or grown > NUDGE * LARGEST or near:
+            return faults, compared
+        if k >= len(impacts):
+            return [*faults, f"impact {k + 1} at t = {blow.t!r} is missed"], compared
+        at = impacts[k]
+        off = abs(at.t - blow.t)
+        for name, P in blow.impulses.items():
+            off = max(off, abs(at.impulses[name] - P) / (1 + abs(P)))
+        if off > 10 * grown + 1e-8:
+            return [*faults, f"impact {k + 1} at t = {blow.t!r} is off by {off:.1e}"], compared
+        compared += 1
+    if len(answer.blows) == len(other.blows) and answer.why == other.why == "" and not answer.rests:
+        if len(impacts) != len(answer.blows):
+            faults.append(f"{len(impacts)} impacts in place of {len(answer.blows)}")
+        x, v = answer.at(scene.duration)
+        off = max(np.abs(run.x[-1] - x).max(), np.abs(run.v[-1] - v).max())
+        twin_x, twin_v = other.at(scene.duration)
+        grown = max(grown, np.abs(twin_x - x).max(), np.abs(twin_v - v).max())
+        if grown < NUDGE * LARGEST and off > 10 * grown + 1e-8:
+            faults.append(f"the end is off by {off:.1e}")
+    return faults, compared
+
+
+def _mask(scene: Scene) -> Floats:
+    """1 where the motion of a scene goes on, 0 across its plane."""
+    return np.where(np.abs(scene.x).max(axis=0) > 0, 1.0, 0.0)
+
+
+def work() -> None:
+    """Judge the numbers that come in, one a line."""
+    for line in sys.stdin:
+        verdict = judged(one_sided_models.scene(int(line)))
+        print(json.dumps(dataclasses.asdict(verdict)), flush=True)
+
+
+class Worker:
+    """The process that judges; started anew after it was ended."""
+
+    def __init__(self) -> None:
+        self.process: subprocess.Popen[str] | None = None
+
+    def ask(self, seed: int, limit: float) -> dict[str, object]:
+        fresh = self.process is None
+        if self.process is None:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "tests.fuzz.one_sided", "--work"],
+                cwd=ROOT,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+        process = self.process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdin.write(f"{seed}\n")
+        process.stdin.flush()
+        timer = threading.Timer(limit + 20 * fresh, process.kill)
+        timer.start()
+        answer = process.stdout.readline()
+        timer.cancel()
+        if answer:
+            return dict(json.loads(answer))
+        self.process = None
+        said = process.stderr.read().strip().splitlines()
+        died = process.wait() != -9
+        return {
+            "outcome": "crash" if died else "hang",
+            "faults": [said[-1] if died and said else f"no answer in {limit} s"],
+        }
+
+    def end(self) -> None:
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+
+
+def main() -> int:
+    """Judge many models and print the faults and the figures; 1 where there are faults."""
+    parser = argparse.ArgumentParser(
+        "python -m tests.fuzz.one_sided", description="Attacks one-sided constraints."
+    )
+    parser.add_argument("--models", type=int, default=1000, help="how many")
+    parser.add_argument("--first", type=int, default=0, help="number of the first")
+    parser.add_argument("--limit", type=float, default=20.0, help="seconds for a model")
+    parser.add_argument("--show", type=int, help="print the text of this model, and end")
+    parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
+    chosen = parser.parse_args()
+    if chosen.work:
+        work()
+        return 0
+    if chosen.show is not None:
+        print(one_sided_models.scene(chosen.show).text(), end="")
+        return 0
+    outcomes: collections.Counter[str] = collections.Counter()
+    figures: collections.Counter[str] = collections.Counter()
+    bad, worker = 0, Worker()
+    for seed in range(chosen.first, chosen.first + chosen.models):
+        answer = worker.ask(seed, chosen.limit)
+        outcomes[str(answer["outcome"])] += 1
+        for key in ("impacts", "compared"):
+            figures[key] += int(str(answer.get(key, 0)))
+        faults = answer["faults"]
+        assert isinstance(faults, list)
+        if faults:
+            bad += 1
+            kind = one_sided_models.scene(seed).kind
+            print(f"{seed} {kind}: {len(faults)} faults; {'; '.join(map(str, faults[:2]))}", flush=True)
+    worker.end()
+    print(json.dumps({"models": chosen.models, "faulty": bad, **figures, "outcomes": outcomes}))
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
