@@ -147,7 +147,9 @@ class NumericSystem:
         of g."""
         contacts = self._parts.contacts
         size = ca.fabs(contacts.G) @ ca.fabs(self._parts.y[: self.n])
-        outputs = [contacts.g, contacts.G, contacts.g_t, contacts.gamma, ca.densify(size)]
+        dense = (contacts.g, contacts.g_t, contacts.gamma, size)
+        g, g_t, gamma, size = (ca.densify(value) for value in dense)
+        outputs = [g, contacts.G, g_t, gamma, size]
         return ca.Function("contacts", self._inputs, outputs)
 
     @cached_property

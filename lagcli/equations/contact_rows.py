@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import casadi as ca
+import numpy as np
 
 from lagcli.equations import rows
 from lagcli.equations.environment import Environment
@@ -33,14 +34,21 @@ def lay_down(model: nouns.Model, environment: Environment) -> ContactRows:
     return ContactRows(found.rows, found.f, found.B, found.b, found.gamma)
 
 
-def with_equalities(laid: rows.ConstraintRows, contacts: ContactRows) -> rows.ConstraintRows:
-    """All rows in the order of the multipliers: the equality rows, then the contacts. f is that of the former."""
+def with_equalities(laid: rows.ConstraintRows, contacts: ContactRows, lam: ca.SX) -> rows.ConstraintRows:
+    """All rows in the order of the multipliers lam (C + K,): the equality rows, then the contacts that act.
+
+    f is that of the former. The row of an open contact is 0: its gradient may have no value where it is open, as that
+    of a distance between particles that pass each other at one place.
+    """
     if not contacts.count:
         return laid
+    G = contacts.G
+    acting = lam[(np.asarray(G.sparsity().row(), dtype=np.int64) + len(laid.rows)).tolist()]
+    G = ca.SX(G.sparsity(), ca.if_else(ca.vec(acting) == 0, 0, ca.vec(G.nz[:])))
     return rows.ConstraintRows(
         (*laid.rows, *contacts.rows),
         laid.f,
-        ca.sparsify(ca.vertcat(laid.B, contacts.G)),
+        ca.sparsify(ca.vertcat(laid.B, G)),
         ca.vertcat(laid.b, contacts.g_t),
         ca.vertcat(laid.gamma, contacts.gamma),
     )

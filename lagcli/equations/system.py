@@ -121,8 +121,8 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     if restated is not None:
         laid, dynamics = restated(env, laid, dynamics)
     contacts = contact_rows.lay_down(model, env)
-    everything = contact_rows.with_equalities(laid, contacts)
-    lam, a = ca.SX.sym("lam", len(everything.rows)), ca.SX.sym("a", s.q.numel())
+    lam, a = ca.SX.sym("lam", len(laid.rows) + contacts.count), ca.SX.sym("a", s.q.numel())
+    everything = contact_rows.with_equalities(laid, contacts, lam)
     Q_R = reaction(everything.B, lam)
     everyone = np.arange(len(env.particles))
     accelerations = _accelerations(env, a)

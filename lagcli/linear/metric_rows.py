@@ -292,3 +292,10 @@ def are_many(count: int, coordinates: int) -> bool:
 def stacked(first: Sparse, then: Sparse) -> Sparse:
     """Rows, and others below them."""
     return ca.vertcat(first, then)
+
+
+def sparse(
+    rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp], values: Floats, shape: tuple[int, int]
+) -> Sparse:
+    """A matrix of this shape with values (z,) at rows and columns (z,)."""
+    return ca.DM.triplet(rows.tolist(), columns.tolist(), ca.DM(values), *shape)

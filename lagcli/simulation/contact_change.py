@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
-from lagcli.contact import impact_law
-from lagcli.simulation.contact_instant import WEIGHTLESS, ContactInstant
+from lagcli.contact import impact_law, least_distance
+from lagcli.simulation.contact_instant import ContactInstant, Flags, Floats, Numbers
 
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
+# The tail of a series of rebounds is left out where its coefficient is below this.
+ELASTIC = 1.0
+# Reasons for which the law has no answer.
+SQUEEZED = "no impulse or force lets all contacts hold: they squeeze what lies between them"
+CLOSE = "which of the contacts press is too close to call"
+
+
+class ContactsUndecided(Exception):
+    """The law has no answer for some of the contacts, which are told by their numbers."""
+
+    def __init__(self, text: str, contacts: Iterable[int]) -> None:
+        super().__init__(text)
+        self.contacts = tuple(sorted(int(j) for j in contacts))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -36,82 +45,93 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
     """The impact of all contacts that are closed; None where none approaches.
 
     Rebounds that cannot be resolved, of contacts that are pressed, are left out: their series ends.
-    Raises `impact_law.LawError`.
+    Raises `ContactsUndecided`.
     """
     if not (here.near & (here.speeds < -here.slow)).any():
         return None
     e = restitution.copy()
     lasting, ended = np.zeros(e.size), np.zeros(e.size, dtype=bool)
     near = np.flatnonzero(here.near)
-    found = _law(here, near, e)
+    _require_gradients(here, near)
+    law = _Impacts(here, near)
+    found = law.found(e)
     # Each turn ends the series of some contact, so that there are few.
     for _ in range(near.size):
-        after = here.moved(found.x)
-        small = _unresolved(after, near, e)
+        after = here.moved(found.v)
+        small, pull = _unresolved(after, near, e)
         if not small.size:
             break
-        lasting[small] = 2 * after.speeds[small] / (_pressed(after)[small] * (1 - e[small]))
+        lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
         e[small], ended[small] = 0.0, True
-        found = _law(here, near, e)
+        found = law.found(e)
     impulses = np.zeros(e.size)
-    impulses[near] = found.of_contacts
+    impulses[near] = found.impulses
     struck = here.near & ((here.speeds < -here.slow) | (impulses > 0))
-    return Blow(found.x, found.of_equalities, impulses, struck, ended, lasting)
+    return Blow(found.v, found.equality, impulses, struck, ended, lasting)
 
 
-def _unresolved(after: ContactInstant, near: npt.NDArray[np.intp], e: Floats) -> npt.NDArray[np.intp]:
-    """Contacts that rebound and are pressed so that they rise no higher than rounding."""
-    speeds, bouncing = after.speeds[near], near[(after.speeds[near] > 0) & (e[near] > 0) & (e[near] < 1)]
-    if not bouncing.size or not (speeds > 0).any():
-        return bouncing[:0]
-    pull = _pressed(after)[bouncing]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        height = after.speeds[bouncing] ** 2 / (2 * pull)
-    return bouncing[(pull > 0) & (height <= after.lowest[bouncing])]
+class _Impacts:
+    """Impacts of the contacts `near` from one state, with any coefficients (K,)."""
+
+    def __init__(self, here: ContactInstant, near: Numbers) -> None:
+        self._here, self._near, self._rows = here, near, here.touching(near)
+
+    def found(self, e: Floats) -> impact_law.Impact:
+        """Raises `ContactsUndecided`."""
+        here, near = self._here, self._near
+        try:
+            return impact_law.impact(self._rows, here.state.v, here.equalities[1], here.g_t[near], e[near])
+        except least_distance.ContradictoryRows as error:
+            raise ContactsUndecided(SQUEEZED, near[list(error.rows)]) from None
+        except least_distance.UndecidedRows:
+            raise ContactsUndecided(CLOSE, near) from None
+        except impact_law.EnergyCreated as error:
+            raise ContactsUndecided(str(error), near[list(error.contacts)]) from None
 
 
-def _pressed(after: ContactInstant) -> Floats:
-    """-d2g/dt2 (K,) of all contacts with those closed that neither approach nor part."""
-    return -pressing(after, after.near & (np.abs(after.speeds) <= after.slow)).accelerations
+def _require_gradients(here: ContactInstant, contacts: Numbers) -> None:
+    without = contacts[~here.has_gradient[contacts]]
+    if without.size:
+        raise ContactsUndecided("there is no gradient where the contact closes", without)
+
+
+def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Numbers, Floats]:
+    """Contacts that rebound and are pressed so that they rise no higher than rounding, and -d2g/dt2 of them."""
+    speeds = after.speeds[near]
+    bouncing = near[(speeds > 0) & (e[near] > 0) & (e[near] < ELASTIC)]
+    if bouncing.size:
+        # They rise at most as their largest acceleration lets them: most are told at once.
+        low = after.speeds[bouncing] ** 2 <= 2 * after.pull[bouncing] * after.lowest[bouncing]
+        bouncing = bouncing[low]
+    if not bouncing.size:
+        return bouncing, np.zeros(0)
+    pull = -pressing(after, after.near & (np.abs(after.speeds) <= after.slow)).accelerations[bouncing]
+    small = (pull > 0) & (after.speeds[bouncing] ** 2 <= 2 * pull * after.lowest[bouncing])
+    return bouncing[small], pull[small]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Pressing:
-    """Multipliers and d2g/dt2 of all contacts (K,), of which some are closed; closed: those that press."""
+    """d2g/dt2 of all contacts (K,), and those that are closed and press."""
 
-    multipliers: Floats
     accelerations: Floats
     closed: tuple[int, ...]
 
 
 def pressing(here: ContactInstant, among: Flags) -> Pressing:
-    """The forces of contacts that are closed and neither approach nor part: 0 <= lambda ⊥ d2g/dt2 >= 0."""
+    """The forces of contacts that are closed and neither approach nor part: 0 <= lambda ⊥ d2g/dt2 >= 0.
+
+    Raises `ContactsUndecided`.
+    """
     numbers = np.flatnonzero(among)
-    B, _, gamma = here.equalities
-    contacts = here.G.B[numbers.tolist(), :], here.gamma[numbers]
-    with _told_of(numbers):
-        found = impact_law.forces(here.metric, here.force, (B.B, gamma), contacts)
-    multipliers = np.zeros(here.g.size)
-    multipliers[numbers] = found.of_contacts
-    accelerations = here.G.times(found.x) - here.gamma
-    lengths = here.lengths[numbers]
-    scale = here.pull[numbers] / np.where(lengths > 0, lengths**2, 1.0)
-    presses = found.of_contacts > WEIGHTLESS * scale
-    return Pressing(multipliers, accelerations, tuple(numbers[presses].tolist()))
-
-
-def _law(here: ContactInstant, near: npt.NDArray[np.intp], e: Floats) -> impact_law.LawResult:
-    B, b, _ = here.equalities
-    contacts = here.G.B[near.tolist(), :], here.g_t[near], e[near]
-    with _told_of(near):
-        return impact_law.impact(here.metric, here.state.v, (B.B, b), contacts)
-
-
-@contextlib.contextmanager
-def _told_of(numbers: npt.NDArray[np.intp]) -> Iterator[None]:
-    """The law told of these contacts alone; its errors name contacts by their numbers among all."""
+    _require_gradients(here, numbers)
+    gamma = here.equalities[2]
+    rows = here.touching(numbers)
     try:
-        yield
-    except impact_law.LawError as error:
-        error.contacts = tuple(int(numbers[place]) for place in error.contacts)
-        raise
+        found = impact_law.contact_forces(rows, here.force, gamma, here.gamma[numbers])
+    except least_distance.ContradictoryRows as error:
+        raise ContactsUndecided(SQUEEZED, numbers[list(error.rows)]) from None
+    except least_distance.UndecidedRows:
+        raise ContactsUndecided(CLOSE, numbers) from None
+    presses = found.forces > here.least_forces(numbers)
+    return Pressing(here.changes(found.a) - here.gamma, tuple(numbers[presses].tolist()))

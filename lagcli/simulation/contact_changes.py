@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
-from lagcli.contact import impact_law
 from lagcli.simulation import contact_change, contact_mode, line_functions, run_stop
-from lagcli.simulation.contact_change import Blow
-from lagcli.simulation.contact_instant import WEIGHTLESS, ContactInstant, ContactParameters
-from lagcli.simulation.contact_state import ContactState
+from lagcli.simulation.contact_change import Blow, ContactsUndecided
+from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues
 from lagcli.simulation.incident import Incident, Kind
 from lagcli.simulation.run_stop import StepFailure
 from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
@@ -40,9 +38,9 @@ class ContactChanges:
         self._rows, self._count = len(system.rows.rows), system.contacts.count
         self._open = self._selection_without(stepper)
         self._base = stepper.bound.numeric
+        self._values = ContactRowValues(self._base, list(self._open.kept))
         e = [law.restitution for law in system.model.inequality if law.members.count]
-        rtol = float(stepper.tolerance[0])
-        self._parameters = ContactParameters(rtol, np.concatenate(e) if e else np.zeros(0))
+        self._restitution = np.concatenate(e) if e else np.zeros(0)
 
     def _selection_without(self, stepper: Stepper) -> Selection:
         found = stepper.bound.held.integrals.selection
@@ -66,9 +64,9 @@ class ContactChanges:
         return self._instant(self._run.t, self._run.bound.y)
 
     def _instant(self, t: float, y: Floats) -> ContactInstant:
-        kept, span = list(self._open.kept), self._run.found.taken
-        chosen = dataclasses.replace(self._parameters, span=span)
-        return ContactInstant(self._base, self._run.state_at(t, y.copy()), kept, chosen)
+        run = self._run
+        chosen = ContactParameters(float(run.tolerance[0]), run.found.taken, run.contacts.size)
+        return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
 
     def noises(self) -> tuple[Floats, Floats]:
         """Of gaps and of multipliers (K,) at the state: what is zero there."""
@@ -78,8 +76,10 @@ class ContactChanges:
         gaps[touching] = here.nearness[touching]
         if self._run.contacts.again == 0:
             self._require_apart(here)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            forces = np.where(here.lengths > 0, WEIGHTLESS * here.pull / here.lengths**2, 0.0)
+        forces = np.zeros(self._count)
+        if self.closed:
+            closed = np.array(self.closed, dtype=np.intp)
+            forces[closed] = here.least_forces(closed)
         return gaps, forces
 
     def _require_apart(self, here: ContactInstant) -> None:
@@ -141,7 +141,7 @@ class ContactChanges:
         impulses = np.zeros(self._rows + self._count)
         for number in numbers:
             event = self._system.model.events[number]
-            run.account.add(Incident(run.origin + run.t, "event", event.name, impulses, line, line))
+            run.account.add(Incident(float(run.origin + run.t), "event", event.name, impulses, line, line))
             if event.action == "stop":
                 run.account.ended_by = event.name
 
@@ -163,7 +163,7 @@ class ContactChanges:
         hits: tuple[int, ...] = (),
     ) -> None:
         run, before, closed_before = self._run, self._whole_line(), set(self.closed)
-        blow = self._decided(lambda: contact_change.impact(here, self._parameters.restitution))
+        blow = self._decided(lambda: contact_change.impact(here, self._restitution))
         after = here if blow is None else here.moved(blow.v)
         level = after.near & (np.abs(after.speeds) <= after.slow)
         if blow is None and ahead is not None:
@@ -175,7 +175,7 @@ class ContactChanges:
         closed = set(pressing.closed)
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
         if closed != closed_before:
-            selection = contact_mode.of(self._open, after, sorted(closed), self._rows)
+            selection = contact_mode.selection(self._open, after, sorted(closed), self._rows)
             run.bind(run.bound.held.keeping(selection))
             run.watch, run.foreseen = SingularityMonitor(), NEVER
         self._land(after.state.v)
@@ -184,9 +184,36 @@ class ContactChanges:
             # What the impact takes away is work done there: the balance of the energy goes on.
             run.bound.y[-1] += line[line_functions.JACOBI] - before[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in closed & closed_before)
-        run.contacts = ContactState(touching, unarmed, run.t, run.contacts.again)
-        told = _Told(before, line, blow, closed_before, closed)
-        self._tell(told, is_start)
+        ending = [
+            each for each in run.contacts.ending if each[0] in closed and not self._is_struck(blow, each[0])
+        ]
+        if blow is not None:
+            ahead_of = ((j, run.t + float(blow.lasting[j])) for j in np.flatnonzero(blow.ended).tolist())
+            ending += [each for each in ahead_of if each[0] in closed]
+        run.contacts = dataclasses.replace(
+            run.contacts, touching=touching, unarmed=unarmed, last=run.t, size=here.size, ending=tuple(ending)
+        )
+        self._tell(_Told(before, line, blow, closed_before, closed), is_start)
+        self.end_series()
+
+    @staticmethod
+    def _is_struck(blow: Blow | None, j: int) -> bool:
+        return blow is not None and bool(blow.struck[j])
+
+    def end_series(self) -> None:
+        """Tell of series of rebounds that end at the state where the run stands."""
+        run = self._run
+        due = [j for j, t in run.contacts.ending if t <= run.t]
+        if not due:
+            return
+        line, names = self._line(), [row.name for row in self._system.contacts.rows]
+        impulses = np.zeros(self._rows + self._count)
+        kinds: tuple[Kind, ...] = ("accumulation", "contact")
+        for kind in kinds:
+            for j in due:
+                run.account.add(Incident(float(run.origin + run.t), kind, names[j], impulses, line, line))
+        left = tuple(each for each in run.contacts.ending if each[0] not in due)
+        run.contacts = dataclasses.replace(run.contacts, ending=left, last=run.t)
 
     def _land(self, v: Floats) -> None:
         bound = self._run.bound
@@ -197,43 +224,28 @@ class ContactChanges:
         self._run.account.evaluations += 1
 
     def _tell(self, told: _Told, is_start: bool) -> None:
-        run, names = self._run, [row.name for row in self._system.contacts.rows]
-        t = run.origin + run.t
+        run, names, blow = self._run, [row.name for row in self._system.contacts.rows], told.blow
         before, after = self.row_of(told.before), self.row_of(told.after)
         impulses = np.zeros(self._rows + self._count)
-        later: list[Incident] = []
-
-        def tell(kind: Kind, j: int, at: float = t) -> None:
-            incident = Incident(at, kind, names[j], impulses, before, after)
-            if at == t:
-                run.account.add(incident)
-            else:
-                later.append(incident)
-
-        if told.blow is not None:
-            impulses[list(self._open.kept)] = told.blow.of_equalities
-            impulses[self._rows :] = told.blow.of_contacts
-            for j in np.flatnonzero(told.blow.struck).tolist():
-                tell("impact", j)
-        ended = set() if told.blow is None else set(np.flatnonzero(told.blow.ended).tolist())
-        if not is_start or told.blow is not None:
-            for j in sorted(told.closed - told.closed_before):
-                at = t
-                if told.blow is not None and j in ended:
-                    at = t + float(told.blow.lasting[j])
-                    tell("accumulation", j, at)
-                tell("contact", j, at)
-            for j in sorted(told.closed_before - told.closed):
-                tell("release", j)
-        for incident in sorted(later, key=lambda each: each.t):
-            run.account.add(incident)
+        kinds: list[tuple[Kind, Iterable[int]]] = []
+        if blow is not None:
+            impulses[list(self._open.kept)] = blow.of_equalities
+            impulses[self._rows :] = blow.of_contacts
+            kinds.append(("impact", np.flatnonzero(blow.struck).tolist()))
+        if not is_start or blow is not None:
+            ending = {j for j, _ in run.contacts.ending}
+            kinds.append(("contact", sorted(told.closed - told.closed_before - ending)))
+            kinds.append(("release", sorted(told.closed_before - told.closed)))
+        for kind, contacts in kinds:
+            for j in contacts:
+                run.account.add(Incident(float(run.origin + run.t), kind, names[j], impulses, before, after))
 
     def _decided(self, law: Callable[[], Found]) -> Found:
         try:
             return law()
-        except impact_law.LawError as error:
+        except ContactsUndecided as error:
             names = ", ".join(f"`{self._system.contacts.rows[j].name}`" for j in error.contacts)
-            raise StepFailure(f"{error}: {names}", run_stop.CONTACT) from None
+            raise StepFailure(f"{names}: {error}", run_stop.CONTACT) from None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -79,17 +79,34 @@ class ContactEvent(Event):
         self._hits, self._ahead, self._within = (), None, []
         if found.is_still or not found.is_open:
             return
-        watch = self._current()
-        if found.passage is None:
-            if watch.is_clear() and not run.contacts.unarmed:
-                return
-            if not found.has_dense:
-                run.bound.staged.trigger()
-                run.account.evaluations += run.method.evaluations
-                run.make_dense()
-            self._search(watch)
-        else:
+        if found.passage is not None:
             self._changes.require_clear(found.passage)
+            return
+        watch = self._current()
+        limit = min((t for _, t in run.contacts.ending), default=math.inf)
+        if watch.is_clear() and not run.contacts.unarmed:
+            if limit <= found.reached:
+                self._end_series_at(limit)
+            elif watch.deepest > run.contacts.deepest:
+                run.contacts = dataclasses.replace(run.contacts, deepest=watch.deepest)
+                run.account.largest_penetration = watch.deepest
+            return
+        if not found.has_dense:
+            run.bound.staged.trigger()
+            run.account.evaluations += run.method.evaluations
+            run.make_dense()
+        self._search(watch, (limit - run.t) / found.taken)
+        if not self._hits and limit <= found.reached:
+            self._end_series_at(limit)
+
+    def _end_series_at(self, t: float) -> None:
+        """End the step at a time at which rebounds of a contact come to their end."""
+        run, found = self._stepper, self._stepper.found
+        found.reached, found.taken, found.has_dense, found.work = t, t - run.t, False, None
+        run.bound.h[0] = found.taken
+        run.bound.staged.trigger()
+        run.account.evaluations += run.method.evaluations
+        found.is_jump, found.barrier = True, None
 
     def act(self) -> None:
         """See `Event`."""
@@ -99,6 +116,8 @@ class ContactEvent(Event):
         hits, self._hits, self._within = self._hits, (), []
         if hits:
             self._changes.at(hits, self._ahead)
+        elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:
+            self._changes.end_series()
         elif run.contacts.again or run.contacts.unarmed:
             run.contacts = dataclasses.replace(run.contacts, again=0, unarmed=())
         else:
@@ -122,7 +141,7 @@ class ContactEvent(Event):
         events = range(first, first + self._system.event_values.numel())
         return [*(C + j for j in functions.open_), *(C + j for j in functions.closed), *events]
 
-    def _search(self, watch: StepWatch) -> None:
+    def _search(self, watch: StepWatch, limit: float) -> None:
         """Find the first incident that ends the step, and the events before it that are recorded."""
         run, found = self._stepper, self._stepper.found
         numbers = np.array(self._numbers(watch))
@@ -135,7 +154,7 @@ class ContactEvent(Event):
             direction[place] = DIRECTIONS[event.direction]
             records[place] = event.action == "record"
         armed = ~np.isin(numbers, run.contacts.unarmed)
-        limit = found.barrier.part if found.barrier is not None else 1.0
+        limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
         begin, end = watch.inside(0.0)[0], watch.inside(limit)[0]
         noise = self._noise(watch, numbers, np.maximum(np.abs(begin), np.abs(end)))
         x = 0.0

@@ -9,12 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
+from lagcli.compiled.bound_function import BoundFunction
+from lagcli.contact.touching_rows import TouchingRows
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import LocalRows, Sparse, stacked
+from lagcli.linear.metric_rows import LocalRows, Sparse, sparse, stacked
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.intp]
 
 EPS = float(np.finfo(float).eps)
 # The gap of a contact is known to so many roundings of its terms, and to a few of the size of the motion.
@@ -33,36 +36,80 @@ WEIGHTLESS = 1e-10
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ContactParameters:
-    """Numbers of a run: rtol, and e (K,) of the contacts; span: the length of the step that is looked at."""
+    """Numbers of a run: rtol; span: the length of the step that is looked at; size: the largest size of the motion so
+    far, as `parts.Sizes.q`."""
 
     rtol: float
-    restitution: Floats
     span: float = 0.0
+    size: float = 0.0
+
+
+class ContactRowValues:
+    """The contacts of one system as functions of numbers, bound to memory; kept: the independent equality rows.
+
+    `numeric` is of the system with any contacts closed.
+    """
+
+    def __init__(self, numeric: NumericSystem, kept: list[int]) -> None:
+        self.numeric, self.kept = numeric, kept
+        n, p = numeric.n, numeric.contacts.numel_in(3)
+        arguments = [np.zeros(1), np.zeros(n), np.zeros(n), np.zeros(p)]
+        self._bound = BoundFunction(numeric.contacts, arguments, is_sparse=True)
+        rows, columns = numeric.contacts.sparsity_out(1).get_triplet()
+        self.row, self.column = np.asarray(rows, dtype=np.intp), np.asarray(columns, dtype=np.intp)
+        self.count = int(numeric.contacts.size1_out(0))
+
+    def at(self, state: State) -> list[Floats]:
+        """g (K,), the entries of G, g_t, gamma, sum |G_i q_i|, in memory of their own."""
+        t, q, v, p = self._bound.arguments
+        t[0], q[:], v[:], p[:] = state.t, state.q, state.v, state.p
+        self._bound.trigger()
+        return [result.ravel().copy() for result in self._bound.results]
 
 
 class ContactInstant:
     """All K contacts at a state, g and speeds dg/dt.
 
-    kept: the independent equality rows. `numeric` is of the system with any contacts closed.
+    has_gradient (K,): contacts whose gradient has a value there, as others have none until they are closed.
     """
 
-    def __init__(
-        self, numeric: NumericSystem, state: State, kept: list[int], chosen: ContactParameters
-    ) -> None:
-        self.state, self._numeric, self._kept, self._chosen = state, numeric, kept, chosen
-        g, G, g_t, gamma, size = numeric.contacts(state.t, state.q, state.v, state.p)
-        self.G = LocalRows(G)
-        self.g, self.g_t, self.gamma, self._size = (np.array(x).ravel() for x in (g, g_t, gamma, size))
+    def __init__(self, values: ContactRowValues, state: State, chosen: ContactParameters) -> None:
+        self.state, self._values, self._chosen = state, values, chosen
+        g, entries, g_t, gamma, size = values.at(state)
+        self.has_gradient = np.isfinite(self._summed(entries) + g_t + gamma)
+        self._entries = np.where(self.has_gradient[values.row], entries, 0.0)
+        self.g = g
+        self.g_t, self.gamma, self._size = (np.where(self.has_gradient, x, 0.0) for x in (g_t, gamma, size))
 
     def moved(self, v: Floats) -> ContactInstant:
         """This place at another velocity (n,)."""
-        state = dataclasses.replace(self.state, v=v)
-        return ContactInstant(self._numeric, state, self._kept, self._chosen)
+        return ContactInstant(self._values, dataclasses.replace(self.state, v=v), self._chosen)
+
+    def _summed(self, entries: Floats) -> Floats:
+        values = self._values
+        return np.asarray(np.bincount(values.row, entries, minlength=values.count))
+
+    def changes(self, x: Floats) -> Floats:
+        """G x (K,)."""
+        return self._summed(self._entries * x[self._values.column])
+
+    def _largest_changes(self, x: Floats) -> Floats:
+        """sum |G_i x_i| (K,)."""
+        return self._summed(np.abs(self._entries * x[self._values.column]))
+
+    def gradients(self, contacts: Numbers) -> Sparse:
+        """The rows of G of some contacts, (k, n)."""
+        values = self._values
+        place = np.full(values.count, -1)
+        place[contacts] = np.arange(contacts.size)
+        taken = place[values.row] >= 0
+        rows, columns = place[values.row[taken]], values.column[taken]
+        return sparse(rows, columns, self._entries[taken], (contacts.size, self.state.q.size))
 
     @cached_property
     def speeds(self) -> Floats:
         """dg/dt (K,)."""
-        return self.G.times(self.state.v) + self.g_t
+        return self.changes(self.state.v) + self.g_t
 
     @cached_property
     def noise(self) -> Floats:
@@ -77,12 +124,22 @@ class ContactInstant:
         return np.asarray(RESOLVED * EPS * self._extent)
 
     @cached_property
+    def _sizes(self) -> tuple[Floats, float]:
+        s = self.state
+        packed = np.array(self._values.numeric.sizes(s.t, s.q, s.v, s.p)).ravel()
+        size, speed = packed[s.q.size : s.q.size + 2].tolist()
+        return packed[: s.q.size], max(size + self._chosen.span * speed, self._chosen.size)
+
+    @property
+    def size(self) -> float:
+        """The size of the motion, as `parts.Sizes.q`, or the largest so far."""
+        return self._sizes[1]
+
+    @cached_property
     def _extent(self) -> Floats:
         """Changes of g (K,) that a displacement of the size of the motion makes."""
-        s = self.state
-        packed = np.array(self._numeric.sizes(s.t, s.q, s.v, s.p)).ravel()
-        units, (size, speed) = packed[: s.q.size], packed[s.q.size : s.q.size + 2]
-        return _sizes(self.G, units * (size + self._chosen.span * speed))
+        units, size = self._sizes
+        return self._largest_changes(units * size)
 
     @cached_property
     def nearness(self) -> Floats:
@@ -102,47 +159,49 @@ class ContactInstant:
 
     @cached_property
     def _terms_of_speed(self) -> Floats:
-        return _sizes(self.G, self.state.v) + np.abs(self.g_t)
+        return self._largest_changes(self.state.v) + np.abs(self.g_t)
 
     @cached_property
     def force(self) -> Floats:
         """h (n,)."""
+        return self._forces[0]
+
+    @cached_property
+    def _forces(self) -> tuple[Floats, Floats]:
         s = self.state
-        return np.array(self._numeric.force(s.t, s.q, s.v, s.p)[0]).ravel()
+        h, gamma, _ = self._values.numeric.force(s.t, s.q, s.v, s.p)
+        return np.array(h).ravel(), np.array(gamma).ravel()
 
     @cached_property
     def pull(self) -> Floats:
         """The largest accelerations of gaps (K,): the sum of the sizes of all terms."""
-        inverse = np.abs(self.metric.solved(self.force))
-        return _sizes(self.G, inverse) + np.abs(self.gamma)
+        return self._largest_changes(np.abs(self.metric.divided(self.force))) + np.abs(self.gamma)
 
-    @cached_property
-    def lengths(self) -> Floats:
-        """sqrt(G_i M^-1 G_i^T) (K,)."""
-        return LocalRows(self.metric.whitened(self.G.B)).norms
+    def least_forces(self, contacts: Numbers) -> Floats:
+        """Multipliers (k,) of some contacts that are none."""
+        lengths = LocalRows(self.metric.whitened(self.gradients(contacts))).norms
+        return np.asarray(WEIGHTLESS * self.pull[contacts] / np.where(lengths > 0, lengths, 1.0) ** 2)
 
     @cached_property
     def metric(self) -> Metric:
         """The mass metric."""
         s = self.state
-        return Metric(self._numeric.inertia(s.t, s.q, s.v, s.p))
+        return Metric(self._values.numeric.inertia(s.t, s.q, s.v, s.p))
+
+    def touching(self, contacts: Numbers) -> TouchingRows:
+        """Equality rows and some contacts."""
+        return TouchingRows(self.metric, self.equalities[0], self.gradients(contacts))
 
     def rows_of(self, contacts: list[int]) -> Sparse:
         """The independent equality rows, and those of some contacts after them."""
-        B = self.equalities[0].B
-        return stacked(B, self.G.B[contacts, :])
+        return stacked(self.equalities[0], self.gradients(np.array(contacts, dtype=np.intp)))
 
     @cached_property
-    def equalities(self) -> tuple[LocalRows, Floats, Floats]:
+    def equalities(self) -> tuple[Sparse, Floats, Floats]:
         """B (C, n), b (C,) and gamma (C,) of the independent equality rows."""
-        s = self.state
-        B, b = self._numeric.rows(s.t, s.q, s.v, s.p)
-        gamma = self._numeric.force(s.t, s.q, s.v, s.p)[1]
-        numbers = self._kept
-        b_kept, gamma_kept = (np.array(x).ravel()[numbers] for x in (b, gamma))
-        return LocalRows(B[numbers, :]), b_kept, gamma_kept
-
-
-def _sizes(rows: LocalRows, x: Floats) -> Floats:
-    """sum |G_i x_i| of each row, (K,)."""
-    return np.asarray(np.bincount(rows.row, np.abs(rows.values * x[rows.column]), minlength=rows.count))
+        s, kept = self.state, self._values.kept
+        if not kept:
+            nothing = np.zeros(0, dtype=np.intp)
+            return sparse(nothing, nothing, np.zeros(0), (0, s.q.size)), np.zeros(0), np.zeros(0)
+        B, b = self._values.numeric.rows(s.t, s.q, s.v, s.p)
+        return B[kept, :], np.array(b).ravel()[kept], self._forces[1][kept]

@@ -11,7 +11,7 @@ from lagcli.linear.metric_rows import MetricRows
 from lagcli.simulation.contact_instant import ContactInstant
 
 
-def of(open_: Selection, here: ContactInstant, closed: Sequence[int], rows: int) -> Selection:
+def selection(open_: Selection, here: ContactInstant, closed: Sequence[int], rows: int) -> Selection:
     """The selection with these contacts closed; open_: that with none; rows: C, the number of equality rows.
 
     A contact whose row depends on those before it shares their forces as any redundant row does.

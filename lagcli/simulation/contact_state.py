@@ -9,12 +9,16 @@ import dataclasses
 class ContactState:
     """touching: contacts that are closed and do not press; unarmed: numbers of rows, and of declared events after all
     rows, of which the function that is watched has just crossed zero; last: time of the last incident, counted as the
-    state; again: changes without a step between them."""
+    state; again: changes without a step between them; size: the largest size of the motion at incidents; ending:
+    contacts whose rebounds end at a time ahead, with the time; deepest: the largest -g_j so far."""
 
     touching: tuple[int, ...] = ()
     unarmed: tuple[int, ...] = ()
     last: float = 0.0
     again: int = 0
+    size: float = 0.0
+    ending: tuple[tuple[int, float], ...] = ()
+    deepest: float = 0.0
 
 
 NOTHING = ContactState()

@@ -37,12 +37,18 @@ class StepWatch:
         self._screen.trigger()
         return self._clear[0] > 0.0
 
+    @property
+    def deepest(self) -> float:
+        """The largest -g at the end of a step that was looked at."""
+        return self._clear[1]
+
     def inside(self, x: float) -> tuple[Floats, Floats]:
         """w and dw/dx at the fraction x of the dense output."""
         self._t[0], self._x[0] = self._run.origin + self._run.t, x
         self._inside.trigger()
         w, slope = self._inside.results
-        return w.copy(), slope.copy()
+        # A gap may have no slope at a place, as a distance that is 0 there: what it does beside it counts.
+        return w.copy(), np.where(np.isfinite(slope), slope, 0.0)
 
     def begin(self) -> Floats:
         """w where the run stands."""

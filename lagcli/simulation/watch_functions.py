@@ -54,7 +54,7 @@ class WatchFunctions:
     @cached_property
     def screen(self) -> Compiled:
         """screen(t, h, y, k, new, k_new, p) -> a number above 0 where no watched function can have a zero within the
-        step.
+        step, and the largest -g at its end.
 
         Each is looked at on the quintic curve q through q, v, a at both ends, at the `NODES`. Between two of them it is
         taken for the cubic of its values and slopes, whose control points bound it, less twice of what such cubics over
@@ -89,7 +89,9 @@ class WatchFunctions:
         ]
         clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - 2 * misfit
         arguments = [t, h, y, k, new, k_new, p]
-        return ca.Function("screen", arguments, [ca.densify(ca.mmin(clear))])
+        gaps = self._numeric.gaps(t + h, new, p)
+        deepest = ca.mmax(-gaps) if gaps.numel() else ca.MX(0)
+        return ca.Function("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest))])
 
 
 def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, ca.MX]) -> ca.MX:
