@@ -7,14 +7,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from lagcli.contact import impact_law, least_distance
+from lagcli.contact import impact_law
 from lagcli.simulation.contact_instant import ContactInstant, Flags, Floats, Numbers
 
 # The tail of a series of rebounds is left out where its coefficient is below this.
 ELASTIC = 1.0
-# Reasons for which the law has no answer.
-SQUEEZED = "no impulse or force lets all contacts hold: they squeeze what lies between them"
-CLOSE = "which of the contacts press is too close to call"
 
 
 class ContactsUndecided(Exception):
@@ -53,40 +50,31 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
     lasting, ended = np.zeros(e.size), np.zeros(e.size, dtype=bool)
     near = np.flatnonzero(here.near)
     _require_gradients(here, near)
-    law = _Impacts(here, near)
-    found = law.found(e)
+    found = _law(here, near, e)
     # Each turn ends the series of some contact, so that there are few.
     for _ in range(near.size):
-        after = here.moved(found.v)
+        after = here.moved(found.x)
         small, pull = _unresolved(after, near, e)
         if not small.size:
             break
         lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
         e[small], ended[small] = 0.0, True
-        found = law.found(e)
+        found = _law(here, near, e)
     impulses = np.zeros(e.size)
-    impulses[near] = found.impulses
-    struck = here.near & ((here.speeds < -here.slow) | (impulses > 0))
-    return Blow(found.v, found.equality, impulses, struck, ended, lasting)
+    impulses[near] = found.of_contacts
+    struck = here.near & (here.speeds < -here.slow)
+    struck[near] |= found.of_contacts > here.slow[near] / here.squares(near)
+    return Blow(found.x, found.of_equalities, impulses, struck, ended, lasting)
 
 
-class _Impacts:
-    """Impacts of the contacts `near` from one state, with any coefficients (K,)."""
-
-    def __init__(self, here: ContactInstant, near: Numbers) -> None:
-        self._here, self._near, self._rows = here, near, here.touching(near)
-
-    def found(self, e: Floats) -> impact_law.Impact:
-        """Raises `ContactsUndecided`."""
-        here, near = self._here, self._near
-        try:
-            return impact_law.impact(self._rows, here.state.v, here.equalities[1], here.g_t[near], e[near])
-        except least_distance.ContradictoryRows as error:
-            raise ContactsUndecided(SQUEEZED, near[list(error.rows)]) from None
-        except least_distance.UndecidedRows:
-            raise ContactsUndecided(CLOSE, near) from None
-        except impact_law.EnergyCreated as error:
-            raise ContactsUndecided(str(error), near[list(error.contacts)]) from None
+def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
+    """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
+    B, b, _ = here.equalities
+    contacts = here.gradients(near), here.g_t[near], e[near]
+    try:
+        return impact_law.impact(here.metric, here.state.v, (B, b), contacts)
+    except impact_law.LawError as error:
+        raise ContactsUndecided(str(error), near[list(error.contacts)]) from None
 
 
 def _require_gradients(here: ContactInstant, contacts: Numbers) -> None:
@@ -125,13 +113,12 @@ def pressing(here: ContactInstant, among: Flags) -> Pressing:
     """
     numbers = np.flatnonzero(among)
     _require_gradients(here, numbers)
-    gamma = here.equalities[2]
-    rows = here.touching(numbers)
+    B, _, gamma = here.equalities
     try:
-        found = impact_law.contact_forces(rows, here.force, gamma, here.gamma[numbers])
-    except least_distance.ContradictoryRows as error:
-        raise ContactsUndecided(SQUEEZED, numbers[list(error.rows)]) from None
-    except least_distance.UndecidedRows:
-        raise ContactsUndecided(CLOSE, numbers) from None
-    presses = found.forces > here.least_forces(numbers)
-    return Pressing(here.changes(found.a) - here.gamma, tuple(numbers[presses].tolist()))
+        found = impact_law.forces(
+            here.metric, here.force, (B, gamma), (here.gradients(numbers), here.gamma[numbers])
+        )
+    except impact_law.LawError as error:
+        raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
+    presses = found.of_contacts > here.least_forces(numbers)
+    return Pressing(here.changes(found.x) - here.gamma, tuple(numbers[presses].tolist()))

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.contact.touching_rows import TouchingRows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, Sparse, sparse, stacked
 from lagcli.start.initial import State
@@ -175,22 +174,22 @@ class ContactInstant:
     @cached_property
     def pull(self) -> Floats:
         """The largest accelerations of gaps (K,): the sum of the sizes of all terms."""
-        return self._largest_changes(np.abs(self.metric.divided(self.force))) + np.abs(self.gamma)
+        return self._largest_changes(np.abs(self.metric.solved(self.force))) + np.abs(self.gamma)
+
+    def squares(self, contacts: Numbers) -> Floats:
+        """G_i M^-1 G_i^T (k,) of some contacts, 1 of those without a gradient."""
+        lengths = LocalRows(self.metric.whitened(self.gradients(contacts))).norms
+        return np.asarray(np.where(lengths > 0, lengths, 1.0) ** 2)
 
     def least_forces(self, contacts: Numbers) -> Floats:
         """Multipliers (k,) of some contacts that are none."""
-        lengths = LocalRows(self.metric.whitened(self.gradients(contacts))).norms
-        return np.asarray(WEIGHTLESS * self.pull[contacts] / np.where(lengths > 0, lengths, 1.0) ** 2)
+        return np.asarray(WEIGHTLESS * self.pull[contacts] / self.squares(contacts))
 
     @cached_property
     def metric(self) -> Metric:
         """The mass metric."""
         s = self.state
         return Metric(self._values.numeric.inertia(s.t, s.q, s.v, s.p))
-
-    def touching(self, contacts: Numbers) -> TouchingRows:
-        """Equality rows and some contacts."""
-        return TouchingRows(self.metric, self.equalities[0], self.gradients(contacts))
 
     def rows_of(self, contacts: list[int]) -> Sparse:
         """The independent equality rows, and those of some contacts after them."""
