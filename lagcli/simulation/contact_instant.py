@@ -36,11 +36,22 @@ WEIGHTLESS = 1e-10
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ContactParameters:
     """Numbers of a run: rtol; span: the length of the step that is looked at; size: the largest size of the motion so
-    far, as `parts.Sizes.q`."""
+    far, as `parts.Sizes.q`; speed: as `parts.Sizes.v`, before an impact."""
 
     rtol: float
     span: float = 0.0
     size: float = 0.0
+    speed: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _MotionSizes:
+    """`parts.Sizes`: units (n,), and the largest q, v and a in them."""
+
+    units: Floats
+    size: float
+    speed: float
+    acceleration: float
 
 
 class ContactRowValues:
@@ -82,7 +93,8 @@ class ContactInstant:
 
     def moved(self, v: Floats) -> ContactInstant:
         """This place at another velocity (n,)."""
-        return ContactInstant(self._values, dataclasses.replace(self.state, v=v), self._chosen)
+        chosen = dataclasses.replace(self._chosen, speed=self._sizes.speed)
+        return ContactInstant(self._values, dataclasses.replace(self.state, v=v), chosen)
 
     def _summed(self, entries: Floats) -> Floats:
         values = self._values
@@ -123,22 +135,24 @@ class ContactInstant:
         return np.asarray(RESOLVED * EPS * self._extent)
 
     @cached_property
-    def _sizes(self) -> tuple[Floats, float]:
-        s = self.state
+    def _sizes(self) -> _MotionSizes:
+        s, chosen = self.state, self._chosen
         packed = np.array(self._values.numeric.sizes(s.t, s.q, s.v, s.p)).ravel()
-        size, speed = packed[s.q.size : s.q.size + 2].tolist()
-        return packed[: s.q.size], max(size + self._chosen.span * speed, self._chosen.size)
+        size, speed, acceleration = packed[s.q.size :].tolist()
+        speed = max(speed, chosen.speed)
+        return _MotionSizes(
+            packed[: s.q.size], max(size + chosen.span * speed, chosen.size), speed, acceleration
+        )
 
     @property
     def size(self) -> float:
         """The size of the motion, as `parts.Sizes.q`, or the largest so far."""
-        return self._sizes[1]
+        return self._sizes.size
 
     @cached_property
     def _extent(self) -> Floats:
         """Changes of g (K,) that a displacement of the size of the motion makes."""
-        units, size = self._sizes
-        return self._largest_changes(units * size)
+        return self._largest_changes(self._sizes.units * self._sizes.size)
 
     @cached_property
     def nearness(self) -> Floats:
@@ -154,7 +168,7 @@ class ContactInstant:
     def slow(self) -> Floats:
         """Speeds (K,) of a gap that are none: rounding, or what rises no higher than rounding under the forces."""
         unseen = np.sqrt(2 * self.pull * UNSEEN * self.noise)
-        return np.maximum(SLOW * self._terms_of_speed, unseen)
+        return np.maximum(SLOW * self._largest_changes(self._sizes.units * self._sizes.speed), unseen)
 
     @cached_property
     def _terms_of_speed(self) -> Floats:
@@ -173,8 +187,8 @@ class ContactInstant:
 
     @cached_property
     def pull(self) -> Floats:
-        """The largest accelerations of gaps (K,): the sum of the sizes of all terms."""
-        return self._largest_changes(np.abs(self.metric.solved(self.force))) + np.abs(self.gamma)
+        """The largest accelerations of gaps (K,) in this motion."""
+        return self._largest_changes(self._sizes.units * self._sizes.acceleration) + np.abs(self.gamma)
 
     def squares(self, contacts: Numbers) -> Floats:
         """G_i M^-1 G_i^T (k,) of some contacts, 1 of those without a gradient."""

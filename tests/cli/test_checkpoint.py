@@ -540,7 +540,10 @@ def test_the_form_of_a_file_is_the_one_of_format_6() -> None:
         "levels": [[0, 0.6, 0.8], None], "notes": ["n"],
         "watch": [0.5], "crossings": [{"t": 0.25, "number": 1, "participants": [0, 1]}], "origin": 0.0, "turns": [],
         "tally": tally, "told": tally,
-        "contacts": {"touching": [2], "unarmed": [], "last": 0.25, "again": 0},
+        "contacts": {
+            "touching": [2], "unarmed": [], "last": 0.25, "again": 0, "size": 1.0, "ending": [[2, 0.75]],
+            "deepest": 0.0,
+        },
     }  # fmt: skip
     chart = {"above": "x", "below": "1", "period": None}
     integrals = [{"text": "x", "rows": ["r"], "charts": [chart]}, {"text": "y", "rows": ["r"], "charts": []}]
