@@ -245,7 +245,7 @@ class ContactChanges:
             return law()
         except ContactsUndecided as error:
             names = ", ".join(f"`{self._system.contacts.rows[j].name}`" for j in error.contacts)
-            raise StepFailure(f"{names}: {error}", run_stop.CONTACT) from None
+            raise StepFailure(f"{error}: {names}", run_stop.CONTACT) from None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
