@@ -162,7 +162,7 @@ def notes(system: System, chosen: Selection) -> tuple[str, ...]:
         return ()
     count = len(chosen.indeterminate)
     shares = independent_rows.shares(
-        [[system.rows.rows[i].name for i in sorted(circuit)] for circuit in told]
+        [[system.multiplier_rows[i].name for i in sorted(circuit)] for circuit in told]
     )
     return (
         f"{count} multipliers are not unique ({'; '.join(shares)}): R and the motion are; of all lambda with the"

@@ -141,7 +141,8 @@ def _started(
     state, found = examined.state, examined.known
     warnings = (*built.model.warnings, *built.warnings, *lipschitz.warnings(built, ready.numeric, state))
     begin = redundancy.begin(built, ready.numeric, state, examined.whole, found.orbits)
-    held, notes = invariants.begin(ready.integrals(found.integrals).keeping(begin.selection), state)
+    open_ = dataclasses.replace(begin.selection, inactive=ready.numeric.selection.inactive)
+    held, notes = invariants.begin(ready.integrals(found.integrals).keeping(open_), state)
     if not begin.is_singular:
         with_constants = dataclasses.replace(state, p=held.parameters)
         initial.require_finite(built, held.functions.numeric, with_constants)

@@ -249,7 +249,7 @@ class SimulationRun:
             figures.position_drift if figures else 0.0,
             figures.velocity_drift if figures else 0.0,
             account.energy_imbalance,
-            tuple(self._system.rows.rows[i].name for i in sorted(self._run.selection.indeterminate)),
+            tuple(self._system.multiplier_rows[i].name for i in sorted(self._run.selection.indeterminate)),
             tuple(crossing.t for crossing in self._crossings),
             self.outcome.stopped,
             account.ended_by,

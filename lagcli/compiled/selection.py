@@ -45,6 +45,12 @@ class Selection:
         """The rows that act, in their order."""
         return tuple(sorted((*self.kept, *(circuit[0] for circuit in self.circuits))))
 
+    def opened(self, rows: int) -> Selection:
+        """This selection of `rows` equality rows and all contacts open."""
+        circuits = tuple(circuit for circuit in self.circuits if circuit[0] < rows)
+        kept = tuple(i for i in self.kept if i < rows)
+        return Selection(kept, circuits, tuple(range(rows, self.count)))
+
     @property
     def indeterminate(self) -> frozenset[int]:
         """Rows whose multipliers are not unique: those that take part in a circuit, a row that vanishes in its own."""

@@ -31,8 +31,13 @@ def declared(model: Model, rows: int) -> str:
 
 def is_reducible(model: Model, rows: int, n: int) -> bool:
     """True if the null space of C rows in n coordinates is to be taken: there are rows, not too many columns, and no
-    contacts that would change it."""
-    return rows > 0 and n <= MOST_COORDINATES and not model.inequality
+    contacts that would change it, nor an event that ends the run."""
+    return rows > 0 and n <= MOST_COORDINATES and not is_changed(model)
+
+
+def is_changed(model: Model) -> bool:
+    """True if contacts, impacts or events change a motion of the model, or end it."""
+    return bool(model.inequality) or any(event.action == "stop" for event in model.events)
 
 
 def has_dependent(model: Model) -> bool:
@@ -80,10 +85,10 @@ def compared(
         )
     runs = (first, *(other for other, _ in others))
     notes += [f"{one.path} as {comparison.TITLES[one.name]} {one.stopped}" for one in runs if one.stopped]
-    if first.rows and model.inequality:
+    if first.rows and is_changed(model):
         notes.append(
-            "the reduction by the null space is left out: it is that of the equations, and contacts that close and"
-            " impacts would change it"
+            "the reduction by the null space is left out: it is that of the equations, and contacts that close,"
+            " impacts and events that end a run would change it"
         )
     elif first.rows and first.coordinates > MOST_COORDINATES:
         notes.append(

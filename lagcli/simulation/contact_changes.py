@@ -9,7 +9,6 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled.selection import Selection
 from lagcli.simulation import contact_change, contact_mode, line_functions, run_stop
 from lagcli.simulation.contact_change import Blow, ContactsUndecided
 from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues
@@ -36,19 +35,11 @@ class ContactChanges:
         self._run = stepper
         self._system = system = stepper.bound.held.integrals.system
         self._rows, self._count = len(system.rows.rows), system.contacts.count
-        self._open = self._selection_without(stepper)
-        self._base = stepper.bound.numeric
+        self._open = stepper.bound.held.integrals.selection.opened(self._rows)
+        self._base = stepper.bound.held.plain.functions.numeric
         self._values = ContactRowValues(self._base, list(self._open.kept))
         e = [law.restitution for law in system.model.inequality if law.members.count]
         self._restitution = np.concatenate(e) if e else np.zeros(0)
-
-    def _selection_without(self, stepper: Stepper) -> Selection:
-        found = stepper.bound.held.integrals.selection
-        kept = tuple(i for i in found.kept if i < self._rows)
-        circuits = tuple(circuit for circuit in found.circuits if circuit[0] < self._rows)
-        return dataclasses.replace(
-            found, kept=kept, circuits=circuits, inactive=tuple(range(self._rows, found.count))
-        )
 
     @property
     def closed(self) -> tuple[int, ...]:

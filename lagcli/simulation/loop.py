@@ -290,6 +290,6 @@ def _unfound(stepper: Stepper) -> Callable[[], None]:
     def take_back() -> None:
         account.steps, account.rejected = counted
         stepper.watch.state, stepper.foreseen = watch, foreseen
-        stepper.found.is_open, stepper.found.barrier = False, None
+        stepper.found.is_open, stepper.found.is_jump, stepper.found.barrier = False, False, None
 
     return take_back

@@ -204,7 +204,7 @@ class Stepper:
         found = self.found
         if outcome[7] > COARSE and self.account.is_balanced:
             self.find_work(taken)
-        found.is_open, found.reached, found.taken = True, reached, taken
+        found.is_open, found.is_jump, found.reached, found.taken = True, False, reached, taken
         grown = self.control.grown(taken, error, grow)
         # Where the timetable has cut a step, and not its error, the next one has the length that was wished.
         found.proposed = max(grown, wished if h < wished and grow > 1.0 else 0.0)

@@ -115,9 +115,13 @@ def row_not_finite(columns: tuple[str, ...], column: int, t: float) -> StepFailu
 
 
 def _jump(held: EnforcedInvariants, here: initial.State) -> str:
-    return stop_reasons.reason(held.integrals.system, held.plain.functions.numeric, here)
+    system, numeric = held.integrals.system, held.plain.functions.numeric
+    open_ = numeric.selection.opened(len(system.rows.rows))
+    return stop_reasons.reason(
+        system, numeric if numeric.selection == open_ else numeric.keeping(open_), here
+    )
 
 
 def _named(system: System, rows: tuple[int, ...]) -> str:
-    names = [row.name for row in system.rows.rows]
+    names = [row.name for row in system.multiplier_rows]
     return ", ".join(f"`{names[i]}`" for i in rows[: initial.MOST_TOLD])

@@ -177,7 +177,6 @@ def test_ball_of_siconos_between_two_contacts():
     assert table[-1, columns.index("lambda.floor")] == pytest.approx(10, abs=1e-9)
 
 
-@pytest.mark.xfail(strict=True, reason="the scale of rebounds that are resolved shrinks with the motion")
 def test_rebounds_of_a_motion_that_dies_away_are_summed():
     """The series of 2 v/g (1 + e + e^2 + ...) after the last of these; Siconos goes along it and stops 4e-7 before."""
     _, _, incidents, _ = run(TWO_CONTACTS, duration=10, **TIGHT)
@@ -186,7 +185,6 @@ def test_rebounds_of_a_motion_that_dies_away_are_summed():
     assert len(incidents) < 80
 
 
-@pytest.mark.xfail(strict=True, reason="the row holds the state of the last impact")
 def test_the_end_of_rebounds_is_told_with_the_state_of_its_instant():
     columns, _, incidents, _ = motion("zeno-floor")
     (end,) = [each for each in incidents if each.kind == "accumulation"]

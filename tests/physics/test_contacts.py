@@ -1,0 +1,65 @@
+"""Runs with contacts beside what else a run may have: checkpoints, redundant rows, gradients without a value."""
+
+import numpy as np
+import pytest
+
+import lagcli
+
+pytestmark = pytest.mark.numeric
+
+BALL = """lagcli: 1
+parameters: {e: 0.7}
+particles:
+  a: {mass: 1, position: [0, 0, 0.8], velocity: [0.4, 0, 0]}
+forces:
+  weight: {to: all, force: "[0, 0, -m*9.81]"}
+inequality:
+  floor: {condition: "a.z >= 0", restitution: e}
+"""
+
+
+@pytest.mark.parametrize("end", [1.5, 2.2885, 2.4])
+def test_a_run_that_is_resumed_is_the_one_that_was_not(end, tmp_path):
+    model, grid = lagcli.loads(BALL), {"output_step": 0.01}
+    mark = tmp_path / "mark.json"
+    first = lagcli.simulate(model, duration=end, checkpoint=mark, **grid)
+    then = lagcli.simulate(model, duration=2.6, resume=mark, **grid)
+    whole = lagcli.simulate(model, duration=2.6, **grid)
+    for column in ("a.z", "a.vz", "lambda.floor"):
+        assert np.array_equal(then[column], whole[column][-len(then.t) :])
+    told = [*first.events["t"], *then.events["t"]]
+    assert told == list(whole.events["t"])
+
+
+def test_contacts_stand_beside_redundant_rows():
+    both = BALL.replace("inequality:", "holonomic:\n  track: a.y = 0\n  spare: 3*a.y = 0\ninequality:")
+    lean = lagcli.simulate(lagcli.loads(BALL), duration=1.0, samples=11)
+    found = lagcli.simulate(lagcli.loads(both), duration=1.0, samples=11)
+    assert np.abs(found["a.z"] - lean["a.z"]).max() < 1e-12
+    assert found.stats.impacts == lean.stats.impacts == 2
+
+
+def test_an_open_rope_may_start_at_its_centre():
+    rope = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [0, 0, 0]}\nforces:\n"
+    rope += '  weight: {to: all, force: "[0, 0, -m*9.81]"}\ninequality:\n  rope: norm(a) <= 1\n'
+    found = lagcli.simulate(lagcli.loads(rope), duration=1.0, samples=11)
+    assert abs(found.events["t"][0] - (2 / 9.81) ** 0.5) < 1e-12
+    assert abs(found["lambda.rope"][-1] - 9.81) < 1e-9
+
+
+def test_four_contacts_that_close_together_press_together():
+    model = """lagcli: 1
+particles:
+  a: {mass: 0.05, position: [-0.03, 0, 0.15]}
+  b: {mass: 0.05, position: [0.03, 0, 0.25]}
+forces: {weight: {to: all, force: [0, 0, -9.81*m]}}
+inequality:
+  floor: a.z >= 0.05
+  left: a.x >= -0.03
+  right: b.x <= 0.03
+  pair: distance(a, b) >= 0.1
+"""
+    found = lagcli.simulate(lagcli.loads(model), duration=0.5, samples=11)
+    forces = [found[f"lambda.{name}"][-1] for name in ("floor", "left", "right", "pair")]
+    weight = 0.05 * 9.81
+    assert np.abs(np.array(forces) - weight * np.array([2, 0.75, 0.75, 1.25])).max() < 1e-10
