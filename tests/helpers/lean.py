@@ -1,5 +1,6 @@
 """Models of the gallery without their redundant rows."""
 
+import copy
 import json
 import pathlib
 import re
@@ -17,11 +18,12 @@ def twice(name: str) -> tuple[str, str]:
     document = yaml.safe_load((MODELS / name).read_text(encoding="utf-8"))
     document.pop("outputs", None)
     once = yaml.safe_dump(document, sort_keys=False)
-    for section in ("holonomic", "differential"):
+    for section in ("holonomic", "differential", "inequality"):
+        law = "condition" if section == "inequality" else "equation"
         for key, value in list((document.get(section) or {}).items()):
-            entry = {"equation": value} if isinstance(value, str) else dict(value)
-            sides = entry["equation"].split("=")
-            entry["equation"] = " = ".join(f"3*({side})" for side in sides)
+            entry = {law: value} if isinstance(value, str) else copy.deepcopy(value)
+            left, sign, right = re.split("([<>]?=)", entry[law])
+            entry[law] = f"3*({left}) {sign} 3*({right})"
             base, bracket, indices = key.partition("[")
             document[section][f"{base}_twin{bracket}{indices}"] = entry
     return once, yaml.safe_dump(document, sort_keys=False)
