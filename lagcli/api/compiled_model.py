@@ -36,7 +36,9 @@ class CompiledModel:
         known = self._integrals.get(found)
         if known is None or not known.hold_for(self.system):
             known = self._integrals[found] = invariants.Integrals(self.system, self.functions, found)
-        elif known.system is not self.system:  # restitutions are values of the model
+        elif (
+            self.system.contacts.count and known.system is not self.system
+        ):  # restitutions are values of the model
             known = self._integrals[found] = known.of(self.system)
         return known
 

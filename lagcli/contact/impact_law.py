@@ -20,7 +20,7 @@ from lagcli.linear.metric_rows import Sparse
 
 # Rounding of a sum, as many times that of its terms.
 SAFE = 8.0
-# The part of the energy that goes through contacts which they may gain: speeds of gaps are no better known.
+# The part of the energy at hand, and through contacts, which they may gain: speeds of gaps are no better known.
 GAINED = 1e-9
 
 
@@ -73,7 +73,8 @@ def impact(
     speeds = rows.G @ after + g_t
     gains = push.contacts * (before + speeds) / 2
     energy = float(gains.sum())
-    if energy > GAINED * float(push.contacts @ (terms + np.abs(speeds))):
+    through = float(push.contacts @ (terms + np.abs(speeds))) + metric.length(v) ** 2
+    if energy > GAINED * through:
         raise EnergyCreated(tuple(int(row) for row in np.flatnonzero(gains > 0)), energy)
     return LawResult(after, push.equality, push.contacts, push.unique, speeds, energy)
 

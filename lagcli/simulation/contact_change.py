@@ -26,11 +26,13 @@ class ContactsUndecided(Exception):
 class Blow:
     """An impact: the velocities after it (n,), impulses of the equality rows that are kept and of the contacts (K,).
 
-    struck: contacts that approached, or take an impulse; ended: contacts whose rebounds end here, with the time that
-    those left out would have taken, (K,) each.
+    onward: the velocities with which the run goes on, without the rebounds that are left out (n,); struck: contacts
+    that approached, or take an impulse; ended: contacts whose rebounds end here, with the time `lasting` that those
+    left out would have taken, (K,) each.
     """
 
     v: Floats
+    onward: Floats
     of_equalities: Floats
     of_contacts: Floats
     struck: Flags
@@ -50,21 +52,23 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
     lasting, ended = np.zeros(e.size), np.zeros(e.size, dtype=bool)
     near = np.flatnonzero(here.near)
     _require_gradients(here, near)
-    found = _law(here, near, e)
+    found = onward = _law(here, near, e)
     # Each turn ends the series of some contact, so that there are few.
     for _ in range(near.size):
-        after = here.moved(found.x)
+        after = here.moved(onward.x)
         small, pull = _unresolved(after, near, e)
         if not small.size:
             break
         lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
-        e[small], ended[small] = 0.0, True
-        found = _law(here, near, e)
+        # Of a contact that lay closed what is left is rounding, and no series.
+        ended[small] = here.speeds[small] < -here.slow[small]
+        e[small] = 0.0
+        onward = _law(here, near, e)
     impulses = np.zeros(e.size)
     impulses[near] = found.of_contacts
     struck = here.near & (here.speeds < -here.slow)
     struck[near] |= found.of_contacts > here.slow[near] / here.squares(near)
-    return Blow(found.x, found.of_equalities, impulses, struck, ended, lasting)
+    return Blow(found.x, onward.x, found.of_equalities, impulses, struck, ended, lasting)
 
 
 def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:

@@ -155,7 +155,7 @@ class ContactChanges:
     ) -> None:
         run, before, closed_before = self._run, self._whole_line(), set(self.closed)
         blow = self._decided(lambda: contact_change.impact(here, self._restitution))
-        after = here if blow is None else here.moved(blow.v)
+        after = here if blow is None else here.moved(blow.onward)
         level = after.near & (np.abs(after.speeds) <= after.slow)
         if blow is None and ahead is not None:
             level[[*closed_before, *run.contacts.touching]] = True
@@ -165,31 +165,27 @@ class ContactChanges:
         pressing = self._decided(lambda: contact_change.pressing(look, level))
         closed = set(pressing.closed)
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
-        if closed != closed_before:
-            selection = contact_mode.selection(self._open, after, sorted(closed), self._rows)
-            run.bind(run.bound.held.keeping(selection))
-            run.watch, run.foreseen = SingularityMonitor(), NEVER
-        self._land(after.state.v)
-        line = self._whole_line()
+        line = None
+        if blow is not None and blow.ended.any():
+            # The impact is told as it is, with rebounds that are left out from here on.
+            self._go_on(after, closed - set(np.flatnonzero(blow.ended).tolist()), blow.v)
+            line = self._whole_line()
+        self._go_on(after, closed, after.state.v)
+        now = self._whole_line()
+        line = now if line is None else line
         if blow is not None:
             # What the impact takes away is work done there: the balance of the energy goes on.
-            run.bound.y[-1] += line[line_functions.JACOBI] - before[line_functions.JACOBI]
+            run.bound.y[-1] += now[line_functions.JACOBI] - before[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in closed & closed_before)
-        ending = [
-            each for each in run.contacts.ending if each[0] in closed and not self._is_struck(blow, each[0])
-        ]
+        fresh = set() if blow is None else set(np.flatnonzero(blow.ended).tolist()) & closed
+        ending = [each for each in run.contacts.ending if each[0] in closed - fresh]
         if blow is not None:
-            ahead_of = ((j, run.t + float(blow.lasting[j])) for j in np.flatnonzero(blow.ended).tolist())
-            ending += [each for each in ahead_of if each[0] in closed]
+            ending += [(j, run.t + float(blow.lasting[j])) for j in sorted(fresh)]
         run.contacts = dataclasses.replace(
             run.contacts, touching=touching, unarmed=unarmed, last=run.t, size=here.size, ending=tuple(ending)
         )
         self._tell(_Told(before, line, blow, closed_before, closed), is_start)
         self.end_series()
-
-    @staticmethod
-    def _is_struck(blow: Blow | None, j: int) -> bool:
-        return blow is not None and bool(blow.struck[j])
 
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""
@@ -205,6 +201,15 @@ class ContactChanges:
                 run.account.add(Incident(float(run.origin + run.t), kind, names[j], impulses, line, line))
         left = tuple(each for each in run.contacts.ending if each[0] not in due)
         run.contacts = dataclasses.replace(run.contacts, ending=left, last=run.t)
+
+    def _go_on(self, here: ContactInstant, closed: set[int], v: Floats) -> None:
+        """Go on with these contacts closed, from velocities v (n,)."""
+        run = self._run
+        if closed != set(self.closed):
+            selection = contact_mode.selection(self._open, here, sorted(closed), self._rows)
+            run.bind(run.bound.held.keeping(selection))
+            run.watch, run.foreseen = SingularityMonitor(), NEVER
+        self._land(v)
 
     def _land(self, v: Floats) -> None:
         bound = self._run.bound

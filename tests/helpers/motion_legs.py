@@ -182,10 +182,10 @@ def _impact(scene: Scene, at: Instant, lax: float) -> Iterator[str]:
 
 def _legs(scene: Scene, run: Recorded) -> Iterator[str]:
     t, x, v = run.t[0], run.x[0], run.v[0]
-    # Nothing changes where a series of rebounds ends: the contact is closed from the last one that is told.
-    marks = [(at.t, at.x, at.before, at) for at in run.instants if not at.names("accumulation")]
+    marks = [(at.t, at.x, at.before, at) for at in run.instants]
     for end, goal, speed, at in [*marks, (run.t[-1], run.x[-1], run.v[-1], None)]:
-        if end > t:
+        # On the short way to the end of a series of rebounds those that are left out are missing.
+        if end > t and not (at is not None and at.names("accumulation")):
             found = [
                 _leg(scene, (t, x, v), held, (end, goal, speed)) for held in Rows(scene, t, x, v).choices()
             ]

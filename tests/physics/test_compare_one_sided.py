@@ -90,7 +90,7 @@ def test_a_restitution_that_is_set_is_that_of_the_run() -> None:
 def test_no_reduction_with_contacts() -> None:
     found = lagcli.compare(lagcli.loads(PARTICLES))
     assert [one.name for one in found.formulations] == ["newton"]
-    assert "contacts that close and impacts would change it" in found.notes[0]
+    assert "impacts and events that end a run would change it" in found.notes[0]
 
 
 def test_rows_between_the_times_of_an_incident_and_incidents_that_are_alone() -> None:
