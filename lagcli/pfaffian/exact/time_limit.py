@@ -28,7 +28,9 @@ _STACK_BYTES = 64 * 1024 * 1024
 _KILL_INTERVAL = 0.02
 _KILL_PATIENCE = 1.0
 _POLL = 0.05
-_LEAST = 0.2  # seconds of processor time that the smallest budget of operations has
+# Seconds of processor time that the smallest budget of operations has: one pass of the garbage collector through a
+# large process takes half of one, and must not end a search.
+_LEAST = 1.5
 _local = threading.local()
 _turn = threading.Lock()
 
