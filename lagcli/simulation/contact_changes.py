@@ -19,7 +19,6 @@ from lagcli.simulation.singularity_step import SingularStep
 from lagcli.simulation.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 Found = TypeVar("Found")
 
 # Changes without a step between them, after which a run stops.
@@ -89,13 +88,12 @@ class ContactChanges:
 
     def require_clear(self, passage: SingularStep) -> None:
         """Raise `StepFailure` where a contact closes in the passing of a singular configuration."""
-        step = passage.step
+        step, here = passage.step, self.here()
+        open_ = sorted(set(range(self._count)) - set(self.closed))
         for x in PASSING:
             g = np.array(
                 self._base.gaps(self._run.origin + step.t + x * step.h, step.state(x), self._run.bound.held.p)
             )
-            here = self.here()
-            open_ = sorted(set(range(self._count)) - set(self.closed))
             if (g.ravel()[open_] < -here.nearness[open_]).any():
                 raise StepFailure(
                     "a contact closes while a singular configuration is passed", run_stop.CONTACT
@@ -105,7 +103,7 @@ class ContactChanges:
         """Decide the contacts at the start; an impact there is an incident."""
         here = self.here()
         if here.near.any():
-            self._change(here, here.near, None, is_start=True)
+            self._change(here, None, is_start=True)
 
     def at(self, hits: tuple[int, ...], ahead: tuple[float, Floats] | None) -> None:
         """Change what changes where watched functions cross zero, by the numbers of their rows."""
@@ -120,7 +118,7 @@ class ContactChanges:
         first = self._rows + self._count
         self._events([i - first for i in hits if i >= first])
         if any(i < first for i in hits):
-            self._change(self.here(), None, ahead, hits=hits)
+            self._change(self.here(), ahead, hits=hits)
         else:
             run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
 
@@ -148,7 +146,6 @@ class ContactChanges:
     def _change(
         self,
         here: ContactInstant,
-        near: Flags | None,
         ahead: tuple[float, Floats] | None,
         is_start: bool = False,
         hits: tuple[int, ...] = (),
