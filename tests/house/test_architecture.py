@@ -21,7 +21,7 @@ FLOORS = (
     ("equations",),
     ("compiled", "linear"),
     ("contact", "start"),
-    ("pfaffian", "simulation", "analysis", "auditing", "output", "formulations", "derivation"),
+    ("pfaffian", "simulation", "statics", "analysis", "auditing", "output", "formulations", "derivation"),
     ("api",),
     ("cli", "__main__"),
 )
@@ -56,6 +56,8 @@ DOORS = {
         "lagcli.simulation.singular_point",
         "lagcli.simulation.step_end",
         "lagcli.simulation.watch_functions",
+        "lagcli.statics.static_laws",
+        "lagcli.statics.static_problem",
     ),
     "scipy": ("lagcli.contact.",),
 }

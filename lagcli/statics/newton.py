@@ -1,0 +1,109 @@
+"""A zero of a residual from a start: damped least-squares steps, then Newton's down to rounding.
+
+The damped steps (Levenberg, Marquardt) go downhill from anywhere; near a zero Newton's shortest step is taken, which
+serves where rows are redundant (multipliers are not unique) and where zeros form a continuum.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Residual = Callable[[Floats], tuple[Floats, Floats] | None]
+
+MOST_DAMPED, MOST_NEWTON = 200, 40
+# Singular values below this part of the largest are zero: of dependent rows, and along a continuum.
+RANK = 1e-12
+NEAR = 1e-6
+FLAT = 1e-14  # a slope of the squares below which damped steps have come to the bottom of a valley
+
+
+@dataclasses.dataclass(slots=True)
+class Work:
+    """What searches have cost so far, in evaluations times the cost of one."""
+
+    spent: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Reached:
+    """Where a search ended: x, the norm of the residual, and the length of the last Newton step, as a part of x."""
+
+    x: Floats
+    residual: float
+    step: float
+
+
+def solve(
+    residual: Residual, x: Floats, work: Work | None = None, damped: int = MOST_DAMPED
+) -> Reached | None:
+    """The zero that damped steps lead to, refined; or the place with the least residual met. None where the residual
+    has no value at the start."""
+    begun = residual(x)
+    if begun is None:
+        return None
+    work = work or Work()
+    cost = float(x.size) ** 3 / 100 + 1000.0
+    r, J = begun
+    damping, growth = 1e-3, 2.0
+    widths = np.zeros(x.size)
+    for _ in range(damped):
+        work.spent += cost
+        size = float(np.linalg.norm(r))
+        if size < NEAR:
+            break
+        widths = np.maximum(widths, np.linalg.norm(J, axis=0))
+        unit = np.where(widths > 0, widths, 1.0)
+        slope = J.T @ r
+        if np.abs(slope / unit).max(initial=0.0) < FLAT * size:
+            break
+        step = _damped(J, slope, damping, unit)
+        there = residual(x + step)
+        expected = size**2 - float(np.linalg.norm(r + J @ step)) ** 2
+        gained = size**2 - (np.inf if there is None else float(np.linalg.norm(there[0])) ** 2)
+        if there is not None and gained > 0 and gained > 1e-4 * expected:
+            x, (r, J) = x + step, there
+            agreement = min(1.0, gained / max(expected, 1e-300))
+            damping *= max(1 / 9, 1 - (2 * agreement - 1) ** 3)
+            growth = 2.0
+        else:
+            damping, growth = damping * growth, growth * 2
+            if damping > 1e30:
+                break
+    return refined(residual, x, work)
+
+
+def _damped(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
+    """The step that is shortest in the scaled norm for its gain."""
+    scaled = J / unit
+    normal = scaled.T @ scaled
+    normal[np.diag_indices_from(normal)] += damping
+    return np.asarray(-np.linalg.solve(normal, slope / unit) / unit)
+
+
+def refined(residual: Residual, x: Floats, work: Work | None = None) -> Reached:
+    """Newton's steps from x as long as they lead downhill."""
+    found = residual(x)
+    assert found is not None
+    r, J = found
+    size, last = float(np.linalg.norm(r)), np.inf
+    cost = float(x.size) ** 3 / 10 + 1000.0
+    for _ in range(MOST_NEWTON):
+        if work is not None:
+            work.spent += cost
+        step = np.linalg.lstsq(J, -r, rcond=RANK)[0]
+        length = float(np.linalg.norm(step)) / (1.0 + float(np.linalg.norm(x)))
+        there = residual(x + step)
+        smaller = there is not None and float(np.linalg.norm(there[0])) < size
+        if not smaller:
+            return Reached(x, size, min(last, length))
+        assert there is not None
+        x, (r, J), last = x + step, there, length
+        size = float(np.linalg.norm(r))
+        if size == 0.0:
+            break
+    return Reached(x, size, last)

@@ -1,0 +1,168 @@
+"""The point of rest that a start leads to, refined to rounding."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.statics import newton, rest_equations
+from lagcli.statics.newton import Reached, Work
+from lagcli.statics.rest_equations import RestEquations, Scales
+from lagcli.statics.static_problem import StaticProblem
+
+Floats = npt.NDArray[np.float64]
+
+# Of the residual, as a part of its terms, and of the last Newton step, as a part of the unknowns.
+BALANCED, SETTLED = 1e-9, 1e-5
+# A contact of which g and lambda are this small is closed and carries nothing.
+CLOSED = 1e-9
+# Sets of closed contacts that are tried in turn, and starts aside.
+CHANGES, ASIDE = 12, (0.003, 0.03, 0.1, 0.3)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class EquilibriumPoint:
+    """A point of rest: q (n,), lambda of all rows at the start time (C + K,), the closed contacts by their numbers, and
+    the largest |F + B^T lambda|, |c|, |g of a closed contact|."""
+
+    q: Floats
+    lam: Floats
+    closed: tuple[int, ...]
+    residual: float
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class NoEquilibrium:
+    """No point was found; the least residual, and where it is."""
+
+    residual: float
+    q: Floats
+
+
+def nearest_equilibrium(
+    problem: StaticProblem, begin: Floats, work: Work | None = None
+) -> EquilibriumPoint | NoEquilibrium:
+    """The point of rest reached from a configuration: by damped Newton steps, and from beside it where these fail.
+
+    Contacts push: 0 <= lambda, 0 <= g, and one of them is zero.
+    """
+    scales = rest_equations.scales(problem, begin)
+    random = np.random.default_rng(20061)
+    best = NoEquilibrium(np.inf, begin)
+    for part in (0.0, *ASIDE):
+        place = begin + part * scales.length * random.standard_normal(begin.size)
+        if problem.K:
+            found = pushed(problem, place, scales, work)
+        else:
+            found = reached(problem, place, (), scales, work)
+        if isinstance(found, EquilibriumPoint):
+            return found
+        best = min(best, found, key=lambda one: one.residual)
+    return best
+
+
+def reached(
+    problem: StaticProblem, begin: Floats, closed: tuple[int, ...], scales: Scales, work: Work | None = None
+) -> EquilibriumPoint | NoEquilibrium:
+    """The point that a configuration leads to with these contacts closed, whatever the signs of lambda and g."""
+    equations = RestEquations(problem, closed, scales)
+    x = begun(equations, begin)
+    found = None if x is None else newton.solve(equations, x, work)
+    if found is None:
+        return NoEquilibrium(np.inf, begin)
+    return settled(equations, found)
+
+
+def begun(equations: RestEquations, begin: Floats) -> Floats | None:
+    """The unknowns at a configuration, with the multipliers that come closest to balance."""
+    each = equations.multipliers(begin)
+    return None if each is None else np.concatenate([begin, *each])
+
+
+def settled(equations: RestEquations, found: Reached) -> EquilibriumPoint | NoEquilibrium:
+    """The point where a search ended, if it is one."""
+    problem = equations.problem
+    q, each = equations.split(found.x)
+    lam = equations.whole(each[0])
+    residual = largest(problem, q, lam, equations.acting)
+    closed = tuple(equations.acting)
+    point = EquilibriumPoint(q.copy(), lam, closed, residual)
+    good = found.step <= SETTLED and equations.unbalanced(found.x) <= BALANCED
+    if good and holds_later(problem, q, closed, equations.scales):
+        return point
+    return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
+
+
+def largest(problem: StaticProblem, q: Floats, lam: Floats, closed: list[int]) -> float:
+    """The largest |F + B^T lambda|, |c|, and |g| of closed contacts, as the equations are written."""
+    values = problem.at(problem.t, q, lam)
+    rows, by = (
+        np.vstack([values.B, values.G[closed]]),
+        lam[[*range(problem.C), *(problem.C + k for k in closed)]],
+    )
+    parts = [values.F + rows.T @ by, values.c, values.g[closed]]
+    return float(max(np.abs(part).max(initial=0.0) for part in parts))
+
+
+def holds_later(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scales: Scales) -> bool:
+    """True if a point of rest is one at further times too."""
+    for t in problem.later:
+        values = problem.at(t, q, problem.nothing)
+        rows = np.vstack([values.B, values.G[list(closed)]])
+        lam = np.linalg.lstsq(rows.T, -values.F, rcond=None)[0] if len(rows) else np.zeros(0)
+        left = np.abs(values.F + rows.T @ lam).max(initial=0.0) / scales.force
+        apart = np.abs(values.c / (scales.conditions * scales.length)).max(initial=0.0)
+        if not max(left, apart) <= 1e-8:
+            return False
+    return True
+
+
+def pushed(
+    problem: StaticProblem, begin: Floats, scales: Scales, work: Work | None = None
+) -> EquilibriumPoint | NoEquilibrium:
+    """The point that a configuration leads to with contacts that push."""
+    values = problem.at(problem.t, begin, problem.nothing)
+    near = np.flatnonzero(values.g <= CLOSED * scales.contacts * scales.length)
+    guesses = [_complementary(problem, begin, scales, work), (begin, tuple(near.tolist())), (begin, ())]
+    best: EquilibriumPoint | NoEquilibrium = NoEquilibrium(np.inf, begin)
+    for place, closed in guesses:
+        tried: set[tuple[int, ...]] = set()
+        while closed not in tried and len(tried) < CHANGES:
+            tried.add(closed)
+            found = reached(problem, place, closed, scales, work)
+            if isinstance(found, NoEquilibrium):
+                best = found if found.residual < best.residual else best
+                break
+            pulling, below = wrong_side(problem, found, scales)
+            if not pulling and not below:
+                return found
+            place, closed = found.q, tuple(sorted((set(closed) - pulling) | below))
+    return best
+
+
+def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[set[int], set[int]]:
+    """The contacts that pull at a point, and the open ones behind whose surface it lies."""
+    values = problem.at(problem.t, point.q, point.lam)
+    lam = point.lam[problem.C :]
+    pulling = {k for k in point.closed if lam[k] * scales.contacts[k] < -CLOSED * scales.force}
+    limits = CLOSED * scales.contacts * scales.length
+    below = {k for k in range(problem.K) if k not in point.closed and not values.g[k] >= -limits[k]}
+    return pulling, below
+
+
+def _complementary(
+    problem: StaticProblem, begin: Floats, scales: Scales, work: Work | None
+) -> tuple[Floats, tuple[int, ...]]:
+    """Where a search with all contacts ends, and those that are closed there."""
+    equations = RestEquations(problem, None, scales)
+    x = begun(equations, begin)
+    found = None if x is None else newton.solve(equations, x, work)
+    if found is None:
+        return begin, ()
+    q, each = equations.split(found.x)
+    values = problem.at(problem.t, q, problem.nothing)
+    push = each[0][problem.C :] * scales.contacts / scales.force * scales.length
+    closed = np.flatnonzero(push > values.g / scales.contacts)
+    return q, tuple(closed.tolist())

@@ -1,0 +1,155 @@
+"""The equations of a point of rest with a choice of closed contacts, as one residual of one vector of unknowns.
+
+x is q followed by the multipliers at each time; the residual holds the forces, then the conditions, then the contacts.
+Forces are measured in units of the largest there is, conditions by their gradients, so that one norm serves for all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.statics.static_problem import StaticProblem, Values
+
+Floats = npt.NDArray[np.float64]
+
+TINY = 1e-300
+# A residual of this part of the terms that make it up is none.
+ZERO = 1e-9
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Scales:
+    """Units: of force, of length, and the gradients of conditions (k,) and of contacts (K,)."""
+
+    force: float
+    length: float
+    conditions: Floats
+    contacts: Floats
+
+
+class RestEquations:
+    """The equations with some contacts closed, or, where `closed` is None, with 0 <= lambda complementary to g >= 0.
+
+    The latter by Fischer and Burmeister: lambda + g - sqrt(lambda^2 + g^2) = 0, in units of force and length.
+    """
+
+    def __init__(self, problem: StaticProblem, closed: tuple[int, ...] | None, scales: Scales) -> None:
+        self.problem, self.closed, self.scales = problem, closed, scales
+        self.acting = list(range(problem.K)) if closed is None else list(closed)
+        self.rows = problem.C + len(self.acting)
+        self.size = problem.n + self.rows * len(problem.times)
+
+    def whole(self, multipliers: Floats) -> Floats:
+        """lambda of all rows (C + K,) from those of the rows that act."""
+        lam, C = self.problem.nothing, self.problem.C
+        lam[:C] = multipliers[:C]
+        lam[[C + k for k in self.acting]] = multipliers[C:]
+        return lam
+
+    def split(self, x: Floats) -> tuple[Floats, list[Floats]]:
+        """q, and lambda of the rows that act at each time."""
+        n, m = self.problem.n, self.rows
+        return x[:n], [x[n + k * m : n + (k + 1) * m] for k in range(len(self.problem.times))]
+
+    def __call__(self, x: Floats) -> tuple[Floats, Floats] | None:
+        """The residual and its gradient; None where a value is not finite."""
+        q, each = self.split(x)
+        residuals, gradients = [], []
+        for number, (t, lam) in enumerate(zip(self.problem.times, each, strict=True)):
+            values = self.problem.at(t, q, self.whole(lam))
+            G, g = values.G[self.acting], values.g[self.acting]
+            if not values.finite or not np.isfinite(G).all() or not np.isfinite(g).all():
+                return None
+            residual, by_q, by_lam = self._at(values, lam)
+            gradient = np.zeros((residual.size, self.size))
+            gradient[:, : self.problem.n] = by_q
+            first = self.problem.n + number * self.rows
+            gradient[:, first : first + self.rows] = by_lam
+            residuals.append(residual)
+            gradients.append(gradient)
+        return np.concatenate(residuals), np.vstack(gradients)
+
+    def _at(self, values: Values, lam: Floats) -> tuple[Floats, Floats, Floats]:
+        """Residual and gradients by q and by lambda at one time."""
+        s, C = self.scales, self.problem.C
+        G, g = values.G[self.acting], values.g[self.acting] / s.contacts[self.acting]
+        dg = G / s.contacts[self.acting][:, None]
+        rows = np.vstack([values.B, G])
+        force = (values.F + rows.T @ lam) / s.force
+        zeros = np.zeros((values.c.size, self.rows))
+        contact, by_q = g, dg
+        by_lam = np.zeros((g.size, self.rows))
+        if self.closed is None:
+            contact, along_g, along_lam = _complementary(
+                g, lam[C:] * s.contacts[self.acting] / s.force * s.length
+            )
+            by_q = along_g[:, None] * dg
+            by_lam[:, C:] = np.diag(along_lam * s.contacts[self.acting] / s.force * s.length)
+        return (
+            np.concatenate([force, values.c / s.conditions, contact]),
+            np.vstack([values.K / s.force, values.dc / s.conditions[:, None], by_q]),
+            np.vstack([rows.T / s.force, zeros, by_lam]),
+        )
+
+    def multipliers(self, q: Floats) -> list[Floats] | None:
+        """The least-norm multipliers that come closest to balance at q, at each time."""
+        found = []
+        for t in self.problem.times:
+            values = self.problem.at(t, q, self.problem.nothing)
+            rows = np.vstack([values.B, values.G[self.acting]])
+            if not np.isfinite(rows).all() or not np.isfinite(values.F).all():
+                return None
+            lengths = np.linalg.norm(rows, axis=1) + TINY
+            unit = rows / lengths[:, None]
+            found.append(
+                np.linalg.lstsq(unit.T, -values.F, rcond=1e-10)[0] / lengths if len(rows) else lengths
+            )
+        return found
+
+    def unbalanced(self, x: Floats) -> float:
+        """The largest residual as a part of the terms that make it up: forces and conditions."""
+        q, each = self.split(x)
+        worst = 0.0
+        for t, lam in zip(self.problem.times, each, strict=True):
+            values = self.problem.at(t, q, self.whole(lam))
+            rows = np.vstack([values.B, values.G[self.acting]])
+            parts = np.abs(values.F).max(initial=0.0) + np.abs(rows * lam[:, None]).max(initial=0.0)
+            parts = max(parts, self.scales.force * 1e-3)
+            worst = max(worst, np.abs(values.F + rows.T @ lam).max(initial=0.0) / parts)
+            size = max(self.scales.length, float(np.abs(q).max(initial=0.0)))
+            lengths = np.linalg.norm(values.dc, axis=1) + self.scales.conditions * 1e-3
+            worst = max(worst, (np.abs(values.c) / (lengths * size)).max(initial=0.0))
+            if self.closed is not None:
+                closed = values.g[self.acting] / self.scales.contacts[self.acting]
+                worst = max(worst, np.abs(closed).max(initial=0.0) / size)
+        return float(worst)
+
+
+def _complementary(a: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
+    """a + b - sqrt(a^2 + b^2) with its derivatives; at the corner those of a = b."""
+    root = np.hypot(a, b)
+    safe = np.where(root > TINY, root, 1.0)
+    slope_a = np.where(root > TINY, 1 - a / safe, 1 - np.sqrt(0.5))
+    slope_b = np.where(root > TINY, 1 - b / safe, 1 - np.sqrt(0.5))
+    return a + b - root, slope_a, slope_b
+
+
+def scales(problem: StaticProblem, q: Floats) -> Scales:
+    """Units from a place and from some beside it: none of them may vanish by accident."""
+    random = np.random.default_rng(1)
+    size = float(np.abs(q).max(initial=0.0)) or 1.0
+    force = stiffness = 0.0
+    conditions, contacts = np.zeros(problem.laws.c.numel()), np.zeros(problem.K)
+    for part in (0.0, 0.03, 0.1):
+        place = q + part * size * random.standard_normal(q.size)
+        values = problem.at(problem.t, place, problem.nothing)
+        force = max(force, float(np.abs(values.F[np.isfinite(values.F)]).max(initial=0.0)))
+        stiffness = max(stiffness, float(np.abs(values.K[np.isfinite(values.K)]).max(initial=0.0)))
+        with np.errstate(invalid="ignore"):
+            conditions = np.fmax(conditions, np.linalg.norm(values.dc, axis=1))
+            contacts = np.fmax(contacts, np.linalg.norm(values.G, axis=1))
+    conditions[~(conditions > 0)], contacts[~(contacts > 0)] = 1.0, 1.0
+    return Scales(force or stiffness * size or 1.0, size, conditions, contacts)

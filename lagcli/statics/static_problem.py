@@ -1,0 +1,135 @@
+"""The equations of `static_laws` at numbers, with exact derivatives, for one time or for several."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.statics.static_laws import StaticLaws
+
+Floats = npt.NDArray[np.float64]
+
+# Times at which equations that hold t are asked to hold together, as parts of the length of a run, and those at which
+# what is found is looked at again.
+ASKED, PROVED = (0.0, 0.37, 0.81), (0.113, 0.291, 0.523, 0.697, 0.977)
+# What changes with t by less than this part of its size does not depend on it.
+STEADY = 1e-11
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Values:
+    """At one t and q: F (n,), B (C, n), c (k,) with its gradient (k, n), g (K,), G (K, n), and K (n, n), the gradient
+    of F + B^T lambda by q."""
+
+    F: Floats
+    B: Floats
+    c: Floats
+    dc: Floats
+    g: Floats
+    G: Floats
+    K: Floats
+
+    @property
+    def finite(self) -> bool:
+        """True if all that equality rows need is finite."""
+        return all(bool(np.isfinite(part).all()) for part in (self.F, self.B, self.c, self.dc, self.K))
+
+
+class StaticProblem:
+    """The values of one problem. n, C, K: coordinates, equality rows, contacts; `times`: those at which its equations
+    are to hold, one where they do not depend on t."""
+
+    def __init__(self, laws: StaticLaws, p: Floats, start: tuple[float, Floats], duration: float) -> None:
+        self.laws, self.p = laws, p
+        self.n, self.C, self.K = laws.q.numel(), laws.B.shape[0], laws.g.numel()
+        self.t, self.begin = start
+        self._later = tuple(self.t + part * (duration or 1.0) for part in PROVED)
+        self.times: tuple[float, ...] = (self.t,)
+        if not self._is_steady():
+            self.times = tuple(self.t + part * (duration or 1.0) for part in ASKED)
+
+    @property
+    def later(self) -> tuple[float, ...]:
+        """Further times, at which what is found must hold too; none where nothing depends on t."""
+        return self._later if len(self.times) > 1 else ()
+
+    @cached_property
+    def _function(self) -> ca.Function:
+        laws = self.laws
+        lam = ca.SX.sym("lam", self.C + self.K)
+        acting = ca.SX.zeros(self.n)
+        if self.C:
+            acting += laws.B.T @ lam[: self.C]
+        if self.K:
+            pushed = laws.G.T @ lam[self.C :]
+            acting += ca.densify(pushed)
+        K = ca.jacobian(laws.F + acting, laws.q)
+        outputs = [laws.F, laws.B, laws.c, ca.jacobian(laws.c, laws.q), laws.g, laws.G, K]
+        return ca.Function("statics", [laws.t, laws.q, lam, self.p_symbols], [ca.densify(o) for o in outputs])
+
+    @property
+    def p_symbols(self) -> ca.SX:
+        """The symbols of p."""
+        return self.laws.p
+
+    @cached_property
+    def _value(self) -> ca.Function:
+        laws = self.laws
+        return ca.Function("value", [laws.t, laws.q, laws.p], [laws.value, ca.densify(laws.driving)])
+
+    def at(self, t: float, q: Floats, lam: Floats) -> Values:
+        """All values; lam (C + K,)."""
+        F, B, c, dc, g, G, K = (part.full() for part in self._function(t, q, lam, self.p))
+        if self.K and not np.isfinite(K).all() and np.isfinite(G[lam[self.C :] != 0]).all():
+            # The gradient of an open contact may have no value.
+            K = self._without(t, q, lam)
+        return Values(F.ravel(), B, c.ravel(), dc, g.ravel(), G, K)
+
+    def _without(self, t: float, q: Floats, lam: Floats) -> Floats:
+        closed = np.flatnonzero(lam[self.C :]).tolist()
+        laws = self.laws
+        some = ca.SX.sym("lam", self.C + len(closed))
+        acting = laws.F + laws.B.T @ some[: self.C] + laws.G[closed, :].T @ some[self.C :]
+        function = ca.Function("K", [laws.t, laws.q, some, laws.p], [ca.densify(ca.jacobian(acting, laws.q))])
+        picked = np.concatenate([lam[: self.C], lam[self.C :][closed]])
+        found: Floats = function(t, q, picked, self.p).full()
+        return found
+
+    def value(self, q: Floats) -> float:
+        """f, or the declared part of the effective potential, at the start time."""
+        return float(self._value(self.t, q, self.p)[0])
+
+    def driving(self, q: Floats) -> Floats:
+        """The forces without a declared potential at rest, (n,)."""
+        found: Floats = self._value(self.t, q, self.p)[1].full().ravel()
+        return found
+
+    @property
+    def nothing(self) -> Floats:
+        """lambda = 0, (C + K,)."""
+        return np.zeros(self.C + self.K)
+
+    def _is_steady(self) -> bool:
+        """True if no value depends on t, at random places round the start."""
+        laws = self.laws
+        entries = [laws.F, laws.B, laws.c, laws.g, laws.G]
+        everything = ca.vertcat(*(ca.vec(ca.densify(part)) for part in entries))
+        if not ca.depends_on(everything, laws.t):
+            return True
+        function = ca.Function("parts", [laws.t, laws.q, laws.p], [everything])
+        random = np.random.default_rng(0)
+        size = float(np.abs(self.begin).max(initial=0.0)) or 1.0
+        for part in (0.0, 0.1, 1.0):
+            q = self.begin + part * size * random.standard_normal(self.n)
+            first = function(self.t, q, self.p).full()
+            for t in self._later:
+                other = function(t, q, self.p).full()
+                both = np.isfinite(first) & np.isfinite(other)
+                largest = np.abs(first[both]).max(initial=0.0)
+                if (np.abs(other - first)[both] > STEADY * max(largest, 1e-300)).any():
+                    return False
+        return True
