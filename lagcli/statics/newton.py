@@ -23,15 +23,15 @@ FLAT = 1e-14  # a slope of the squares below which damped steps have come to the
 
 
 @dataclasses.dataclass(slots=True)
-class Work:
-    """What searches have cost so far, in evaluations times the cost of one."""
+class SearchWork:
+    """The cost of searches so far, in evaluations times the cost of one."""
 
     spent: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Reached:
-    """Where a search ended: x, the norm of the residual, and the length of the last Newton step, as a part of x."""
+class NewtonEnd:
+    """The end of a search: x, the norm of the residual, and the length of the last Newton step, as a part of x."""
 
     x: Floats
     residual: float
@@ -39,14 +39,14 @@ class Reached:
 
 
 def solve(
-    residual: Residual, x: Floats, work: Work | None = None, damped: int = MOST_DAMPED
-) -> Reached | None:
+    residual: Residual, x: Floats, work: SearchWork | None = None, damped: int = MOST_DAMPED
+) -> NewtonEnd | None:
     """The zero that damped steps lead to, refined; or the place with the least residual met. None where the residual
     has no value at the start."""
     begun = residual(x)
     if begun is None:
         return None
-    work = work or Work()
+    work = work or SearchWork()
     cost = float(x.size) ** 3 / 100 + 1000.0
     r, J = begun
     damping, growth = 1e-3, 2.0
@@ -85,7 +85,7 @@ def _damped(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
     return np.asarray(-np.linalg.solve(normal, slope / unit) / unit)
 
 
-def refined(residual: Residual, x: Floats, work: Work | None = None) -> Reached:
+def refined(residual: Residual, x: Floats, work: SearchWork | None = None) -> NewtonEnd:
     """Newton's steps from x as long as they lead downhill."""
     found = residual(x)
     assert found is not None
@@ -100,10 +100,10 @@ def refined(residual: Residual, x: Floats, work: Work | None = None) -> Reached:
         there = residual(x + step)
         smaller = there is not None and float(np.linalg.norm(there[0])) < size
         if not smaller:
-            return Reached(x, size, min(last, length))
+            return NewtonEnd(x, size, min(last, length))
         assert there is not None
         x, (r, J), last = x + step, there, length
         size = float(np.linalg.norm(r))
         if size == 0.0:
             break
-    return Reached(x, size, last)
+    return NewtonEnd(x, size, last)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.statics import newton, rest_equations
-from lagcli.statics.newton import Reached, Work
+from lagcli.statics.newton import NewtonEnd, SearchWork
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
@@ -42,7 +42,7 @@ class NoEquilibrium:
 
 
 def nearest_equilibrium(
-    problem: StaticProblem, begin: Floats, work: Work | None = None
+    problem: StaticProblem, begin: Floats, work: SearchWork | None = None
 ) -> EquilibriumPoint | NoEquilibrium:
     """The point of rest reached from a configuration: by damped Newton steps, and from beside it where these fail.
 
@@ -64,7 +64,11 @@ def nearest_equilibrium(
 
 
 def reached(
-    problem: StaticProblem, begin: Floats, closed: tuple[int, ...], scales: Scales, work: Work | None = None
+    problem: StaticProblem,
+    begin: Floats,
+    closed: tuple[int, ...],
+    scales: Scales,
+    work: SearchWork | None = None,
 ) -> EquilibriumPoint | NoEquilibrium:
     """The point that a configuration leads to with these contacts closed, whatever the signs of lambda and g."""
     equations = RestEquations(problem, closed, scales)
@@ -81,7 +85,7 @@ def begun(equations: RestEquations, begin: Floats) -> Floats | None:
     return None if each is None else np.concatenate([begin, *each])
 
 
-def settled(equations: RestEquations, found: Reached) -> EquilibriumPoint | NoEquilibrium:
+def settled(equations: RestEquations, found: NewtonEnd) -> EquilibriumPoint | NoEquilibrium:
     """The point where a search ended, if it is one."""
     problem = equations.problem
     q, each = equations.split(found.x)
@@ -120,7 +124,7 @@ def holds_later(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scal
 
 
 def pushed(
-    problem: StaticProblem, begin: Floats, scales: Scales, work: Work | None = None
+    problem: StaticProblem, begin: Floats, scales: Scales, work: SearchWork | None = None
 ) -> EquilibriumPoint | NoEquilibrium:
     """The point that a configuration leads to with contacts that push."""
     values = problem.at(problem.t, begin, problem.nothing)
@@ -153,9 +157,9 @@ def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) 
 
 
 def _complementary(
-    problem: StaticProblem, begin: Floats, scales: Scales, work: Work | None
+    problem: StaticProblem, begin: Floats, scales: Scales, work: SearchWork | None
 ) -> tuple[Floats, tuple[int, ...]]:
-    """Where a search with all contacts ends, and those that are closed there."""
+    """The end of a search with all contacts, and those that are closed there."""
     equations = RestEquations(problem, None, scales)
     x = begun(equations, begin)
     found = None if x is None else newton.solve(equations, x, work)
