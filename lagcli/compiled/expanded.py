@@ -69,6 +69,17 @@ class Expanded:
         return ca.Function("landing", parts.inputs, outputs)
 
     @cached_property
+    def response(self) -> ca.Function:
+        """See `NumericSystem.response`."""
+        parts = self._parts
+        f = ca.SX.sym("f", parts.v.numel())
+        free = parts.inertia(f)
+        lam = ca.densify(self._schur(-(parts.B_kept @ free))) if parts.selection.kept else ca.SX(0, 1)
+        x = parts.inertia(f + parts.reaction(lam))
+        inputs = [parts.t, parts.y[: f.numel()], parts.v, parts.p, f]
+        return ca.Function("response", inputs, [ca.densify(x), lam, shared.responded(parts, f, free, x)])
+
+    @cached_property
     def _watched(self) -> tuple[solvers.Solve, ca.SX | float]:
         """r -> S^-1 r, and the clearance of S."""
         return solvers.watched(self._parts.S)

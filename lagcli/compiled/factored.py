@@ -74,6 +74,21 @@ class Factored:
         return ca.Function("landing", inputs, [there, rate, lam, *told(t, there, p, found[:, 1])])
 
     @cached_property
+    def response(self) -> ca.Function:
+        """See `NumericSystem.response`."""
+        parts = self._parts
+        f = ca.SX.sym("f", parts.v.numel())
+        lam = ca.SX.sym("lam", len(parts.selection.kept))
+        free, place = parts.inertia(f), [parts.t, parts.y[: f.numel()], parts.v, parts.p]
+        before = ca.Function("before", [*place, f], [*self._factors, ca.densify(-(parts.B_kept @ free))])
+        x = ca.densify(parts.inertia(f + parts.reaction(lam)))
+        after = ca.Function("after", [*place, f, lam], [x, shared.responded(parts, f, free, x)])
+        inputs = [ca.MX.sym("x", each.numel()) for each in (*place, f)]
+        found = _solved(before, inputs)
+        moved, told = after(*inputs, found)
+        return ca.Function("response", inputs, [moved, found, told])
+
+    @cached_property
     def _acceleration(self) -> ca.Function:
         """(t, y, p) -> y' and lambda of (D.24)."""
         parts = self._parts

@@ -18,7 +18,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from lagcli.compiled import output_row, solvers
+from lagcli.compiled import contact_values, output_row, solvers
 from lagcli.compiled import parts as shared
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.factored import Factored
@@ -151,6 +151,18 @@ class NumericSystem:
         g, g_t, gamma, size = (ca.densify(value) for value in dense)
         outputs = [g, contacts.G, g_t, gamma, size]
         return ca.Function("contacts", self._inputs, outputs)
+
+    @cached_property
+    def contact_values(self) -> ca.Function:
+        """See `contact_values.function`."""
+        return contact_values.function(self._parts)
+
+    @property
+    def response(self) -> ca.Function:
+        """response(t, q, v, p, f) -> the velocities x (n,) that an impulse f (n,) gives against the independent
+        equality rows and the impulses of those (C,); f x, f M^-1 f, and the largest B_i x of rows and x of length
+        one, which is rounding."""
+        return self._way.response
 
     @cached_property
     def gaps(self) -> ca.Function:

@@ -228,6 +228,15 @@ def state_rate(parts: Parts, a: ca.SX, lam: ca.SX) -> ca.SX:
     return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b_kept)))
 
 
+def responded(parts: Parts, f: ca.SX, free: ca.SX, x: ca.SX) -> ca.SX:
+    """(3,): f x and f M^-1 f, free = M^-1 f, and the largest B_i x of independent rows and x of length one."""
+    square = ca.dot(f, free)
+    left = ca.SX(0)
+    if parts.selection.kept:
+        left = ca.mmax(ca.fabs(parts.B_kept @ x) / ca.sqrt(ca.diag(parts.S) * square + TINY))
+    return ca.densify(ca.vertcat(ca.dot(f, x), square, left))
+
+
 def position_residual(parts: Parts) -> ca.SX:
     """Largest |f_i| / |B_i| of all rows, and |g_j| / |dg_j|, a length where q are lengths."""
     f, B = _position_rows(parts)

@@ -14,6 +14,7 @@ import numpy as np
 from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
 from lagcli.contact.load_sharing import Flags
 from lagcli.contact.nonnegative import EPS, Floats
+from lagcli.contact.single_contact import Response
 from lagcli.contact.touching_rows import Push, TouchingRows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import Sparse
@@ -71,12 +72,49 @@ def impact(
     push = _push(rows, -(rows.B @ v + b), -e * np.minimum(before, 0.0) - before, SAFE * EPS * terms)
     after = v + push.change
     speeds = rows.G @ after + g_t
-    gains = push.contacts * (before + speeds) / 2
+    energy = certified(Exchange(before, speeds, terms, metric.length(v) ** 2), push.contacts)
+    return LawResult(after, push.equality, push.contacts, push.unique, speeds, energy)
+
+
+def single(v: Floats, speed: float, e: float, response: Response) -> LawResult | None:
+    """The impact of one contact with dg/dt = speed and coefficient e; None where rounding is too large for a formula.
+
+    Raises `EnergyCreated`.
+    """
+    if not response.is_certain:
+        return None
+    asked = -e * min(speed, 0.0)
+    impulse = max(0.0, asked - speed) / response.square
+    after = speed + impulse * response.square
+    rounding = SAFE * EPS * response.terms
+    if not (after >= asked - rounding and (impulse == 0.0 or after <= asked + rounding)):
+        return None
+    before, speeds, impulses = np.array([speed]), np.array([after]), np.array([impulse])
+    energy = certified(Exchange(before, speeds, np.array([response.terms])), impulses)
+    of_equalities = impulse * response.of_equalities
+    unique = np.ones(of_equalities.size + 1, dtype=bool)
+    return LawResult(v + impulse * response.x, of_equalities, impulses, unique, speeds, energy)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Exchange:
+    """dg/dt before and after an impact (k,), the sizes of their terms before it, and twice the energy at hand."""
+
+    before: Floats
+    after: Floats
+    terms: Floats
+    at_hand: float = 0.0
+
+
+def certified(exchange: Exchange, impulses: Floats) -> float:
+    """The energy gained by impulses of contacts (k,), none of which pulls. Raises `EnergyCreated`."""
+    assert (impulses >= 0.0).all()
+    gains = impulses * (exchange.before + exchange.after) / 2
     energy = float(gains.sum())
-    through = float(push.contacts @ (terms + np.abs(speeds))) + metric.length(v) ** 2
+    through = float(impulses @ (exchange.terms + np.abs(exchange.after))) + exchange.at_hand
     if energy > GAINED * through:
         raise EnergyCreated(tuple(int(row) for row in np.flatnonzero(gains > 0)), energy)
-    return LawResult(after, push.equality, push.contacts, push.unique, speeds, energy)
+    return energy
 
 
 def forces(

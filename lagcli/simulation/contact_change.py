@@ -46,7 +46,8 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
     Rebounds that cannot be resolved, of contacts that are pressed, are left out: their series ends.
     Raises `ContactsUndecided`.
     """
-    if not (here.near & (here.speeds < -here.slow)).any():
+    approaching = here.near & (here.speeds < -here.slow)
+    if not approaching.any():
         return None
     e = restitution.copy()
     lasting, ended = np.zeros(e.size), np.zeros(e.size, dtype=bool)
@@ -54,28 +55,35 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
     _require_gradients(here, near)
     found = onward = _law(here, near, e)
     # Each turn ends the series of some contact, so that there are few.
-    for _ in range(near.size):
+    for _ in near[(e[near] > 0) & (e[near] < ELASTIC)]:
         after = here.moved(onward.x)
         small, pull = _unresolved(after, near, e)
         if not small.size:
             break
         lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
         # Of a contact that lay closed what is left is rounding, and no series.
-        ended[small] = here.speeds[small] < -here.slow[small]
+        ended[small] = approaching[small]
         e[small] = 0.0
         onward = _law(here, near, e)
     impulses = np.zeros(e.size)
     impulses[near] = found.of_contacts
-    struck = here.near & (here.speeds < -here.slow)
-    struck[near] |= found.of_contacts > here.slow[near] / here.squares(near)
+    struck = approaching.copy()
+    others = near[(found.of_contacts > 0) & ~struck[near]]
+    if others.size:
+        struck[others] = impulses[others] > here.slow[others] / here.squares(others)
     return Blow(found.x, onward.x, found.of_equalities, impulses, struck, ended, lasting)
 
 
 def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
     """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
-    B, b, _ = here.equalities
-    contacts = here.gradients(near), here.g_t[near], e[near]
     try:
+        if near.size == 1:
+            j = int(near[0])
+            single = impact_law.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
+            if single is not None:
+                return single
+        B, b, _ = here.equalities
+        contacts = here.gradients(near), here.g_t[near], e[near]
         return impact_law.impact(here.metric, here.state.v, (B, b), contacts)
     except impact_law.LawError as error:
         raise ContactsUndecided(str(error), near[list(error.contacts)]) from None

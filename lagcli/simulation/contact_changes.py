@@ -159,8 +159,9 @@ class ContactChanges:
             look = self._instant(*ahead)
         else:
             look = after
-        pressing = self._decided(lambda: contact_change.pressing(look, level))
-        closed = set(pressing.closed)
+        closed: set[int] = set()
+        if level.any():
+            closed.update(self._decided(lambda: contact_change.pressing(look, level)).closed)
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
         line = None
         if blow is not None and blow.ended.any():

@@ -1,0 +1,75 @@
+"""The impact of one contact takes its formula, and says what the law of all contacts says."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.compiled import NumericSystem, numeric
+from lagcli.contact import impact_law
+from lagcli.contact.impact_law import EnergyCreated
+from lagcli.contact.single_contact import Response
+from lagcli.contact.touching_rows import TouchingRows
+from lagcli.equations import system
+from lagcli.linear.metric import Metric
+
+DUMBBELL = """lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 1]}
+  b: {mass: 2, position: [0.6, 0, 1.8]}
+forces: {weight: {to: [a, b], force: [0, 0, -m*9.81]}}
+holonomic: {rod: 'distance(a, b) = 1'}
+inequality:
+  floor_a: {condition: a.z >= 0, restitution: 1}
+  floor_b: {condition: b.z >= 0, restitution: 0.7}
+"""
+
+
+@pytest.mark.parametrize("limit", [0.0, numeric.EXPANDED_OPERATIONS])
+def test_the_formula_is_the_law_of_all_contacts(limit: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a rod, its factorization written out or not."""
+    monkeypatch.setattr(numeric, "EXPANDED_OPERATIONS", limit)
+    functions = NumericSystem(system.build(lagcli.loads(DUMBBELL)))
+    random = np.random.default_rng(0)
+    q, p = np.array([0.1, 0.2, 0.0, 0.7, 0.2, 0.8]), np.zeros(functions.contacts.numel_in(3))
+    B = np.array(functions.rows(0, q, np.zeros(6), p)[0])
+    v = random.standard_normal(6)
+    v -= B.T @ np.linalg.solve(B @ B.T, B @ v)
+    v *= -np.sign(v[2])
+    f = np.eye(6)[2]
+    x, lam, told = (np.array(each).ravel() for each in functions.response(0, q, v, p, f))
+    response = Response(x, lam, *told.tolist(), terms=abs(v[2]))
+    assert response.is_certain
+    found = impact_law.single(v, v[2], 0.7, response)
+    assert found is not None
+    rows = ca.DM(B), np.zeros(1)
+    metric = Metric(ca.diag(ca.DM([1, 1, 1, 2, 2, 2])))
+    whole = impact_law.impact(metric, v, rows, (ca.DM(f).T, np.zeros(1), np.array([0.7])))
+    assert found.x == pytest.approx(whole.x, rel=1e-13, abs=1e-14)
+    assert found.of_contacts == pytest.approx(whole.of_contacts, rel=1e-13)
+    assert found.of_equalities == pytest.approx(whole.of_equalities, rel=1e-12)
+    assert found.energy == pytest.approx(whole.energy, rel=1e-12)
+
+
+def test_impacts_of_one_contact_need_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise AssertionError("the law of all contacts was asked")
+
+    monkeypatch.setattr(TouchingRows, "__init__", refused)
+    run = lagcli.simulate(lagcli.loads(DUMBBELL), duration=1.0, samples=2)
+    assert run.stats.impacts >= 2
+
+
+def test_a_contact_that_hardly_moves_is_left_to_the_law_of_all() -> None:
+    """Of its row the equality rows leave less than rounding needs."""
+    held = Response(np.ones(1), np.zeros(0), square=1e-3, free=1.0, left=0.0, terms=1.0)
+    broken = Response(np.ones(1), np.zeros(0), square=1.0, free=1.0, left=1e-9, terms=1.0)
+    nothing = Response(np.zeros(1), np.zeros(0), square=0.0, free=0.0, left=0.0, terms=1.0)
+    for response in (held, broken, nothing):
+        assert impact_law.single(-np.ones(1), -1.0, 0.5, response) is None
+
+
+def test_energy_that_would_be_made_is_seen() -> None:
+    exchange = impact_law.Exchange(np.array([1.0]), np.array([2.0]), np.array([1.0]))
+    with pytest.raises(EnergyCreated):
+        impact_law.certified(exchange, np.array([3.0]))
