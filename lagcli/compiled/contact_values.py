@@ -1,4 +1,4 @@
-"""What is asked of all contacts at an instant, in one call: gaps, their rates, and what is zero among them."""
+"""The numbers asked of all contacts at an instant, in one call: gaps, their rates, and what is zero among them."""
 
 from __future__ import annotations
 

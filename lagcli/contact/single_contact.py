@@ -16,7 +16,7 @@ FREE, LEFT = 0.01, 1e-13
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """What an impulse 1 of a contact does: velocities P G^T (n,), impulses of the equality rows (C,).
+    """The effect of an impulse 1 of a contact: velocities P G^T (n,), impulses of the equality rows (C,).
 
     square: G P G^T; free: G M^-1 G^T; left: what rounding leaves of the equality rows, as a part; terms: the sum of
     |G_i v_i| and |g_t| at the velocities at hand.

@@ -118,7 +118,7 @@ class ContactInstant:
         return sparse(rows, values.column[taken], self._entries[taken], (contacts.size, self.state.q.size))
 
     def response(self, contact: int) -> Response:
-        """What an impulse of one contact does, with all equality rows."""
+        """The effect of an impulse of one contact, with all equality rows."""
         values = self._values
         places = values.places(contact)
         columns, entries = values.column[places], self._entries[places]
