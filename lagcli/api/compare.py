@@ -39,12 +39,17 @@ def compare(
     atol: float | None = None,
     max_step: float | None = None,
     assemble: bool | None = None,
+    vakonomic: bool = False,
+    mu: Mapping[str, float | str] | None = None,
 ) -> Comparison:
     """Run a model in every formulation that fits it, or two models, and compare their shared columns.
 
     `tolerance` (1e-8): the largest difference that passes, as a part of the largest value of its kind; `columns`:
     patterns of the columns to compare; the other options as of `simulate` (samples: 101). `agree` is the verdict,
-    `agreements` has the digits. Raises `ModelError`, `ValueError` for bad options and models that share no column.
+    `agreements` has the digits. `vakonomic` adds the motion of the other principle, with the initial multipliers `mu`
+    of differential rows (0; numbers or expressions of parameters): the last of `formulations`, and `principles` says
+    how it compares. Raises `ModelError`, `ValueError` for bad options and models that share no column, `OverrideError`
+    for `mu` of a row there is not.
     """
     # Other commands compare nothing.
     from lagcli.formulations import comparison, formulation_plan
@@ -58,6 +63,10 @@ def compare(
         "duration": duration, "samples": samples, "output_step": output_step, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": assemble,
     }  # fmt: skip
+    if mu and not vakonomic:
+        raise ValueError("mu: initial multipliers are those of vakonomic motion, which is not asked for")
+    if vakonomic and other is not None:
+        raise ValueError("vakonomic: the two principles are compared for one model")
     second = None if other is None else as_model(other)
     run = prepare_run.start(model, _settings(model, second, changes))
     first = _table(formulation_plan.declared(model, len(run.built.rows.rows)), run)
@@ -73,10 +82,45 @@ def compare(
         states = table_columns.States(model, run.columns)(first.table)
         near = formulation_plan.singular(run.numeric, states, run.parameters, run.rank)
     found = formulation_plan.compared(model, first, others, tolerance, near)
+    if vakonomic and len(first.table):
+        found = _with_principles(found, run, kinds, mu or {})
     if not left_out:
         return found
     note = f"not compared, for they are not unique in one of the models: {', '.join(left_out)}"
     return dataclasses.replace(found, notes=(*found.notes, note))
+
+
+def _with_principles(
+    found: Comparison, run: SimulationRun, kinds: Mapping[str, str], mu: Mapping[str, float | str]
+) -> Comparison:
+    """The comparison with the vakonomic motion after the others."""
+    from lagcli.api import compare_principles
+    from lagcli.formulations import comparison
+    from lagcli.formulations.vakonomic import two_principles
+
+    first = found.formulations[0]
+    other = compare_principles.beside(run, first, mu, _table)
+    near = np.zeros(len(first.table), dtype=bool)
+    shared = {
+        name: kind
+        for name, kind in kinds.items()
+        if kind in two_principles.COMPARED and name in other.run.columns
+    }
+    agreement = comparison.compare(shared, first, other.run, near)
+    principles = dataclasses.replace(
+        other.principles,
+        tolerance=found.tolerance,
+        digits=two_principles.digits(agreement),
+        parting=two_principles.parting(shared, first, other.run, found.tolerance),
+    )
+    stops = [f"the vakonomic motion {other.run.stopped}"] if other.run.stopped else []
+    return dataclasses.replace(
+        found,
+        formulations=(*found.formulations, other.run),
+        agreements=(*found.agreements, agreement),
+        notes=(*found.notes, *other.notes, *stops),
+        principles=principles,
+    )
 
 
 def _settings(model: Model, other: Model | None, changes: Mapping[str, object]) -> Simulation:

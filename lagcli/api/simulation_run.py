@@ -14,6 +14,7 @@ from lagcli.analysis.classification import led_off
 from lagcli.analysis.classification.verdict import Condition
 from lagcli.api.compiled_model import CompiledModel, Integrals
 from lagcli.compiled import NumericSystem
+from lagcli.compiled.selection import Selection
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model import settings
@@ -147,6 +148,16 @@ class SimulationRun:
     def rank(self) -> int:
         """The number of independent rows it is stepped with."""
         return len(self._run.selection.kept)
+
+    @property
+    def selection(self) -> Selection:
+        """The rows it is stepped with at the time reached."""
+        return self._run.selection
+
+    @property
+    def integrals(self) -> Integrals:
+        """The first integrals of the differential rows that it holds."""
+        return self._prepared.integrals
 
     @property
     def by_name(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TypedDict
 
 from lagcli.api import compare
-from lagcli.cli import console, exits, json_output
+from lagcli.cli import console, exits, json_output, principles_output
 from lagcli.cli.preflight import CompareOptions
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import KINDS, TITLES, Agreement, Comparison
@@ -36,12 +36,18 @@ def run(model: Model, other: Model | None, settings: ComparedRuns, options: Comp
             other,
             columns=options.columns or "*",
             tolerance=comparison.TOLERANCE if options.tolerance is None else options.tolerance,
+            vakonomic=options.principles.vakonomic,
+            mu=principles_output.initial_multipliers(options.principles.mu),
             **settings,
         )
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
+    principles_output.write(model, found, options.principles)
     if options.as_json:
         print(json_output.text(found.as_json()))
+    elif options.principles.output == "-":
+        if found.principles is not None:
+            exits.say(found.principles.sentence)
     else:
         _tell(found)
     if not options.quiet:
@@ -64,14 +70,19 @@ def _tell(found: Comparison) -> None:
         cells += [TITLES[one.name], str(one.freedoms), str(one.rows), str(one.steps), f"{one.seconds:.3f}"]
         rows.append([*cells, *(_digits(agreement, kind) for kind in shown)])
     console.table(headers, rows, COLOURS)
-    if found.agree is None:
-        return
-    print()
-    console.paragraph(
-        "digits that agree with the first line, of the largest value of each kind;"
-        f" {'all' if found.agree else 'not all'} within {found.tolerance:g}",
-        "    ",
-    )
+    if found.agree is not None:
+        print()
+        console.paragraph(_agreement(found), "    ")
+    if found.principles is not None:
+        print()
+        console.paragraph(found.principles.sentence, "    ")
+
+
+def _agreement(found: Comparison) -> str:
+    """A sentence on how to read the table."""
+    others = found.agreements if found.principles is None else found.agreements[:-1]
+    verdict = f"{'all' if found.agree else 'not all'} within {found.tolerance:g}" if others else ""
+    return f"digits that agree with the first line, of the largest value of each kind; {verdict}"
 
 
 def _digits(agreement: Mapping[str, Agreement], kind: str) -> str:

@@ -143,6 +143,35 @@ class SimulateOptions:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class PrinciplesOptions:
+    """Options of `compare --vakonomic`: initial multipliers as they were given, and files for table and figure."""
+
+    vakonomic: bool = False
+    mu: tuple[str, ...] = ()
+    output: str | None = None
+    plot: str | None = None
+
+    def require(self, models: list[str], as_json: bool) -> None:
+        """Refuse what cannot be done for these MODELs."""
+        if not self.vakonomic:
+            for option, given in (("--mu", self.mu), ("--output", self.output), ("--plot", self.plot)):
+                if given:
+                    raise exits.UsageError(f"{option} is of the vakonomic motion; give --vakonomic too")
+            return
+        if len(models) > 1:
+            raise exits.UsageError("--vakonomic compares the two principles of one MODEL")
+        if as_json and self.output == "-":
+            raise exits.UsageError("--output -: --json has standard output; give a file")
+        table = None if self.output == "-" else self.output
+        _require_ending(table, endings.TABLES)
+        _require_ending(self.plot, endings.FIGURES)
+        named = (("--output", table), ("--plot", self.plot))
+        files = [file_conflicts.File(option, name, is_written=True) for option, name in named if name]
+        if files:
+            _require_writable(file_conflicts.model(models[0]), files)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class CompareOptions:
     """Options of `compare` besides the settings of the runs."""
 
@@ -150,6 +179,7 @@ class CompareOptions:
     tolerance: float | None
     as_json: bool
     quiet: bool
+    principles: PrinciplesOptions = PrinciplesOptions()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import dataclasses
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,9 @@ import numpy.typing as npt
 from lagcli.formulations import event_times
 from lagcli.formulations.event_times import RunEvent
 from lagcli.model.model import Model
+
+if TYPE_CHECKING:
+    from lagcli.formulations.vakonomic.principles import Principles
 
 Floats = npt.NDArray[np.float64]
 
@@ -30,6 +33,7 @@ TITLES = {
     "lagrange": "Lagrange (D.39)",
     "lagrange-multipliers": "Lagrange with multipliers (D.53)",
     "reduced": "reduced by the null space (D.26, Maggi)",
+    "vakonomic": "vakonomic, L + Σ μᵢ (Aᵢ v + bᵢ)",
 }
 
 
@@ -90,13 +94,15 @@ class Agreement:
 class Comparison:
     """Formulations, and how well each but the first agrees with the first, kind by kind.
 
-    tolerance: the largest error that passes. notes: what was left out, and why.
+    tolerance: the largest error that passes. notes: what was left out, and why. principles: where the last of the
+    formulations is vakonomic, how it compares; it is another motion, and has no part in the verdict.
     """
 
     formulations: tuple[Formulation, ...]
     agreements: tuple[Mapping[str, Agreement], ...]
     tolerance: float
     notes: tuple[str, ...] = ()
+    principles: Principles | None = None
 
     def __repr__(self) -> str:
         verdict = {True: "agree", False: "disagree", None: "nothing to compare"}[self.agree]
@@ -106,7 +112,8 @@ class Comparison:
     @property
     def agree(self) -> bool | None:
         """True if all errors are within the tolerance; None where there is nothing to compare."""
-        errors = [one.error for each in self.agreements for one in each.values()]
+        own = self.agreements if self.principles is None else self.agreements[:-1]
+        errors = [one.error for each in own for one in each.values()]
         return all(error <= self.tolerance for error in errors) if errors else None
 
     @property
@@ -137,6 +144,7 @@ class Comparison:
             "tolerance": self.tolerance,
             "agree": self.agree,
             "notes": list(self.notes),
+            **({} if self.principles is None else {"principles": self.principles.as_json()}),
         }
 
 

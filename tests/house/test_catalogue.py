@@ -140,6 +140,11 @@ def _of_many_links(folder: pathlib.Path) -> None:
     lagcli.dof(lagcli.loads(f"lagcli: 1\nparticles:\n  {particles}\nholonomic:\n  rod: norm(p[1]) = 1\n"))
 
 
+def _of_friction(where: pathlib.Path) -> None:
+    text = BALL + "forces:\n  drag: {to: a, force: -v}\ndifferential:\n  row: a.vz = a.y*a.vx\n"
+    lagcli.compare(lagcli.loads(text), vakonomic=True, duration=0.1)
+
+
 INPUTS: dict[str, Callable[[pathlib.Path], None]] = {
     "not-a-file": _of_a_directory,
     "too-large": _of_a_large_file,
@@ -149,6 +154,7 @@ INPUTS: dict[str, Callable[[pathlib.Path], None]] = {
     "too-large-to-derive": _of_long_equations,
     "too-many-errors": _of_many_errors,
     "not-an-initial-value": _of_another_law,
+    "not-of-an-action": _of_friction,
 }
 
 

@@ -1,0 +1,238 @@
+"""Lagrange's equations of L + sum_i mu_i (A_i v + b_i) as a system that is integrated like any other.
+
+With J the holonomic rows and A, b the differential ones,
+
+    M a + A^T mu' = h + G + J^T lambda,    G = d(mu . (A v + b))/dq - (dA/dt)^T mu
+    J a = gamma,  A a = gamma                (the rows, differentiated: the index is reduced)
+
+is (D.24) with the further force G, in which -mu' takes the place of lambda of the differential rows. Each mu_i is the
+rate of a further coordinate sigma_i, which nothing else reads: L + sum_i sigma_i' (A_i v + b_i) is an ordinary
+Lagrangian, sigma_i is cyclic in it, and its momentum A_i v + b_i stays zero. So mu is carried along with the
+velocities, and rows, projections and steps are those of any run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import solvers
+from lagcli.equations import energy, restart, rows, system
+from lagcli.equations.environment import Environment
+from lagcli.equations.rows import ConstraintRows
+from lagcli.expression import tree
+from lagcli.model import family
+from lagcli.model import model as nouns
+
+Floats = npt.NDArray[np.float64]
+
+# No name of a file has blanks: the further coordinates clash with none.
+FURTHER = "carriers of mu"
+# Multiplications of one factorization of B M^-1 B^T that are written out.
+MOST_OPERATIONS = 3e5
+
+
+class TooLargeError(ValueError):
+    """The rows are too many and too entangled for equations that are written out."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class VakonomicStart:
+    """t, q and v (n,) of a consistent start, mu (C - s,) of the differential rows, and the independent rows there."""
+
+    t: float
+    q: Floats
+    v: Floats
+    mu: Floats
+    kept: tuple[int, ...]
+
+
+def column(row: str) -> str:
+    """The name of the column of mu of a row."""
+    return f"mu.{row}"
+
+
+def model(built: system.System, start: VakonomicStart) -> tuple[nouns.Model, tuple[str, ...]]:
+    """The model with a further coordinate for each differential row, and the outputs and events that are left out."""
+    declared = restart.at(built.model, start.q, start.v)
+    names = tuple(column(row.name) for row in built.rows.rows[built.holonomic_count :])
+    places = np.arange(len(names), dtype=np.int64)
+    members = family.Family(FURTHER, names, tuple((i,) for i in places.tolist()), {"i": places})
+    where = built.rows.rows[-1].location
+    carriers = nouns.Coordinate(members, np.zeros(len(names)), start.mu, where)
+    outputs, events, gone = _readable(declared)
+    extended = dataclasses.replace(
+        declared,
+        fingerprint=f"{declared.fingerprint} vakonomic",
+        coordinates=(*declared.coordinates, carriers),
+        outputs=outputs,
+        events=events,
+        simulation=dataclasses.replace(declared.simulation, start=start.t, assemble=False, keep=()),
+        warnings=(),
+    )
+    return extended, gone
+
+
+def build(built: system.System, extended: nouns.Model, start: VakonomicStart) -> system.System:
+    """The system of a model that `model` made of the one of `built`. Raises `TooLargeError`."""
+    count = len(built.rows.rows) - built.holonomic_count
+    n = built.symbols.q.numel()
+    further: list[ca.SX] = []
+
+    def restated(
+        env: Environment, laid: ConstraintRows, dynamics: energy.Dynamics
+    ) -> tuple[ConstraintRows, energy.Dynamics]:
+        G = _force(env, laid, start.kept, n)
+        further.append(G)
+        S, mu_rate = _mu_rate(laid, dynamics, G, start.kept)
+        if solvers.operations(S) > MOST_OPERATIONS:
+            raise TooLargeError
+        inertia = _inertia(built, start)
+        M = ca.sparsify(dynamics.M + ca.diagcat(ca.SX(n, n), ca.diag(ca.SX(ca.DM(inertia)))))
+        h = ca.densify(dynamics.h + G + ca.vertcat(ca.SX.zeros(n), ca.DM(inertia) * mu_rate))
+        power = dynamics.power + ca.dot(env.v[:n], G[:n])
+        return laid, dataclasses.replace(dynamics, M=M, h=h, power=power)
+
+    assert count > 0
+    found = system.build(extended, restated)
+    return _with_whole_reaction(found, further[0])
+
+
+def _force(env: Environment, laid: ConstraintRows, kept: Sequence[int], n: int) -> ca.SX:
+    """G (n + k,), zero at the further coordinates; the rows that follow from others have no part in it."""
+    s, q, v, t = laid.f.numel(), env.q, env.v, env.t
+    own = np.zeros(len(laid.rows) - s)
+    own[[i - s for i in kept if i >= s]] = 1.0
+    mu = env.v[n:] * ca.DM(own)
+    A, b = laid.B[s:, :], laid.b[s:]
+    momentum = A.T @ mu
+    # d/dt of A^T mu with mu held: mu is a part of v, which is held here too.
+    turned = ca.jtimes(momentum, q, v) + ca.jacobian(momentum, t)
+    return ca.densify(ca.gradient(ca.dot(mu, A @ v + b), q) - turned)
+
+
+def _mu_rate(
+    laid: ConstraintRows, dynamics: energy.Dynamics, G: ca.SX, kept: Sequence[int]
+) -> tuple[ca.SX, ca.SX]:
+    """S = B M^-1 B^T of the independent rows, and mu' (k,) = -lambda of the differential ones."""
+    s, n = laid.f.numel(), laid.B.shape[1] - (len(laid.rows) - laid.f.numel())
+    chosen = list(kept)
+    B, gamma = laid.B[chosen, :n], laid.gamma[chosen, :]
+    inertia = solvers.solver(dynamics.M[:n, :n])
+    S = B @ inertia(B.T)
+    right = gamma - B @ inertia((dynamics.h + G)[:n])
+    lam = solvers.solver(S)(ca.densify(right))
+    mu_rate = ca.SX.zeros(len(laid.rows) - s)
+    for place, row in enumerate(chosen):
+        if row >= s:
+            mu_rate[row - s] = -lam[place]
+    return S, mu_rate
+
+
+def _inertia(built: system.System, start: VakonomicStart) -> Floats:
+    """B_i M^-1 B_i^T of the differential rows at the start (k,): an inertia that measures mu as the speeds it changes.
+
+    It weighs the errors of mu against those of velocities, and cancels from the equations.
+    """
+    s, symbols = built.holonomic_count, built.symbols
+    A, M = built.rows.B[s:, :], built.dynamics.M
+    sizes = ca.sum2(A.T.T * solvers.solver(M)(A.T).T)
+    at = ca.Function("sizes", [symbols.t, symbols.q, built.p], [ca.densify(sizes)])
+    found = np.array(at(start.t, start.q, system.values(built))).ravel()
+    return np.where(np.isfinite(found) & (found > 0), found, 1.0)
+
+
+def _with_whole_reaction(found: system.System, G: ca.SX) -> system.System:
+    """The system with R = m a - F, the force of both lambda and mu, in place of the part of lambda alone."""
+    Q_R = ca.densify(found.Q_R + G)
+    R, first = ca.SX(found.R), 0
+    place = 0
+    for particle in found.model.particles:
+        count = 3 * particle.members.count
+        if not particle.is_dependent:
+            R[first : first + count] = Q_R[place : place + count]
+            place += count
+        first += count
+    return dataclasses.replace(found, Q_R=Q_R, R=ca.densify(R))
+
+
+def effective(built: system.System, start: VakonomicStart) -> Floats:
+    """mu of the independent differential rows with the same mu . A at the start, and zero for the others (k,).
+
+    What of a row follows from holonomic ones changes their lambda and nothing else.
+    """
+    s, count = built.holonomic_count, len(built.rows.rows)
+    is_kept = np.isin(np.arange(s, count), start.kept)
+    if not start.mu[~is_kept].any():
+        return np.where(is_kept, start.mu, 0.0)
+    symbols = built.symbols
+    at = ca.Function("rows", [symbols.t, symbols.q, built.p], [ca.densify(built.rows.B)])
+    B = np.array(at(start.t, start.q, system.values(built))).reshape(count, -1)
+    shares = np.linalg.lstsq(B[list(start.kept)].T, B[s:].T @ start.mu, rcond=None)[0]
+    found = np.zeros(count)
+    found[list(start.kept)] = shares
+    return found[s:]
+
+
+def _readable(
+    declared: nouns.Model,
+) -> tuple[tuple[nouns.Output, ...], tuple[nouns.DeclaredEvent, ...], tuple[str, ...]]:
+    """Outputs and events that have a value here, and the names of the others.
+
+    Differential rows have no lambda, and the whole reaction of a Cartesian particle is no output here.
+    """
+    without = {law.members.base for law in declared.differential}
+    gone: dict[str, None] = {}
+    outputs, events = [], []
+    for output in declared.outputs:
+        if _reads(output.expression, without, gone):
+            gone[output.members.base] = None
+        else:
+            outputs.append(output)
+    for event in declared.events:
+        if _reads(event.when, without, gone):
+            gone[event.name] = None
+        else:
+            events.append(event)
+    return tuple(outputs), tuple(events), tuple(gone)
+
+
+def _reads(expression: nouns.Expression, without: set[str], gone: Mapping[str, None]) -> bool:
+    """True if an expression asks for what is not there."""
+    return any(name in gone for name in tree.names(expression.tree)) or any(
+        _asks(call, without) for call in _calls(expression.tree)
+    )
+
+
+def _calls(node: tree.Node) -> Iterator[tree.Call]:
+    return (one for one in tree.walk(node) if isinstance(one, tree.Call))
+
+
+def _asks(call: tree.Call, without: set[str]) -> bool:
+    if call.function == "reaction" and len(call.arguments) == 1:
+        return True
+    if call.function not in ("multiplier", "reaction"):
+        return False
+    return not without.isdisjoint(tree.names(call.arguments[-1]))
+
+
+def table(
+    columns: Sequence[str], declared: nouns.Model, differential: Sequence[rows.Row]
+) -> tuple[list[str], list[int]]:
+    """The columns of the table of the motion and their places in that of the run with further coordinates."""
+    names = [row.name for row in differential]
+    own = {f"lambda.{name}" for name in names}
+    own |= {part for name in names for part in (column(name), f"rate({column(name)})", f"R.{column(name)}")}
+    places = {name: i for i, name in enumerate(columns)}
+    mu = [places[f"rate({column(name)})"] for name in names]
+    kept = [i for i, name in enumerate(columns) if name not in own]
+    first = next(
+        (k for k, i in enumerate(kept) if columns[i].startswith("R.") or columns[i] == "energy"), len(kept)
+    )
+    found = [*kept[:first], *mu, *kept[first:]]
+    at = {i: column(name) for i, name in zip(mu, names, strict=True)}
+    return [at.get(i, columns[i]) for i in found], found
