@@ -119,9 +119,9 @@ def test_failures_hold_no_slip() -> None:
 
 def test_one_linear_equation_is_solved() -> None:
     frame = kernel_frame.of([[sympy.Integer(1), -3 * x]], (x, y), ())
-    straight = matrix_flow.linear(frame, 0)
-    assert straight is not None
-    assert sympy.expand(straight.integrals[0] - x * sympy.exp(-3 * y)) == 0
+    integrals = matrix_flow.linear(frame, 0)
+    assert integrals is not None
+    assert sympy.expand(integrals[0] - x * sympy.exp(-3 * y)) == 0
 
 
 def test_a_number_that_is_not_real_has_no_sample() -> None:

@@ -9,7 +9,7 @@ from sympy import Abs, Matrix, atan2, cos, exp, log, sin, sqrt
 
 from lagcli.pfaffian import form, pfaffian_block
 from lagcli.pfaffian.exact import operations, surface_points, time_limit
-from lagcli.pfaffian.flag import elimination
+from lagcli.pfaffian.flag import elimination, joint
 from lagcli.pfaffian.integrals import first_integrals
 from lagcli.pfaffian.single_form import frobenius, potential
 from tests.helpers import spent
@@ -115,6 +115,10 @@ KNOWN = {
         [w + x * y * z],
     ),
     "time and parameter": (system((x, y, t), [(1, 0, -a), (0, t, y)], (a,)), [x - a * t, t * y]),
+    "a coordinate eliminated": (
+        system((x, y, w), [(1, 0, -cos(w)), (0, 1, -x * y**2)]),
+        [x - sin(w), w * (x - sin(w)) - cos(w) + 1 / y],
+    ),
     "two rods": (
         system(
             (x1, y1, x2, y2, w),
@@ -245,6 +249,18 @@ def test_a_constant_on_one_side_of_a_kink_is_no_integral():
     assert found in ([], [y])
     found, _, _ = searched(system((x, y, z), [(0, Abs(y) + y, 0), (0, 0, 1)]))
     assert all(rank_is(jacobian([e], (x, y, z)).subs(y, -2), 1) for e in found)
+
+
+def test_a_combination_of_the_rows_is_integrated_by_itself():
+    flows = system(
+        (x, y, z, u),
+        [(1, 0, -a * y * cos(z), u * (x - 2 * a * y)), (0, 1, x * cos(z), u * (2 * x + y))],
+        (a,),
+    )
+    found = searched(flows, joint.SEARCH)[0]
+    gradients = jacobian([(x**2 + a * y**2) * exp(u**2), *found], flows.variables)
+    assert len(found) == 1
+    assert rank_is(gradients, 1)
 
 
 def test_dependent_rows_count_once():

@@ -216,6 +216,16 @@ TEXTBOOK = {
     "separable roots": ((x, y), (sqrt(1 - y**2), -sqrt(1 - x**2)), "x*sqrt(1 - y**2) - y*sqrt(1 - x**2)"),
     "symbolic power": ((x, y), (k * y + x**k, -x), "x*exp(-y/x**k)"),
     "factor of z": ((x, y, z), (y, x, -x * y * cos(z) / sin(z) - sin(z) ** 2), "x*y/sin(z) + cos(z)"),
+    "power of z": (
+        (x, y, z),
+        (2 * x, 2 * y, (x**2 + y**2) * z**3 - z**7),
+        "(x**2 + y**2 - z**4 + 4)*exp(z**4/4)",
+    ),
+    "factor of x*y": (
+        (x, y),
+        (y * (1 + x * y + x**2 * y**2), x * (1 - x * y)),
+        "x*(x + 2/y)**3*exp(-2/(x*y))",
+    ),
     "root of z": (
         (x, y, z),
         (2 * x * (z**2 + 1), z**2 + 1, (x**2 + y) * z + sqrt(z**2 + 1)),

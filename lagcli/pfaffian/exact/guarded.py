@@ -23,7 +23,6 @@ _LIBRARIES = ("sympy", "mpmath")
 
 # What was met, or stands in SymPy's files:
 #   solve, integrate, Matrix.exp   NotImplementedError where no algorithm fits (documented)
-#   dsolve                         the same; TypeError from `riccati_inverse_normal` for a Riccati equation with poles
 #   factor_list, Poly, degree,     PolynomialError, PolificationFailed, CoercionFailed, HeuristicGCDFailed
 #   gcd, cancel, rem, groebner     (`BasePolynomialError`); ZeroDivisionError for a denominator that vanishes
 #   subs, powsimp, integrate       TypeError for a comparison with nan or a complex number; AttributeError, IndexError
@@ -79,10 +78,8 @@ def _guarded(function: Callable[P, T]) -> Callable[P, T]:
 
 
 cancel = _guarded(sympy.cancel)
-classify_ode = _guarded(sympy.classify_ode)
 collect = _guarded(sympy.collect)
 degree = _guarded(sympy.degree)
-dsolve = _guarded(sympy.dsolve)
 expand = _guarded(sympy.expand)
 expand_log = _guarded(sympy.expand_log)
 expand_trig = _guarded(sympy.expand_trig)

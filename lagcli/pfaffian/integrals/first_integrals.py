@@ -8,32 +8,28 @@ independent.
 
 from __future__ import annotations
 
-from functools import partial
-
 import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import pfaffian_block as blocks
 from lagcli.pfaffian.exact import guarded, time_limit
 from lagcli.pfaffian.flag import elimination
-from lagcli.pfaffian.integrals import descent, guesses, integral_search
+from lagcli.pfaffian.integrals import guesses, integral_search
 
 Found = integral_search.SearchResult
 
 _WAYS: integral_search.Ways = (
     (guesses.fixed, 40_000),
-    (partial(guesses.polynomials, (1, 2, 3)), 80_000),
+    (guesses.polynomials, 80_000),
     (guesses.products, 80_000),
     (guesses.rational, 40_000),
     (guesses.turned, 60_000),
     (guesses.linear_flow, 80_000),
     (guesses.invariant_surfaces, 60_000),
-    (descent.eliminations, 120_000),
+    (guesses.eliminations, 120_000),
     (guesses.one_form, 120_000),
     (guesses.single_rows, 80_000),
-    (descent.eliminations, 120_000),
-    (descent.reductions, 120_000),
-    (partial(guesses.polynomials, (4,)), 40_000),
+    (guesses.eliminations, 120_000),
 )
 """Ways of searching, cheap ones first, and the operations that each may take."""
 

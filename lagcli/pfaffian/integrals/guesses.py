@@ -1,4 +1,4 @@
-"""Proposals for first integrals: combinations of known functions, single forms, linear equations."""
+"""Proposals for first integrals: combinations of known functions, single forms, linear equations, fewer coordinates."""
 
 from __future__ import annotations
 
@@ -7,35 +7,36 @@ from collections.abc import Sequence
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import zero_test
+from lagcli.pfaffian import pfaffian_block as blocks
+from lagcli.pfaffian.exact import guarded, zero_test
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import combinations, darboux, matrix_flow
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.integrals.integral_search import IntegralSearch, Proposals, SearchResult
-from lagcli.pfaffian.single_form import frobenius, integrating_factors, tidy_integral
+from lagcli.pfaffian.single_form import frobenius, integrating_factors, potential, tidy_integral
 
 MAX_RECIPROCALS = 8
 
 
-def fixed(quest: IntegralSearch, slot: float) -> Proposals:
+def fixed(quest: IntegralSearch) -> Proposals:
     """As many forms as variables: all of them stay constant."""
     if not quest.frame.free:
         yield from (SearchResult(x, "as a coordinate that cannot change") for x in quest.frame.variables)
 
 
-def one_form(quest: IntegralSearch, slot: float) -> Proposals:
+def one_form(quest: IntegralSearch) -> Proposals:
     """A system of one form."""
     if len(quest.frame.pivots) == 1 and not quest.block.surface:
         row = next(r for r in quest.block.rows if any(a != 0 for a in r))
         form = forms.Form("row", quest.block.variables, row, quest.block.parameters)
-        verdict = frobenius.classify(form, slot)
+        verdict = frobenius.classify(form, quest.deadline)
         if verdict.integral is not None:
             yield SearchResult(verdict.integral, "by an integrating factor")
 
 
-def polynomials(degrees: tuple[int, ...], quest: IntegralSearch, slot: float) -> Proposals:
+def polynomials(quest: IntegralSearch) -> Proposals:
     """Sums of products of the variables and functions that occur in the frame, with constant coefficients."""
-    yield from monomials(quest, quest.alphabet(), degrees)
+    yield from monomials(quest, quest.alphabet(), (1, 2, 3))
 
 
 def monomials(quest: IntegralSearch, letters: combinations.Alphabet, degrees: Sequence[int]) -> Proposals:
@@ -56,7 +57,7 @@ def monomials(quest: IntegralSearch, letters: combinations.Alphabet, degrees: Se
                 known.take(slopes)
 
 
-def turned(quest: IntegralSearch, slot: float) -> Proposals:
+def turned(quest: IntegralSearch) -> Proposals:
     """Guesses with the sines and cosines of coordinates that the frame does not depend on, where others have some."""
     occurring = set().union(*(e.free_symbols for e in quest.entries))
     cyclic = [x for x in quest.frame.variables if x not in occurring and x.name != elimination.TIME]
@@ -73,7 +74,7 @@ def turned(quest: IntegralSearch, slot: float) -> Proposals:
     yield from monomials(quest, combinations.Alphabet(*zip(*pairs, strict=True)), (2, 3))
 
 
-def rational(quest: IntegralSearch, slot: float) -> Proposals:
+def rational(quest: IntegralSearch) -> Proposals:
     """Sums of products with the reciprocals of what the frame is divided by."""
     below = darboux.denominator(quest.entries)
     factors_ = darboux.factors([below], quest.frame.variables)
@@ -83,7 +84,7 @@ def rational(quest: IntegralSearch, slot: float) -> Proposals:
     yield from monomials(quest, quest.alphabet(*reciprocals[:MAX_RECIPROCALS]), (1, 2, 3))
 
 
-def products(quest: IntegralSearch, slot: float) -> Proposals:
+def products(quest: IntegralSearch) -> Proposals:
     """Products of powers of invariant surfaces, exponentials, and angles."""
     how = "as a product of powers and exponentials (linear equations for the exponents)"
     frame = quest.frame
@@ -109,7 +110,7 @@ def products(quest: IntegralSearch, slot: float) -> Proposals:
             known.take(slopes)
 
 
-def invariant_surfaces(quest: IntegralSearch, slot: float) -> Proposals:
+def invariant_surfaces(quest: IntegralSearch) -> Proposals:
     """More factors from an inverse multiplier; products of them, and polynomials over them."""
     if quest.block.surface:
         return
@@ -118,14 +119,14 @@ def invariant_surfaces(quest: IntegralSearch, slot: float) -> Proposals:
     for v in found[1:]:
         yield SearchResult(tidy_integral.ratio(v, found[0]), "as a ratio of two inverse multipliers")
     quest.factors = darboux.surfaces_of(found, quest.frame.variables)
-    yield from products(quest, slot)
+    yield from products(quest)
     for q in quest.factors:
         if not q.is_Symbol:
             more = quest.alphabet(1 / q)
             yield from monomials(quest, more, (2, 3))
 
 
-def single_rows(quest: IntegralSearch, slot: float) -> Proposals:
+def single_rows(quest: IntegralSearch) -> Proposals:
     """Combinations of the forms with few differentials, each by itself."""
     if quest.block.surface:
         return
@@ -139,18 +140,67 @@ def single_rows(quest: IntegralSearch, slot: float) -> Proposals:
                 continue
             tried.add(row)
             form = integrating_factors.primitive(forms.Form("row", block.variables, row, block.parameters))
-            if zero_test.vanish(list(form.wedge().values()), slot).truth is not zero_test.Truth.YES:
+            if zero_test.vanish(list(form.wedge().values()), quest.deadline).truth is not zero_test.Truth.YES:
                 continue
-            found = integrating_factors.search(form, slot)
+            found = integrating_factors.search(form, quest.deadline)
             if found is not None:
                 yield SearchResult(found.integral, f"for a combination of the forms {found.how}")
 
 
-def linear_flow(quest: IntegralSearch, slot: float) -> Proposals:
+def linear_flow(quest: IntegralSearch) -> Proposals:
     """One field, with linear equations."""
     how = "as the solution of linear differential equations"
     if quest.block.surface or len(quest.frame.free) != 1:
         return
-    straight = matrix_flow.linear(quest.frame, 0)
-    if straight is not None:
-        yield from (SearchResult(u, how) for u in straight.integrals)
+    yield from (SearchResult(u, how) for u in matrix_flow.linear(quest.frame, 0) or ())
+
+
+def eliminations(quest: IntegralSearch) -> Proposals:
+    """An integral that is known gives a coordinate in terms of the others and of its constant value."""
+    if len(quest.found) == quest.used or quest.block.surface:
+        return
+    quest.used = len(quest.found)
+    block = quest.block
+    values: elimination.Substitutions = {}
+    constants: elimination.Substitutions = {}
+    for n, f in enumerate(quest.found):
+        constant = sympy.Symbol(f"c{len(block.variables)}_{n}_", real=True)
+        found = _solved(f.integral.xreplace(values) - constant, block.variables)
+        if found is None:
+            continue
+        x, value = found
+        values = {y: v.xreplace({x: value}) for y, v in values.items()} | {x: value}
+        constants[constant] = f.integral
+    if not values:
+        return
+    kept = tuple(x for x in block.variables if x not in values)
+    rows = tuple(elimination.pulled_back(block.variables, row, values, kept) for row in block.rows)
+    smaller = blocks.PfaffianBlock(block.names, kept, rows, (*block.parameters, *constants))
+    for each in quest.smaller(smaller):
+        yield SearchResult(
+            each.integral.xreplace(constants),
+            f"by eliminating a coordinate with another integral, {each.how}",
+        )
+
+
+def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Symbol, sympy.Expr] | None:
+    """(x, value) with f = 0 where x = value; linear equations first."""
+    held = [x for x in variables if x in f.free_symbols and x.name != elimination.TIME]
+    ways = []
+    for x in held:
+        slope = forms.partial(f, x)
+        if x not in slope.free_symbols:
+            ways.append(
+                (slope.count_ops(), str(x), x, tidy_integral.ratio(guarded.expand(slope * x - f), slope))
+            )
+    if ways:
+        return min(ways, key=lambda w: w[:2])[2:]
+    for x in held:
+        try:
+            roots = guarded.solve(f, x, simplify=False, check=False)
+        except guarded.SympyFailure:
+            continue
+        good = [r for r in roots if potential.writable(r)]
+        if good:
+            return x, good[-1]
+    return None

@@ -29,8 +29,7 @@ class SearchResult:
 
 
 Proposals = Iterator[SearchResult]
-Strategy = Callable[["IntegralSearch", float], Proposals]
-"""Takes the search and its deadline."""
+Strategy = Callable[["IntegralSearch"], Proposals]
 Ways = Sequence[tuple[Strategy, int]]
 """Strategies, cheap ones first, and the operations that each may take."""
 
@@ -61,7 +60,7 @@ class IntegralSearch:
     def __init__(
         self, block: blocks.PfaffianBlock, ways: Ways, deadline: float, wanted: int | None = None
     ) -> None:
-        self.block, self._ways, self._deadline, self._wanted = block, ways, deadline, wanted
+        self.block, self._ways, self.deadline, self._wanted = block, ways, deadline, wanted
         self.found: list[SearchResult] = []
         self._whole: list[sympy.Expr] = []
         self.factors: list[sympy.Expr] = []
@@ -72,17 +71,17 @@ class IntegralSearch:
 
         Raises `time_limit.TimeUpError` and `time_limit.FAILURES`.
         """
-        time_limit.run(self._deadline, self._prepare)
+        time_limit.run(self.deadline, self._prepare)
         for strategy, budget in self._ways:
             if self.is_complete:
                 return
-            time_limit.check(self._deadline)
+            time_limit.check(self.deadline)
             with contextlib.suppress(*time_limit.NO_ANSWER):
-                time_limit.run(self._deadline, partial(self._take, strategy, self._deadline), budget)
+                time_limit.run(self.deadline, partial(self._take, strategy), budget)
 
-    def smaller(self, block: blocks.PfaffianBlock, slot: float) -> list[SearchResult]:
+    def smaller(self, block: blocks.PfaffianBlock) -> list[SearchResult]:
         """The findings of this search for another block."""
-        return pursued(block, self._ways, slot)
+        return pursued(block, self._ways, self.deadline)
 
     def _prepare(self) -> None:
         block = self.block
@@ -91,10 +90,10 @@ class IntegralSearch:
         rows = [*gradients, *block.rows]
         self.frame = frames.of(rows, block.variables, block.parameters, time)
         self.entries = [e for row in self.frame.solved for e in row]
-        if not frames.belongs(self.frame, rows, self._deadline, block.surface):
+        if not frames.belongs(self.frame, rows, self.deadline, block.surface):
             raise normal_form.NoNormalFormError("the kernel of the rows is not known")
         for f in block.surface:
-            if self._is_new(f, self._deadline):
+            if self._is_new(f):
                 self._whole.append(f)
 
     @property
@@ -112,35 +111,33 @@ class IntegralSearch:
         constants = sorted(combinations.constants_of(self.frame), key=str) if self.block.surface else []
         return combinations.alphabet(self.entries, self.frame.variables, [*more, *constants])
 
-    def _take(self, strategy: Strategy, slot: float) -> None:
-        for proposal in strategy(self, slot):
-            self.accept(proposal, slot)
+    def _take(self, strategy: Strategy) -> None:
+        for proposal in strategy(self):
+            self._accept(proposal)
             if self.is_complete:
                 return
 
-    def accept(self, proposal: SearchResult, slot: float) -> bool:
-        """True if the proposal, or its tidy form, is proved to be an integral that is new; it is then kept."""
+    def _accept(self, proposal: SearchResult) -> None:
+        """Keep the proposal, or its tidy form, if that is proved to be an integral that is new."""
         phi = proposal.integral
         ways = [phi]
         with contextlib.suppress(*time_limit.FAILURES):
-            ways.insert(0, time_limit.run(slot, lambda: neat(phi, self.frame)))
+            ways.insert(0, time_limit.run(self.deadline, lambda: neat(phi, self.frame)))
         for way in dict.fromkeys(ways):
-            if self.is_integral(way, slot) and self._is_new(way, slot):
-                time_limit.check(
-                    slot
-                )  # what comes after the budget is not found, at whatever moment it is ended
+            if self._is_integral(way) and self._is_new(way):
+                # What comes after the budget is not found, at whatever moment it is ended.
+                time_limit.check(self.deadline)
                 self.found.append(SearchResult(way, proposal.how))
-                return True
-        return False
+                return
 
-    def is_integral(self, phi: sympy.Expr, slot: float) -> bool:
+    def _is_integral(self, phi: sympy.Expr) -> bool:
         """True if X(phi) = 0 is proved for all fields of the frame."""
         if not potential.writable(phi):
             return False
         rates = self.frame.rates(phi)
-        return zero_test.vanish(rates, slot, self.block.surface).truth is zero_test.Truth.YES
+        return zero_test.vanish(rates, self.deadline, self.block.surface).truth is zero_test.Truth.YES
 
-    def _is_new(self, phi: sympy.Expr, slot: float) -> bool:
+    def _is_new(self, phi: sympy.Expr) -> bool:
         """True if its differential is proved independent of those known, on every side of all kinks."""
         matrix = [
             [forms.partial(f, self.frame.variables[p]) for p in self.frame.pivots]
@@ -148,7 +145,9 @@ class IntegralSearch:
         ]
         if len(matrix) > len(self.frame.pivots):
             return False
-        return all(frames.has_rank(side, len(matrix), slot, self.block.surface) for side in _sides(matrix))
+        return all(
+            frames.has_rank(side, len(matrix), self.deadline, self.block.surface) for side in _sides(matrix)
+        )
 
 
 def _sides(matrix: list[list[sympy.Expr]]) -> list[list[list[sympy.Expr]]]:

@@ -1,12 +1,6 @@
-"""Linear differential equations among the forms: x' = A x + b(s) has the integrals exp(-A s) x - int exp(-A s) b ds.
-
-They straighten the flow of one field of the frame; in them and the remaining variables the system has one
-variable less (A. Mayer, Math. Ann. 5, 1872).
-"""
+"""Linear differential equations among the forms: x' = A x + b(s) has the integrals exp(-A s) x - int exp(-A s) b ds."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import sympy
 
@@ -15,25 +9,10 @@ from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.single_form import potential
 
 
-@dataclass(frozen=True, slots=True)
-class Straight:
-    """Integrals u (C,) of one field, d/dx_s = along free variable `column`, and the pivots (C,) in terms of
-    `letters` (C,) for u and the free variables.
+def linear(frame: frames.KernelFrame, column: int) -> tuple[sympy.Expr, ...] | None:
+    """The integrals (C,) of the field of free variable `column`; None unless its equations are linear with
+    constant matrix.
     """
-
-    column: int
-    integrals: tuple[sympy.Expr, ...]
-    letters: tuple[sympy.Symbol, ...]
-    inverse: tuple[sympy.Expr, ...]
-
-
-def letters(frame: frames.KernelFrame) -> tuple[sympy.Symbol, ...]:
-    """Symbols for C integrals; a system with fewer variables has other ones."""
-    return tuple(sympy.Symbol(f"u{len(frame.variables)}_{n}_", real=True) for n in range(len(frame.pivots)))
-
-
-def linear(frame: frames.KernelFrame, column: int) -> Straight | None:
-    """The integrals of the field of free variable `column` where its equations are linear with constant matrix."""
     s = frame.variables[frame.free[column]]
     x = sympy.Matrix([frame.variables[p] for p in frame.pivots])
     speeds = sympy.Matrix([guarded.expand(row[column]) for row in frame.solved])
@@ -44,8 +23,8 @@ def linear(frame: frames.KernelFrame, column: int) -> Straight | None:
     b = (speeds - A * x).applyfunc(guarded.expand)
     if any(e.free_symbols & set(x) for e in b):
         return None
-    back, forth = _exponential(A, -s), _exponential(A, s)
-    if back is None or forth is None:
+    back = _exponential(A, -s)
+    if back is None:
         return None
     drift = []
     for e in back * b:
@@ -53,12 +32,7 @@ def linear(frame: frames.KernelFrame, column: int) -> Straight | None:
         if found is None:
             return None
         drift.append(found)
-    u_letters = sympy.Matrix(letters(frame))
-    shift = sympy.Matrix(drift)
-    P = _eigenrows(A)
-    u = (P * (back * x - shift)).applyfunc(guarded.expand)
-    inverse = (forth * (guarded.call(P.inv) * u_letters + shift)).applyfunc(guarded.expand)
-    return Straight(column, tuple(u), tuple(u_letters), tuple(inverse))
+    return tuple((_eigenrows(A) * (back * x - sympy.Matrix(drift))).applyfunc(guarded.expand))
 
 
 def _eigenrows(A: sympy.Matrix) -> sympy.Matrix:

@@ -16,7 +16,7 @@ import sympy
 
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
-from lagcli.pfaffian.single_form import ansatz, potential, reduction, tidy_integral
+from lagcli.pfaffian.single_form import ansatz, potential, tidy_integral
 
 Value = TypeVar("Value")
 
@@ -90,23 +90,10 @@ def _proposals(form: forms.Form, deadline: float) -> Iterator[tuple[sympy.Expr, 
                 phi = _attempt(partial(_closed, slim, hint.mu), deadline)
                 if phi is not None:
                     yield phi, how
-    if len(slim.variables) == 2:
-        phi = _attempt(lambda: reduction.ordinary(slim), deadline)
-        if phi is not None:
-            yield phi, "as the general solution of the differential equation it is in two variables"
-    elif len(slim.variables) > 2:
-        phi = _attempt(lambda: reduction.natani(slim, lambda small: _integral(small, deadline)), deadline)
-        if phi is not None:
-            yield phi, "by reduction to two variables (Natani)"
 
 
 def _listed(strategy: "Strategy", form: forms.Form, parts: ansatz.Pieces) -> "list[SingleIntegral | Factor]":
     return list(strategy(form, parts))
-
-
-def _integral(form: forms.Form, deadline: float) -> sympy.Expr | None:
-    found = search(form, deadline)
-    return None if found is None else found.integral
 
 
 def _attempt(work: Callable[[], Value], deadline: float, budget: int = STEP) -> Value | None:
@@ -228,12 +215,6 @@ def _product_factor(form: forms.Form, parts: ansatz.Pieces) -> Hints:
         yield Factor(mu)
 
 
-def _homogeneous(form: forms.Form, parts: ansatz.Pieces) -> Hints:
-    weight = sum((x * a for x, a in zip(form.variables, form.coefficients, strict=True)), sympy.Integer(0))
-    if not _vanishes(weight):
-        yield Factor(1 / guarded.factor(weight))
-
-
 def _one_variable(form: forms.Form, parts: ansatz.Pieces) -> Hints:
     for m in range(len(form.variables)):
         mu = ansatz.factor_with_function(form, parts, m)
@@ -299,7 +280,6 @@ _STRATEGIES: tuple[tuple[Strategy, str], ...] = (
     (_products, "as a product of powers and exponentials (linear equations for the exponents)"),
     (_inverse_polynomial, "with a polynomial inverse integrating factor"),
     (_product_factor, "with a product of powers and exponentials as integrating factor"),
-    (_homogeneous, "with the factor 1/sum(x_k A_k) of homogeneous forms"),
     (_one_variable, "with a factor that holds a function of one variable"),
     (_one_combination, "with a factor that depends on one combination of two variables"),
 )
