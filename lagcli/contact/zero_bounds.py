@@ -5,19 +5,22 @@ p(u) + 16 d u^2 (1 - u)^2: p is the cubic through the values and slopes of both 
 this shape of error, and the doubt d the largest misfit in the piece. Both bounds have degree 4, and a polynomial lies
 within its Bernstein coefficients and has at most as many roots as these change sign (Descartes). Of the five
 coefficients d moves one, that in the middle, by 8 d / 3.
+
+The formulas hold for one function, in floats, and for many, in arrays (k,): of thousands most are told at once, and
+one is looked at for a tenth of what numpy takes for it.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import functools
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
-Numbers = npt.NDArray[np.intp]
+# One function, or many.
+Number = TypeVar("Number", float, Floats)
 
 EPS = float(np.finfo(float).eps)
 # The misfit of a piece that was cut is the doubt about its parts, this many times as large as a kink would leave.
@@ -27,148 +30,120 @@ SAFETY = 4.0
 TRUSTED = 0.1
 # After the first cut, the doubt is this part of what the cubics bend at the least.
 WARY = 0.5
-# A root of a cubic is found to rounding.
-HALVINGS = 52
+# A root of a cubic is looked for in so many steps.
+STEPS = 60
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Sample:
-    """All functions at x: values g (K,) and slopes dg/dx (K,)."""
-
-    x: float
-    g: Floats
-    slope: Floats
+def largest(first: Number, *others: Number | float) -> Number:
+    """The largest of numbers, or of each place of arrays."""
+    if isinstance(first, float):
+        return max(first, *others)
+    return functools.reduce(np.maximum, others, first)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Piece:
-    """A piece of the step between two samples; the functions `rows` (k,) not yet decided on it, and the doubts (k,)."""
-
-    left: Sample
-    right: Sample
-    rows: Numbers
-    doubt: Floats
-
-    @property
-    def width(self) -> float:
-        """Its part of the step."""
-        return self.right.x - self.left.x
-
-    def among(self, kept: Flags) -> Piece:
-        """Some of the rows alone."""
-        return dataclasses.replace(self, rows=self.rows[kept], doubt=self.doubt[kept])
-
-    def ended(self, right: Sample) -> Piece:
-        """Its part left of an inner sample, which told nothing new about the doubt."""
-        return dataclasses.replace(self, right=right)
-
-    def cut(self, inner: Sample, noise: Floats) -> tuple[Piece, Piece]:
-        """Both parts. Their doubt is the misfit (A + B (u - c)) u^2 (1 - u)^2 of the cubic that the sample at c shows.
-
-        noise: rounding of the functions (k,), which is no misfit.
-        """
-        a, b, r = self.left, self.right, self.rows
-        w = self.width
-        c = (inner.x - a.x) / w
-        rise, m0, m1 = b.g[r] - a.g[r], w * a.slope[r], w * b.slope[r]
-        value = a.g[r] + c * m0 + c * c * ((3 * rise - 2 * m0 - m1) + c * (m0 + m1 - 2 * rise))
-        slope = m0 + c * (2 * (3 * rise - 2 * m0 - m1) + 3 * c * (m0 + m1 - 2 * rise))
-        bell = (c * (1 - c)) ** 2
-        misfit = np.abs(inner.g[r] - value) - _rounding(noise, a.g[r], rise, m0, m1)
-        misfit = np.maximum(misfit, 0.0)
-        turn = np.abs(w * inner.slope[r] - slope) - 2 * _rounding(noise, a.g[r], rise, m0, m1)
-        turn = np.maximum(turn, 0.0) + misfit * abs(2 / c - 2 / (1 - c))
-        doubt = SAFETY * (misfit + max(c, 1 - c) * turn) / (16 * bell)
-        return (
-            dataclasses.replace(self, right=inner, doubt=c * doubt),
-            dataclasses.replace(self, left=inner, doubt=(1 - c) * doubt),
-        )
-
-    def wary(self) -> Piece:
-        """The piece with no less doubt than a part of how much the cubics bend: one misfit may be small by chance."""
-        bounds = self.bounds()
-        bend = np.maximum(
-            np.abs(bounds.b0 - 2 * bounds.b1 + bounds.b2), np.abs(bounds.b1 - 2 * bounds.b2 + bounds.b3)
-        )
-        return dataclasses.replace(self, doubt=np.maximum(self.doubt, WARY * bend))
-
-    def bounds(self) -> Bounds:
-        """Bounds of its rows."""
-        a, b, r = self.left, self.right, self.rows
-        third = self.width / 3
-        return Bounds(a.g[r], a.g[r] + third * a.slope[r], b.g[r] - third * b.slope[r], b.g[r], self.doubt)
+def least(first: Number, *others: Number | float) -> Number:
+    """The smallest of numbers, or of each place of arrays."""
+    if isinstance(first, float):
+        return min(first, *others)
+    return functools.reduce(np.minimum, others, first)
 
 
-def _rounding(noise: Floats, *terms: Floats) -> Floats:
-    return np.asarray(3 * noise + 8 * EPS * functools.reduce(np.maximum, (np.abs(term) for term in terms)))
+# The cubic of one or many functions on a piece, by its Bernstein coefficients.
+Cubic = tuple[Number, Number, Number, Number]
+# Values and slopes at the begin and at the end of a piece, its length taken as 1.
+Ends = tuple[Number, Number, Number, Number]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Bounds:
-    """The cubics of k functions by their Bernstein coefficients, each (k,), and the doubts about them."""
+def cubic(ends: Ends[Number]) -> Cubic[Number]:
+    """The cubic with these values and slopes."""
+    begin, begin_slope, end, end_slope = ends
+    return begin, begin + begin_slope / 3, end - end_slope / 3, end
 
-    b0: Floats
-    b1: Floats
-    b2: Floats
-    b3: Floats
-    doubt: Floats
 
-    def _outer(self) -> tuple[Floats, Floats, Floats, Floats]:
-        return self.b0, (self.b0 + 3 * self.b1) / 4, (3 * self.b2 + self.b3) / 4, self.b3
+def bend(b: Cubic[Number]) -> Number:
+    """The bend of a cubic: the larger of two second differences."""
+    return largest(abs(b[0] - 2 * b[1] + b[2]), abs(b[1] - 2 * b[2] + b[3]))
 
-    def extent(self) -> tuple[Floats, Floats]:
-        """Below and above which no function goes; not a number where nothing can be said."""
-        outer, middle, reach = self._outer(), (self.b1 + self.b2) / 2, 8 / 3 * self.doubt
-        low = functools.reduce(np.minimum, (*outer, middle - reach))
-        return low, functools.reduce(np.maximum, (*outer, middle + reach))
 
-    def rounding(self) -> Floats:
-        """Of the coefficients themselves."""
-        return np.asarray(4 * EPS * np.maximum(np.abs(self.b1), np.abs(self.b2)))
+def rounding(b: Cubic[Number]) -> Number:
+    """Of the coefficients themselves."""
+    return 4 * EPS * largest(abs(b[1]), abs(b[2]))
 
-    def turns_once(self, is_up: Flags) -> Flags:
-        """Functions that leave their side, the upper one or the lower one, and do so at one place alone.
 
-        One that begins at zero, rounding on the wrong side of it, is taken to begin on its side.
-        """
-        sign = np.where(is_up, 1.0, -1.0)
-        level = np.minimum(sign * self.b0, 0.0)
-        c0, c1, c3, c4 = (sign * c - level for c in self._outer())
-        middle, reach = sign * (self.b1 + self.b2) / 2 - level, 8 / 3 * self.doubt
-        extent = np.maximum(np.maximum(c0, c1), np.maximum(middle, c3)) - c4
-        once = self.doubt <= TRUSTED * extent
-        for c2 in (middle - reach, middle + reach):
-            signs = np.array([c0 >= 0, c1 > 0, c2 > 0, c3 > 0, c4 > 0])
-            once &= np.count_nonzero(signs[1:] != signs[:-1], axis=0) == 1
-        return once
+def extent(b: Cubic[Number], doubt: Number) -> tuple[Number, Number]:
+    """Below and above which no function goes; not a number where nothing can be said."""
+    b0, b1, b2, b3 = b
+    c1, c3 = (b0 + 3 * b1) / 4, (3 * b2 + b3) / 4
+    middle, reach = (b1 + b2) / 2, 8 / 3 * doubt
+    return least(b0, c1, c3, b3, middle - reach), largest(b0, c1, c3, b3, middle + reach)
 
-    def fall(self, row: int) -> float:
-        """The place in the piece, in [0, 1], at which the cubic of a function that falls to below zero once does so."""
-        b0, b1, b2, b3 = (float(b[row]) for b in (self.b0, self.b1, self.b2, self.b3))
-        level = min(b0, 0.0)
-        low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
-            u = (low + high) / 2
-            v = 1 - u
-            above = v * v * (v * b0 + 3 * u * b1) + u * u * (3 * v * b2 + u * b3) > level
-            low, high = (u, high) if above else (low, u)
-        return (low + high) / 2
 
-    def lowest(self, is_up: Flags) -> float | None:
-        """The place in the piece, in (0, 1), at which the function that comes nearest to leaving its side turns back;
-        None where that cannot be told."""
-        sign = np.where(is_up, 1.0, -1.0)
-        b = [sign * c for c in (self.b0, self.b1, self.b2, self.b3)]
-        low, high = functools.reduce(np.minimum, b), functools.reduce(np.maximum, b)
-        fits = np.flatnonzero(self.doubt <= TRUSTED * (high - low))
-        if not fits.size:
-            return None
-        row = fits[np.argmin(low[fits] / (high - low)[fits])]
-        d0, d1, d2 = (float((b[i + 1] - b[i])[row]) for i in range(3))
-        # The slope is d0 + 2 turn u + bend u^2; it rises at the root that is the lowest place.
-        turn, bend, root = d1 - d0, d0 - 2 * d1 + d2, d1 * d1 - d0 * d2
-        if not root > 0 or (turn <= 0 and bend <= 0):
-            return None
-        root = root**0.5
-        u = -d0 / (turn + root) if turn > 0 else (root - turn) / bend
-        return u if 0 < u < 1 else None
+def doubt(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Number) -> Number:
+    """The misfit (A + B (u - c)) u^2 (1 - u)^2 that value and slope at the part c of the piece, inner, show.
+
+    noise: rounding of the function, which is no misfit. In the parts of the piece the doubt is c times and 1 - c
+    times this.
+    """
+    (g, m0, end, m1), (value, slope) = ends, inner
+    rise = end - g
+    steep, bent = 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
+    value_off = value - (g + c * (m0 + c * (steep + c * bent)))
+    slope_off = slope - (m0 + c * (2 * steep + 3 * c * bent))
+    allowed = 3 * noise + 8 * EPS * largest(abs(g), abs(rise), abs(m0), abs(m1))
+    misfit = largest(abs(value_off) - allowed, 0.0)
+    turn = largest(abs(slope_off) - 2 * allowed, 0.0) + misfit * abs(2 / c - 2 / (1 - c))
+    return SAFETY * (misfit + max(c, 1 - c) * turn) / (16 * (c * (1 - c)) ** 2)
+
+
+def turns_once(b: Cubic[float], doubt: float, is_up: bool) -> bool:
+    """True if a function leaves its side, the upper one or the lower one, and does so at one place alone.
+
+    One that begins at zero, rounding on the wrong side of it, is taken to begin on its side.
+    """
+    b0, b1, b2, b3 = b if is_up else (-b[0], -b[1], -b[2], -b[3])
+    level = min(b0, 0.0)
+    c0, c1, c3, c4 = b0 - level, (b0 + 3 * b1) / 4 - level, (3 * b2 + b3) / 4 - level, b3 - level
+    middle, reach = (b1 + b2) / 2 - level, 8 / 3 * doubt
+    if not doubt <= TRUSTED * (max(c0, c1, middle, c3) - c4):
+        return False
+    outer = (c3 > 0) + 0, (c4 > 0) + 0
+    for c2 in (middle - reach, middle + reach):
+        second, third = c1 > 0, c2 > 0
+        changes = ((c0 >= 0) != second) + (second != third) + (third != outer[0]) + (outer[0] != outer[1])
+        if changes != 1:
+            return False
+    return True
+
+
+def fall(b: Cubic[float]) -> float:
+    """The place in the piece, in [0, 1], at which a cubic that falls to below zero once does so."""
+    b0, b1, b2, b3 = b
+    level = min(b0, 0.0)
+    low, high = 0.0, 1.0
+    u = b0 / (b0 - b3) if 0.0 < b0 < b0 - b3 else 0.5
+    for _ in range(STEPS):
+        v = 1 - u
+        value = v * v * (v * b0 + 3 * u * b1) + u * u * (3 * v * b2 + u * b3) - level
+        low, high = (u, high) if value > 0 else (low, u)
+        slope = 3 * (v * v * (b1 - b0) + 2 * u * v * (b2 - b1) + u * u * (b3 - b2))
+        step = -value / slope if slope < 0 else 2.0
+        if abs(step) <= EPS or high - low <= EPS:
+            break
+        u = u + step if low < u + step < high else (low + high) / 2
+    return u
+
+
+def lowest(b: Cubic[float], doubt: float, is_up: bool) -> float | None:
+    """The place in the piece, in (0, 1), at which the cubic that comes near leaving its side turns back; None where
+    that cannot be told."""
+    b0, b1, b2, b3 = b if is_up else (-b[0], -b[1], -b[2], -b[3])
+    if not doubt <= TRUSTED * (max(b0, b1, b2, b3) - min(b0, b1, b2, b3)):
+        return None
+    d0, d1, d2 = b1 - b0, b2 - b1, b3 - b2
+    # The slope is d0 + 2 turn u + bend u^2; it rises at the root that is the lowest place.
+    turn, bend, root = d1 - d0, d0 - 2 * d1 + d2, d1 * d1 - d0 * d2
+    if not root > 0 or (turn <= 0 and bend <= 0):
+        return None
+    root = root**0.5
+    u = -d0 / (turn + root) if turn > 0 else (root - turn) / bend
+    return u if 0 < u < 1 else None

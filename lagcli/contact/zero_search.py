@@ -1,9 +1,10 @@
 """The first place along a step at which one of many functions crosses zero.
 
-The step is cut into pieces from left to right. A piece is done with a function as soon as bounds (`zero_bounds`) keep
-it on its side; where they say that it leaves its side at one place alone, that place is found by Newton's method
-within the bracket (the slopes are at hand, and it ends with the value itself at rounding); else the piece is cut, for
-those functions alone. Of thousands of functions that stay clear of zero all are done after three evaluations.
+The step is cut into pieces from left to right, for one function after the other. A piece is done as soon as bounds
+(`zero_bounds`) keep the function on its side; where they say that it leaves its side at one place alone, that place is
+found by Newton's method within the bracket (the slopes are at hand, and it ends with the value itself at rounding);
+else the piece is cut. What lies beyond a crossing that is found is no longer looked at. Of thousands of functions those
+that stay clear of zero are done after three evaluations, all at once.
 
 The first cut is at the golden section, which no whole number of waves fits well: a wave as long as the step or
 shorter that has an extreme at both ends has a slope there of 4 pi^2/sqrt(5), 17 times its height, at the least, and
@@ -14,13 +15,17 @@ be seen by any search.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.contact.zero_bounds import EPS, Flags, Floats, Piece, Sample
+from lagcli.contact import zero_bounds
+from lagcli.contact.zero_bounds import EPS, WARY, Cubic, Ends, Floats
 
+Flags = npt.NDArray[np.bool_]
 # x -> values (K,) and slopes dg/dx (K,) of all functions.
 Values = Callable[[float], tuple[Floats, Floats]]
 
@@ -32,6 +37,8 @@ MARGIN, NARROW = 0.1, 8 * EPS
 MOST = 2000
 # Newton's steps for one root; each halves the bracket at the least every other time.
 MOST_STEPS = 130
+# So many functions are looked at one after the other from the start.
+FEW = 8
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -69,13 +76,68 @@ def first_crossing(
     them over zero within this distance after the first cross with it. most: evaluations, after which functions are
     left unresolved. The ends are asked for once each; a caller that knows them hands them out from memory.
     """
-    count = noise.size
-    if not count:
+    if not noise.size:
         return FirstCrossing(None)
     search = _Search(values, np.asarray(noise, dtype=float), most)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        search.begin(np.broadcast_to(direction, count), np.broadcast_to(armed, count))
+        search.begin(direction, armed)
         return search.run(max(together, 4 * EPS))
+
+
+class _Sample(NamedTuple):
+    """All functions at x: values g (K,) and slopes dg/dx (K,)."""
+
+    x: float
+    g: Floats
+    slope: Floats
+
+
+class _Point(NamedTuple):
+    """One function at x."""
+
+    x: float
+    g: float
+    slope: float
+
+
+class _Piece(NamedTuple):
+    """A piece of the step for one function, and the doubt about its cubic there."""
+
+    left: _Point
+    right: _Point
+    doubt: float
+
+    @property
+    def width(self) -> float:
+        """Its part of the step."""
+        return self.right.x - self.left.x
+
+    @property
+    def ends(self) -> Ends[float]:
+        (a, g, slope), (b, end, end_slope) = self.left, self.right
+        return g, (b - a) * slope, end, (b - a) * end_slope
+
+    @property
+    def cubic(self) -> Cubic[float]:
+        return zero_bounds.cubic(self.ends)
+
+    def cut(self, inner: _Point, noise: float) -> list[_Piece]:
+        """Both parts, the right one first."""
+        c = (inner.x - self.left.x) / self.width
+        doubt = zero_bounds.doubt(self.ends, c, (inner.g, self.width * inner.slope), noise)
+        return [_Piece(inner, self.right, (1 - c) * doubt), _Piece(self.left, inner, c * doubt)]
+
+    def wary(self) -> _Piece:
+        """The piece with no less doubt than a part of how much the cubic bends: one misfit may be small by chance."""
+        return _Piece(self.left, self.right, max(self.doubt, WARY * zero_bounds.bend(self.cubic)))
+
+
+class _Unresolved(Exception):
+    """The search is given up beyond a place for a function."""
+
+    def __init__(self, clear: float) -> None:
+        super().__init__(clear)
+        self.clear = clear
 
 
 class _Search:
@@ -84,97 +146,135 @@ class _Search:
     def __init__(self, values: Values, noise: Floats, most: int) -> None:
         self._values, self._most = values, most
         self.noise = noise
-        self.sign = np.ones(noise.size)
+        self.sign: Floats | None = None
         self.evaluations = 0
-        # Whether each function is on its side, at the left end of the piece that is looked at.
+        # Whether each function is on its side at the start, and where those that are not were seen to come there.
         self.up: Flags = np.ones(noise.size, dtype=bool)
+        self.rises: dict[int, float] = {}
         self.start = self.sample(0.0)
 
-    def sample(self, x: float) -> Sample:
+    def sample(self, x: float) -> _Sample:
         self.evaluations += 1
         g, slope = self._values(x)
-        return Sample(float(x), self.sign * g, self.sign * slope)
+        return _Sample(x, g, slope) if self.sign is None else _Sample(x, self.sign * g, self.sign * slope)
 
-    def begin(self, direction: npt.NDArray[np.int_], armed: Flags) -> None:
+    def begin(self, direction: npt.ArrayLike, armed: npt.ArrayLike) -> None:
         """Sides at the start."""
         start = self.start
+        if direction is DOWN and armed is True:
+            self.up = start.g >= -self.noise
+            return
+        direction, armed = np.broadcast_to(direction, start.g.size), np.broadcast_to(armed, start.g.size)
         self.noise = np.where(armed, self.noise, np.maximum(self.noise, 2 * np.abs(start.g)))
         at_zero = np.abs(start.g) <= self.noise
         leaving = np.where(start.slope != 0, np.sign(start.slope), 1.0)
         both = np.where(at_zero, np.where(armed, -leaving, leaving), np.where(start.g > 0, 1.0, -1.0))
         self.sign = np.where(direction == DOWN, 1.0, np.where(direction == UP, -1.0, both))
-        self.start = Sample(0.0, self.sign * start.g, self.sign * start.slope)
+        self.start = _Sample(0.0, self.sign * start.g, self.sign * start.slope)
         spent = ~armed & (direction != BOTH)
         self.up = (self.start.g >= -self.noise) & ~spent
 
     def run(self, together: float) -> FirstCrossing:
-        count = self.noise.size
-        end = self.sample(1.0)
-        piece = Piece(self.start, end, np.arange(count), np.zeros(count))
-        pieces = [part.wary() for part in reversed(piece.cut(self.sample(GOLDEN), self.noise))]
-        found: tuple[int, Sample] | None = None
-        while pieces:
-            piece = self.open_on(pieces.pop())
-            if not piece.rows.size:
+        end, inner = self.sample(1.0), self.sample(GOLDEN)
+        # Nothing beyond `stop` matters: there a function crosses, or it is open what one does.
+        stop = end
+        crossing: int | None = None
+        unresolved: int | None = None
+        for row in self.candidates(inner, end):
+            if not stop.x > 0:
+                break
+            try:
+                found = self.first_of(row, (inner, end), stop)
+            except _Unresolved as error:
+                stop, crossing, unresolved = self.sample(error.clear), None, row
                 continue
-            crossing = self.crossing_in(piece)
-            if crossing is not None:
-                found = crossing
-                rest = piece.ended(found[1]).among(piece.rows != found[0])
-                pieces = [rest] if rest.width > 0 else []
-            elif piece.width > NARROW:
-                if self.evaluations >= self._most:
-                    return self.unresolved(piece)
-                pieces += reversed(piece.cut(self.sample(self.place(piece)), self.noise[piece.rows]))
-        if found is None:
-            ending = self.up & (np.abs(end.g) <= self.noise) & (self.start.g > self.noise)
+            if found is not None:
+                stop, crossing, unresolved = found, row, None
+        if unresolved is not None:
+            return FirstCrossing(None, unresolved=(unresolved,), clear=stop.x, evaluations=self.evaluations)
+        if crossing is None:
+            ending = self.up_at(1.0) & (np.abs(end.g) <= self.noise) & (self.start.g > self.noise)
             return FirstCrossing(None, ending=_numbers(ending), evaluations=self.evaluations)
-        x = found[1].x
-        return FirstCrossing(x, self.near(*found, together), clear=x, evaluations=self.evaluations)
+        rows = self.near(crossing, stop, together)
+        return FirstCrossing(stop.x, rows, clear=stop.x, evaluations=self.evaluations)
 
-    def open_on(self, piece: Piece) -> Piece:
-        """Those functions that may leave their side in a piece in a way not yet known; sides change where they do."""
-        bounds = piece.bounds()
-        low, high = bounds.extent()
-        slack = 2 * self.noise[piece.rows] + bounds.rounding()
-        stays = np.where(self.up[piece.rows], low >= -slack, high <= slack)
-        piece = piece.among(~stays)
-        bounds, up = piece.bounds(), self.up[piece.rows]
-        returns = ~up & (bounds.b3 > self.noise[piece.rows])
-        if piece.width > NARROW:
-            returns &= bounds.turns_once(up)
-        self.up[piece.rows[returns]] = True
-        return piece.among(~returns)
+    def candidates(self, inner: _Sample, end: _Sample) -> list[int]:
+        """The functions that may leave their side, those first that seem to do so first."""
+        rows = np.arange(self.noise.size) if self.noise.size <= FEW else self.open_rows(inner, end)
+        if rows.size < 2:
+            return [int(row) for row in rows]
+        g = [each.g[rows] for each in (self.start, inner, end)]
+        early = GOLDEN * g[0] / (g[0] - g[1])
+        late = GOLDEN + (1 - GOLDEN) * g[1] / (g[1] - g[2])
+        guess = np.where(g[1] < 0, early, np.where(g[2] < 0, late, 1.0))
+        return [int(row) for row in rows[np.argsort(guess, kind="stable")]]
 
-    def crossing_in(self, piece: Piece) -> tuple[int, Sample] | None:
-        """A function that crosses in a piece, before those others of which this is known too or little after, and
-        the place."""
-        bounds, up = piece.bounds(), self.up[piece.rows]
-        crosses = up & (bounds.b3 < -self.noise[piece.rows])
-        if piece.width <= NARROW:
-            return (int(piece.rows[crosses][0]), piece.right) if crosses.any() else None
-        crosses &= bounds.turns_once(up)
-        if not crosses.any():
-            return None
-        first = int(np.argmin(np.where(crosses, bounds.b0 / (bounds.b0 - bounds.b3), np.inf)))
-        guess = piece.left.x + bounds.fall(first) * piece.width
-        row = int(piece.rows[first])
-        return row, self.root(row, piece.left, piece.right, guess)
+    def open_rows(self, inner: _Sample, end: _Sample) -> npt.NDArray[np.intp]:
+        """The functions that are not kept on their side by the first three samples."""
+        start = self.start
+        whole = start.g, start.slope, end.g, end.slope
+        doubt = zero_bounds.doubt(whole, GOLDEN, (inner.g, inner.slope), self.noise)
+        stays = np.ones(self.noise.size, dtype=bool)
+        for left, right in ((start, inner), (inner, end)):
+            part = right.x - left.x
+            cubic = zero_bounds.cubic((left.g, part * left.slope, right.g, part * right.slope))
+            doubts = zero_bounds.largest(part * doubt, WARY * zero_bounds.bend(cubic))
+            low, high = zero_bounds.extent(cubic, doubts)
+            slack = 2 * self.noise + zero_bounds.rounding(cubic)
+            stays &= np.where(self.up, low >= -slack, high <= slack)
+        return np.flatnonzero(~stays)
 
-    def root(self, row: int, left: Sample, right: Sample, x: float) -> Sample:
-        """The one place between two samples at which a function leaves its side: Newton's steps within the bracket
-        from a guess x; it is halved where they are no gain."""
-        level = min(float(left.g[row]), 0.0)
-        if left.g[row] <= 0 and left.slope[row] <= 0:
-            return left
-        low, high, noise = left.x, right.x, self.noise[row]
+    def first_of(self, row: int, samples: tuple[_Sample, _Sample], stop: _Sample) -> _Sample | None:
+        """The first crossing of one function before or at a sample; samples: at the first cut and at the end.
+
+        Raises `_Unresolved`.
+        """
+        noise, up = float(self.noise[row]), bool(self.up[row])
+        left, inner, right = (_of(each, row) for each in (self.start, *samples))
+        pieces = [part.wary() for part in _Piece(left, right, 0.0).cut(inner, noise)]
+        if stop.x < right.x:
+            last = _of(stop, row)
+            pieces = [
+                part if part.right.x <= stop.x else _Piece(part.left, last, part.doubt)
+                for part in pieces
+                if part.left.x < stop.x
+            ]
+        while pieces:
+            piece = pieces.pop()
+            cubic, doubt = piece.cubic, piece.doubt
+            is_known, is_narrow = math.isfinite(sum(cubic) + doubt), piece.width <= NARROW
+            if is_known:
+                low, high = zero_bounds.extent(cubic, doubt)
+                slack = 2 * noise + zero_bounds.rounding(cubic)
+                if low >= -slack if up else high <= slack:
+                    continue
+            if is_narrow or (is_known and zero_bounds.turns_once(cubic, doubt, up)):
+                if not up and cubic[3] > noise:
+                    up, self.rises[row] = True, piece.right.x
+                    continue
+                if up and cubic[3] < -noise:
+                    return self.sample(piece.right.x) if is_narrow else self.root(row, piece)
+            if not is_narrow:
+                if self.evaluations + 1 >= self._most:
+                    raise _Unresolved(piece.left.x)
+                pieces += piece.cut(_of(self.sample(_place(piece, up)), row), noise)
+        return None
+
+    def root(self, row: int, piece: _Piece) -> _Sample:
+        """The one place in a piece at which a function leaves its side: Newton's steps within the bracket from that
+        of its cubic; it is halved where they are no gain."""
+        left, right = piece.left, piece.right
+        level = min(left.g, 0.0)
+        if left.g <= 0 and left.slope <= 0:
+            return self.start if left.x == 0.0 else self.sample(left.x)
+        low, high, noise = left.x, right.x, float(self.noise[row])
+        x = low + zero_bounds.fall(piece.cubic) * (high - low)
         last = before = high - low
-        sample = right
         for _ in range(MOST_STEPS):
             sample = self.sample(x)
             value, slope = float(sample.g[row]) - level, float(sample.slope[row])
             low, high = (x, high) if value > 0 else (low, x)
-            step = -value / slope if slope < 0 else np.inf
+            step = -value / slope if slope < 0 else math.inf
             if abs(step) <= EPS or (abs(value) <= noise and abs(step) > last / 2):
                 break
             if not (low < x + step < high and abs(step) <= before / 2):
@@ -184,22 +284,33 @@ class _Search:
             before, last, x = last, abs(step), x + step
         return sample
 
-    def place(self, piece: Piece) -> float:
-        """The place of a cut: at the lowest place of a function that comes near zero, if that can be told."""
-        u = piece.bounds().lowest(self.up[piece.rows])
-        part = GOLDEN if u is None else min(max(u, MARGIN), 1 - MARGIN)
-        return piece.left.x + part * piece.width
+    def up_at(self, x: float) -> Flags:
+        """The functions on their side at x, before which none crosses."""
+        up = self.up.copy()
+        up[[row for row, place in self.rises.items() if place <= x]] = True
+        return up
 
-    def near(self, row: int, found: Sample, together: float) -> tuple[int, ...]:
+    def near(self, row: int, found: _Sample, together: float) -> tuple[int, ...]:
         """The function that crosses at the place found, and those that do within a distance after it."""
-        near = self.up & (found.slope < -2 * self.noise) & (found.g + together * found.slope <= self.noise)
+        near = (
+            self.up_at(found.x)
+            & (found.slope < -2 * self.noise)
+            & (found.g + together * found.slope <= self.noise)
+        )
         near[row] = True
         return _numbers(near)
 
-    def unresolved(self, piece: Piece) -> FirstCrossing:
-        rows = tuple(int(row) for row in piece.rows)
-        return FirstCrossing(None, unresolved=rows, clear=piece.left.x, evaluations=self.evaluations)
+
+def _of(sample: _Sample, row: int) -> _Point:
+    return _Point(sample.x, float(sample.g[row]), float(sample.slope[row]))
+
+
+def _place(piece: _Piece, is_up: bool) -> float:
+    """The place of a cut: at the lowest place of a function that comes near zero, if that can be told."""
+    u = zero_bounds.lowest(piece.cubic, piece.doubt, is_up)
+    part = GOLDEN if u is None else min(max(u, MARGIN), 1 - MARGIN)
+    return piece.left.x + part * piece.width
 
 
 def _numbers(flags: Flags) -> tuple[int, ...]:
-    return tuple(int(row) for row in np.flatnonzero(flags))
+    return tuple(np.flatnonzero(flags).tolist())

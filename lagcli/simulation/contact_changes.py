@@ -16,6 +16,7 @@ from lagcli.simulation.incident import Incident, Kind
 from lagcli.simulation.run_stop import StepFailure
 from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.singularity_step import SingularStep
+from lagcli.simulation.state_ahead import Ahead
 from lagcli.simulation.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -105,7 +106,7 @@ class ContactChanges:
         if here.near.any():
             self._change(here, None, is_start=True)
 
-    def at(self, hits: tuple[int, ...], ahead: tuple[float, Floats] | None) -> None:
+    def at(self, hits: tuple[int, ...], ahead: Ahead | None) -> None:
         """Change what changes where watched functions cross zero, by the numbers of their rows."""
         run = self._run
         if run.contacts.again > MOST_AGAIN:
@@ -146,7 +147,7 @@ class ContactChanges:
     def _change(
         self,
         here: ContactInstant,
-        ahead: tuple[float, Floats] | None,
+        ahead: Ahead | None,
         is_start: bool = False,
         hits: tuple[int, ...] = (),
     ) -> None:
@@ -156,7 +157,7 @@ class ContactChanges:
         level = after.near & (np.abs(after.speeds) <= after.slow)
         if blow is None and ahead is not None:
             level[[*closed_before, *run.contacts.touching]] = True
-            look = self._instant(*ahead)
+            look = self._instant(ahead.t, ahead.y)
         else:
             look = after
         closed: set[int] = set()

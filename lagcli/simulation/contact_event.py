@@ -15,17 +15,20 @@ import numpy.typing as npt
 
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
-from lagcli.simulation import run_stop
+from lagcli.simulation import run_stop, step_again
 from lagcli.simulation.contact_changes import ContactChanges
 from lagcli.simulation.event import Event
 from lagcli.simulation.incident import Incident
 from lagcli.simulation.run_stop import StepFailure
+from lagcli.simulation.state_ahead import Ahead
 from lagcli.simulation.step_watch import StepWatch
 from lagcli.simulation.stepper import Stepper
 from lagcli.simulation.watch_functions import WatchFunctions
+from lagcli.simulation.watch_kinds import WatchKinds
 from lagcli.simulation.work_integral import COARSE
 
 Floats = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
 # Steps after an incident are at most so many times as long as the time from the one before it: what is watched in a
 # step has the scale of these times.
@@ -34,7 +37,6 @@ LONGER = 16.0
 BEYOND = 1e-5
 # Newton steps for the instant; rounding of a declared function, as a part of its values at the ends of a step.
 REFINED, NOISE = 4, 64 * float(np.finfo(float).eps)
-DIRECTIONS = {"up": zero_search.UP, "down": zero_search.DOWN, "both": zero_search.BOTH}
 
 
 class ContactEvent(Event):
@@ -46,11 +48,13 @@ class ContactEvent(Event):
         self._stepper = stepper
         self._system = stepper.bound.held.integrals.system
         self._changes = ContactChanges(stepper)
+        stepper.found.keeps_stages = True
         self._functions: dict[object, WatchFunctions] = {}
+        self._kinds_of: dict[WatchFunctions, WatchKinds] = {}
         self._watch: StepWatch | None = None
         # Of the step that was found: functions that cross zero at its end, a state beyond it, events within it.
         self._hits: tuple[int, ...] = ()
-        self._ahead: tuple[float, Floats] | None = None
+        self._ahead: Ahead | None = None
         self._within: list[Incident] = []
 
     @classmethod
@@ -91,22 +95,15 @@ class ContactEvent(Event):
                 run.contacts = dataclasses.replace(run.contacts, deepest=watch.deepest)
                 run.account.largest_penetration = watch.deepest
             return
-        if not found.has_dense:
-            run.bound.staged.trigger()
-            run.account.evaluations += run.method.evaluations
-            run.make_dense()
+        run.make_dense()
         self._search(watch, (limit - run.t) / found.taken)
         if not self._hits and limit <= found.reached:
             self._end_series_at(limit)
 
     def _end_series_at(self, t: float) -> None:
         """End the step at a time at which rebounds of a contact come to their end."""
-        run, found = self._stepper, self._stepper.found
-        found.reached, found.taken, found.has_dense, found.work = t, t - run.t, False, None
-        run.bound.h[0] = found.taken
-        run.bound.staged.trigger()
-        run.account.evaluations += run.method.evaluations
-        found.is_jump, found.barrier = True, None
+        step_again.up_to(self._stepper, t)
+        self._stepper.found.is_jump, self._stepper.found.barrier = True, None
 
     def act(self) -> None:
         """See `Event`."""
@@ -134,75 +131,73 @@ class ContactEvent(Event):
             self._watch = StepWatch(self._functions[selection], run)
         return self._watch
 
-    def _numbers(self, watch: StepWatch) -> list[int]:
-        """The numbers of the watched functions: of their rows, and of events after all rows."""
-        C, functions = len(self._system.rows.rows), watch.functions
-        first = C + self._system.contacts.count
-        events = range(first, first + self._system.event_values.numel())
-        return [*(C + j for j in functions.open_), *(C + j for j in functions.closed), *events]
+    def _kinds(self, watch: StepWatch) -> WatchKinds:
+        functions = watch.functions
+        if functions not in self._kinds_of:
+            self._kinds_of[functions] = WatchKinds(self._system, functions.open_, functions.closed)
+        return self._kinds_of[functions]
 
     def _search(self, watch: StepWatch, limit: float) -> None:
         """Find the first incident that ends the step, and the events before it that are recorded."""
-        run, found = self._stepper, self._stepper.found
-        numbers = np.array(self._numbers(watch))
-        first = len(self._system.multiplier_rows)
-        events = self._system.model.events
-        direction = np.full(numbers.size, zero_search.DOWN)
-        records = np.zeros(numbers.size, dtype=bool)
-        for place in np.flatnonzero(numbers >= first):
-            event = events[int(numbers[place]) - first]
-            direction[place] = DIRECTIONS[event.direction]
-            records[place] = event.action == "record"
-        armed = ~np.isin(numbers, run.contacts.unarmed)
+        run, found, kinds = self._stepper, self._stepper.found, self._kinds(watch)
+        places = watch.doubtful()
+        noise = self._noise(watch, kinds)[places]
+        numbers = kinds.numbers[places]
         limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
-        begin, end = watch.inside(0.0)[0], watch.inside(limit)[0]
-        noise = self._noise(watch, numbers, np.maximum(np.abs(begin), np.abs(end)))
+        if not places.size:
+            return
+        if kinds.has_events:
+            begin, end = (np.abs(watch.inside(x)[0][places]) for x in (0.0, limit))
+            is_event = numbers >= kinds.first_event
+            noise[is_event] = NOISE * np.maximum(begin, end)[is_event]
+        turned = kinds.direction[places] if kinds.has_events else zero_search.DOWN
+        unarmed = run.contacts.unarmed
+        armed: npt.NDArray[np.bool_] | bool = ~np.isin(numbers, unarmed) if unarmed else True
         x = 0.0
         while x < limit:
-            crossing = self._crossing(watch, (x, limit), noise, direction, armed)
+            crossing = self._crossing(watch, places, (x, limit), (noise, turned, armed))
             if crossing.x is None:
                 return
             x += crossing.x * (limit - x)
             rows = list(crossing.rows)
-            armed = np.ones(numbers.size, dtype=bool)
-            armed[rows] = False
-            if not records[rows].all():
-                self._end_at(watch, x, rows, numbers)
+            if not kinds.records[places[rows]].all():
+                self._end_at(watch, x, places[rows], kinds)
                 return
-            self._within += [self._event(watch, x, events[int(numbers[i]) - first].name) for i in rows]
+            armed = np.ones(places.size, dtype=bool)
+            armed[rows] = False
+            self._within += [self._event(x, kinds.names[place]) for place in places[rows].tolist()]
 
     def _crossing(
         self,
         watch: StepWatch,
+        places: Places,
         span: tuple[float, float],
-        noise: Floats,
-        direction: npt.ArrayLike,
-        armed: npt.ArrayLike,
+        asked: tuple[Floats, npt.ArrayLike, npt.ArrayLike],
     ) -> FirstCrossing:
+        """The first of some functions to cross; asked: noise, direction and armed as `zero_search` takes them."""
         begin, width = span[0], span[1] - span[0]
 
         def values(u: float) -> tuple[Floats, Floats]:
             w, slope = watch.inside(begin + u * width)
-            return w, slope * width
+            return w[places], slope[places] * width
 
-        crossing = zero_search.first_crossing(values, noise, direction, armed)
+        crossing = zero_search.first_crossing(values, *asked)
         if crossing.unresolved:
             raise StepFailure(self._changes.unresolved(), run_stop.CONTACT)
         return crossing
 
-    def _noise(self, watch: StepWatch, numbers: npt.NDArray[np.int_], largest: Floats) -> Floats:
-        C, K = len(self._system.rows.rows), self._system.contacts.count
-        noise = NOISE * largest
-        contacts = numbers < C + K
-        if K:
-            is_closed = np.isin(numbers - C, watch.functions.closed) & contacts
+    def _noise(self, watch: StepWatch, kinds: WatchKinds) -> Floats:
+        """Of gaps and multipliers that are watched, and room for that of events (W,)."""
+        noise = np.zeros(kinds.numbers.size)
+        if self._system.contacts.count:
             gaps, forces = self._changes.noises()
-            noise[contacts] = np.where(is_closed, forces[(numbers - C) % K], gaps[(numbers - C) % K])[
-                contacts
-            ]
+            functions = watch.functions
+            noise[: len(functions.open_)] = gaps[functions.open_]
+            if functions.closed:
+                noise[len(functions.open_) :][: len(functions.closed)] = forces[functions.closed]
         return noise
 
-    def _event(self, watch: StepWatch, x: float, name: str) -> Incident:
+    def _event(self, x: float, name: str) -> Incident:
         run, rows = self._stepper, self._stepper.rows
         t = float(run.origin + run.t + x * run.found.taken)
         rows.at[0], rows.x[0] = t, x
@@ -210,17 +205,16 @@ class ContactEvent(Event):
         line = self._changes.row_of(rows.line)
         return Incident(t, "event", name, np.zeros(len(self._system.multiplier_rows)), line, line)
 
-    def _end_at(self, watch: StepWatch, x: float, rows: list[int], numbers: npt.NDArray[np.int_]) -> None:
+    def _end_at(self, watch: StepWatch, x: float, rows: Places, kinds: WatchKinds) -> None:
         """End the step where watched functions cross zero."""
         run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
-        taken, beyond = found.taken, min(1.0, x + BEYOND)
-        slope = watch.inside(x)[1] / taken
-        begin, coefficients = bound.y[:, None], run.rows.dense.results[0][:, :, None]
-        ahead = np.asarray(run.method.interpolated(begin, coefficients, np.array([beyond]))).ravel()
-        self._ahead = run.t + beyond * taken, ahead
-        self._hits = tuple(int(n) for n in numbers[rows])
+        taken = found.taken
+        slopes = watch.inside(x)[1][rows] / taken
+        self._ahead = Ahead(run, min(1.0, x + BEYOND))
+        self._hits = tuple(kinds.numbers[rows].tolist())
         found.barrier = None
-        place = rows[int(np.argmax(np.abs(slope[rows])))]
+        steepest = int(np.argmax(np.abs(slopes)))
+        place, slope = int(rows[steepest]), float(slopes[steepest])
         tau, best = float(x) * taken, math.inf
         for _ in range(REFINED):
             reached = run.t + tau
@@ -231,15 +225,12 @@ class ContactEvent(Event):
                 run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
                 self.act()
                 return
-            bound.h[0] = found.taken = reached - run.t
-            found.reached, found.has_dense, found.work = reached, False, None
-            bound.staged.trigger()
-            run.account.evaluations += run.method.evaluations
+            step_again.up_to(run, reached)
             left = float(watch.end(reached)[place])
-            if not abs(left) < best / 2 or slope[place] == 0:
+            if not abs(left) < best / 2 or slope == 0:
                 break
             best = abs(left)
-            correction = left / float(slope[place])
+            correction = left / slope
             if abs(correction) <= 2 * math.ulp(reached) or abs(correction) > 0.1 * tau:
                 break
             tau -= correction

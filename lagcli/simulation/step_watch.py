@@ -10,6 +10,7 @@ from lagcli.simulation.stepper import Stepper
 from lagcli.simulation.watch_functions import WatchFunctions
 
 Floats = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.intp]
 
 
 class StepWatch:
@@ -42,13 +43,16 @@ class StepWatch:
         """The largest -g at the end of a step that was looked at."""
         return self._clear[1]
 
+    def doubtful(self) -> Numbers:
+        """The functions that may have a zero in a step that was looked at."""
+        return np.flatnonzero(~(self._screen.results[0][2:] > 0.0))
+
     def inside(self, x: float) -> tuple[Floats, Floats]:
-        """w and dw/dx at the fraction x of the dense output."""
+        """w and dw/dx at the fraction x of the dense output, in memory that the next call overwrites."""
         self._t[0], self._x[0] = self._run.origin + self._run.t, x
         self._inside.trigger()
         w, slope = self._inside.results
-        # A gap may have no slope at a place, as a distance that is 0 there: what it does beside it counts.
-        return w.copy(), np.where(np.isfinite(slope), slope, 0.0)
+        return w, slope
 
     def begin(self) -> Floats:
         """w where the run stands."""
@@ -57,7 +61,7 @@ class StepWatch:
         return self._begin.results[0].copy()
 
     def end(self, t: float) -> Floats:
-        """w at the end of the step, which is at t."""
+        """w at the end of the step, which is at t, in memory that the next call overwrites."""
         self._t[0] = self._run.origin + t
         self._end.trigger()
-        return self._end.results[0].copy()
+        return self._end.results[0]

@@ -51,7 +51,7 @@ class FoundStep:
     is_jump: its end is an incident, beyond which the state is another;
     is_still: it leads over a switch, where the state stays the same; has_dense: its dense output is made; passage: of
     one across a singular configuration; work: W within it, where its stages were too few for it;
-    barrier: where something jumps, the end of the run.
+    barrier: where something jumps, the end of the run; keeps_stages: all steps do, and not only one that holds rows.
     """
 
     reached: float
@@ -64,6 +64,7 @@ class FoundStep:
     passage: SingularStep | None = None
     work: Work | None = None
     barrier: Jump | None = None
+    keeps_stages: bool = False
 
 
 class Stepper:
@@ -224,7 +225,8 @@ class Stepper:
         bound = self.bound
         bound.h[0], self.found.has_dense = taken, False
         is_witnessed = self.rows.defect is not None
-        (bound.staged if self.row_time < reached or is_witnessed else bound.step).trigger()
+        has_stages = self.found.keeps_stages or self.row_time < reached or is_witnessed
+        (bound.staged if has_stages else bound.step).trigger()
         self.account.evaluations += self.method.evaluations
         scheme_error, moved, hidden, residual, _, _, everything, _ = bound.outcome
         landed, error = residual <= LANDING, max(scheme_error, moved)

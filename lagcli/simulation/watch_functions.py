@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from lagcli.compiled import NumericSystem
 from lagcli.simulation import step_end
 from lagcli.simulation.method import Method
 from lagcli.simulation.step_end import Compiled
 
+LARGEST = float(np.finfo(float).max)
 # Places in a step at which the watched functions are looked at before its dense output is made; those within are no
 # fractions of a period.
 NODES = (0.0, 0.3819660112501051, 0.7071067811865476, 1.0)
@@ -43,18 +45,22 @@ class WatchFunctions:
 
     @cached_property
     def inside(self) -> Compiled:
-        """inside(t, h, x, y, coefficients, p) -> w and dw/dx, (W,) each, at the fraction x of a step from y at t."""
+        """inside(t, h, x, y, coefficients, p) -> w and dw/dx, (W,) each, at the fraction x of a step from y at t.
+
+        A gap may have no slope at a place, as a distance that is 0 there: what it does beside it counts, and it is 0.
+        """
         size, parameters = step_end.sizes_of(self._numeric)
         t, h, x, y = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("x"), ca.MX.sym("y", size)
         coefficients, p = ca.MX.sym("c", size, self._method.dense_rows), ca.MX.sym("p", parameters)
         w = self.watched(t + x * h, self._method.interpolated(y, coefficients, x), p)
         slope = ca.densify(ca.jtimes(w, x, ca.MX(1)))
+        slope = ca.if_else(ca.fabs(slope) <= LARGEST, slope, 0)
         return ca.Function("inside", [t, h, x, y, coefficients, p], [w, slope])
 
     @cached_property
     def screen(self) -> Compiled:
-        """screen(t, h, y, k, new, k_new, p) -> a number above 0 where no watched function can have a zero within the
-        step, and the largest -g at its end.
+        """screen(t, h, y, k, new, k_new, p) -> the smallest of numbers (W,), each above 0 where a watched function can
+        have no zero within the step; the largest -g at its end; and those numbers.
 
         Each is looked at on the quintic curve q through q, v, a at both ends, at the `NODES`. Between two of them it is
         taken for the cubic of its values and slopes, whose control points bound it, less twice of what such cubics over
@@ -91,7 +97,7 @@ class WatchFunctions:
         arguments = [t, h, y, k, new, k_new, p]
         gaps = self._numeric.gaps(t + h, new, p)
         deepest = ca.mmax(-gaps) if gaps.numel() else ca.MX(0)
-        return ca.Function("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest))])
+        return ca.Function("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest, clear))])
 
 
 def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, ca.MX]) -> ca.MX:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.contact import zero_search
+from lagcli.contact import zero_bounds, zero_search
 from lagcli.contact.zero_search import BOTH, DOWN, UP, FirstCrossing
 
 Floats = npt.NDArray[np.float64]
@@ -261,3 +261,16 @@ def test_random_sums_of_waves_against_dense_samples(seed: int, count: int, faste
     g, slope = values(found.x)
     assert np.abs(g[list(found.rows)]).max() <= 1e-13
     assert (slope[list(found.rows)] < 0).all()
+
+
+def test_one_function_in_floats_is_bounded_as_many_in_arrays() -> None:
+    random = np.random.default_rng(3)
+    a, b, c, d, value, slope = random.standard_normal((6, 50))
+    many: zero_bounds.Cubic[Floats] = zero_bounds.cubic((a, b, c, d))
+    doubt: Floats = zero_bounds.doubt((a, b, c, d), 0.3, (value, slope), np.full(50, 1e-15))
+    low, high = zero_bounds.extent(many, doubt)
+    for i in range(50):
+        ends = float(a[i]), float(b[i]), float(c[i]), float(d[i])
+        one: zero_bounds.Cubic[float] = zero_bounds.cubic(ends)
+        assert zero_bounds.doubt(ends, 0.3, (float(value[i]), float(slope[i])), 1e-15) == doubt[i]
+        assert zero_bounds.extent(one, float(doubt[i])) == (low[i], high[i])
