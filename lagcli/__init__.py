@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from lagcli.api.count_dof import dof
     from lagcli.api.derive import derive
     from lagcli.api.find_displacements import displacements
+    from lagcli.api.find_modes import modes
     from lagcli.api.load import load, loads
     from lagcli.api.simulate import simulate
     from lagcli.auditing.audit_report import Audit
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from lagcli.errors.diagnostics import ModelError
     from lagcli.formulations.comparison import Comparison
     from lagcli.input.overrides import OverrideError
+    from lagcli.linearization.linear_modes import Modes
     from lagcli.model.model import Model
     from lagcli.output.trajectory import SimulationStopped, Trajectory
 
@@ -46,6 +48,7 @@ __all__ = [
     "DofCount",
     "Model",
     "ModelError",
+    "Modes",
     "OverrideError",
     "Report",
     "SimulationStopped",
@@ -58,6 +61,7 @@ __all__ = [
     "dof",
     "load",
     "loads",
+    "modes",
     "simulate",
 ]
 
@@ -69,6 +73,7 @@ _CLASSES = {
     "DofCount": "analysis.dof",
     "Model": "model.model",
     "ModelError": "errors.diagnostics",
+    "Modes": "linearization.linear_modes",
     "OverrideError": "input.overrides",
     "Report": "analysis.check_report",
     "SimulationStopped": "output.trajectory",
@@ -84,6 +89,7 @@ _FUNCTIONS = {
     "dof": "count_dof",
     "load": "load",
     "loads": "load",
+    "modes": "find_modes",
     "simulate": "simulate",
 }
 

@@ -32,6 +32,7 @@ from lagcli.errors import diagnostics
 from lagcli.model import settings
 
 if TYPE_CHECKING:
+    from lagcli.api import find_modes
     from lagcli.model import model as nouns
 
 app = typer.Typer(
@@ -377,6 +378,40 @@ def displacements(
 
     read = _reported(lambda: _load(model, changes), as_json)
     _reported(lambda: displacing.run(read, at, assemble, as_json, quiet), as_json)
+
+
+@app.command(short_help="Small oscillations: frequencies, shapes, stability.")
+@exits.command
+def modes(
+    model: ModelArgument,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of the shapes: png, svg, pdf")
+    ] = None,
+    animate: Annotated[
+        str | None, typer.Option("--animate", metavar="FILE", help="not built yet: refused", hidden=True)
+    ] = None,
+    assemble: AssembleOption = False,
+    limit: LimitOption = settings.LIMIT,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Linearize about the start, if that is an equilibrium or a steady motion, else about the nearest equilibrium, and
+    print frequencies, shapes and whether it is stable.
+
+    Exit 4 where there is no equilibrium to be found.
+    """
+    from lagcli.cli import modes_command, preflight
+
+    options = preflight.ModesOptions(plot, animate, as_json, quiet)
+    options.require(model)
+    read = _reported(lambda: _load(model, changes), as_json)
+    if verbose:
+        exits.say_all(warning.render() for warning in read.warnings)
+    given: find_modes.ModesSettings = {"assemble": True if assemble else None, "limit": limit}
+    _reported(lambda: modes_command.run(read, given, options), as_json)
 
 
 @app.command(short_help="Print the equations of motion.")

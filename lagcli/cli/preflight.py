@@ -183,6 +183,29 @@ class CompareOptions:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class ModesOptions:
+    """Options of `modes` besides its settings; `animate`: the file of a page that is refused."""
+
+    plot: str | None
+    animate: str | None
+    as_json: bool
+    quiet: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done for this MODEL."""
+        if self.animate is not None:
+            raise exits.UsageError(
+                "--animate needs the pages of `animate`, which is not built yet; --plot draws shapes"
+            )
+        require_models([model])
+        if self.plot is not None:
+            _require_ending(self.plot, endings.FIGURES)
+            _require_writable(
+                file_conflicts.model(model), [file_conflicts.File("--plot", self.plot, is_written=True)]
+            )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class AuditOptions:
     """Options of `audit` besides the settings of the run; `has_rows`: --duration or --samples is given."""
 

@@ -21,7 +21,17 @@ FLOORS = (
     ("equations",),
     ("compiled", "linear"),
     ("contact", "start"),
-    ("pfaffian", "simulation", "statics", "analysis", "auditing", "output", "formulations", "derivation"),
+    (
+        "pfaffian",
+        "simulation",
+        "statics",
+        "analysis",
+        "auditing",
+        "linearization",
+        "output",
+        "formulations",
+        "derivation",
+    ),
     ("api",),
     ("cli", "__main__"),
 )
@@ -36,6 +46,7 @@ DOORS = {
         "lagcli.output.figures.loop_figure",
         "lagcli.output.figures.audit_figure",
         "lagcli.output.figures.principles_figure",
+        "lagcli.output.figures.modes_figure",
     ),
     "orjson": ("lagcli.output.tables.float_text",),
     "pyarrow": ("lagcli.output.tables.parquet_table", "lagcli.output.tables.read_table"),
@@ -53,6 +64,8 @@ DOORS = {
         "lagcli.formulations.vakonomic.vakonomic_system",
         "lagcli.analysis.displacements.displacement_set",
         "lagcli.analysis.displacements.internal_forces",
+        "lagcli.linearization.linearized",
+        "lagcli.linearization.verdict",
         "lagcli.simulation.dop853",
         "lagcli.simulation.jump_curve",
         "lagcli.simulation.line_functions",
@@ -62,7 +75,7 @@ DOORS = {
         "lagcli.statics.static_laws",
         "lagcli.statics.static_problem",
     ),
-    "scipy": ("lagcli.contact.",),
+    "scipy": ("lagcli.contact.", "lagcli.linearization."),
 }
 
 LINES, PARAMETERS = 70, 6

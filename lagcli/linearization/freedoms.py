@@ -1,0 +1,136 @@
+"""What the rows leave free, and the linear equations in it.
+
+With Z a basis of ker B, dq = Z x, and N one of ker A Z:  x' = N w - G x,  G = (A Z)^+ D Z,  and Z^T (M dq'' + C dq' +
+K dq) = 0 along N. Z is orthonormal in the metric of M, and N in the plain one, so that N^T Z^T M Z N = 1.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.linearization.linearized import Linear
+
+Floats = npt.NDArray[np.float64]
+
+# Singular values of rows of length one that are smaller are none.
+DEPENDENT = 1e-9
+# Rows that are dependent, and their rates: what is left of them, as a part of their size.
+HIDDEN = 1e-8
+
+
+class HiddenConditionError(Exception):
+    """Differential rows that are dependent there hold the deviations of positions to more than they say."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Freedoms:
+    """The linear equations in free coordinates x (m,) and speeds w (k,): x' = N w - G x and
+
+        w' = -K_N x - C_N x',    K_N = N^T K, C_N = N^T (C - G)
+
+    Z (n, m): dq = Z x; the first `cyclic` of x occur nowhere: their columns in K and G are exactly zero.
+    """
+
+    Z: Floats
+    N: Floats
+    G: Floats
+    K: Floats
+    C: Floats
+    cyclic: int
+
+    @property
+    def is_holonomic(self) -> bool:
+        """True if no differential row is left."""
+        return bool(self.N.shape[0] == self.N.shape[1])
+
+    @property
+    def state_count(self) -> int:
+        """The number of eigenvalues, m + k."""
+        return sum(self.N.shape)
+
+    def state_matrix(self) -> tuple[Floats, float]:
+        """The matrix of (x, w / rate) without the cyclic x, and that rate, a size of eigenvalues."""
+        N, G, c = self.N, self.G, self.cyclic
+        along = N.T @ (self.C - G) if G.size else N.T @ self.C
+        stiffness = N.T @ self.K - along @ G
+        damping = along @ N
+        size = max(float(np.sqrt(np.linalg.norm(stiffness, 2))) if stiffness.size else 0.0, 0.0)
+        rate = max(size, float(np.linalg.norm(damping, 2)) if damping.size else 0.0) or 1.0
+        top = np.hstack([-G[c:, c:], rate * N[c:]])
+        return np.vstack([top, np.hstack([-stiffness[:, c:] / rate, -damping])]), rate
+
+    def shapes(
+        self, values: npt.NDArray[np.complex128], states: npt.NDArray[np.complex128]
+    ) -> npt.NDArray[np.complex128]:
+        """dq (n, j) of eigenvectors (., j) of `state_matrix` with their values, none of which is zero."""
+        c, (m, _) = self.cyclic, self.N.shape
+        x, w = states[: m - c], states[m - c :]
+        _, rate = self.state_matrix()
+        missing = (rate * self.N[:c] @ w - self.G[:c, c:] @ x) / values if c else np.zeros((0, x.shape[1]))
+        return np.asarray(self.Z @ np.vstack([missing, x]))
+
+
+def freedoms(linear: Linear) -> Freedoms:
+    """The free coordinates of linear equations. Raises `numpy.linalg.LinAlgError` where M is not positive definite,
+    `HiddenConditionError`."""
+    M, C, K, B, A, D = (
+        part.toarray() for part in (linear.M, linear.C, linear.K, linear.B, linear.A, linear.D)
+    )
+    L = np.linalg.cholesky((M + M.T) / 2)
+    # In y = L^T dq the metric is the plain one.
+    white = np.linalg.solve(L, B.T).T
+    first = _cyclic_basis(linear.cyclic, B, L)
+    rest = null_basis(np.vstack([unit(white), first.T]))
+    Z = np.linalg.solve(L.T, np.hstack([first, rest]))
+    c = first.shape[1]
+    K_Z, C_Z, A_Z, D_Z = Z.T @ K @ Z, Z.T @ C @ Z, A @ Z, D @ Z
+    K_Z[:, :c] = 0.0
+    D_Z[:, :c] = 0.0
+    lengths = np.linalg.norm(np.linalg.solve(L, A.T), axis=0)
+    lengths[lengths == 0] = 1.0
+    A_Z, D_Z = A_Z / lengths[:, None], D_Z / lengths[:, None]
+    N, G = _differential(A_Z, D_Z)
+    return Freedoms(Z, N, G, K_Z, C_Z, c)
+
+
+def _differential(A: Floats, D: Floats) -> tuple[Floats, Floats]:
+    """N (m, k), the kernel of A (d, m), and G = A^+ D."""
+    m = A.shape[1]
+    if not A.shape[0]:
+        return np.eye(m), np.zeros((m, m))
+    U, sigma, Vt = np.linalg.svd(A)
+    r = int((sigma > DEPENDENT).sum())
+    left = U[:, r:].T @ D
+    if np.abs(left).max(initial=0.0) > HIDDEN * np.abs(D).max(initial=0.0):
+        raise HiddenConditionError
+    G = Vt[:r].T @ ((U[:, :r].T @ D) / sigma[:r, None])
+    # Without rows that hold it, a basis of its own would only turn the coordinates.
+    return (np.eye(m) if r == 0 else Vt[r:].T), G
+
+
+def _cyclic_basis(cyclic: npt.NDArray[np.bool_], B: Floats, L: Floats) -> Floats:
+    """An orthonormal basis (n, c) of L^T dq for the dq of cyclic coordinates alone that B leaves free."""
+    places = np.flatnonzero(cyclic)
+    if not places.size:
+        return np.zeros((L.shape[0], 0))
+    free = null_basis(unit(B[:, places]))
+    basis, _ = np.linalg.qr(L.T[:, places] @ free)
+    return np.asarray(basis)
+
+
+def unit(rows: Floats) -> Floats:
+    """Rows (k, n) with length one; those that vanish are left out."""
+    lengths = np.linalg.norm(rows, axis=1)
+    kept = lengths > 0
+    return np.asarray(rows[kept] / lengths[kept, None])
+
+
+def null_basis(rows: Floats) -> Floats:
+    """An orthonormal basis (n, n - rank) of the kernel of rows (k, n) of length one."""
+    if not rows.shape[0]:
+        return np.eye(rows.shape[1])
+    _, sigma, Vt = np.linalg.svd(rows)
+    return np.asarray(Vt[int((sigma > DEPENDENT).sum()) :].T)

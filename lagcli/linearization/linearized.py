@@ -1,0 +1,154 @@
+"""The linear equations of small deviations, with the matrices by exact differentiation.
+
+M dq'' + C dq' + K dq = B^T dlambda, rows B dq = 0 (whole coordinates) and A dq' + D dq = 0 (differential rows). With
+h the forces and inertial terms of (D.24)
+
+    K = d(M a - h - B^T lambda)/dq,    C = d(M a - h)/dv,    D = d(A v + b)/dq
+
+at constant a and lambda, so that what the reference loads (prestress) is in K.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations import level_functions, system
+from lagcli.equations.system import System
+from lagcli.model.invariant import FirstIntegral
+
+if TYPE_CHECKING:
+    from scipy import sparse
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """An instant of the motion that is looked at: t, q, v, a (n,), lam (C + K,) of all rows and contacts, p."""
+
+    t: float
+    q: Floats
+    v: Floats
+    a: Floats
+    lam: Floats
+    p: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """M, C, K (n, n), B (h, n) with B dq = 0, A, D (d, n) with A dq' + D dq = 0, sparse; `residual` (n,) is
+    M a - h - B^T lambda, `load` (n,) the sizes of its terms; cyclic (n,): coordinates that occur nowhere in them."""
+
+    M: sparse.csc_array
+    C: sparse.csc_array
+    K: sparse.csc_array
+    B: sparse.csc_array
+    A: sparse.csc_array
+    D: sparse.csc_array
+    residual: Floats
+    load: Floats
+    cyclic: npt.NDArray[np.bool_]
+
+    @property
+    def values(self) -> Floats:
+        """All entries in one column, for two of them to be compared."""
+        parts = (self.M, self.C, self.K, self.B, self.A, self.D)
+        return np.concatenate([part.data for part in parts])
+
+
+class LinearizedFunctions:
+    """The matrices of one system as functions of a reference.
+
+    closed: the contacts that count as rows, by their numbers among contacts; integrals: of differential rows, whose
+    leaf through the reference counts as rows of whole coordinates.
+    """
+
+    def __init__(
+        self, built: System, closed: Sequence[int] = (), integrals: Sequence[FirstIntegral] = ()
+    ) -> None:
+        s, C = built.symbols, len(built.rows.rows)
+        q, v, a = s.q, s.v, built.a
+        numbers = list(closed)
+        G = built.contacts.G[numbers, :]
+        loaded = [*range(C), *(C + j for j in numbers)]
+        every = ca.sparsify(ca.vertcat(built.rows.B, G))
+        reaction = system.reaction(every, built.lam[loaded]) if loaded else ca.SX.zeros(q.numel())
+        M, h = built.dynamics.M, built.dynamics.h
+        inertial = ca.densify(M @ a) - h
+        residual = inertial - reaction
+        whole = built.holonomic_count
+        A, b = built.rows.B[whole:, :], built.rows.b[whole:, :]
+        rates = ca.densify(A @ v) + b
+        K, damping, D = ca.jacobian(residual, q), ca.jacobian(inertial, v), ca.jacobian(rates, q)
+        B = ca.sparsify(ca.vertcat(built.rows.B[:whole, :], G))
+        self.system, self.closed = built, tuple(numbers)
+        self._charts = [
+            _chart_slopes(built, level_functions.charts(built, each.charts).charts) for each in integrals
+        ]
+        self._inputs = [s.t, q, v, a, built.lam, built.p]
+        load = ca.fabs(ca.densify(M @ a)) + ca.fabs(h) + ca.fabs(reaction)
+        self._at = ca.Function(
+            "linearized", self._inputs, [M, damping, K, B, A, D, ca.densify(residual), load]
+        )
+        occurring = {int(j) for part in (K, D) for j in part.sparsity().get_col()}
+        self.cyclic = np.array([j not in occurring for j in range(int(q.numel()))], dtype=bool)
+        self.forces = ca.Function("forces", self._inputs, [M, ca.densify(h), every, ca.densify(rates)])
+
+    def at(self, here: Reference) -> Linear:
+        """The matrices at a reference."""
+        found = self._at(here.t, here.q, here.v, here.a, here.lam, here.p)
+        M, C, K, B, A, D = (_sparse(part) for part in found[:6])
+        leaves = [_leaf(each(here.t, here.q, here.p)) for each in self._charts]
+        if leaves:
+            from scipy import sparse
+
+            B = sparse.csc_array(sparse.vstack([B, *leaves]))
+        residual, load = (np.array(part).ravel() for part in found[6:])
+        return Linear(M, C, K, B, A, D, residual, load, self.cyclic)
+
+    def acceleration(self, here: Reference) -> Floats:
+        """a (n,) of M a = h + B^T lambda with the lambda of a reference."""
+        from scipy.sparse import linalg
+
+        residual = self._at(here.t, here.q, here.v, np.zeros_like(here.v), here.lam, here.p)
+        M = _sparse(residual[0])
+        return np.asarray(linalg.spsolve(M, -np.array(residual[6]).ravel())).reshape(-1)
+
+
+def _chart_slopes(built: System, charts: Sequence[level_functions.LevelExpression]) -> ca.Function:
+    """The gradients of the ratios above/below of the charts of one integral, one row each."""
+    q = built.symbols.q
+    rows = []
+    for chart in charts:
+        above, below = (ca.jacobian(part, q) for part in (chart.above, chart.below))
+        rows.append(
+            ca.densify(above if chart.period is not None else above * chart.below - chart.above * below)
+        )
+    return ca.Function("leaf", [built.symbols.t, q, built.p], [ca.vertcat(*rows)])
+
+
+def _leaf(slopes: Any) -> sparse.csc_array:
+    """The first gradient that is finite and does not vanish, (1, n); no row where there is none."""
+    from scipy import sparse
+
+    every = np.array(slopes)
+    for row in every:
+        if np.isfinite(row).all() and np.abs(row).max(initial=0.0) > 0:
+            return sparse.csc_array(row[None] / np.linalg.norm(row))
+    return sparse.csc_array((0, every.shape[1]))
+
+
+def _sparse(matrix: ca.DM) -> sparse.csc_array:
+    """A CasADi matrix of numbers as one of SciPy, with its structural entries kept."""
+    from scipy import sparse
+
+    pattern = matrix.sparsity()
+    return sparse.csc_array(
+        (np.array(matrix.nonzeros(), dtype=float), pattern.row(), pattern.colind()), shape=matrix.shape
+    )

@@ -1,0 +1,126 @@
+"""Eigenvalues and shapes of small deviations, all of them, by dense algebra.
+
+Where energy is kept and nothing turns, w^2 are eigenvalues of a symmetric matrix; where a gyroscopic term is added to
+a minimum, i w are those of a skew one. Both are imaginary whatever rounding does. Else the eigenvalues are those of
+the state matrix, less its zeros; a real part that rounding may have made is taken as none.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.linearization import zero_chains
+from lagcli.linearization.freedoms import Freedoms
+
+Floats = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+# A matrix is symmetric or skew where this part of it is not.
+ASYMMETRY = 1e-11
+# The rounding of an eigenvalue is no more than this part of the largest, however ill-conditioned it is.
+MOST_ROUNDING = 1e-7
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Spectrum:
+    """Eigenvalues other than zero (k,) with the deviations dq (n, k) that belong to them, of each conjugate pair both;
+    zeros: how many eigenvalues are zero; still (n, j): deviations that belong to them; freedoms: m, those of
+    positions; is_definite: whether the quadratic form of K is positive; is_conservative: whether K is symmetric, C
+    skew and all rows are of whole coordinates."""
+
+    values: Complex
+    shapes: Complex
+    zeros: int
+    still: Floats
+    freedoms: int
+    is_definite: bool
+    is_conservative: bool
+
+
+def spectrum(free: Freedoms) -> Spectrum:
+    """All eigenvalues of linear equations."""
+    c = free.cyclic
+    K, C = free.K[c:, c:], free.C
+    is_symmetric = _near(free.K - free.K.T, free.K)
+    is_skew = _near(C + C.T, C, _size(K) ** 0.5)
+    is_conservative = free.is_holonomic and is_symmetric and is_skew
+    squares = np.linalg.eigvalsh((K + K.T) / 2) if K.size else np.zeros(0)
+    least = zero_chains.floor(len(K)) * float(np.abs(squares).max(initial=0.0))
+    is_definite = not c and bool((squares > least).all())
+    if is_conservative and _size(C) <= ASYMMETRY * _size(K) ** 0.5:
+        values, shapes, still = _at_rest(free)
+    elif is_conservative and is_definite:
+        values, shapes = _turning(free)
+        still = np.zeros((len(free.Z), 0))
+    else:
+        values, shapes, still = _general(free)
+    return Spectrum(
+        values,
+        shapes,
+        free.state_count - values.size,
+        still,
+        free.N.shape[0],
+        is_definite,
+        is_conservative,
+    )
+
+
+def _at_rest(free: Freedoms) -> tuple[Complex, Complex, Floats]:
+    """Of K x = w^2 x."""
+    c = free.cyclic
+    K = free.K[c:, c:]
+    squares, modes = np.linalg.eigh((K + K.T) / 2)
+    least = zero_chains.floor(len(K)) * float(np.abs(squares).max(initial=0.0))
+    moving = np.abs(squares) > least
+    roots = np.sqrt(-squares[moving].astype(complex))
+    own = free.Z[:, c:] @ modes
+    shapes = own[:, moving].astype(complex)
+    still = np.hstack([free.Z[:, :c], own[:, ~moving]])
+    return np.concatenate([roots, -roots]), np.hstack([shapes, shapes]), still
+
+
+def _turning(free: Freedoms) -> tuple[Complex, Complex]:
+    """Of x'' + C x' + K x = 0 with C skew and K positive: in (K^(1/2) x, x') the matrix is skew."""
+    squares, modes = np.linalg.eigh((free.K + free.K.T) / 2)
+    root = modes * np.sqrt(squares) @ modes.T
+    m = len(root)
+    skew = np.block([[np.zeros((m, m)), root], [-root, -(free.C - free.C.T) / 2]])
+    # i S is Hermitian: S y = i w y with -w an eigenvalue of it.
+    negative, states = np.linalg.eigh(1j * skew)
+    x = np.linalg.solve(root, states[:m])
+    return -1j * negative, np.asarray(free.Z @ x)
+
+
+def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
+    """Of the state matrix."""
+    from scipy import linalg
+
+    S, _ = free.state_matrix()
+    found = zero_chains.deflate(S)
+    values, left, right = linalg.eig(found.rest, left=True, right=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        condition = 1 / np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    scale = float(np.linalg.norm(found.rest, 2)) if found.rest.size else 0.0
+    blur = scale * np.fmin(zero_chains.floor(len(S)) * condition, MOST_ROUNDING)
+    blur = np.where(np.isfinite(blur), blur, scale * MOST_ROUNDING)
+    values = np.where(np.abs(values.real) <= blur, 1j * values.imag, values)
+    values = np.where(np.abs(values.imag) <= 0, values.real + 0j, values)
+    shapes = free.shapes(values, found.whole(values, right)) if values.size else _nothing(free)
+    c, m = free.cyclic, free.N.shape[0]
+    still = np.hstack([free.Z[:, :c], free.Z[:, c:] @ found.null[: m - c]])
+    return values, shapes, still
+
+
+def _nothing(free: Freedoms) -> Complex:
+    return np.zeros((len(free.Z), 0), dtype=complex)
+
+
+def _size(matrix: Floats) -> float:
+    return float(np.linalg.norm(matrix, 2)) if matrix.size else 0.0
+
+
+def _near(difference: Floats, matrix: Floats, beside: float = 0.0) -> bool:
+    return _size(difference) <= ASYMMETRY * max(_size(matrix), beside)

@@ -1,0 +1,66 @@
+"""What the linear equations say of stability, and what they cannot.
+
+Two theorems decide for the nonlinear motion: Lyapunov's first method (all eigenvalues left of the imaginary axis, or
+one right of it) and that of Lagrange and Dirichlet (a strict minimum of an energy that is kept). Nothing else does.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations.system import System
+from lagcli.linearization.linearized import Reference
+from lagcli.linearization.spectrum import Spectrum
+
+Floats = npt.NDArray[np.float64]
+
+# Multipliers of differential rows that are none, as a part of the largest force.
+UNLOADED = 1e-9
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Verdict:
+    """Stable or not, or None where the linear equations do not decide; growth: the largest real part."""
+
+    stable: bool | None
+    growth: float
+    reason: str
+
+
+def verdict(built: System, here: Reference, found: Spectrum, is_equilibrium: bool) -> Verdict:
+    """The verdict on a reference motion whose linear equations do not depend on t."""
+    growth = (
+        float(found.values.real.max(initial=0.0 if found.zeros else -np.inf)) if found.values.size else 0.0
+    )
+    if growth > 0:
+        return Verdict(False, growth, f"small deviations grow as exp({growth:.6g} t)")
+    if not found.zeros and growth < 0:
+        return Verdict(
+            True, growth, f"all small deviations die away, the slowest as exp({growth:.6g} t) (Lyapunov)"
+        )
+    if is_equilibrium and found.is_definite and found.is_conservative and keeps_energy(built):
+        return Verdict(True, 0.0, "the potential has a strict minimum there (Lagrange and Dirichlet)")
+    return Verdict(None, 0.0, _undecided(found))
+
+
+def _undecided(found: Spectrum) -> str:
+    if found.zeros:
+        kinds = f"{found.zeros} eigenvalues are zero" if found.zeros > 1 else "one eigenvalue is zero"
+        return f"{kinds}: along some deviations nothing brings back or drives away, and terms left out decide"
+    if found.is_conservative and not found.is_definite:
+        return (
+            "all eigenvalues are imaginary without a minimum of the potential: gyroscopic terms hold it, and terms"
+            " left out decide"
+        )
+    return "some eigenvalues are imaginary and none is to the right: terms left out decide"
+
+
+def keeps_energy(built: System) -> bool:
+    """True if the forces have a potential as they are written, and neither they nor the rows know the time."""
+    d, rows = built.dynamics, built.rows
+    whole = ca.vertcat(ca.densify(d.jacobi), ca.densify(rows.b), ca.densify(rows.f))
+    return bool(ca.densify(d.driving).is_zero()) and not bool(ca.depends_on(whole, built.symbols.t))
