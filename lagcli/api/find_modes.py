@@ -53,23 +53,49 @@ def modes(
 
     model = as_model(model)
     seconds = run_settings.seconds(limit)
-    chosen = run_settings.chosen(model, {"assemble": assemble, "duration": 0.0, "samples": 2})
-    duration = model.simulation.duration
-    model = dataclasses.replace(model, simulation=chosen)
+    model = dataclasses.replace(model, simulation=run_settings.chosen(model, {"assemble": assemble}))
+    duration = model.simulation.duration or 1.0
     here, closed = _start(model)
     ready = cache.compiled(model)
     functions = _functions(ready, closed, seconds)
-    found = reference.classified(functions, ready.numeric, here, duration or 1.0)
-    if found is None or found.kind == "varying":
-        raise NoEquilibriumError("the start is no equilibrium and no steady motion")
-    return assembled_modes.modes(functions, found, _notes(ready, found, closed))
+    found = reference.classified(functions, ready.numeric, here, duration)
+    if found is not None and found.kind != "varying":
+        return assembled_modes.modes(functions, found, _notes(ready, found, closed))
+    here, closed = _nearest(ready)
+    functions = _functions(ready, closed, seconds)
+    there = reference.at_rest(functions, ready.numeric, here, duration)
+    if there.kind == "varying":
+        raise NoEquilibriumError("the linear equations about the nearest equilibrium depend on t")
+    told = (
+        "about the nearest equilibrium, for the start is none and no steady motion",
+        *_contacts(ready, closed),
+    )
+    return assembled_modes.modes(functions, there, told)
+
+
+def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:
+    """The point of rest that the start leads to, and the contacts that press there. Raises `NoEquilibriumError`."""
+    from lagcli.api import rest_point
+    from lagcli.linearization.linearized import Reference
+    from lagcli.statics.refine import NoEquilibrium
+
+    point = rest_point.nearest(ready)
+    if isinstance(point, NoEquilibrium):
+        raise NoEquilibriumError(
+            "the start is no equilibrium and no steady motion, and no equilibrium is found from it: the forces that"
+            f" are left are {point.residual:.3g} of their size at best"
+        )
+    start, rows = initial.declared(ready.system), len(ready.system.rows.rows)
+    nothing = np.zeros_like(point.q)
+    here = Reference(start.t, point.q, nothing, nothing, point.lam, start.p)
+    return here, tuple(j for j in point.closed if point.lam[rows + j] > 0)
 
 
 def _start(model: Model) -> tuple[Reference, tuple[int, ...]]:
     """The state at the start with its multipliers, and the contacts that press there."""
     from lagcli.linearization.linearized import Reference
 
-    run = simulate(model)
+    run = simulate(model, duration=0.0, samples=2)
     built = cache.compiled(model).system
     (t,), (q,), (v,) = table_columns.States(model, run.columns)(run.rows[:1])
     lam = np.array([run[f"lambda.{row.name}"][0] for row in built.multiplier_rows])
@@ -93,8 +119,11 @@ def _notes(ready: CompiledModel, found: Steady, closed: tuple[int, ...]) -> tupl
         "equilibrium": "about the declared start, an equilibrium",
         "steady": "about the declared start, an instant of a steady motion",
     }
-    told = [where[found.kind]]
-    if closed:
-        names = ", ".join(f"`{ready.system.contacts.rows[j].name}`" for j in closed)
-        told.append(f"contacts that press count as rows: {names}")
-    return tuple(told)
+    return (where[found.kind], *_contacts(ready, closed))
+
+
+def _contacts(ready: CompiledModel, closed: tuple[int, ...]) -> tuple[str, ...]:
+    if not closed:
+        return ()
+    names = ", ".join(f"`{ready.system.contacts.rows[j].name}`" for j in closed)
+    return (f"contacts that press count as rows: {names}",)

@@ -17,7 +17,7 @@ def modes(functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...])
     built = functions.system
     free = _free(built, found)
     every = spectrum.spectrum(free)
-    judged = verdict.verdict(built, found.here, every, found.kind == "equilibrium")
+    judged = verdict.verdict(functions, found.here, every, found.kind == "equilibrium")
     values = ordered_modes.eigenvalues(every)
     return Modes(
         "equilibrium" if found.kind == "equilibrium" else "steady",
@@ -38,7 +38,7 @@ def modes(functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...])
 
 def _free(built: System, found: Steady) -> freedoms.Freedoms:
     try:
-        return freedoms.freedoms(found.linear)
+        return freedoms.freedoms(found.linear, found.here.q)
     except freedoms.HiddenConditionError:
         row = built.rows.rows[built.holonomic_count]
         message = (

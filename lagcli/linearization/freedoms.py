@@ -19,6 +19,8 @@ Floats = npt.NDArray[np.float64]
 DEPENDENT = 1e-9
 # Rows that are dependent, and their rates: what is left of them, as a part of their size.
 HIDDEN = 1e-8
+# Of the forces, in what is left of them: a change by this part over the whole configuration is none.
+ROUNDING = 2e-13
 
 
 class HiddenConditionError(Exception):
@@ -31,7 +33,8 @@ class Freedoms:
 
         w' = -K_N x - C_N x',    K_N = N^T K, C_N = N^T (C - G)
 
-    Z (n, m): dq = Z x; the first `cyclic` of x occur nowhere: their columns in K and G are exactly zero.
+    Z (n, m): dq = Z x; the first `cyclic` of x occur nowhere: their columns in K and G are exactly zero. noise: squares
+    of frequencies that rounding of the forces makes.
     """
 
     Z: Floats
@@ -40,6 +43,7 @@ class Freedoms:
     K: Floats
     C: Floats
     cyclic: int
+    noise: float
 
     @property
     def is_holonomic(self) -> bool:
@@ -73,9 +77,8 @@ class Freedoms:
         return np.asarray(self.Z @ np.vstack([missing, x]))
 
 
-def freedoms(linear: Linear) -> Freedoms:
-    """The free coordinates of linear equations. Raises `numpy.linalg.LinAlgError` where M is not positive definite,
-    `HiddenConditionError`."""
+def freedoms(linear: Linear, q: Floats) -> Freedoms:
+    """The free coordinates of linear equations at q (n,). Raises `HiddenConditionError`."""
     M, C, K, B, A, D = (
         part.toarray() for part in (linear.M, linear.C, linear.K, linear.B, linear.A, linear.D)
     )
@@ -93,7 +96,11 @@ def freedoms(linear: Linear) -> Freedoms:
     lengths[lengths == 0] = 1.0
     A_Z, D_Z = A_Z / lengths[:, None], D_Z / lengths[:, None]
     N, G = _differential(A_Z, D_Z)
-    return Freedoms(Z, N, G, K_Z, C_Z, c)
+    size = float(np.linalg.norm(L.T @ q))
+    noise = ROUNDING * float(np.linalg.norm(np.linalg.solve(L, linear.load))) / size if size else 0.0
+    if np.abs(K_Z).max(initial=0.0) <= noise:
+        K_Z[:] = 0.0
+    return Freedoms(Z, N, G, K_Z, C_Z, c, noise)
 
 
 def _differential(A: Floats, D: Floats) -> tuple[Floats, Floats]:

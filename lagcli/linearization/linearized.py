@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
+# Points at which a function is looked at, how far they are spread, and what is zero of one.
+POINTS, SPREAD, KEPT = 4, 0.1, 1e-11
+
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Reference:
@@ -98,7 +101,10 @@ class LinearizedFunctions:
         )
         occurring = {int(j) for part in (K, D) for j in part.sparsity().get_col()}
         self.cyclic = np.array([j not in occurring for j in range(int(q.numel()))], dtype=bool)
-        self.forces = ca.Function("forces", self._inputs, [M, ca.densify(h), every, ca.densify(rates)])
+        d = built.dynamics
+        moving = ca.vertcat(ca.densify(built.rows.b), ca.jacobian(built.rows.f, s.t))
+        powers = [d.power, d.driving, ca.densify(moving), h]
+        self._powers = ca.Function("powers", [s.t, q, v, built.p], [ca.densify(part) for part in powers])
 
     def at(self, here: Reference) -> Linear:
         """The matrices at a reference."""
@@ -111,6 +117,26 @@ class LinearizedFunctions:
             B = sparse.csc_array(sparse.vstack([B, *leaves]))
         residual, load = (np.array(part).ravel() for part in found[6:])
         return Linear(M, C, K, B, A, D, residual, load, self.cyclic)
+
+    def keeps_energy(self, here: Reference) -> bool:
+        """True if the forces have a potential as they are written, and no force, place or row knows the time.
+
+        What is zero as a function is so at points around that lie in no order.
+        """
+        random = np.random.default_rng(3)
+        size = float(np.abs(here.q).max(initial=0.0)) or 1.0
+        for _ in range(POINTS):
+            t, q = (
+                here.t + random.standard_normal(),
+                here.q + SPREAD * size * random.standard_normal(here.q.size),
+            )
+            v = random.standard_normal(here.q.size)
+            power, driving, moving, h = (np.array(part).ravel() for part in self._powers(t, q, v, here.p))
+            if driving.any() or np.abs(moving).max(initial=0.0) > KEPT:
+                return False
+            if not abs(power[0]) <= KEPT * float(np.abs(h) @ np.abs(v)):
+                return False
+        return True
 
     def acceleration(self, here: Reference) -> Floats:
         """a (n,) of M a = h + B^T lambda with the lambda of a reference."""

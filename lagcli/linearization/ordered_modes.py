@@ -11,7 +11,7 @@ Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 # Entries of a shape that are this small are none; those this near to the largest are as large.
-NOTHING, EQUAL = 1e-11, 1e-9
+NOTHING, EQUAL, ROUNDED = 1e-11, 1e-9, 1e-13
 # Frequencies that differ by this part belong to one space of shapes.
 TOGETHER = 1e-9
 
@@ -87,5 +87,5 @@ def normalized(row: Complex) -> Complex:
         return row
     row = row / row[int(np.argmax(size >= (1 - EQUAL) * size.max()))]
     real, imag = (np.where(np.abs(part) <= NOTHING, 0.0, part) for part in (row.real, row.imag))
-    real = np.where(np.abs(np.abs(real) - 1) <= 1e-14, np.sign(real), real)
+    real, imag = (np.where(np.abs(np.abs(x) - 1) <= ROUNDED, np.sign(x), x) for x in (real, imag))
     return np.asarray(real + 1j * imag)

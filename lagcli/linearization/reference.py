@@ -63,6 +63,18 @@ def classified(
     return _lasting(functions, numeric, Steady("steady", here, functions.at(here)), duration)
 
 
+def at_rest(
+    functions: LinearizedFunctions, numeric: NumericSystem, here: Reference, duration: float
+) -> Steady:
+    """A point of rest that was found, `varying` where its linear equations depend on t."""
+    found = Steady("equilibrium", here, functions.at(here))
+    if not numeric.has_time:
+        return found
+    later = (functions.at(moved(here, part * duration)).values for part in PLACES)
+    same = all(_is_same(found.linear.values, values) for values in later)
+    return found if same else dataclasses.replace(found, kind="varying")
+
+
 def _without_rounding(functions: LinearizedFunctions, here: Reference) -> Floats:
     """The accelerations of a reference, 0 where its forces balance each other."""
     still = dataclasses.replace(here, a=np.zeros_like(here.q))

@@ -48,7 +48,7 @@ def spectrum(free: Freedoms) -> Spectrum:
     is_skew = _near(C + C.T, C, _size(K) ** 0.5)
     is_conservative = free.is_holonomic and is_symmetric and is_skew
     squares = np.linalg.eigvalsh((K + K.T) / 2) if K.size else np.zeros(0)
-    least = zero_chains.floor(len(K)) * float(np.abs(squares).max(initial=0.0))
+    least = max(zero_chains.floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
     is_definite = not c and bool((squares > least).all())
     if is_conservative and _size(C) <= ASYMMETRY * _size(K) ** 0.5:
         values, shapes, still = _at_rest(free)
@@ -73,7 +73,7 @@ def _at_rest(free: Freedoms) -> tuple[Complex, Complex, Floats]:
     c = free.cyclic
     K = free.K[c:, c:]
     squares, modes = np.linalg.eigh((K + K.T) / 2)
-    least = zero_chains.floor(len(K)) * float(np.abs(squares).max(initial=0.0))
+    least = max(zero_chains.floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
     moving = np.abs(squares) > least
     roots = np.sqrt(-squares[moving].astype(complex))
     own = free.Z[:, c:] @ modes
@@ -98,8 +98,8 @@ def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
     """Of the state matrix."""
     from scipy import linalg
 
-    S, _ = free.state_matrix()
-    found = zero_chains.deflate(S)
+    S, rate = free.state_matrix()
+    found = zero_chains.deflate(S, free.noise / rate)
     values, left, right = linalg.eig(found.rest, left=True, right=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = 1 / np.abs(np.einsum("ij,ij->j", left.conj(), right))

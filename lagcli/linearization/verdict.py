@@ -8,18 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations.system import System
-from lagcli.linearization.linearized import Reference
+from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.spectrum import Spectrum
 
 Floats = npt.NDArray[np.float64]
-
-# Multipliers of differential rows that are none, as a part of the largest force.
-UNLOADED = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -31,7 +26,9 @@ class Verdict:
     reason: str
 
 
-def verdict(built: System, here: Reference, found: Spectrum, is_equilibrium: bool) -> Verdict:
+def verdict(
+    functions: LinearizedFunctions, here: Reference, found: Spectrum, is_equilibrium: bool
+) -> Verdict:
     """The verdict on a reference motion whose linear equations do not depend on t."""
     growth = (
         float(found.values.real.max(initial=0.0 if found.zeros else -np.inf)) if found.values.size else 0.0
@@ -42,7 +39,7 @@ def verdict(built: System, here: Reference, found: Spectrum, is_equilibrium: boo
         return Verdict(
             True, growth, f"all small deviations die away, the slowest as exp({growth:.6g} t) (Lyapunov)"
         )
-    if is_equilibrium and found.is_definite and found.is_conservative and keeps_energy(built):
+    if is_equilibrium and found.is_definite and found.is_conservative and functions.keeps_energy(here):
         return Verdict(True, 0.0, "the potential has a strict minimum there (Lagrange and Dirichlet)")
     return Verdict(None, 0.0, _undecided(found))
 
@@ -57,10 +54,3 @@ def _undecided(found: Spectrum) -> str:
             " left out decide"
         )
     return "some eigenvalues are imaginary and none is to the right: terms left out decide"
-
-
-def keeps_energy(built: System) -> bool:
-    """True if the forces have a potential as they are written, and neither they nor the rows know the time."""
-    d, rows = built.dynamics, built.rows
-    whole = ca.vertcat(ca.densify(d.jacobi), ca.densify(rows.b), ca.densify(rows.f))
-    return bool(ca.densify(d.driving).is_zero()) and not bool(ca.depends_on(whole, built.symbols.t))

@@ -39,13 +39,13 @@ def floor(n: int) -> float:
     return ROUNDINGS * EPS * max(n, 8)
 
 
-def deflate(S: Floats) -> Deflated:
-    """S (n, n) without its zero eigenvalues."""
+def deflate(S: Floats, noise: float = 0.0) -> Deflated:
+    """S (n, n) without its zero eigenvalues; noise: singular values that are none."""
     rest, steps, found, into = S, [], [], np.eye(len(S))
-    scale = float(np.linalg.norm(S, 2)) if S.size else 0.0
+    least = max(floor(len(S)) * float(np.linalg.norm(S, 2)), noise) if S.size else 0.0
     while len(rest):
         _, sigma, Vt = np.linalg.svd(rest)
-        nullity = int((sigma <= floor(len(S)) * scale).sum())
+        nullity = int((sigma <= least).sum())
         if not nullity:
             break
         null, others = Vt[len(rest) - nullity :].T, Vt[: len(rest) - nullity].T

@@ -65,7 +65,6 @@ DOORS = {
         "lagcli.analysis.displacements.displacement_set",
         "lagcli.analysis.displacements.internal_forces",
         "lagcli.linearization.linearized",
-        "lagcli.linearization.verdict",
         "lagcli.simulation.dop853",
         "lagcli.simulation.jump_curve",
         "lagcli.simulation.line_functions",
