@@ -114,7 +114,7 @@ def _functions(ready: CompiledModel, closed: tuple[int, ...], limit: float) -> L
 
 
 def _notes(ready: CompiledModel, found: Steady, closed: tuple[int, ...]) -> tuple[str, ...]:
-    """What was linearized about, in sentences."""
+    """Sentences on the motion that was linearized about."""
     where = {
         "equilibrium": "about the declared start, an equilibrium",
         "steady": "about the declared start, an instant of a steady motion",

@@ -5,6 +5,6 @@ Out: `linear_modes.Modes`: eigenvalues, frequencies, shapes, and a verdict on st
 
 `linearized` differentiates the equations at the reference, `reference` says what kind of motion it is, `freedoms`
 takes the rows out with a basis of what they leave free, `zero_chains` takes out zero eigenvalues by rank, `spectrum`
-finds the others, `lowest` the lowest of large systems, `floquet` the multipliers of a periodic motion, `verdict` what
+finds the others, `lowest` the lowest of large systems, `floquet` the multipliers of a periodic motion, `stability` what
 all this says of stability.
 """

@@ -6,7 +6,7 @@ import numpy as np
 
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.linearization import freedoms, ordered_modes, spectrum, verdict
+from lagcli.linearization import freedoms, ordered_modes, spectrum, stability
 from lagcli.linearization.linear_modes import Modes
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.reference import Steady
@@ -17,7 +17,7 @@ def modes(functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...])
     built = functions.system
     free = _free(built, found)
     every = spectrum.spectrum(free)
-    judged = verdict.verdict(functions, found.here, every, found.kind == "equilibrium")
+    judged = stability.verdict(functions, found.here, every, found.kind == "equilibrium")
     values = ordered_modes.eigenvalues(every)
     return Modes(
         "equilibrium" if found.kind == "equilibrium" else "steady",

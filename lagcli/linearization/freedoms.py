@@ -1,4 +1,4 @@
-"""What the rows leave free, and the linear equations in it.
+"""The freedoms that rows leave, and the linear equations in them.
 
 With Z a basis of ker B, dq = Z x, and N one of ker A Z:  x' = N w - G x,  G = (A Z)^+ D Z,  and Z^T (M dq'' + C dq' +
 K dq) = 0 along N. Z is orthonormal in the metric of M, and N in the plain one, so that N^T Z^T M Z N = 1.

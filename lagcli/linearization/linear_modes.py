@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -54,7 +54,7 @@ class Modes:
             return f"<Modes: frequencies {lowest}{more}; {verdict}>"
         return f"<Modes: {self.eigenvalues.size} eigenvalues, growth {self.growth:.6g}; {verdict}>"
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, object]:
         """The object of `modes --json`."""
         return {
             "about": self.about,

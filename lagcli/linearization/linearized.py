@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -159,7 +159,7 @@ def _chart_slopes(built: System, charts: Sequence[level_functions.LevelExpressio
     return ca.Function("leaf", [built.symbols.t, q, built.p], [ca.vertcat(*rows)])
 
 
-def _leaf(slopes: Any) -> sparse.csc_array:
+def _leaf(slopes: ca.DM) -> sparse.csc_array:
     """The first gradient that is finite and does not vanish, (1, n); no row where there is none."""
     from scipy import sparse
 

@@ -1,4 +1,4 @@
-"""What kind of motion a start belongs to: rest, a steady motion, or neither.
+"""The kind of motion that a start belongs to: rest, a steady motion, or neither.
 
 A steady motion here is q + v s + a s^2 / 2 with constant v + a s, a and lambda, along which the linear equations stay
 the same. That it is one is looked at over the duration of the run.

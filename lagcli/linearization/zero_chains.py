@@ -17,7 +17,7 @@ EPS = float(np.finfo(float).eps)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Deflated:
+class WithoutZeros:
     """S x = 0 for x in `null` (n, k), bases of the generalized null space; `rest` (m, m) has the other eigenvalues,
     in the orthonormal basis `others` (n, m); `coupling` (k, m): S others = others rest + null coupling, step by step
     in `steps`."""
@@ -39,7 +39,7 @@ def floor(n: int) -> float:
     return ROUNDINGS * EPS * max(n, 8)
 
 
-def deflate(S: Floats, noise: float = 0.0) -> Deflated:
+def deflate(S: Floats, noise: float = 0.0) -> WithoutZeros:
     """S (n, n) without its zero eigenvalues; noise: singular values that are none."""
     rest, steps, found, into = S, [], [], np.eye(len(S))
     least = max(floor(len(S)) * float(np.linalg.norm(S, 2)), noise) if S.size else 0.0
@@ -54,4 +54,4 @@ def deflate(S: Floats, noise: float = 0.0) -> Deflated:
         into = into @ others
         rest = others.T @ rest @ others
     null_space = np.hstack(found) if found else np.zeros((len(S), 0))
-    return Deflated(null_space.shape[1], null_space, rest, tuple(steps))
+    return WithoutZeros(null_space.shape[1], null_space, rest, tuple(steps))

@@ -1,4 +1,4 @@
-"""What the linear equations say of stability, and what they cannot.
+"""The verdict of linear equations on stability, as far as it goes.
 
 Two theorems decide for the nonlinear motion: Lyapunov's first method (all eigenvalues left of the imaginary axis, or
 one right of it) and that of Lagrange and Dirichlet (a strict minimum of an energy that is kept). Nothing else does.
@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Verdict:
+class StabilityVerdict:
     """Stable or not, or None where the linear equations do not decide; growth: the largest real part."""
 
     stable: bool | None
@@ -28,20 +28,22 @@ class Verdict:
 
 def verdict(
     functions: LinearizedFunctions, here: Reference, found: Spectrum, is_equilibrium: bool
-) -> Verdict:
+) -> StabilityVerdict:
     """The verdict on a reference motion whose linear equations do not depend on t."""
     growth = (
         float(found.values.real.max(initial=0.0 if found.zeros else -np.inf)) if found.values.size else 0.0
     )
     if growth > 0:
-        return Verdict(False, growth, f"small deviations grow as exp({growth:.6g} t)")
+        return StabilityVerdict(False, growth, f"small deviations grow as exp({growth:.6g} t)")
     if not found.zeros and growth < 0:
-        return Verdict(
+        return StabilityVerdict(
             True, growth, f"all small deviations die away, the slowest as exp({growth:.6g} t) (Lyapunov)"
         )
     if is_equilibrium and found.is_definite and found.is_conservative and functions.keeps_energy(here):
-        return Verdict(True, 0.0, "the potential has a strict minimum there (Lagrange and Dirichlet)")
-    return Verdict(None, 0.0, _undecided(found))
+        return StabilityVerdict(
+            True, 0.0, "the potential has a strict minimum there (Lagrange and Dirichlet)"
+        )
+    return StabilityVerdict(None, 0.0, _undecided(found))
 
 
 def _undecided(found: Spectrum) -> str:
