@@ -18,7 +18,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from lagcli.compiled import contact_values, output_row, solvers
+from lagcli.compiled import contact_values, gap_floors, output_row, solvers
 from lagcli.compiled import parts as shared
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.factored import Factored
@@ -168,6 +168,11 @@ class NumericSystem:
     def gaps(self) -> ca.Function:
         """gaps(t, y, p) -> g (K,)."""
         return ca.Function("gaps", self._parts.inputs, [ca.densify(self._parts.contacts.g)])
+
+    @cached_property
+    def gap_floors(self) -> ca.Function:
+        """See `gap_floors.function`."""
+        return gap_floors.function(self._parts)
 
     @cached_property
     def closed_rows(self) -> list[int]:

@@ -56,6 +56,7 @@ class ContactEvent(Event):
         self._hits: tuple[int, ...] = ()
         self._ahead: Ahead | None = None
         self._within: list[Incident] = []
+        self._current()
 
     @classmethod
     def of(cls, stepper: Stepper) -> Self | None:
@@ -68,13 +69,11 @@ class ContactEvent(Event):
         run = self._stepper
         if self._system.contacts.count:
             self._changes.begin()
-        w = self._current().begin()
-        events = self._system.event_values.numel()
-        first = len(self._system.multiplier_rows)
-        at_zero = np.flatnonzero(w[w.size - events :] == 0) if events else ()
-        run.contacts = dataclasses.replace(
-            run.contacts, last=run.t, unarmed=tuple(first + int(e) for e in at_zero)
-        )
+        watch, at_zero = self._current(), ()
+        kinds = self._kinds(watch)
+        if kinds.has_events:
+            at_zero = kinds.numbers[(watch.begin() == 0) & (kinds.numbers >= kinds.first_event)].tolist()
+        run.contacts = dataclasses.replace(run.contacts, last=run.t, unarmed=tuple(at_zero))
         run.settle()
 
     def cut(self) -> None:
@@ -87,7 +86,8 @@ class ContactEvent(Event):
             self._changes.require_clear(found.passage)
             return
         watch = self._current()
-        limit = min((t for _, t in run.contacts.ending), default=math.inf)
+        ending = run.contacts.ending
+        limit = min(t for _, t in ending) if ending else math.inf
         if watch.is_clear() and not run.contacts.unarmed:
             if limit <= found.reached:
                 self._end_series_at(limit)

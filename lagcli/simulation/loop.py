@@ -36,6 +36,7 @@ from lagcli.simulation.switch_event import SwitchEvent
 Floats = npt.NDArray[np.float64]
 
 BLOCK_VALUES = 2**16  # numbers in a block of rows
+NEARLY = 1.001  # a step of so many times the length proposed, that ends before the run, is not its last
 PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed out: for progress and interrupts
 # In the order in which they are asked; the first that finds a step leaves none to the others.
 EVENTS: tuple[type[Event], ...] = (SwitchEvent, SingularEvent, ImpulseEvent, ContactEvent)
@@ -117,6 +118,7 @@ class Run:
         self._row, self.passed_over = row, passed_over
         found = (kind.of(stepper) for kind in EVENTS)
         self._events = tuple(event for event in found if event is not None)
+        self._looks_ahead = any(event.looks_ahead for event in self._events)
         # A row at an incident is to be written once the run is beyond it.
         self._is_due = False
 
@@ -257,7 +259,7 @@ class Run:
             self._cut()
             return
         stepper = self._stepper
-        if any(event.looks_ahead for event in self._events):
+        if self._looks_ahead and stepper.t + NEARLY * stepper.control.step >= self.grid.end:
             # What happens before the end is found in the step of a run that goes on.
             take_back = _unfound(stepper)
             try:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 
@@ -19,14 +21,36 @@ class StepWatch:
     def __init__(self, functions: WatchFunctions, run: Stepper) -> None:
         self.functions, self._run, self._bound = functions, run, run.bound
         t, x = np.zeros(1), np.zeros(1)
+        self._at, self._place = t, x
         self._t, self._x = cells(t), cells(x)
-        bound = run.bound
+        self._hull = None if functions.hull is None else BoundFunction(functions.hull, self._arguments)
+        self._floor = None if self._hull is None else cells(self._hull.results[0])
+        # The largest -g at the end of the step that was looked at.
+        self.deepest = 0.0
+
+    @property
+    def _arguments(self) -> list[Floats]:
+        bound = self._run.bound
         _, h, y, k, _, _ = bound.step.arguments
-        self._screen = BoundFunction(functions.screen, [t, h, y, k, bound.new, bound.k_new, bound.p])
-        self._clear = cells(self._screen.results[0])
-        self._inside = BoundFunction(functions.inside, [t, h, x, y, run.rows.dense.results[0].T, bound.p])
-        self._begin = BoundFunction(functions.watched, [t, y, bound.p])
-        self._end = BoundFunction(functions.watched, [t, bound.new, bound.p])
+        return [self._at, h, y, k, bound.new, bound.k_new, bound.p]
+
+    @cached_property
+    def _screen(self) -> BoundFunction:
+        return BoundFunction(self.functions.screen, self._arguments)
+
+    @cached_property
+    def _inside(self) -> BoundFunction:
+        t, h, y, _, _, _, p = self._arguments
+        coefficients = self._run.rows.dense.results[0].T
+        return BoundFunction(self.functions.inside, [t, h, self._place, y, coefficients, p])
+
+    @cached_property
+    def _begin(self) -> BoundFunction:
+        return BoundFunction(self.functions.watched, [self._at, self._bound.y, self._bound.p])
+
+    @cached_property
+    def _end(self) -> BoundFunction:
+        return BoundFunction(self.functions.watched, [self._at, self._bound.new, self._bound.p])
 
     def is_of(self, run: Stepper) -> bool:
         """True as long as the run steps with the functions it did."""
@@ -35,13 +59,14 @@ class StepWatch:
     def is_clear(self) -> bool:
         """True if no function has a zero in the step, as far as its ends tell."""
         self._t[0] = self._run.origin + self._run.t
+        self.deepest = 0.0
+        if self._hull is not None and self._floor is not None:
+            self._hull.trigger()
+            if self._floor[0] > 0.0:
+                return True
         self._screen.trigger()
-        return self._clear[0] > 0.0
-
-    @property
-    def deepest(self) -> float:
-        """The largest -g at the end of a step that was looked at."""
-        return self._clear[1]
+        clear, self.deepest = self._screen.results[0][:2].tolist()
+        return bool(clear > 0.0)
 
     def doubtful(self) -> Numbers:
         """The functions that may have a zero in a step that was looked at."""

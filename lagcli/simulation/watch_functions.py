@@ -14,6 +14,10 @@ from lagcli.simulation.method import Method
 from lagcli.simulation.step_end import Compiled
 
 LARGEST = float(np.finfo(float).max)
+# The hull of a step is made wider by this part of itself on all sides.
+WIDER = 1 / 16
+# Instructions of gaps up to which the functions made of them are written out in one graph.
+WRITTEN_OUT = 20_000
 # Places in a step at which the watched functions are looked at before its dense output is made; those within are no
 # fractions of a period.
 NODES = (0.0, 0.3819660112501051, 0.7071067811865476, 1.0)
@@ -55,7 +59,30 @@ class WatchFunctions:
         w = self.watched(t + x * h, self._method.interpolated(y, coefficients, x), p)
         slope = ca.densify(ca.jtimes(w, x, ca.MX(1)))
         slope = ca.if_else(ca.fabs(slope) <= LARGEST, slope, 0)
-        return ca.Function("inside", [t, h, x, y, coefficients, p], [w, slope])
+        return self._written_out(ca.Function("inside", [t, h, x, y, coefficients, p], [w, slope]))
+
+    @cached_property
+    def hull(self) -> Compiled | None:
+        """hull(t, h, y, k, new, k_new, p) -> a number above 0 where no watched function has a zero within the step.
+
+        The quintic curve of `screen` lies in the hull of its control points, which is made wider by a part of itself;
+        none of the gaps, by interval arithmetic, is zero there. None where more than gaps is watched.
+        """
+        if self.closed or self._events or not self.open_:
+            return None
+        n = self._numeric.n
+        t, h, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("p", self._numeric.rhs.size1_in(2))
+        y, k, new, k_new = (ca.SX.sym(name, 2 * n + 1) for name in ("y", "k", "new", "k_new"))
+        points = [y[:n], new[:n]]
+        for state, rate, way in ((y, k, h), (new, k_new, -h)):
+            q, v, a = state[:n], state[n : 2 * n], rate[n : 2 * n]
+            points += [q + way / 5 * v, q + 2 * way / 5 * v + way * way / 20 * a]
+        low, high = points[0], points[0]
+        for point in points[1:]:
+            low, high = ca.fmin(low, point), ca.fmax(high, point)
+        wider = WIDER * (high - low)
+        floors = self._numeric.gap_floors(t, t + h, low - wider, high + wider, p)
+        return ca.Function("hull", [t, h, y, k, new, k_new, p], [ca.mmin(floors)])
 
     @cached_property
     def screen(self) -> Compiled:
@@ -97,7 +124,14 @@ class WatchFunctions:
         arguments = [t, h, y, k, new, k_new, p]
         gaps = self._numeric.gaps(t + h, new, p)
         deepest = ca.mmax(-gaps) if gaps.numel() else ca.MX(0)
-        return ca.Function("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest, clear))])
+        screen = ca.Function("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest, clear))])
+        return self._written_out(screen)
+
+    def _written_out(self, function: Compiled) -> Compiled:
+        """A function as one graph, which costs a fraction, where it only asks for gaps and is no large one."""
+        if self.closed or self._events or self._numeric.gaps.n_instructions() > WRITTEN_OUT:
+            return function
+        return function.expand()
 
 
 def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, ca.MX]) -> ca.MX:
