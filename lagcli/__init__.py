@@ -27,12 +27,14 @@ if TYPE_CHECKING:
     from lagcli.api.derive import derive
     from lagcli.api.find_displacements import displacements
     from lagcli.api.find_modes import modes
+    from lagcli.api.limit import limit
     from lagcli.api.load import load, loads
     from lagcli.api.simulate import simulate
     from lagcli.auditing.audit_report import Audit
     from lagcli.derivation.derivation_page import Derivation
     from lagcli.errors.diagnostics import ModelError
     from lagcli.formulations.comparison import Comparison
+    from lagcli.formulations.stiff.ladder import StiffLimit
     from lagcli.input.overrides import OverrideError
     from lagcli.linearization.linear_modes import Modes
     from lagcli.model.model import Model
@@ -52,6 +54,7 @@ __all__ = [
     "OverrideError",
     "Report",
     "SimulationStopped",
+    "StiffLimit",
     "Trajectory",
     "audit",
     "check",
@@ -59,6 +62,7 @@ __all__ = [
     "derive",
     "displacements",
     "dof",
+    "limit",
     "load",
     "loads",
     "modes",
@@ -77,6 +81,7 @@ _CLASSES = {
     "OverrideError": "input.overrides",
     "Report": "analysis.check_report",
     "SimulationStopped": "output.trajectory",
+    "StiffLimit": "formulations.stiff.ladder",
     "Trajectory": "output.trajectory",
 }
 # File of `lagcli.api` of each function.
@@ -87,6 +92,7 @@ _FUNCTIONS = {
     "derive": "derive",
     "displacements": "find_displacements",
     "dof": "count_dof",
+    "limit": "limit",
     "load": "load",
     "loads": "load",
     "modes": "find_modes",

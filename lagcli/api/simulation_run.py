@@ -150,6 +150,11 @@ class SimulationRun:
         return len(self._run.selection.kept)
 
     @property
+    def begin(self) -> initial.State:
+        """The state that it starts from."""
+        return self._start
+
+    @property
     def selection(self) -> Selection:
         """The rows it is stepped with at the time reached."""
         return self._run.selection

@@ -206,6 +206,32 @@ class ModesOptions:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class LimitOptions:
+    """Options of `limit` besides the settings of the runs."""
+
+    constraint: str
+    stiffness: str | None
+    unprestressed: bool
+    ramp: float | None
+    output: str | None
+    plot: str | None
+    as_json: bool
+    quiet: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        if self.as_json and self.output == "-":
+            raise exits.UsageError("--output -: --json has standard output; give a file")
+        table = None if self.output == "-" else self.output
+        _require_ending(table, endings.TABLES)
+        _require_ending(self.plot, endings.FIGURES)
+        named = (("--output", table), ("--plot", self.plot))
+        files = [file_conflicts.File(option, name, is_written=True) for option, name in named if name]
+        if files:
+            _require_writable(file_conflicts.model(model), files)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class AuditOptions:
     """Options of `audit` besides the settings of the run; `has_rows`: --duration or --samples is given."""
 

@@ -7,6 +7,7 @@ arguments of functions with a kink, and bounded functions, whose rises and falls
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 import operator
@@ -85,7 +86,7 @@ class TimeFunctions:
 def functions(model: nouns.Model) -> TimeFunctions | None:
     """The functions of t in everything that moves a model; None where t does not occur there."""
     timed = _Timed(model)
-    if not timed.laws:
+    if not timed.laws and not timed.on_particles:
         return None
     record = _Record()
     leaves = _Leaves(model, timed.names)
@@ -96,6 +97,8 @@ def functions(model: nouns.Model) -> TimeFunctions | None:
             leaves.define(step, record if step in timed.names else aside)
     for law, variables in timed.laws:
         _walk(law, _Algebra(record, leaves, variables))
+    for law, variables in timed.on_particles:
+        _walk(law, _Algebra(record, leaves.on_a_particle(), variables))
     return record.functions()
 
 
@@ -107,12 +110,13 @@ def _walk(node: tree.Node, algebra: _Algebra) -> None:
 
 
 class _Timed:
-    """The expressions of a model in which t occurs: laws with their index variables; `names` of the definitions and
-    dependent particles that hold t."""
+    """The expressions of a model in which t occurs: laws with their index variables, forces on particles apart; `names`
+    of the definitions and dependent particles that hold t."""
 
     def __init__(self, model: nouns.Model) -> None:
         self.names = {"t"}
         self.laws: list[tuple[tree.Node, Mapping[str, Whole]]] = []
+        self.on_particles: list[tuple[tree.Node, Mapping[str, Whole]]] = []
         meanings = {d.name: d.expression for d in model.definitions}
         for step in model.order:
             if isinstance(step, str):
@@ -128,22 +132,24 @@ class _Timed:
         for expression, variables in _laws(model):
             if self._holds(expression):
                 self.laws.append((expression.tree, variables))
+        for force in model.forces:
+            if isinstance(force, nouns.ParticleForce):
+                # A family acts with each of its members somewhere, or nowhere: then a switch of it does no harm.
+                held = [part.tree for part in force.force.parts if self._holds(part)]
+                self.on_particles += [(part, force.members.variables) for part in held]
 
     def _holds(self, expression: nouns.Expression) -> bool:
         return not self.names.isdisjoint(_WORD.findall(expression.text))
 
 
 def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, Whole]]]:
-    """Every expression that enters the equations of motion, but for definitions and positions."""
+    """Every expression that enters the equations of motion, but for definitions, positions and forces on particles."""
     if model.lagrangian is not None:
         yield model.lagrangian, {}
     for force in model.forces:
-        if isinstance(force, nouns.Potential):
-            yield force.expression, force.members.variables
-            continue
-        parts = force.force.parts if isinstance(force, nouns.ParticleForce) else (force.force,)
-        # A family acts with each of its members somewhere, or nowhere: then a switch of it does no harm.
-        yield from ((part, force.members.variables) for part in parts)
+        if not isinstance(force, nouns.ParticleForce):
+            expression = force.expression if isinstance(force, nouns.Potential) else force.force
+            yield expression, force.members.variables
     laws: tuple[nouns.Holonomic | nouns.Differential | nouns.Inequality, ...]
     laws = (*model.holonomic, *model.differential, *model.inequality)
     yield from ((law.equation, law.members.variables) for law in laws)
@@ -263,10 +269,11 @@ def _is_steady(operation: Operation) -> bool:
 
 
 class _Leaves:
-    """The values of names."""
+    """The values of names; in the force of a particle `r` and `v` are its own vectors, whatever else is called so."""
 
     def __init__(self, model: nouns.Model, timed: set[str]) -> None:
         self._timed = timed
+        self._own: frozenset[str] = frozenset()
         self._particles = {particle.members.base for particle in model.particles}
         self._meanings = {d.name: d.expression.tree for d in model.definitions}
         self._known: dict[str, evaluate.Value[_Value]] = {
@@ -282,6 +289,13 @@ class _Leaves:
                 else _Value(number=intervals.constant(value))
             )
 
+    def on_a_particle(self) -> _Leaves:
+        """These values in the force of a particle."""
+        same = copy.copy(self)
+        same._own = frozenset(("r", "v"))
+        same._known = {name: value for name, value in self._known.items() if name not in ("m", "r", "v")}
+        return same
+
     def define(self, name: str, record: _Record) -> None:
         """Evaluate a definition after those it uses."""
         self._known[name] = evaluate.evaluate(self._meanings[name], _Algebra(record, self, {}))
@@ -292,7 +306,7 @@ class _Leaves:
             value = self._known[name]
             return value["xyz".index(member)] if member and isinstance(value, tuple) else value
         motion = _MOTION_AND_TIME if name in self._timed else _MOTION
-        is_vector = member in ("", "v") if name in self._particles or name in ("r", "v") else False
+        is_vector = member in ("", "v") if name in self._particles or name in self._own else False
         return (motion,) * 3 if is_vector else motion
 
 

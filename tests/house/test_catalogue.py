@@ -145,6 +145,10 @@ def _of_friction(where: pathlib.Path) -> None:
     lagcli.compare(lagcli.loads(text), vakonomic=True, duration=0.1)
 
 
+def _of_a_differential_row(where: pathlib.Path) -> None:
+    lagcli.limit(lagcli.loads(BALL + "differential:\n  row: a.vz = a.y*a.vx\n"), "row")
+
+
 INPUTS: dict[str, Callable[[pathlib.Path], None]] = {
     "not-a-file": _of_a_directory,
     "too-large": _of_a_large_file,
@@ -155,6 +159,7 @@ INPUTS: dict[str, Callable[[pathlib.Path], None]] = {
     "too-many-errors": _of_many_errors,
     "not-an-initial-value": _of_another_law,
     "not-of-an-action": _of_friction,
+    "no-stiff-limit": _of_a_differential_row,
 }
 
 

@@ -622,3 +622,19 @@ def test_a_run_does_not_go_on_beyond_a_pole_of_a_force(force: str) -> None:
     with pytest.raises(lagcli.SimulationStopped, match="a function of t has a pole") as stopped:
         lagcli.simulate(lagcli.loads(free(force)))
     assert stopped.value.trajectory.t[-1] < 5.0371
+
+
+def test_a_coordinate_may_be_called_r_where_time_is_about() -> None:
+    """In the force of a particle `r` and `v` are its own vectors; elsewhere they are what the file declares."""
+    text = """
+lagcli: 1
+coordinates: {r: {value: 1, rate: 0.2}, q: {}}
+particles:
+  a: {mass: 1, position: "[r*cos(q), r*sin(q), 0]"}
+forces: {push: {to: a, force: "-r*sin(t)"}}
+holonomic: {rope: r = 1 + 0.1*sin(2*t)}
+simulation: {duration: 1}
+"""
+    other = text.replace("r: {value", "rho: {value").replace("[r*cos(q), r*", "[rho*cos(q), rho*")
+    runs = [lagcli.simulate(lagcli.loads(one)) for one in (text, other.replace("rope: r =", "rope: rho ="))]
+    assert runs[0]["lambda.rope"] == pytest.approx(runs[1]["lambda.rope"], abs=1e-12)

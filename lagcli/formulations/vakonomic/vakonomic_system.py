@@ -99,7 +99,7 @@ def build(built: system.System, extended: nouns.Model, start: VakonomicStart) ->
 
     assert count > 0
     found = system.build(extended, restated)
-    return _with_whole_reaction(found, further[0])
+    return _with_whole_reaction(dataclasses.replace(found, bodies=built.bodies), further[0])
 
 
 def _force(env: Environment, laid: ConstraintRows, kept: Sequence[int], n: int) -> ca.SX:
