@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from lagcli.compiled import parts as shared
 from lagcli.compiled.parts import Parts
@@ -27,8 +28,18 @@ COLUMNS = ("g", "g_t", "gamma", "has_gradient", "speeds", "noise", "nearness", "
 CHOSEN = 4
 
 
+def order(pattern: ca.Sparsity) -> npt.NDArray[np.intp]:
+    """The order in which a function gives its numbers for rows of this pattern: what belongs to one contact together,
+    so that of thousands the numbers between are not all kept at once."""
+    K, count = pattern.size1(), len(COLUMNS)
+    rows = np.asarray(pattern.row(), dtype=np.intp)
+    contact = np.concatenate([np.tile(np.arange(K), count), rows, [K, K]])
+    return np.argsort(contact, kind="stable")
+
+
 def function(parts: Parts) -> ca.Function:
-    """contact_values(t, q, v, p, chosen) -> the `COLUMNS` (K,) one after the other, the entries of G, size and speed.
+    """contact_values(t, q, v, p, chosen) -> the `COLUMNS` (K,) one after the other, the entries of G, size and speed,
+    all of them in the `order` of contacts.
 
     chosen (4,): rtol; the length of the step that is looked at; the size of the motion and its speed so far, which
     are none the smaller here. A contact without a gradient at the place has rates of 0.
@@ -66,5 +77,5 @@ def function(parts: Parts) -> ca.Function:
     pull = in_units * own.a + ca.fabs(gamma)
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
     columns = [g, g_t, gamma, has, speeds, noise, nearness, slow, RESOLVED * EPS * extent, pull]
-    packed = ca.densify(ca.vertcat(*columns, entries, size, speed))
+    packed = ca.densify(ca.vertcat(*columns, entries, size, speed))[order(G.sparsity()).tolist()]
     return ca.Function("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})

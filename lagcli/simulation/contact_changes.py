@@ -153,13 +153,18 @@ class ContactChanges:
     ) -> None:
         run, before, closed_before = self._run, self._whole_line(), set(self.closed)
         blow = self._decided(lambda: contact_change.impact(here, self._restitution))
-        after = here if blow is None else here.moved(blow.onward)
-        level = after.near & (np.abs(after.speeds) <= after.slow)
+        after = here
+        if blow is None:
+            level = after.near & (np.abs(after.speeds) <= after.slow)
+        elif here.parts(blow.onward):
+            level = np.zeros(self._count, dtype=bool)
+        else:
+            after = here.moved(blow.onward)
+            level = after.near & (np.abs(after.speeds) <= after.slow)
+        look = after
         if blow is None and ahead is not None:
             level[[*closed_before, *run.contacts.touching]] = True
             look = self._instant(ahead.t, ahead.y)
-        else:
-            look = after
         closed: set[int] = set()
         if level.any():
             closed.update(self._decided(lambda: contact_change.pressing(look, level)).closed)
@@ -169,7 +174,7 @@ class ContactChanges:
             # The impact is told as it is, with rebounds that are left out from here on.
             self._go_on(after, closed - set(np.flatnonzero(blow.ended).tolist()), blow.v)
             line = self._whole_line()
-        self._go_on(after, closed, after.state.v)
+        self._go_on(after, closed, here.state.v if blow is None else blow.onward)
         now = self._whole_line()
         line = now if line is None else line
         if blow is not None:

@@ -1,5 +1,7 @@
 """The impact of one contact takes its formula, and says what the law of all contacts says."""
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -12,6 +14,8 @@ from lagcli.contact.single_contact import Response
 from lagcli.contact.touching_rows import TouchingRows
 from lagcli.equations import system
 from lagcli.linear.metric import Metric
+from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues
+from lagcli.start.initial import State
 
 DUMBBELL = """lagcli: 1
 particles:
@@ -73,3 +77,32 @@ def test_energy_that_would_be_made_is_seen() -> None:
     exchange = impact_law.Exchange(np.array([1.0]), np.array([2.0]), np.array([1.0]))
     with pytest.raises(EnergyCreated):
         impact_law.certified(exchange, np.array([3.0]))
+
+
+def test_contacts_are_looked_at_twice_in_an_impact(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the step begins and where it ends: velocities far from none after it are told without a third look."""
+    looks = []
+    look = ContactRowValues.at
+
+    def counted(*given: Any) -> Any:
+        looks.append(given)
+        return look(*given)
+
+    monkeypatch.setattr(ContactRowValues, "at", counted)
+    run = lagcli.simulate(lagcli.loads(DUMBBELL.replace("0.7}", "1}")), duration=1.0, samples=2)
+    assert run.stats.impacts >= 2
+    print(len(looks), run.stats.impacts, run.stats.steps)
+    assert len(looks) <= 1 + run.stats.impacts + run.stats.steps
+
+
+def test_numbers_of_contacts_are_given_together_and_found_again() -> None:
+    """However the function orders them: gaps, speeds and gradients are those that the contacts have."""
+    functions = NumericSystem(system.build(lagcli.loads(DUMBBELL)))
+    values = ContactRowValues(functions, [0])
+    random = np.random.default_rng(1)
+    state = State(0.0, random.random(6), random.standard_normal(6), np.zeros(functions.contacts.numel_in(3)))
+    here = ContactInstant(values, state, ContactParameters(1e-9))
+    g, G, g_t, *_ = (np.array(each) for each in functions.contacts(0.0, state.q, state.v, state.p))
+    assert here.g == pytest.approx(g.ravel(), rel=1e-15)
+    assert here.speeds == pytest.approx(G @ state.v + g_t.ravel(), rel=1e-15)
+    assert np.array(here.gradients(np.arange(2))) == pytest.approx(G, rel=1e-15)
