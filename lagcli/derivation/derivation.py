@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 import sympy
 
-from lagcli.derivation import closed_form, multiplier_equations
+from lagcli.derivation import closed_form, multiplier_equations, vakonomic_sections
 from lagcli.derivation import formula as f
 from lagcli.derivation.calculus import ZERO
 from lagcli.derivation.derivation_page import Derivation, Line, Section
@@ -16,6 +16,7 @@ from lagcli.derivation.page_sections import Sections, joined, triple
 from lagcli.derivation.signs import Signs
 from lagcli.derivation.symbolic_system import Symbolic, symbolic
 from lagcli.derivation.tidy import polynomial, tidy
+from lagcli.derivation.vakonomic_sections import Vakonomic
 from lagcli.derivation.vectors import NOTHING
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -83,6 +84,7 @@ def _derived(built: System, options: Options) -> Derivation:
     ]
     written = [(title, list(lines)) for title, lines in drafts]
     written += _multipliers(system, parts, contacts, options)
+    written.append((vakonomic_sections.TITLE, list(Vakonomic(system, signs, parts).lines())))
     lengths = list(parts.lengths())
     place = next((i for i, (title, lines) in enumerate(written) if title == "Constraints" and lines), None)
     if lengths and place is not None:

@@ -56,6 +56,13 @@ class Signs:
         """The sign of a further symbol that stands beside the multipliers, `name` where that sign is taken."""
         return self._show(symbol, wanted, name, layout.LAMBDA)
 
+    def show_rate(self, symbol: sympy.Symbol, of: sympy.Symbol) -> None:
+        """A symbol for the rate of a further symbol, shown with a dot."""
+        sign = self._shown[of]
+        assert isinstance(sign, f.Sign)
+        self._shown[symbol] = dataclasses.replace(sign, dots=1)
+        self._kinds[symbol] = self._kinds[of]
+
     def show_jump(self, symbol: sympy.Symbol, number: int) -> None:
         """A symbol for the change of a rate, shown as the rate after less the rate before."""
         rate = self._shown[self._system.v[number]]

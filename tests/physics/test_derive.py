@@ -334,7 +334,7 @@ def test_all_lines_have_numbers_of_the_text() -> None:
     lines = [line for name in ("double-pendulum", "rolling-disk") for line in gallery(name).as_json()]
     numbers = {line["equation"] for line in lines}
     assert {"D.2", "D.3", "D.6", "D.7", "D.22", "D.23", "D.24", "D.53"} <= numbers
-    assert all(line["equation"] for line in lines if line["left"][0] in "BRQfγλ")
+    assert all(line["equation"] for line in lines if line["left"] and line["left"][0] in "BRQfγλ")
     assert all(line.keys() == {"section", "equation", "left", "right", "latex", "note"} for line in lines)
 
 
