@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
 from lagcli import progress
+from lagcli.analysis import redundancy
 from lagcli.api import cache, run_settings
 from lagcli.api.load import Path, as_model
 from lagcli.api.simulate import simulate
@@ -17,14 +19,23 @@ from lagcli.start import initial
 
 if TYPE_CHECKING:
     from lagcli.api.compiled_model import CompiledModel
+    from lagcli.compiled import NumericSystem
     from lagcli.linearization.linear_modes import Modes
     from lagcli.linearization.linearized import LinearizedFunctions, Reference
     from lagcli.linearization.reference import Steady
 
 
+ABOUT = ("auto", "start", "equilibrium")
+NEAREST = ("about the nearest equilibrium, for the start is none and no steady motion",)
+# Motions are followed so many times the duration of the run, of no more than so many coordinates; the first part of it
+# tells whether they are steady.
+LONGEST, MOST_FOLLOWED, FIRST = 2.2, 60, 0.02
+
+
 class ModesSettings(TypedDict):
     """The keywords of `modes`, None where the file's stays."""
 
+    about: str
     assemble: bool | None
     limit: float | None
 
@@ -37,40 +48,107 @@ class NoEquilibriumError(Exception):
 def modes(
     model: Model | Path,
     *,
+    about: str = "auto",
     assemble: bool | None = None,
     limit: float | None = None,
 ) -> Modes:
     """Return frequencies, eigenvalues, shapes and stability of small deviations (`linear_modes.Modes`).
 
     About the declared start, if that is an equilibrium or a steady motion whose linear equations do not depend on t,
-    else about the nearest equilibrium. assemble: move the start onto the constraints first; limit: seconds for the
-    first integrals of differential rows. Angular frequencies in 1/time of the model's unit.
+    else about the nearest equilibrium. Of a steady motion whose linear equations have a period in t, and of one that
+    comes back to itself, the multipliers of a period are given. about: `start` or `equilibrium` asks for one of them
+    alone, and with `start` any motion that comes back will do. assemble: move the start onto the constraints first;
+    limit: seconds for the first integrals of differential rows. Angular frequencies in 1/time of the model's unit.
 
     Raises `ModelError`, `ValueError` for bad options, `NoEquilibriumError`, `SimulationStopped`.
     """
     # Other commands linearize nothing.
     from lagcli.linearization import assembled_modes, reference
 
+    if about not in ABOUT:
+        raise ValueError(f"about: {', '.join(ABOUT[:-1])} or {ABOUT[-1]}")
     model = as_model(model)
     seconds = run_settings.seconds(limit)
     model = dataclasses.replace(model, simulation=run_settings.chosen(model, {"assemble": assemble}))
-    duration = model.simulation.duration or 1.0
     here, closed = _start(model)
     ready = cache.compiled(model)
     functions = _functions(ready, closed, seconds)
-    found = reference.classified(functions, ready.numeric, here, duration)
-    if found is not None and found.kind != "varying":
-        return assembled_modes.modes(functions, found, _notes(ready, found, closed))
+    found = _of_start(ready, functions, here, about)
+    if found is not None:
+        return found
+    if about == "start":
+        raise NoEquilibriumError("the start is no equilibrium and no steady motion, and does not come back")
     here, closed = _nearest(ready)
     functions = _functions(ready, closed, seconds)
-    there = reference.at_rest(functions, ready.numeric, here, duration)
-    if there.kind == "varying":
-        raise NoEquilibriumError("the linear equations about the nearest equilibrium depend on t")
-    told = (
-        "about the nearest equilibrium, for the start is none and no steady motion",
-        *_contacts(ready, closed),
+    there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
+    told = (*NEAREST, *_contacts(ready, closed))
+    if there.kind != "varying":
+        return assembled_modes.modes(functions, there, told)
+    again = _varying(ready, functions, there, told)
+    if again is None:
+        raise NoEquilibriumError(
+            "the linear equations about the nearest equilibrium depend on t without a period"
+        )
+    return again
+
+
+def _duration(ready: CompiledModel) -> float:
+    return ready.system.model.simulation.duration or 1.0
+
+
+def _of_start(
+    ready: CompiledModel, functions: LinearizedFunctions, here: Reference, about: str
+) -> Modes | None:
+    """The modes about the start, where that is what is wanted and it goes on as it is or comes back."""
+    from lagcli.linearization import assembled_modes, floquet, period, reference
+
+    closed = functions.closed
+    found = reference.classified(functions, ready.numeric, here, _duration(ready))
+    if found is not None and (about != "equilibrium" or found.kind == "equilibrium"):
+        if found.kind != "varying":
+            return assembled_modes.modes(functions, found, _notes(ready, found, closed))
+        told = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
+        return _varying(ready, functions, found, told)
+    if about == "equilibrium" or closed or (not np.any(here.v) and about != "start"):
+        return None
+    if here.q.size > MOST_FOLLOWED:
+        return None
+    orbit = floquet.Orbit(functions, _independent(ready, here), here)
+    length = LONGEST * _duration(ready)
+    if about != "start" and not orbit.is_steady(FIRST * length):
+        return None
+    path = orbit.path(length)
+    if path is None:
+        return None
+    T = period.of(functools.partial(orbit.signature, path), length)
+    if T is None:
+        return None
+    return assembled_modes.of_cycle(orbit, T, ("about the motion from the declared start, which comes back",))
+
+
+def _varying(
+    ready: CompiledModel, functions: LinearizedFunctions, found: Steady, told: tuple[str, ...]
+) -> Modes | None:
+    """The multipliers where the linear equations have a period in t, or None."""
+    from lagcli.linearization import assembled_modes, floquet, period, reference
+
+    size = float(np.abs(found.linear.values).max(initial=0.0)) or 1.0
+    if functions.closed or found.here.q.size > MOST_FOLLOWED:
+        return None
+    T = period.of(
+        lambda s: functions.values(reference.moved(found.here, s)) / size, LONGEST * _duration(ready)
     )
-    return assembled_modes.modes(functions, there, told)
+    if T is None:
+        return None
+    orbit = floquet.Orbit(functions, _independent(ready, found.here), found.here)
+    return assembled_modes.of_cycle(orbit, T, told)
+
+
+def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:
+    """The functions with independent rows at a state."""
+    state = initial.State(here.t, here.q, here.v, here.p)
+    chosen = redundancy.begin(ready.system, ready.numeric, state).selection
+    return ready.numeric.keeping(dataclasses.replace(chosen, inactive=ready.numeric.selection.inactive))
 
 
 def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:

@@ -446,6 +446,9 @@ def modes(
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of the shapes: png, svg, pdf")
     ] = None,
+    about: Annotated[
+        str, typer.Option(metavar="WHAT", help="start, equilibrium, or the one that fits: auto")
+    ] = "auto",
     animate: Annotated[
         str | None, typer.Option("--animate", metavar="FILE", help="not built yet: refused", hidden=True)
     ] = None,
@@ -469,7 +472,9 @@ def modes(
     read = _reported(lambda: _load(model, changes), as_json)
     if verbose:
         exits.say_all(warning.render() for warning in read.warnings)
-    given: find_modes.ModesSettings = {"assemble": True if assemble else None, "limit": limit}
+    given: find_modes.ModesSettings = {
+        "about": about, "assemble": True if assemble else None, "limit": limit,
+    }  # fmt: skip
     _reported(lambda: modes_command.run(read, given, options), as_json)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.linearization import freedoms, ordered_modes, spectrum, stability
+from lagcli.linearization import floquet, freedoms, ordered_modes, spectrum, stability
 from lagcli.linearization.linear_modes import Modes
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.reference import Steady
@@ -33,6 +33,30 @@ def modes(functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...])
         notes=notes,
         title=built.model.title,
         units=built.model.units,
+    )
+
+
+def of_cycle(orbit: floquet.Orbit, T: float, notes: tuple[str, ...]) -> Modes:
+    """The multipliers of a motion with the period T, and its exponents log(multiplier)/T."""
+    built = orbit.functions.system
+    found = floquet.cycle(orbit, T)
+    judged = stability.of_multipliers(found.multipliers, T, not orbit.numeric.has_time)
+    return Modes(
+        "periodic",
+        state_columns(built, orbit.here),
+        built.model.coordinate_names,
+        None,
+        (np.log(found.multipliers) / T).astype(complex),
+        np.array([ordered_modes.normalized(shape) for shape in found.shapes]).reshape(found.shapes.shape),
+        judged.stable,
+        judged.growth,
+        judged.reason,
+        found.multipliers.size,
+        T,
+        found.multipliers,
+        notes,
+        built.model.title,
+        built.model.units,
     )
 
 

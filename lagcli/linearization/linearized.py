@@ -45,7 +45,8 @@ class Reference:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Linear:
-    """M, C, K (n, n), B (h, n) with B dq = 0, A, D (d, n) with A dq' + D dq = 0, sparse; `residual` (n,) is
+    """M, C, K (n, n), B (h, n) with B dq = 0, A, D (d, n) with A dq' + D dq = 0, sparse; D_whole
+    (h, n): d(B v + b)/dq of the rows of whole coordinates but for leaves; `residual` (n,) is
     M a - h - B^T lambda, `load` (n,) the sizes of its terms; cyclic (n,): coordinates that occur nowhere in them."""
 
     M: sparse.csc_array
@@ -54,6 +55,7 @@ class Linear:
     B: sparse.csc_array
     A: sparse.csc_array
     D: sparse.csc_array
+    D_whole: sparse.csc_array
     residual: Floats
     load: Floats
     cyclic: npt.NDArray[np.bool_]
@@ -61,7 +63,7 @@ class Linear:
     @property
     def values(self) -> Floats:
         """All entries in one column, for two of them to be compared."""
-        parts = (self.M, self.C, self.K, self.B, self.A, self.D)
+        parts = (self.M, self.C, self.K, self.B, self.A, self.D, self.D_whole)
         return np.concatenate([part.data for part in parts])
 
 
@@ -90,6 +92,8 @@ class LinearizedFunctions:
         rates = ca.densify(A @ v) + b
         K, damping, D = ca.jacobian(residual, q), ca.jacobian(inertial, v), ca.jacobian(rates, q)
         B = ca.sparsify(ca.vertcat(built.rows.B[:whole, :], G))
+        b_whole = ca.vertcat(built.rows.b[:whole, :], built.contacts.g_t[numbers, :])
+        D_whole = ca.jacobian(ca.densify(B @ v) + b_whole, q)
         self.system, self.closed = built, tuple(numbers)
         self._charts = [
             _chart_slopes(built, level_functions.charts(built, each.charts).charts) for each in integrals
@@ -97,7 +101,7 @@ class LinearizedFunctions:
         self._inputs = [s.t, q, v, a, built.lam, built.p]
         load = ca.fabs(ca.densify(M @ a)) + ca.fabs(h) + ca.fabs(reaction)
         self._at = ca.Function(
-            "linearized", self._inputs, [M, damping, K, B, A, D, ca.densify(residual), load]
+            "linearized", self._inputs, [M, damping, K, B, A, D, D_whole, ca.densify(residual), load]
         )
         occurring = {int(j) for part in (K, D) for j in part.sparsity().get_col()}
         self.cyclic = np.array([j not in occurring for j in range(int(q.numel()))], dtype=bool)
@@ -109,14 +113,19 @@ class LinearizedFunctions:
     def at(self, here: Reference) -> Linear:
         """The matrices at a reference."""
         found = self._at(here.t, here.q, here.v, here.a, here.lam, here.p)
-        M, C, K, B, A, D = (_sparse(part) for part in found[:6])
+        M, C, K, B, A, D, D_whole = (_sparse(part) for part in found[:7])
         leaves = [_leaf(each(here.t, here.q, here.p)) for each in self._charts]
         if leaves:
             from scipy import sparse
 
             B = sparse.csc_array(sparse.vstack([B, *leaves]))
-        residual, load = (np.array(part).ravel() for part in found[6:])
-        return Linear(M, C, K, B, A, D, residual, load, self.cyclic)
+        residual, load = (np.array(part).ravel() for part in found[7:])
+        return Linear(M, C, K, B, A, D, D_whole, residual, load, self.cyclic)
+
+    def values(self, here: Reference) -> Floats:
+        """All entries of the matrices at a reference in one column."""
+        found = self._at(here.t, here.q, here.v, here.a, here.lam, here.p)
+        return np.concatenate([np.zeros(0), *(part.nonzeros() for part in found[:7])])
 
     def keeps_energy(self, here: Reference) -> bool:
         """True if the forces have a potential as they are written, and no force, place or row knows the time.
@@ -144,7 +153,7 @@ class LinearizedFunctions:
 
         residual = self._at(here.t, here.q, here.v, np.zeros_like(here.v), here.lam, here.p)
         M = _sparse(residual[0])
-        return np.asarray(linalg.spsolve(M, -np.array(residual[6]).ravel())).reshape(-1)
+        return np.asarray(linalg.spsolve(M, -np.array(residual[7]).ravel())).reshape(-1)
 
 
 def _chart_slopes(built: System, charts: Sequence[level_functions.LevelExpression]) -> ca.Function:

@@ -14,7 +14,11 @@ import numpy.typing as npt
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.spectrum import Spectrum
 
+Complex = npt.NDArray[np.complex128]
 Floats = npt.NDArray[np.float64]
+
+# The rounding of multipliers.
+UNIT = 1e-8
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -44,6 +48,29 @@ def verdict(
             True, 0.0, "the potential has a strict minimum there (Lagrange and Dirichlet)"
         )
     return StabilityVerdict(None, 0.0, _undecided(found))
+
+
+def of_multipliers(multipliers: Complex, T: float, is_autonomous: bool) -> StabilityVerdict:
+    """The verdict on a motion with the period T; one multiplier of an autonomous motion is 1 and says nothing."""
+    sizes = np.abs(multipliers)
+    largest = float(sizes.max(initial=0.0))
+    growth = float(np.log(largest) / T) if largest > 0 else -np.inf
+    if largest > 1 + UNIT:
+        return StabilityVerdict(
+            False, growth, f"a small deviation is {largest:.6g} times as large a period later"
+        )
+    trivial = int(is_autonomous)
+    rest = np.sort(sizes)[: sizes.size - trivial]
+    if rest.max(initial=0.0) < 1 - UNIT:
+        what = (
+            "all small deviations but that along the motion die away"
+            if trivial
+            else "all small deviations die away"
+        )
+        return StabilityVerdict(True, growth if not trivial else 0.0, f"{what} (Andronov and Witt)")
+    return StabilityVerdict(
+        None, 0.0, "some multipliers lie on the unit circle and none outside: terms left out decide"
+    )
 
 
 def _undecided(found: Spectrum) -> str:

@@ -1,0 +1,160 @@
+"""Multipliers of deviations over one period of a motion (Floquet).
+
+Deviations are carried along by the equations of motion and their exact derivatives, integrated together; the rows
+hold them at the start and, as the equations keep the rows, ever after.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.linearization import freedoms, zero_chains
+from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
+
+Floats = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+RTOL, ATOL = 1e-12, 1e-14
+# What the integration leaves in a matrix over one period, as a part of its size.
+LEFT = 1e-9
+# A kinetic energy and multipliers that change by less than this part are constant.
+CONSTANT = 1e-9
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Cycle:
+    """A period, the multipliers (k,), those that are 1 first, and the deviations dq (k, n) at the start with them."""
+
+    period: float
+    multipliers: Complex
+    shapes: Complex
+
+
+class Orbit:
+    """A motion from a state, by the functions of its independent rows."""
+
+    def __init__(self, functions: LinearizedFunctions, numeric: NumericSystem, here: Reference) -> None:
+        self.functions, self.numeric, self.here = functions, numeric, here
+        n = here.q.size
+        self.begin = np.concatenate([here.q, here.v])
+        self._n = n
+
+    def rate(self, t: float, y: Floats) -> Floats:
+        """y' of y = (q, v)."""
+        found = self.numeric.rhs(t, np.concatenate([y, [0.0]]), self.here.p)
+        return np.array(found).ravel()[: 2 * self._n]
+
+    def reference(self, t: float, y: Floats) -> Reference:
+        """The instant of a state, with its accelerations and multipliers."""
+        rate, lam = self.numeric.solved(t, np.concatenate([y, [0.0]]), self.here.p)
+        n = self._n
+        a, lam = np.array(rate).ravel()[n : 2 * n], np.array(lam).ravel()
+        return Reference(t, y[:n], y[n:], a, lam, self.here.p)
+
+    def path(self, length: float) -> Callable[[float], Floats] | None:
+        """The states y at times after the start, or None where the motion stops before."""
+        from scipy import integrate
+
+        t = self.here.t
+        found = integrate.solve_ivp(
+            self.rate, (t, t + length), self.begin, "DOP853", dense_output=True, **self._tolerance()
+        )
+        if not found.success:
+            return None
+        return lambda s: np.asarray(found.sol(t + s))
+
+    def _tolerance(self) -> dict[str, float | Floats]:
+        q, v = np.split(np.abs(self.begin), 2)
+        size, speed = float(q.max(initial=0.0)) or 1.0, float(v.max(initial=0.0)) or 1.0
+        return {"rtol": RTOL, "atol": ATOL * np.repeat([size, speed], self._n)}
+
+    def is_steady(self, length: float) -> bool:
+        """True if kinetic energy and the sizes of forces stay the same for a time: it is steady seen otherwise."""
+        path = self.path(length)
+        if path is None:
+            return False
+        values = []
+        for s in np.linspace(0.0, length, 9):
+            here = self.reference(self.here.t + s, path(s))
+            M = np.array(self.numeric.inertia(here.t, here.q, here.v, here.p))
+            values.append(np.concatenate([[here.v @ M @ here.v, here.a @ M @ here.a], here.lam]))
+        spread = np.abs(np.array(values) - values[0]).max(axis=0)
+        return bool((spread <= CONSTANT * np.abs(values[0]).max()).all())
+
+    def signature(self, path: Callable[[float], Floats], s: float) -> Floats:
+        """Velocities and the entries of the linear equations at a time after the start, of one size."""
+        here = self.reference(self.here.t + s, path(s))
+        values = self.functions.values(here)
+        return np.concatenate([here.v / self._speed, values / self._entries])
+
+    @functools.cached_property
+    def _speed(self) -> float:
+        return float(np.abs(self.here.v).max(initial=0.0)) or 1.0
+
+    @functools.cached_property
+    def _entries(self) -> float:
+        return float(np.abs(self.functions.values(self.here)).max(initial=0.0)) or 1.0
+
+    def monodromy(self, deviations: Floats, T: float) -> Floats:
+        """Deviations (2n, k) of (q, v) a period later."""
+        from scipy import integrate
+
+        n, k = self._n, deviations.shape[1]
+        t, y, W = ca.MX.sym("t"), ca.MX.sym("y", 2 * n), ca.MX.sym("dy", 2 * n, k)
+        rate = self.numeric.rhs(t, ca.vertcat(y, 0), self.here.p)[: 2 * n]
+        carried = ca.jtimes(rate, y, W) if k else ca.MX(2 * n, 0)
+        function = ca.Function(
+            "variation", [t, ca.vertcat(y, ca.vec(W))], [ca.vertcat(rate, ca.vec(carried))]
+        )
+        begin = np.concatenate([self.begin, deviations.T.ravel()])
+        tolerance = self._tolerance()
+        sizes = np.abs(deviations).max(axis=0)
+        tolerance["atol"] = np.concatenate([tolerance["atol"], np.repeat(ATOL * sizes, 2 * n)])
+        end = integrate.solve_ivp(
+            lambda t, x: np.array(function(t, x)).ravel(),
+            (self.here.t, self.here.t + T),
+            begin,
+            "DOP853",
+            t_eval=[self.here.t + T],
+            **tolerance,
+        )
+        return np.asarray(end.y[2 * n :, -1]).reshape(k, 2 * n).T
+
+
+def cycle(orbit: Orbit, T: float) -> Cycle:
+    """The multipliers of a motion with the period T."""
+    linear = orbit.functions.at(orbit.here)
+    deviations = _tangent(linear, T)
+    carried = deviations.T @ orbit.monodromy(deviations, T)
+    found = zero_chains.deflate(carried - np.eye(len(carried)), LEFT * float(np.linalg.norm(carried, 2)))
+    values, vectors = np.linalg.eig(found.rest)
+    others = 1 + values
+    order = np.lexsort((-np.round(others.imag, 9), -np.round(np.abs(others), 9)))
+    n, kept = orbit.here.q.size, found.null
+    shapes = (
+        found.whole(values.astype(complex), vectors.astype(complex)) if values.size else found.null[:, :0]
+    )
+    every = np.hstack([kept.astype(complex), shapes[:, order]])
+    multipliers = np.concatenate([np.ones(found.zeros, dtype=complex), others[order]])
+    return Cycle(T, multipliers, (deviations[:n] @ every).T)
+
+
+def _tangent(linear: Linear, T: float) -> Floats:
+    """An orthonormal basis (2n, k) of the deviations of (q, v) that the rows allow; T: a time of the motion."""
+    B, A, D, D_whole = (part.toarray() for part in (linear.B, linear.A, linear.D, linear.D_whole))
+    h, n = D_whole.shape
+    nothing = np.zeros_like(B)
+    places = np.hstack([B, nothing])
+    speeds = np.hstack([np.vstack([D_whole, D]), np.vstack([B[:h], A]) / T])
+    basis = freedoms.null_basis(freedoms.unit(np.vstack([places, speeds])))
+    # In units of T speeds are of the size of places.
+    basis[n:] /= T
+    basis, _ = np.linalg.qr(basis)
+    return np.asarray(basis)
