@@ -38,6 +38,7 @@ class ModesSettings(TypedDict):
     about: str
     assemble: bool | None
     limit: float | None
+    lowest: int | None
 
 
 class NoEquilibriumError(Exception):
@@ -51,6 +52,7 @@ def modes(
     about: str = "auto",
     assemble: bool | None = None,
     limit: float | None = None,
+    lowest: int | None = None,
 ) -> Modes:
     """Return frequencies, eigenvalues, shapes and stability of small deviations (`linear_modes.Modes`).
 
@@ -58,13 +60,17 @@ def modes(
     else about the nearest equilibrium. Of a steady motion whose linear equations have a period in t, and of one that
     comes back to itself, the multipliers of a period are given. about: `start` or `equilibrium` asks for one of them
     alone, and with `start` any motion that comes back will do. assemble: move the start onto the constraints first;
-    limit: seconds for the first integrals of differential rows. Angular frequencies in 1/time of the model's unit.
+    limit: seconds for the first integrals of differential rows; lowest: how many modes of a model of more than
+    600 coordinates (20). Angular frequencies in 1/time of the model's unit.
 
     Raises `ModelError`, `ValueError` for bad options, `NoEquilibriumError`, `SimulationStopped`.
     """
     # Other commands linearize nothing.
     from lagcli.linearization import assembled_modes, reference
 
+    wanted = assembled_modes.WANTED if lowest is None else lowest
+    if wanted < 1:
+        raise ValueError("lowest: a number of modes is needed, 1 or more")
     if about not in ABOUT:
         raise ValueError(f"about: {', '.join(ABOUT[:-1])} or {ABOUT[-1]}")
     model = as_model(model)
@@ -73,7 +79,7 @@ def modes(
     here, closed = _start(model)
     ready = cache.compiled(model)
     functions = _functions(ready, closed, seconds)
-    found = _of_start(ready, functions, here, about)
+    found = _of_start(ready, functions, here, about, wanted)
     if found is not None:
         return found
     if about == "start":
@@ -83,7 +89,7 @@ def modes(
     there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
     told = (*NEAREST, *_contacts(ready, closed))
     if there.kind != "varying":
-        return assembled_modes.modes(functions, there, told)
+        return assembled_modes.modes(functions, there, told, wanted)
     again = _varying(ready, functions, there, told)
     if again is None:
         raise NoEquilibriumError(
@@ -97,7 +103,7 @@ def _duration(ready: CompiledModel) -> float:
 
 
 def _of_start(
-    ready: CompiledModel, functions: LinearizedFunctions, here: Reference, about: str
+    ready: CompiledModel, functions: LinearizedFunctions, here: Reference, about: str, wanted: int
 ) -> Modes | None:
     """The modes about the start, where that is what is wanted and it goes on as it is or comes back."""
     from lagcli.linearization import assembled_modes, floquet, period, reference
@@ -106,7 +112,7 @@ def _of_start(
     found = reference.classified(functions, ready.numeric, here, _duration(ready))
     if found is not None and (about != "equilibrium" or found.kind == "equilibrium"):
         if found.kind != "varying":
-            return assembled_modes.modes(functions, found, _notes(ready, found, closed))
+            return assembled_modes.modes(functions, found, _notes(ready, found, closed), wanted)
         told = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
         return _varying(ready, functions, found, told)
     if about == "equilibrium" or closed or (not np.any(here.v) and about != "start"):

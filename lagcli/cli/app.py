@@ -449,6 +449,10 @@ def modes(
     about: Annotated[
         str, typer.Option(metavar="WHAT", help="start, equilibrium, or the one that fits: auto")
     ] = "auto",
+    lowest: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="how many modes of a model of more than 600 coordinates (20)"),
+    ] = None,
     animate: Annotated[
         str | None, typer.Option("--animate", metavar="FILE", help="not built yet: refused", hidden=True)
     ] = None,
@@ -474,6 +478,7 @@ def modes(
         exits.say_all(warning.render() for warning in read.warnings)
     given: find_modes.ModesSettings = {
         "about": about, "assemble": True if assemble else None, "limit": limit,
+        "lowest": lowest,
     }  # fmt: skip
     _reported(lambda: modes_command.run(read, given, options), as_json)
 

@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.linearization import floquet, freedoms, ordered_modes, spectrum, stability
+from lagcli.linearization import floquet, freedoms, lowest, ordered_modes, spectrum, stability
 from lagcli.linearization.linear_modes import Modes
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.reference import Steady
 
+Complex = npt.NDArray[np.complex128]
 
-def modes(functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...]) -> Modes:
-    """The modes about a motion whose linear equations do not depend on t. Raises `diagnostics.ModelError`."""
+# Models of more coordinates have their lowest modes looked for, and how many of them where nobody says.
+DENSE, WANTED = 600, 20
+
+
+def modes(
+    functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...], wanted: int = WANTED
+) -> Modes:
+    """The modes about a motion whose linear equations do not depend on t; wanted: how many of a large model.
+
+    Raises `diagnostics.ModelError`, `lowest.NotFoundError`.
+    """
     built = functions.system
+    if found.here.q.size > DENSE:
+        return _of_lowest(functions, found, wanted, notes)
     free = _free(built, found)
     every = spectrum.spectrum(free)
     judged = stability.verdict(functions, found.here, every, found.kind == "equilibrium")
@@ -34,6 +47,44 @@ def modes(functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...])
         title=built.model.title,
         units=built.model.units,
     )
+
+
+def _of_lowest(functions: LinearizedFunctions, found: Steady, wanted: int, notes: tuple[str, ...]) -> Modes:
+    """The lowest modes of a large model."""
+    built = functions.system
+    some = lowest.lowest(found.linear, wanted)
+    judged = stability.of_lowest(functions, found.here, some, found.kind == "equilibrium")
+    values = some.values
+    both = [z for s in values for z in ((s, s.conjugate()) if s.imag else (s, -s) if some.is_whole else (s,))]
+    rows = [ordered_modes.normalized(shape) for shape in some.shapes.T]
+    told = f"the lowest {values.size} modes of a model with {some.count} eigenvalues"
+    if some.is_whole and not some.is_complete:
+        told += "; some occur more often than they are given"
+    is_swinging = not values.real.any()
+    if not is_swinging:
+        rows = [row for s, row in zip(values, rows, strict=True) for row in _both(s, row, some.is_whole)]
+    return Modes(
+        "equilibrium" if found.kind == "equilibrium" else "steady",
+        state_columns(built, found.here),
+        built.model.coordinate_names,
+        np.abs(values.imag) if is_swinging else None,
+        np.array(both, dtype=complex),
+        np.array(rows),
+        judged.stable,
+        judged.growth,
+        judged.reason,
+        some.count,
+        notes=(*notes, told),
+        title=built.model.title,
+        units=built.model.units,
+    )
+
+
+def _both(s: complex, row: Complex, has_opposite: bool) -> list[Complex]:
+    """The shapes of an eigenvalue and of the one that goes with it."""
+    if s.imag:
+        return [row, row.conj()]
+    return [row, row] if has_opposite else [row]
 
 
 def of_cycle(orbit: floquet.Orbit, T: float, notes: tuple[str, ...]) -> Modes:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
+from lagcli.linearization.lowest import Lowest
 from lagcli.linearization.spectrum import Spectrum
 
 Complex = npt.NDArray[np.complex128]
@@ -19,6 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 # The rounding of multipliers.
 UNIT = 1e-8
+MINIMUM = "the potential has a strict minimum there (Lagrange and Dirichlet)"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -38,16 +40,30 @@ def verdict(
         float(found.values.real.max(initial=0.0 if found.zeros else -np.inf)) if found.values.size else 0.0
     )
     if growth > 0:
-        return StabilityVerdict(False, growth, f"small deviations grow as exp({growth:.6g} t)")
+        return StabilityVerdict(False, growth, _growing(growth))
     if not found.zeros and growth < 0:
         return StabilityVerdict(
             True, growth, f"all small deviations die away, the slowest as exp({growth:.6g} t) (Lyapunov)"
         )
     if is_equilibrium and found.is_definite and found.is_conservative and functions.keeps_energy(here):
-        return StabilityVerdict(
-            True, 0.0, "the potential has a strict minimum there (Lagrange and Dirichlet)"
-        )
+        return StabilityVerdict(True, 0.0, MINIMUM)
     return StabilityVerdict(None, 0.0, _undecided(found))
+
+
+def of_lowest(
+    functions: LinearizedFunctions, here: Reference, found: Lowest, is_equilibrium: bool
+) -> StabilityVerdict:
+    """The verdict where only the lowest eigenvalues are known."""
+    growth = float(found.values.real.max(initial=0.0))
+    if growth > 0:
+        return StabilityVerdict(False, growth, _growing(growth))
+    if is_equilibrium and found.is_definite and functions.keeps_energy(here):
+        return StabilityVerdict(True, 0.0, MINIMUM)
+    if found.is_whole:
+        return StabilityVerdict(
+            None, 0.0, "no eigenvalue is to the right of the imaginary axis: terms left out decide"
+        )
+    return StabilityVerdict(None, growth, "only the lowest eigenvalues were looked at")
 
 
 def of_multipliers(multipliers: Complex, T: float, is_autonomous: bool) -> StabilityVerdict:
@@ -71,6 +87,10 @@ def of_multipliers(multipliers: Complex, T: float, is_autonomous: bool) -> Stabi
     return StabilityVerdict(
         None, 0.0, "some multipliers lie on the unit circle and none outside: terms left out decide"
     )
+
+
+def _growing(growth: float) -> str:
+    return f"small deviations grow as exp({growth:.6g} t)"
 
 
 def _undecided(found: Spectrum) -> str:

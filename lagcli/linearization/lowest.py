@@ -1,0 +1,213 @@
+"""The lowest modes of large systems, by sparse factors.
+
+The rows stay beside the equations: (K - s M) x + B^T mu = M y, B x = 0 is solved with one factorization for all y, and
+Lanczos steps with it find the w^2 next to the shift s. How many lie below a number is counted by the signs of the
+pivots of K - s M + rho B^T B (Sylvester), so that none is missed, and negative ones are known.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.linearization.linearized import Linear
+
+if TYPE_CHECKING:
+    from scipy import sparse
+    from scipy.sparse.linalg import SuperLU
+
+Floats = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+# Shift, zeros and weights of rows, as parts of the largest K_ii / M_ii.
+SHIFT, ZERO, STIFF = 1e-7, 1e-12, 1e5
+# Eigenvalues that are asked for beyond those that are wanted, and rounds in which more are asked for.
+SPARE, ROUNDS = 6, 3
+BISECTIONS = 60
+ASYMMETRY = 1e-11
+# For singular factors, of dependent rows: their part of the diagonal.
+LOOSE = 1e-13
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Lowest:
+    """Eigenvalues s with Im s >= 0 (k,) next to zero and their deviations dq (n, k); count: of all eigenvalues;
+    is_whole: no eigenvalue to the right of the imaginary axis is missing; is_definite: all w^2 are positive;
+    is_complete: each is given as often as it occurs."""
+
+    values: Complex
+    shapes: Complex
+    count: int
+    is_whole: bool
+    is_definite: bool
+    is_complete: bool
+
+
+class NotFoundError(Exception):
+    """The iterations did not converge."""
+
+
+def lowest(linear: Linear, wanted: int) -> Lowest:
+    """The lowest modes of linear equations. Raises `NotFoundError`."""
+    K, C = linear.K, linear.C
+    is_symmetric = abs(K - K.T).max() <= ASYMMETRY * abs(K).max() if K.nnz else True
+    if is_symmetric and not linear.A.shape[0] and (not C.nnz or not abs(C).max()):
+        return _of_energy(linear, wanted)
+    return _of_states(linear, wanted)
+
+
+def _of_energy(linear: Linear, wanted: int) -> Lowest:
+    """Of K x = w^2 M x with B x = 0."""
+    from scipy.sparse import linalg
+
+    K, M, B = (linear.K + linear.K.T) / 2, linear.M, _unit(linear.B)
+    n, rank = K.shape[0], _rank(B)
+    size = float(np.abs(K.diagonal() / M.diagonal()).max())
+    if not size:
+        raise NotFoundError
+    negative = _below(K, M, B, -ZERO * size, size)
+    begin = np.random.default_rng(0).standard_normal(n)
+    k = min(wanted + SPARE, n - rank - 1)
+    sigma = -SHIFT * size
+    if negative:
+        sigma = _least(K, M, B, size) * (1 + 1e-3) - SHIFT * size
+    solve = _solver(K - sigma * M, B)
+    inverse = linalg.LinearOperator((n, n), matvec=solve, dtype=float)
+    for _ in range(ROUNDS):
+        try:
+            squares, x = linalg.eigsh(K, k, M, sigma, OPinv=inverse, v0=solve(M @ begin), tol=0)
+        except linalg.ArpackNoConvergence:
+            raise NotFoundError from None
+        order = np.argsort(squares)
+        squares, x = squares[order], x[:, order]
+        # Of the last ones a copy may be missing: they are left out.
+        last = squares[-1] - 1e-6 * abs(squares[-1])
+        found = int((squares < last).sum())
+        is_complete = found > 0 and _below(K, M, B, last, size) == found
+        if is_complete or k == n - rank - 1:
+            break
+        k = min(2 * k, n - rank - 1)
+    kept = min(wanted, found if is_complete else squares.size)
+    squares, x = squares[:kept], x[:, :kept]
+    squares = np.where(np.abs(squares) <= ZERO * size, 0.0, squares)
+    roots = np.sqrt(-squares + 0j)
+    return Lowest(
+        roots,
+        x.astype(complex),
+        2 * (n - rank),
+        True,
+        bool((squares > 0).all()) and not negative,
+        is_complete,
+    )
+
+
+def _least(K: sparse.csc_array, M: sparse.csc_array, B: sparse.csc_array, size: float) -> float:
+    """The lowest w^2 to a few digits, by halving."""
+    low = -size
+    while _below(K, M, B, low, size):
+        low *= 2
+    high = 0.0
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if _below(K, M, B, middle, size) else (middle, high)
+        if high - low <= 1e-4 * abs(low):
+            break
+    return low
+
+
+def _below(K: sparse.csc_array, M: sparse.csc_array, B: sparse.csc_array, mu: float, size: float) -> int:
+    """The number of w^2 below mu: the negative pivots of K - mu M + rho B^T B."""
+    weight = STIFF * max(size, abs(mu)) * float(M.diagonal().max())
+    matrix = (K - mu * M + weight * (B.T @ B)).tocsc()
+    matrix.sort_indices()
+    pattern = _pattern(matrix)
+    D = ca.ldl(ca.DM(pattern, matrix.data))[0]
+    return int((np.array(D).ravel() < 0).sum())
+
+
+def _pattern(matrix: sparse.csc_array) -> ca.Sparsity:
+    rows, columns = matrix.shape
+    return ca.Sparsity(int(rows), int(columns), matrix.indptr.tolist(), matrix.indices.tolist())
+
+
+def _of_states(linear: Linear, wanted: int) -> Lowest:
+    """Of (dq, dv, dlambda) with q' = v, and the rows as they are."""
+    from scipy import sparse
+    from scipy.sparse import linalg
+
+    M, C, K = linear.M, linear.C, linear.K
+    n = M.shape[0]
+    rows, one = sparse.vstack([linear.B, linear.A]), sparse.eye_array(n)
+    held = sparse.vstack([linear.B, linear.D])
+    slow = sparse.vstack([sparse.csc_array(linear.B.shape), linear.A])
+    size = float(np.sqrt(np.abs(K.diagonal() / M.diagonal()).max())) or 1.0
+    A = sparse.block_array([[None, one, None], [-K, -C, rows.T], [held, slow, None]]).tocsc()
+    nothing = sparse.csc_array((rows.shape[0], rows.shape[0]))
+    E = sparse.block_diag([one, M, nothing]).tocsc()
+    sigma = SHIFT**0.5 * size
+    factors = linalg.splu((A - sigma * E).tocsc())
+
+    def applied(x: Floats) -> Floats:
+        return np.asarray(factors.solve(E @ x))
+
+    operator = linalg.LinearOperator(A.shape, matvec=applied, dtype=float)
+    begin = applied(applied(applied(np.random.default_rng(0).standard_normal(A.shape[0]))))
+    try:
+        inverse, states = linalg.eigs(operator, 2 * wanted + SPARE, v0=begin, tol=0)
+    except linalg.ArpackNoConvergence:
+        raise NotFoundError from None
+    values = sigma + 1 / inverse
+    values = np.where(np.abs(values) <= SHIFT * size, 0.0, values)
+    values = np.where(np.abs(values.real) <= 1e-10 * size, 1j * values.imag, values)
+    kept = np.flatnonzero(values.imag >= 0)
+    kept = kept[np.argsort(np.abs(values[kept]), kind="stable")][:wanted]
+    count = 2 * n - 2 * _rank(_unit(linear.B)) - _rank(_unit(linear.A))
+    return Lowest(values[kept], states[:n, kept], count, False, False, False)
+
+
+def _solver(matrix: sparse.csc_array, B: sparse.csc_array) -> Callable[[Floats], Floats]:
+    """y -> x of matrix x + B^T mu = y, B x = 0."""
+    from scipy import sparse
+    from scipy.sparse import linalg
+
+    h = B.shape[0]
+    size = float(abs(matrix).max())
+    for loose in (0.0, LOOSE / size):
+        corner = -loose * sparse.eye_array(h) if h else None
+        blocks = [[matrix, B.T], [B, corner]] if h else [[matrix]]
+        try:
+            factors = linalg.splu(sparse.block_array(blocks).tocsc())
+        except RuntimeError:  # exactly singular: rows are dependent
+            continue
+        return functools.partial(_solved, factors, np.zeros(h))
+    raise NotFoundError
+
+
+def _solved(factors: SuperLU, none: Floats, y: Floats) -> Floats:
+    return np.asarray(factors.solve(np.concatenate([y.ravel(), none]))[: y.size])
+
+
+def _unit(rows: sparse.csc_array) -> sparse.csc_array:
+    """Rows (k, n) with length one."""
+    from scipy import sparse
+
+    lengths = np.sqrt(np.asarray((rows.multiply(rows)).sum(axis=1)).ravel())
+    return sparse.csc_array(sparse.diags_array(1 / np.where(lengths > 0, lengths, 1.0)) @ rows)
+
+
+def _rank(rows: sparse.csc_array) -> int:
+    """The rank of rows of length one, by the pivots of their Gram matrix."""
+    if not rows.shape[0]:
+        return 0
+    from scipy import sparse
+
+    gram = (rows @ rows.T + 1e-13 * sparse.eye_array(rows.shape[0])).tocsc()
+    gram.sort_indices()
+    pattern = _pattern(gram)
+    return int((np.array(ca.ldl(ca.DM(pattern, gram.data))[0]).ravel() > 1e-10).sum())
