@@ -119,7 +119,7 @@ def _of_start(
         return None
     if here.q.size > MOST_FOLLOWED:
         return None
-    orbit = floquet.Orbit(functions, _independent(ready, here), here)
+    orbit = floquet.FollowedMotion(functions, _independent(ready, here), here)
     length = LONGEST * _duration(ready)
     if about != "start" and not orbit.is_steady(FIRST * length):
         return None
@@ -146,7 +146,7 @@ def _varying(
     )
     if T is None:
         return None
-    orbit = floquet.Orbit(functions, _independent(ready, found.here), found.here)
+    orbit = floquet.FollowedMotion(functions, _independent(ready, found.here), found.here)
     return assembled_modes.of_cycle(orbit, T, told)
 
 

@@ -87,7 +87,7 @@ def _both(s: complex, row: Complex, has_opposite: bool) -> list[Complex]:
     return [row, row] if has_opposite else [row]
 
 
-def of_cycle(orbit: floquet.Orbit, T: float, notes: tuple[str, ...]) -> Modes:
+def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) -> Modes:
     """The multipliers of a motion with the period T, and its exponents log(multiplier)/T."""
     built = orbit.functions.system
     found = floquet.cycle(orbit, T)

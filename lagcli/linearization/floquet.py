@@ -37,7 +37,7 @@ class Cycle:
     shapes: Complex
 
 
-class Orbit:
+class FollowedMotion:
     """A motion from a state, by the functions of its independent rows."""
 
     def __init__(self, functions: LinearizedFunctions, numeric: NumericSystem, here: Reference) -> None:
@@ -128,7 +128,7 @@ class Orbit:
         return np.asarray(end.y[2 * n :, -1]).reshape(k, 2 * n).T
 
 
-def cycle(orbit: Orbit, T: float) -> Cycle:
+def cycle(orbit: FollowedMotion, T: float) -> Cycle:
     """The multipliers of a motion with the period T."""
     linear = orbit.functions.at(orbit.here)
     deviations = _tangent(linear, T)
