@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     from lagcli.api.compare import compare
     from lagcli.api.count_dof import dof
     from lagcli.api.derive import derive
+    from lagcli.api.equilibrium import equilibrium
     from lagcli.api.find_displacements import displacements
     from lagcli.api.find_modes import modes
     from lagcli.api.limit import limit
     from lagcli.api.load import load, loads
     from lagcli.api.simulate import simulate
+    from lagcli.api.stationary import stationary
     from lagcli.auditing.audit_report import Audit
     from lagcli.derivation.derivation_page import Derivation
     from lagcli.errors.diagnostics import ModelError
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from lagcli.linearization.linear_modes import Modes
     from lagcli.model.model import Model
     from lagcli.output.trajectory import SimulationStopped, Trajectory
+    from lagcli.statics.static_report import StaticReport
 
 __version__ = "0.1.0"
 
@@ -54,6 +57,7 @@ __all__ = [
     "OverrideError",
     "Report",
     "SimulationStopped",
+    "StaticReport",
     "StiffLimit",
     "Trajectory",
     "audit",
@@ -62,11 +66,13 @@ __all__ = [
     "derive",
     "displacements",
     "dof",
+    "equilibrium",
     "limit",
     "load",
     "loads",
     "modes",
     "simulate",
+    "stationary",
 ]
 
 _CLASSES = {
@@ -81,6 +87,7 @@ _CLASSES = {
     "OverrideError": "input.overrides",
     "Report": "analysis.check_report",
     "SimulationStopped": "output.trajectory",
+    "StaticReport": "statics.static_report",
     "StiffLimit": "formulations.stiff.ladder",
     "Trajectory": "output.trajectory",
 }
@@ -92,11 +99,13 @@ _FUNCTIONS = {
     "derive": "derive",
     "displacements": "find_displacements",
     "dof": "count_dof",
+    "equilibrium": "equilibrium",
     "limit": "limit",
     "load": "load",
     "loads": "load",
     "modes": "find_modes",
     "simulate": "simulate",
+    "stationary": "stationary",
 }
 
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from lagcli import progress
 from lagcli.analysis.classification import hidden_conditions
+from lagcli.api import run_settings
 from lagcli.api.compiled_model import CompiledModel
 from lagcli.compiled import invariant_values
 from lagcli.equations import level_functions
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.model import settings
 from lagcli.model.invariant import LevelFunction
 from lagcli.start import assembly, initial
 from lagcli.start.initial import State
@@ -21,6 +21,8 @@ from lagcli.statics import refine, static_laws
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.static_laws import HeldLevel, StaticLaws
 from lagcli.statics.static_problem import StaticProblem
+
+MODERATE = 1e4  # levels of this size are not measured by it
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -37,9 +39,10 @@ class StaticStart:
 
 
 @progress.phase("looking for a consistent start")
-def begin(ready: CompiledModel, limit: float = settings.LIMIT) -> StaticStart:
+def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
     """The nearest consistent configuration to the declared start. Raises `diagnostics.ModelError` where there is
     none."""
+    limit = run_settings.seconds(limit)
     built, numeric = ready.system, ready.numeric
     declared = initial.declared(built)
     declared = dataclasses.replace(declared, v=np.zeros(declared.v.size))
@@ -89,6 +92,8 @@ def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> 
         value = invariant_values.function(built, [chart])(state.t, state.q, state.p)
         (above, below), period = value[0].full()[0], float(value[3])
         size = 1.0 if period else float(np.hypot(above, below))
+        if 1 / MODERATE < size < MODERATE:
+            size = 1.0  # numbers that were written stay so, for exact algebra
         gradient = value[1].full() * below - value[2].full() * above if not period else value[1].full()
         if np.isfinite([above, below, *gradient.ravel()]).all() and size and np.abs(gradient).max() > 0:
             found.append(HeldLevel(chart, above / size, below / size))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import time
 from collections.abc import Sequence
 
@@ -41,6 +42,7 @@ def simulate(
     checkpoint: Path | None = None,
     resume: Path | None = None,
     event_rows: bool = False,
+    begin: Path | None = None,
 ) -> Trajectory:
     """Integrate m a = F + sum lambda_i B_i (D.24) and return the table.
 
@@ -50,11 +52,19 @@ def simulate(
     run; `limit` is the seconds to find the first integrals that are enforced; `checkpoint` and `resume` are files to
     keep the state of the run in and to go on from: rows then begin after the last one of the run before, and
     `run.events` with the incidents after it; `event_rows` adds two rows at each instant of impacts, contacts, releases
-    and events, before and after it.
+    and events, before and after it; `begin` is a table, `FILE` or `FILE:ROW`, whose row, the last by default, is the
+    start.
     Raises `ModelError` where the start is inconsistent, `ValueError` for bad options and for a checkpoint that belongs
     to a different run, `OSError`, `SimulationStopped` where the integration cannot go on.
     """
     model = as_model(model)
+    if begin is not None:
+        # Other runs read no tables.
+        from lagcli.api import start_row
+
+        if resume is not None:
+            raise ValueError("begin with resume: a run goes on from its checkpoint, and not from a row")
+        model = start_row.at(model, os.fspath(begin))
     began = time.perf_counter()
     changes = {
         "start": start, "duration": duration, "samples": samples, "output_step": output_step, "method": method,

@@ -18,14 +18,18 @@ from lagcli.cli.options import (
     DigitsOption,
     EventRowsOption,
     EventsOption,
+    FromOption,
     JsonOption,
     LimitOption,
     ModelArgument,
     OutputOption,
     OutputStepOption,
+    PointsOption,
     QuietOption,
     ResumeOption,
+    SeedOption,
     SetOption,
+    StartsOption,
     VerboseOption,
 )
 from lagcli.errors import diagnostics
@@ -191,6 +195,7 @@ def simulate(
     stats: Annotated[str | None, typer.Option(metavar="FILE", help="the account of the run as JSON")] = None,
     checkpoint: CheckpointOption = None,
     resume: ResumeOption = None,
+    begin: FromOption = None,
     digits: DigitsOption = False,
     limit: LimitOption = settings.LIMIT,
     changes: SetOption = None,
@@ -226,6 +231,8 @@ def simulate(
     )
     options.require(model)
     read = _reported(lambda: _load(model, changes), as_json)
+    if begin is not None:
+        read = simulate_command.from_row(read, begin, resume)
     given = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "method": method, "assemble": True if assemble else None,
@@ -481,6 +488,63 @@ def modes(
         "lowest": lowest,
     }  # fmt: skip
     _reported(lambda: modes_command.run(read, given, options), as_json)
+
+
+@app.command(short_help="Stationary points of a function on the constraint surfaces.")
+@exits.command
+def stationary(
+    model: ModelArgument,
+    of: Annotated[str, typer.Option("--of", metavar="EXPR", help="the function, such as 'a.x*a.y'")],
+    output: PointsOption = None,
+    starts: StartsOption = 32,
+    seed: SeedOption = 0,
+    limit: LimitOption = settings.LIMIT,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Find the stationary points of a function of the coordinates on the holonomic surfaces, with their multipliers.
+
+    Masses and forces play no part. Exit 4 where none is found.
+    """
+    from lagcli.cli import preflight, stationary_command
+
+    options = preflight.PointOptions(output, starts, seed, limit, as_json, quiet)
+    options.require(model)
+    read = _reported(lambda: _load(model, changes), as_json)
+    if verbose:
+        exits.say_all(warning.render() for warning in read.warnings)
+    _reported(lambda: stationary_command.run(read, of, options), as_json)
+
+
+@app.command(short_help="Points of rest, with multipliers and type.")
+@exits.command
+def equilibrium(
+    model: ModelArgument,
+    output: PointsOption = None,
+    starts: StartsOption = 32,
+    seed: SeedOption = 0,
+    limit: LimitOption = settings.LIMIT,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Find the points of rest: with zero velocities and accelerations the equations of motion hold at every t.
+
+    With lambda, R, the effective potential and the type by the bordered Hessian. Exit 4 where none is found.
+    """
+    from lagcli.cli import equilibrium_command, preflight
+
+    options = preflight.PointOptions(output, starts, seed, limit, as_json, quiet)
+    options.require(model)
+    read = _reported(lambda: _load(model, changes), as_json)
+    if verbose:
+        exits.say_all(warning.render() for warning in read.warnings)
+    _reported(lambda: equilibrium_command.run(read, options), as_json)
 
 
 @app.command(short_help="Print the equations of motion.")

@@ -51,7 +51,7 @@ def say_all(texts: Iterable[str]) -> None:
 
 def of(error: diagnostics.ModelError) -> int:
     """The code for an invalid model; where all that is wrong stands in an option, it is the command line's."""
-    ours = all(found.location.path.startswith(("--set ", "--mu ")) for found in error.diagnostics)
+    ours = all(found.location.path.startswith(("--set ", "--mu ", "--of")) for found in error.diagnostics)
     return USAGE if ours else INVALID
 
 

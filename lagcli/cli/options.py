@@ -59,3 +59,13 @@ ResumeOption = Annotated[
 DigitsOption = Annotated[
     bool, typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run")
 ]
+PointsOption = Annotated[
+    str | None,
+    typer.Option("-o", "--output", metavar="FILE", help="the points: .csv, .tsv, .json, .npz, .parquet; -"),
+]
+StartsOption = Annotated[int, typer.Option("--starts", min=0, help="starts beside the declared one")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="of these starts; the same for the same seed")]
+FromOption = Annotated[
+    str | None,
+    typer.Option("--from", metavar="FILE[:ROW]", help="start from a row of a table; by default the last"),
+]

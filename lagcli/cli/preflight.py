@@ -267,6 +267,30 @@ class AuditOptions:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class PointOptions:
+    """Options of `stationary` and `equilibrium`."""
+
+    output: str | None
+    starts: int
+    seed: int
+    limit: float
+    as_json: bool
+    quiet: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        if self.output is None:
+            return
+        if self.output == "-":
+            if self.as_json:
+                raise exits.UsageError("-o - and --json: both are for standard output")
+            return
+        _require_ending(self.output, endings.TABLES)
+        written = file_conflicts.File("--output", self.output, is_written=True)
+        _require_writable(file_conflicts.model(model), [written])
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class DeriveOptions:
     """Options of `derive`; `form`: one of `DERIVE_FORMATS`, `values`: names of parameters to put in as numbers."""
 

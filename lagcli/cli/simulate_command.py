@@ -45,6 +45,23 @@ def ready(model: Model, chosen: Simulation, options: SimulateOptions) -> Simulat
     return prepared
 
 
+def from_row(model: Model, begin: str, resume: str | None) -> Model:
+    """The model with the start of `--from`. Raises `exits.UsageError`."""
+    # Other runs read no tables.
+    from lagcli.api import start_row
+
+    if resume is not None:
+        raise exits.UsageError("--from with --resume: a run goes on from its checkpoint, and not from a row")
+    try:
+        return start_row.at(model, begin)
+    except FileNotFoundError as error:
+        raise exits.UsageError(f"--from: there is no file {error.filename}") from None
+    except OSError as error:
+        raise exits.UsageError(f"--from: cannot read {begin}: {error.strerror}") from None
+    except start_row.FAILURES as error:
+        raise exits.UsageError(f"--from {error}") from None
+
+
 def run(ready: SimulationRun, options: SimulateOptions) -> None:
     """Integrate and write. Raises `exits.Exit` with 3 where the run stopped before its end."""
     picked = run_figure.picked(ready.columns, options, ready.by_name)

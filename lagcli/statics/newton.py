@@ -19,14 +19,9 @@ MOST_DAMPED, MOST_NEWTON = 200, 40
 # Singular values below this part of the largest are zero: of dependent rows, and along a continuum.
 RANK = 1e-12
 NEAR = 1e-6
+# The least damping, so that the normal equations have a solution; and steps that are rounding.
+LEAST, ROUNDING = 1e-13, 3e-16
 FLAT = 1e-14  # a slope of the squares below which damped steps have come to the bottom of a valley
-
-
-@dataclasses.dataclass(slots=True)
-class SearchWork:
-    """The cost of searches so far, in evaluations times the cost of one."""
-
-    spent: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -38,21 +33,22 @@ class NewtonEnd:
     step: float
 
 
-def solve(
-    residual: Residual, x: Floats, work: SearchWork | None = None, damped: int = MOST_DAMPED
-) -> NewtonEnd | None:
+def solve(residual: Residual, x: Floats, damped: int = MOST_DAMPED) -> NewtonEnd | None:
     """The zero that damped steps lead to, refined; or the place with the least residual met. None where the residual
     has no value at the start."""
     begun = residual(x)
     if begun is None:
         return None
-    work = work or SearchWork()
-    cost = float(x.size) ** 3 / 100 + 1000.0
     r, J = begun
+    with np.errstate(over="ignore", invalid="ignore"):
+        return refined(residual, _lowered(residual, x, r, J, damped))
+
+
+def _lowered(residual: Residual, x: Floats, r: Floats, J: Floats, damped: int) -> Floats:
+    """The place that damped steps lead to."""
     damping, growth = 1e-3, 2.0
     widths = np.zeros(x.size)
     for _ in range(damped):
-        work.spent += cost
         size = float(np.linalg.norm(r))
         if size < NEAR:
             break
@@ -74,27 +70,24 @@ def solve(
             damping, growth = damping * growth, growth * 2
             if damping > 1e30:
                 break
-    return refined(residual, x, work)
+    return x
 
 
 def _damped(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
     """The step that is shortest in the scaled norm for its gain."""
     scaled = J / unit
     normal = scaled.T @ scaled
-    normal[np.diag_indices_from(normal)] += damping
+    normal[np.diag_indices_from(normal)] += max(damping, LEAST)
     return np.asarray(-np.linalg.solve(normal, slope / unit) / unit)
 
 
-def refined(residual: Residual, x: Floats, work: SearchWork | None = None) -> NewtonEnd:
+def refined(residual: Residual, x: Floats) -> NewtonEnd:
     """Newton's steps from x as long as they lead downhill."""
     found = residual(x)
     assert found is not None
     r, J = found
     size, last = float(np.linalg.norm(r)), np.inf
-    cost = float(x.size) ** 3 / 10 + 1000.0
     for _ in range(MOST_NEWTON):
-        if work is not None:
-            work.spent += cost
         step = np.linalg.lstsq(J, -r, rcond=RANK)[0]
         length = float(np.linalg.norm(step)) / (1.0 + float(np.linalg.norm(x)))
         there = residual(x + step)
@@ -104,6 +97,6 @@ def refined(residual: Residual, x: Floats, work: SearchWork | None = None) -> Ne
         assert there is not None
         x, (r, J), last = x + step, there, length
         size = float(np.linalg.norm(r))
-        if size == 0.0:
-            break
+        if size == 0.0 or length <= ROUNDING:
+            return NewtonEnd(x, size, 0.0)
     return NewtonEnd(x, size, last)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.statics import newton, rest_equations
-from lagcli.statics.newton import NewtonEnd, SearchWork
+from lagcli.statics.newton import NewtonEnd
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
@@ -41,9 +41,7 @@ class NoEquilibrium:
     q: Floats
 
 
-def nearest_equilibrium(
-    problem: StaticProblem, begin: Floats, work: SearchWork | None = None
-) -> EquilibriumPoint | NoEquilibrium:
+def nearest_equilibrium(problem: StaticProblem, begin: Floats) -> EquilibriumPoint | NoEquilibrium:
     """The point of rest reached from a configuration: by damped Newton steps, and from beside it where these fail.
 
     Contacts push: 0 <= lambda, 0 <= g, and one of them is zero.
@@ -54,9 +52,9 @@ def nearest_equilibrium(
     for part in (0.0, *ASIDE):
         place = begin + part * scales.length * random.standard_normal(begin.size)
         if problem.K:
-            found = pushed(problem, place, scales, work)
+            found = pushed(problem, place, scales)
         else:
-            found = reached(problem, place, (), scales, work)
+            found = reached(problem, place, (), scales)
         if isinstance(found, EquilibriumPoint):
             return found
         best = min(best, found, key=lambda one: one.residual)
@@ -68,12 +66,11 @@ def reached(
     begin: Floats,
     closed: tuple[int, ...],
     scales: Scales,
-    work: SearchWork | None = None,
 ) -> EquilibriumPoint | NoEquilibrium:
     """The point that a configuration leads to with these contacts closed, whatever the signs of lambda and g."""
     equations = RestEquations(problem, closed, scales)
     x = begun(equations, begin)
-    found = None if x is None else newton.solve(equations, x, work)
+    found = None if x is None else newton.solve(equations, x)
     if found is None:
         return NoEquilibrium(np.inf, begin)
     return settled(equations, found)
@@ -123,19 +120,17 @@ def holds_later(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scal
     return True
 
 
-def pushed(
-    problem: StaticProblem, begin: Floats, scales: Scales, work: SearchWork | None = None
-) -> EquilibriumPoint | NoEquilibrium:
+def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> EquilibriumPoint | NoEquilibrium:
     """The point that a configuration leads to with contacts that push."""
     values = problem.at(problem.t, begin, problem.nothing)
     near = np.flatnonzero(values.g <= CLOSED * scales.contacts * scales.length)
-    guesses = [_complementary(problem, begin, scales, work), (begin, tuple(near.tolist())), (begin, ())]
+    guesses = [_complementary(problem, begin, scales), (begin, tuple(near.tolist())), (begin, ())]
     best: EquilibriumPoint | NoEquilibrium = NoEquilibrium(np.inf, begin)
     for place, closed in guesses:
         tried: set[tuple[int, ...]] = set()
         while closed not in tried and len(tried) < CHANGES:
             tried.add(closed)
-            found = reached(problem, place, closed, scales, work)
+            found = reached(problem, place, closed, scales)
             if isinstance(found, NoEquilibrium):
                 best = found if found.residual < best.residual else best
                 break
@@ -156,13 +151,11 @@ def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) 
     return pulling, below
 
 
-def _complementary(
-    problem: StaticProblem, begin: Floats, scales: Scales, work: SearchWork | None
-) -> tuple[Floats, tuple[int, ...]]:
+def _complementary(problem: StaticProblem, begin: Floats, scales: Scales) -> tuple[Floats, tuple[int, ...]]:
     """The end of a search with all contacts, and those that are closed there."""
     equations = RestEquations(problem, None, scales)
     x = begun(equations, begin)
-    found = None if x is None else newton.solve(equations, x, work)
+    found = None if x is None else newton.solve(equations, x)
     if found is None:
         return begin, ()
     q, each = equations.split(found.x)

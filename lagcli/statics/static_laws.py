@@ -21,8 +21,8 @@ from lagcli.equations.system import System
 class StaticLaws:
     """Expressions of t, q (n,) and p: F (n,), B (C, n), c (k,), g (K,), G (K, n), and the function that is stationary.
 
-    value: f, or the effective potential where the forces have one by their declaration; driving (n,): the forces at
-    rest that are declared without a potential.
+    value: f, or the effective potential where the forces have one by their declaration; driving (n,): the rest of
+    F, what is declared without a potential.
     """
 
     t: ca.SX
@@ -58,7 +58,7 @@ class HeldLevel:
 def of_rest(system: System, levels: Sequence[HeldLevel]) -> StaticLaws:
     """The equations of a point of rest: q' = q'' = 0 satisfies (D.24)."""
     symbols, rows, dynamics = system.symbols, system.rows, system.dynamics
-    F, driving = (_at_rest(system, part) for part in (dynamics.h, dynamics.driving))
+    F, value = (_at_rest(system, part) for part in (dynamics.h, dynamics.rest))
     moving = [rows.b[i] for i in range(rows.b.numel()) if not rows.b[i].is_zero()]
     conditions = [system.f, *(level.expression for level in levels), *moving]
     return StaticLaws(
@@ -70,8 +70,8 @@ def of_rest(system: System, levels: Sequence[HeldLevel]) -> StaticLaws:
         _column(conditions),
         ca.densify(system.contacts.g),
         system.contacts.G,
-        _at_rest(system, dynamics.rest),
-        ca.densify(driving),
+        value,
+        ca.densify(F + ca.gradient(value, symbols.q)),
     )
 
 

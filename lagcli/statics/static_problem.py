@@ -9,6 +9,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.compiled import program
+from lagcli.compiled.program import Program
 from lagcli.statics.static_laws import StaticLaws
 
 Floats = npt.NDArray[np.float64]
@@ -45,6 +47,7 @@ class StaticProblem:
 
     def __init__(self, laws: StaticLaws, p: Floats, start: tuple[float, Floats], duration: float) -> None:
         self.laws, self.p = laws, p
+        self.evaluations = 0  # so far: what a search may cost is counted, not timed
         self.n, self.C, self.K = laws.q.numel(), laws.B.shape[0], laws.g.numel()
         self.t, self.begin = start
         self._later = tuple(self.t + part * (duration or 1.0) for part in PROVED)
@@ -79,10 +82,12 @@ class StaticProblem:
     @cached_property
     def _value(self) -> ca.Function:
         laws = self.laws
-        return ca.Function("value", [laws.t, laws.q, laws.p], [laws.value, ca.densify(laws.driving)])
+        outputs = [laws.value, laws.driving, ca.densify(ca.jacobian(laws.driving, laws.q))]
+        return ca.Function("value", [laws.t, laws.q, laws.p], outputs)
 
     def at(self, t: float, q: Floats, lam: Floats) -> Values:
         """All values; lam (C + K,)."""
+        self.evaluations += 1
         F, B, c, dc, g, G, K = (part.full() for part in self._function(t, q, lam, self.p))
         if self.K and not np.isfinite(K).all() and np.isfinite(G[lam[self.C :] != 0]).all():
             # The gradient of an open contact may have no value.
@@ -103,10 +108,30 @@ class StaticProblem:
         """f, or the declared part of the effective potential, at the start time."""
         return float(self._value(self.t, q, self.p)[0])
 
-    def driving(self, q: Floats) -> Floats:
-        """The forces without a declared potential at rest, (n,)."""
-        found: Floats = self._value(self.t, q, self.p)[1].full().ravel()
-        return found
+    def driving(self, q: Floats) -> tuple[Floats, Floats]:
+        """The forces at rest that the declared potential leaves, (n,), and their gradient (n, n)."""
+        _, found, gradient = self._value(self.t, q, self.p)
+        return found.full().ravel(), gradient.full()
+
+    def programs(self) -> list[Program]:
+        """The functions of q among the equations and the potential, as lists of operations."""
+        laws = self.laws
+        parts = [laws.F, laws.B, laws.c, laws.g, laws.G, laws.value]
+        function = ca.Function("parts", [laws.q, laws.t, laws.p], [_stacked(parts)])
+        return [program.written_out(function)]
+
+    def exact_program(self, closed: tuple[int, ...]) -> Program:
+        """All equations with these contacts closed, as a function of (q, lambda) and of (t, p)."""
+        laws = self.laws
+        lam = ca.SX.sym("lam", self.C + len(closed))
+        G, g = laws.G[list(closed), :], laws.g[list(closed)]
+        acting = laws.F
+        if self.C:
+            acting = acting + laws.B.T @ lam[: self.C]
+        if closed:
+            acting = acting + G.T @ lam[self.C :]
+        inputs = [ca.vertcat(laws.q, lam), ca.vertcat(laws.t, laws.p)]
+        return program.written_out(ca.Function("exact", inputs, [_stacked([acting, laws.c, g])]))
 
     @property
     def nothing(self) -> Floats:
@@ -117,7 +142,7 @@ class StaticProblem:
         """True if no value depends on t, at random places round the start."""
         laws = self.laws
         entries = [laws.F, laws.B, laws.c, laws.g, laws.G]
-        everything = ca.vertcat(*(ca.vec(ca.densify(part)) for part in entries))
+        everything = _stacked(entries)
         if not ca.depends_on(everything, laws.t):
             return True
         function = ca.Function("parts", [laws.t, laws.q, laws.p], [everything])
@@ -133,3 +158,15 @@ class StaticProblem:
                 if (np.abs(other - first)[both] > STEADY * max(largest, 1e-300)).any():
                     return False
         return True
+
+    def slope_program(self) -> Program:
+        """F of one coordinate and its slope, as a function of q and of (t, p)."""
+        laws = self.laws
+        inputs = [laws.q, ca.vertcat(laws.t, laws.p)]
+        return program.written_out(
+            ca.Function("slope", inputs, [_stacked([laws.F, ca.jacobian(laws.F, laws.q)])])
+        )
+
+
+def _stacked(parts: list[ca.SX]) -> ca.SX:
+    return ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))

@@ -51,8 +51,17 @@ DOORS = {
     ),
     "orjson": ("lagcli.output.tables.float_text",),
     "pyarrow": ("lagcli.output.tables.parquet_table", "lagcli.output.tables.read_table"),
-    "sympy": ("lagcli.pfaffian.", "lagcli.derivation."),
-    "mpmath": ("lagcli.pfaffian.", "lagcli.analysis.numeric_flag.multiprecision"),
+    "sympy": (
+        "lagcli.pfaffian.",
+        "lagcli.derivation.",
+        "lagcli.statics.algebraic_zeros",
+        "lagcli.statics.polynomial_equations",
+    ),
+    "mpmath": (
+        "lagcli.pfaffian.",
+        "lagcli.analysis.numeric_flag.multiprecision",
+        "lagcli.statics.one_unknown",
+    ),
     "casadi": (
         "lagcli.equations.",
         "lagcli.compiled.",
@@ -75,10 +84,11 @@ DOORS = {
         "lagcli.simulation.singular_point",
         "lagcli.simulation.step_end",
         "lagcli.simulation.watch_functions",
+        "lagcli.statics.point_columns",
         "lagcli.statics.static_laws",
         "lagcli.statics.static_problem",
     ),
-    "scipy": ("lagcli.contact.", "lagcli.linearization."),
+    "scipy": ("lagcli.contact.", "lagcli.linearization.", "lagcli.statics.effective_potential"),
 }
 
 LINES, PARAMETERS = 70, 6

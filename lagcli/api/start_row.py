@@ -1,0 +1,64 @@
+"""A model that starts at a row of a table (`simulate --from`)."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+
+import numpy as np
+
+from lagcli.equations import restart
+from lagcli.errors import diagnostics
+from lagcli.model.model import Model
+from lagcli.output import endings
+from lagcli.output.tables import read_table
+from lagcli.output.tables.sinks import MissingExtra
+
+LAST = -1
+_ROW = re.compile(r"(.+):([+-]?\d+)", re.DOTALL)
+
+
+class NoSuchRow(ValueError):
+    """A row, or a column of it, is not there."""
+
+
+# What `at` raises beside OSError; the messages name the file.
+FAILURES = (NoSuchRow, endings.UnknownFormat, MissingExtra, read_table.UnreadableTable)
+
+
+def split(text: str) -> tuple[str, int]:
+    """FILE and the number of its row, -1 where none is given; a drive letter is no file."""
+    found = _ROW.fullmatch(text)
+    if found is None or os.path.exists(text) or re.fullmatch(r"[A-Za-z]", found[1]):
+        return text, LAST
+    return found[1], int(found[2])
+
+
+def at(model: Model, text: str) -> Model:
+    """The model with the positions of a row, `FILE` or `FILE:ROW`, and its velocities, zero where there are none.
+
+    Raises `NoSuchRow`, and what `read_table.opened` raises.
+    """
+    path, row = split(text)
+    table = read_table.opened(path)
+    names = model.coordinate_names
+    generalized = set(model.generalized_names)
+    rates = [f"rate({name})" if name in generalized else f"{name[:-1]}v{name[-1]}" for name in names]
+    known = set(table.columns)
+    missing = [name for name in names if name not in known]
+    if missing:
+        hint = diagnostics.nearest(missing[0], table.columns)
+        raise NoSuchRow(f"{path}: it has no column `{missing[0]}`{'; ' + hint if hint else ''}")
+    there = [name for name in rates if name in known]
+    rows = table.take([*names, *there])
+    if not -len(rows) <= row < len(rows):
+        raise NoSuchRow(f"{path}:{row}: it has {len(rows)} rows, from 0 to {len(rows) - 1}; -1 is the last")
+    values = dict(zip([*names, *there], rows[row].tolist(), strict=True))
+    q = np.array([values[name] for name in names])
+    v = np.array([values.get(name, 0.0) for name in rates])
+    for name, value in values.items():
+        if not np.isfinite(value):
+            raise NoSuchRow(f"{path}:{row}: the column `{name}` has no number there")
+    changes = (*model.changes, ("from", f"{path}:{row}"))
+    return dataclasses.replace(restart.at(model, q, v), changes=changes)

@@ -1,0 +1,80 @@
+"""An expression that is given beside a model (`--of`), read with the names of the model."""
+
+from __future__ import annotations
+
+import functools
+
+from lagcli import yaml_tree
+from lagcli.errors import diagnostics
+from lagcli.expression import facts, parser
+from lagcli.expression.facts import Either, Facts
+from lagcli.input import scope
+from lagcli.input.namespace import PLACE, Kind
+from lagcli.input.scalars import Formulas
+from lagcli.model import model as nouns
+from lagcli.model.family import Family
+
+PLACES = facts.POSITION - {"time"}
+
+
+def read(model: nouns.Model, text: str, label: str) -> nouns.Expression:
+    """A scalar of positions, coordinates and parameters.
+
+    Raises `diagnostics.ModelError`, located in `label`, and `ValueError` for a constant.
+    """
+    found = diagnostics.Collector()
+    names = _scope(model, found)
+    node = yaml_tree.scalar(text, label)
+    formulas = Formulas(names, found)
+    expression = formulas.parse(node, parser.parse)
+    value = None if expression is None else formulas.facts(expression, PLACES, "this function")
+    if value is not None and value.value is not None:
+        raise ValueError("of: it is a constant, for which every point is stationary")
+    found.raise_errors()
+    assert expression is not None
+    return expression
+
+
+def _scope(model: nouns.Model, found: diagnostics.Collector) -> scope.Scope:
+    """The names of a model, as its own expressions know them."""
+    whole = scope.Scope()
+    names = whole.names
+    for parameter in model.parameters:
+        names.declare(parameter.name, parameter.name, "parameter")
+        value = parameter.value
+        known: Either = Facts(value) if isinstance(value, float) else _constants(value)
+        names.define(parameter.name, functools.partial(_same, known))
+        names.settle(parameter.name)
+    for coordinate in model.coordinates:
+        key = _declared(whole, coordinate.members, "coordinate")
+        names.define(key, functools.partial(_same, PLACE))
+    for particle in model.particles:
+        key = _declared(whole, particle.members, "particle")
+        part = PLACE if particle.is_dependent else Facts(None, frozenset(("position", "cartesian")))
+        names.define(key, functools.partial(_same, (part, part, part)))
+    formulas = Formulas(whole, found)
+    for definition in model.definitions:
+        names.declare(definition.name, definition.name, "definition")
+        facts_of = functools.partial(
+            formulas.either_facts, definition.expression, facts.MOTION, "a definition"
+        )
+        names.define(definition.name, facts_of)
+    return whole
+
+
+def _declared(whole: scope.Scope, members: Family, kind: Kind) -> str:
+    """The key under which an entry is declared, its members numbered."""
+    is_family = members.names != (members.base,)
+    key = f"{members.base}{list(members.indices[:1]) or '[]'}" if is_family else members.base
+    whole.names.declare(key, members.base, kind)
+    whole.names.number(key, members)
+    return key
+
+
+def _constants(value: nouns.Vector3) -> Either:
+    x, y, z = (Facts(part) for part in value)
+    return x, y, z
+
+
+def _same(value: Either) -> Either:
+    return value

@@ -1,0 +1,99 @@
+"""Continua of points of rest: their dimension at a point, and whether two points lie on one.
+
+A ring of equilibria, a plane on which a ball lies anywhere, families that nonholonomic rows leave.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.statics import newton, refine
+from lagcli.statics.rest_equations import RestEquations
+
+Floats = npt.NDArray[np.float64]
+
+# Singular values below this part of the largest may belong to a continuum; a step along it tells.
+FLAT = 1e-6
+STEP, OFF = 1e-2, 0.3
+# Steps of a walk from one point to another, each this part of the size of things at most.
+MOST_STEPS, STRIDE, ARRIVED = 80, 0.2, 1e-6
+
+
+def directions(equations: RestEquations, x: Floats) -> Floats:
+    """An orthonormal basis (n, d) of the changes of q that keep all equations to first order."""
+    found = equations(x)
+    n = equations.problem.n
+    if found is None:
+        return np.zeros((n, 0))
+    J = found[1]
+    widths = np.linalg.norm(J, axis=0)
+    widths[:n] = widths[:n].max(initial=0.0)
+    widths = np.where(widths > 0, widths, 1.0)
+    _, sigma, Vt = np.linalg.svd(J / widths)
+    largest = float(sigma[0]) if sigma.size else 0.0
+    flat = Vt[int((sigma > FLAT * largest).sum()) :] / widths
+    moved = flat[:, :n].T
+    if not moved.size:
+        return np.zeros((n, 0))
+    left, sizes, _ = np.linalg.svd(moved * widths[0], full_matrices=False)
+    return np.asarray(left[:, sizes > 1e-6])
+
+
+def dimension(equations: RestEquations, x: Floats) -> int:
+    """The dimension of the continuum through a point, 0 for a point alone.
+
+    A flat direction counts where a step along it ends at another point of rest.
+    """
+    basis = directions(equations, x)
+    n, length = equations.problem.n, STEP * equations.scales.length
+    least, passed = basis.shape[1], 0
+    for direction in basis.T:
+        ends = (stepped(equations, x, sign * length * direction) for sign in (1, -1))
+        end = next((one for one in ends if one is not None), None)
+        if end is None or not OFF * length < np.linalg.norm(end[:n] - x[:n]):
+            continue
+        passed += 1
+        least = min(least, directions(equations, end).shape[1])
+    return min(passed, int(least))
+
+
+def stepped(equations: RestEquations, x: Floats, change: Floats) -> Floats | None:
+    """The point of rest next to x with q changed; None where there is none near."""
+    n = equations.problem.n
+    predicted = x.copy()
+    predicted[:n] += change
+    begun = refine.begun(equations, predicted[:n])
+    if begun is None or equations(begun) is None:
+        return None
+    end = newton.refined(equations, begun)
+    near = np.linalg.norm(end.x[:n] - predicted[:n]) <= OFF * np.linalg.norm(change)
+    settled = end.step <= refine.SETTLED and equations.unbalanced(end.x) <= refine.BALANCED
+    return end.x if near and settled else None
+
+
+def connected(equations: RestEquations, x: Floats, goal: Floats) -> bool:
+    """True if a walk along the continuum through x comes to the configuration `goal` (n,)."""
+    n, size = equations.problem.n, equations.scales.length
+    before = np.inf
+    for _ in range(MOST_STEPS):
+        way = goal - x[:n]
+        left = float(np.linalg.norm(way))
+        if left <= ARRIVED * size:
+            return True
+        if left >= before * (1 - 1e-6):
+            return False
+        before = left
+        basis = directions(equations, x)
+        along = basis @ (basis.T @ way)
+        length = float(np.linalg.norm(along))
+        if length <= 1e-9 * left:
+            return False
+        for part in (1.0, 0.3, 0.1):
+            there = stepped(equations, x, along * min(1.0, part * STRIDE * size / length))
+            if there is not None:
+                break
+        else:
+            return False
+        x = there
+    return False

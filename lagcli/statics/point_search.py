@@ -1,0 +1,238 @@
+"""All points that can be found: from the start and from seeded others, each refined, and none of them twice.
+
+Every start is gone out from by damped Newton steps, downhill and uphill; then again with the points that are known
+taken out of the equations (deflation), so that another is found.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.statics import continuum, newton, point_type, refine, rest_equations, surface_descent
+from lagcli.statics.deflation import DeflatedEquations
+from lagcli.statics.point_type import PointType
+from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
+from lagcli.statics.rest_equations import RestEquations
+from lagcli.statics.static_problem import StaticProblem
+
+Floats = npt.NDArray[np.float64]
+Flags = tuple[bool, ...]
+
+# Work of a search, some ten seconds of a processor of 2023, and the sets of closed contacts that are tried.
+BUDGET, MOST_SETS, MOST_TOGETHER = 1.5e7, 64, 4
+SAME, SAME_OF_FLAT = 1e-6, 3e-4
+SPREAD = (0.3, 1.0, 2.5)
+# Rounds with known points taken out, from one start; above so many unknowns it costs too much.
+ROUNDS, MOST_UNKNOWNS, DAMPED = 2, 60, 60
+# Rounds without a new point, after which no more are made.
+MOST_VAIN = 12
+MOST_POINTS = 400
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class SearchOptions:
+    """pushes: contacts push (rest), or pull too (stationary points); angles (n,): periodic coordinates."""
+
+    has_potential: bool
+    pushes: bool
+    angles: Flags
+    starts: int
+    seed: int
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class FoundPoint:
+    """A point with its type, and the dimension of the continuum it stands for."""
+
+    point: EquilibriumPoint
+    type: PointType
+    dimension: int
+
+
+class PointSearch:
+    """One search; `points` grows, `best` is the least residual where none is found."""
+
+    def __init__(self, problem: StaticProblem, options: SearchOptions) -> None:
+        self.problem, self.options = problem, options
+        self.scales = rest_equations.scales(problem, problem.begin)
+        self.points: list[FoundPoint] = []
+        self.best = NoEquilibrium(np.inf, problem.begin)
+        self.starts = 0
+        self.is_cut = False
+        self._vain = 0
+        self._sets = list(self._all_sets())
+
+    def run(self, others: int) -> None:
+        """Search from the declared start, if that has not been, and from so many others."""
+        if not self.starts:
+            self._start(self.problem.begin)
+        for begin in self._others(others):
+            if self.spent > BUDGET or len(self.points) >= MOST_POINTS:
+                self.is_cut = True
+                return
+            self._start(begin)
+
+    def _start(self, begin: Floats) -> None:
+        first, problem = not self.starts, self.problem
+        if first:
+            self.take(self._nearest(begin))
+        elif problem.K and self.options.pushes:
+            self.take(refine.pushed(problem, begin, self.scales))
+        sets = (
+            self._sets
+            if first or len(self._sets) <= MOST_TOGETHER
+            else [self._sets[self.starts % len(self._sets)]]
+        )
+        for closed in sets:
+            self._from(begin, closed)
+            if self.spent > BUDGET:
+                break
+        self.starts += 1
+
+    def _nearest(self, begin: Floats) -> EquilibriumPoint | NoEquilibrium:
+        """The point reached from the start, which is always among the answers."""
+        if self.options.pushes or not self.problem.K:
+            return refine.nearest_equilibrium(self.problem, begin)
+        return refine.reached(self.problem, begin, (), self.scales)
+
+    @property
+    def spent(self) -> float:
+        """The work so far: evaluations times the cost of one."""
+        unknowns = self.problem.n + self.problem.C + self.problem.K
+        return self.problem.evaluations * (len(self.problem.times) * unknowns**3 / 50 + 1000.0)
+
+    def take(self, found: EquilibriumPoint | NoEquilibrium) -> bool:
+        """Keep a point that is new; True if it is."""
+        if isinstance(found, NoEquilibrium):
+            self.best = min(self.best, found, key=lambda one: one.residual)
+            return False
+        found = dataclasses.replace(found, q=self.wound(found.q))
+        pulling, below = refine.wrong_side(self.problem, found, self.scales)
+        if below or (pulling and self.options.pushes) or self._is_known(found):
+            return False
+        equations = RestEquations(self.problem, found.closed, self.scales)
+        x = self._unknowns(equations, found)
+        kind = point_type.classify(self.problem, found, self.scales, self.options.has_potential)
+        size = continuum.dimension(equations, x) if kind.freedom else 0
+        if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
+            return False
+        if not size and kind.kind == "degenerate":
+            found = self._tidied(equations, found)
+        self.points.append(FoundPoint(found, kind, size))
+        return True
+
+    def wound(self, q: Floats) -> Floats:
+        """q with angles between -pi and pi."""
+        turned = np.array(q)
+        angles = np.array(self.options.angles, dtype=bool)
+        turned[angles] = -np.remainder(np.pi - turned[angles], 2 * np.pi) + np.pi
+        # -pi and pi are one angle, and rounding decides nothing.
+        turned[angles & (np.abs(turned + np.pi) < 1e-9)] = np.pi
+        return turned
+
+    def apart(self, a: Floats, b: Floats) -> float:
+        """The distance of two configurations, as a part of the size of things."""
+        angles = np.array(self.options.angles, dtype=bool)
+        d = np.abs(a - b)
+        d[angles] = np.minimum(np.remainder(d[angles], 2 * np.pi), np.remainder(-d[angles], 2 * np.pi))
+        d[~angles] /= self.scales.length
+        return float(d.max(initial=0.0))
+
+    def _is_known(self, found: EquilibriumPoint) -> bool:
+        for known in self.points:
+            limit = SAME_OF_FLAT if known.type.kind == "degenerate" and not known.dimension else SAME
+            if self.apart(known.point.q, found.q) <= limit:
+                return True
+        return False
+
+    def _is_one(
+        self, known: FoundPoint, x: Floats, equations: RestEquations, found: EquilibriumPoint, size: int
+    ) -> bool:
+        """True if a known continuum of this dimension leads to a point."""
+        if known.dimension != size or known.point.closed != found.closed:
+            return False
+        goal = self._nearer_turn(known.point.q, found.q)
+        other = self._unknowns(equations, known.point)
+        return continuum.connected(equations, x, goal) or continuum.connected(
+            equations, other, self._nearer_turn(found.q, known.point.q)
+        )
+
+    def _nearer_turn(self, goal: Floats, place: Floats) -> Floats:
+        """The goal with its angles within half a turn of a place."""
+        angles = np.array(self.options.angles, dtype=bool)
+        turned = np.array(goal)
+        turned[angles] += 2 * np.pi * np.round((place - goal)[angles] / (2 * np.pi))
+        return turned
+
+    def _unknowns(self, equations: RestEquations, point: EquilibriumPoint) -> Floats:
+        begun = refine.begun(equations, point.q)
+        assert begun is not None
+        return begun
+
+    def _tidied(self, equations: RestEquations, found: EquilibriumPoint) -> EquilibriumPoint:
+        """A flat point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides
+        the last half of the digits."""
+        q = np.where(np.abs(found.q) <= SAME_OF_FLAT * self.scales.length, 0.0, found.q)
+        begun = refine.begun(equations, q)
+        if begun is None or np.array_equal(q, found.q):
+            return found
+        again = newton.refined(equations, begun)
+        tidy = refine.settled(equations, again)
+        return tidy if isinstance(tidy, EquilibriumPoint) and tidy.residual <= found.residual else found
+
+    def _from(self, begin: Floats, closed: tuple[int, ...]) -> None:
+        """All ways out from one start with these contacts closed."""
+        self.take(refine.reached(self.problem, begin, closed, self.scales))
+        equations = RestEquations(self.problem, closed, self.scales)
+        if self.options.has_potential:
+            for sign in (1.0, -1.0):
+                place = surface_descent.lowest(equations, begin, sign)
+                if place is not None:
+                    self.take(refine.reached(self.problem, place, closed, self.scales))
+        if equations.size > MOST_UNKNOWNS or self._vain >= MOST_VAIN:
+            return
+        for _ in range(ROUNDS):
+            known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
+            x = refine.begun(equations, begin)
+            if not known or x is None:
+                return
+            end = newton.solve(DeflatedEquations(equations, known, self.options.angles), x, DAMPED)
+            self._vain += 1
+            if end is None or not np.isfinite(end.x).all() or equations(end.x) is None:
+                return
+            again = newton.refined(equations, end.x)
+            if not self.take(refine.settled(equations, again)):
+                return
+            self._vain = 0
+
+    def _all_sets(self) -> Iterator[tuple[int, ...]]:
+        """Sets of closed contacts, the small ones first; that of the start is the first of all."""
+        problem = self.problem
+        yield ()
+        layer: list[tuple[int, ...]] = [()]
+        count = 1
+        for _ in range(min(problem.K, problem.n)):
+            layer = [(*one, k) for one in layer for k in range(one[-1] + 1 if one else 0, problem.K)]
+            for one in layer:
+                if count >= MOST_SETS:
+                    self.is_cut = True
+                    return
+                count += 1
+                yield one
+
+    def _others(self, count: int) -> Iterator[Floats]:
+        """Starts beside the declared one: angles anywhere, the rest at several distances."""
+        problem = self.problem
+        random = np.random.default_rng(self.options.seed)
+        angles = np.array(self.options.angles, dtype=bool)
+        for number in range(count):
+            spread = SPREAD[number % len(SPREAD)] * self.scales.length
+            centre = problem.begin if number % 2 else np.zeros(problem.n)
+            q = centre + spread * random.standard_normal(problem.n)
+            q[angles] = random.uniform(-np.pi, np.pi, int(angles.sum()))
+            place = surface_descent.onto(problem, q, (), self.scales)
+            yield q if place is None else place

@@ -1,0 +1,116 @@
+"""The kind of a point of rest: the bordered Hessian, restricted to the directions the rows leave (D.25)."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.statics.refine import EquilibriumPoint
+from lagcli.statics.rest_equations import Scales
+from lagcli.statics.static_problem import StaticProblem
+
+Floats = npt.NDArray[np.float64]
+Kind = Literal["minimum", "maximum", "saddle", "isolated", "degenerate"]
+
+# Parts of the largest curvature, of rows of length one, and of forces, that are zero.
+FLAT, DEPENDENT, NO_FORCE = 1e-7, 1e-9, 1e-9
+ASYMMETRIC = 1e-8
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PointType:
+    """kind and index (negative directions) are None where the forces have no potential; unique: whether lambda is;
+    rank: of the equality rows; freedom: what these leave."""
+
+    kind: Kind | None
+    index: int | None
+    unique: bool
+    rank: int
+    freedom: int
+
+
+def classify(
+    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, has_potential: bool
+) -> PointType:
+    """The type of a point. Contacts that carry a force count as rows; one that pushes is a wall of a minimum, one that
+    pulls of a maximum."""
+    values = problem.at(problem.t, point.q, point.lam)
+    B, G = _unit(values.B), _unit(values.G[list(point.closed)])
+    push = point.lam[[problem.C + k for k in point.closed]] * scales.contacts[list(point.closed)]
+    limit = NO_FORCE * max(scales.force, float(np.abs(values.F).max(initial=0.0)))
+    carrying = np.abs(push) > limit
+    rank = _rank(B)
+    freedom = problem.n - rank
+    rows = np.vstack([B, G])
+    unique = _rank(rows) == len(rows)
+    if not has_potential:
+        return PointType(None, None, unique, rank, freedom)
+    if freedom == 0:
+        return PointType("isolated", 0, unique, rank, 0)
+    Z = kernel(np.vstack([B, G[carrying]]))
+    H = -Z.T @ values.K @ Z
+    H = _scaled(H)
+    if H.size and np.abs(H - H.T).max() > ASYMMETRIC * np.abs(H).max():
+        return PointType(None, None, unique, rank, freedom)
+    curvatures = np.linalg.eigvalsh((H + H.T) / 2) if H.size else np.zeros(0)
+    flat = FLAT * np.abs(curvatures).max(initial=0.0)
+    if np.abs(curvatures).max(initial=0.0) <= DEPENDENT * _stiffness(values.K, scales):
+        flat = np.inf
+    up, down = int((curvatures > flat).sum()), int((curvatures < -flat).sum())
+    pushes, pulls = bool((push[carrying] > 0).any()), bool((push[carrying] < 0).any())
+    return PointType(_kind(up, down, len(curvatures), pushes, pulls), down, unique, rank, freedom)
+
+
+def _kind(up: int, down: int, freedom: int, pushes: bool, pulls: bool) -> Kind:
+    rises, falls = up > 0 or pushes, down > 0 or pulls
+    if rises and falls:
+        return "saddle"
+    if up + down < freedom:
+        return "degenerate"
+    return "minimum" if rises else "maximum"
+
+
+def kernel(rows: Floats) -> Floats:
+    """An orthonormal basis of the directions that rows of length one leave, (n, n - rank)."""
+    if not len(rows):
+        return np.eye(rows.shape[1])
+    _, sigma, Vt = np.linalg.svd(rows)
+    return np.asarray(Vt[int((sigma > DEPENDENT * max(1.0, sigma[0])).sum()) :].T)
+
+
+def unit_rank(rows: Floats) -> int:
+    """The rank of rows, each measured by its length."""
+    return _rank(_unit(rows))
+
+
+def _rank(rows: Floats) -> int:
+    if not rows.size:
+        return 0
+    sigma = np.linalg.svd(rows, compute_uv=False)
+    return int((sigma > 1e-7 * max(1.0, float(sigma[0]))).sum())
+
+
+def _unit(rows: Floats) -> Floats:
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.asarray(rows / np.where(lengths > 0, lengths, 1.0))
+
+
+def _scaled(H: Floats) -> Floats:
+    """H with its rows and columns measured by what they hold: signs stay, units go."""
+    if not H.size:
+        return H
+    widest = np.abs(H).max()
+    if not widest > 0:
+        return H
+    by = np.sqrt(np.maximum(np.abs(H).max(axis=1), 1e-6 * widest))
+    return np.asarray(H / by[:, None] / by[None, :])
+
+
+def _stiffness(K: Floats, scales: Scales) -> float:
+    """The size of curvatures: those there are, or force over length."""
+    return max(float(np.abs(K).max(initial=0.0)), scales.force / scales.length) / max(
+        1e-300, float(np.abs(K).max(initial=0.0)) or 1.0
+    )

@@ -1,0 +1,304 @@
+"""Equations of a problem as polynomials with exact rational coefficients, where they are such.
+
+Angles that occur in sines and cosines alone become two unknowns s, c with s^2 + c^2 = 1; a square root becomes an
+unknown w with w^2 = what it is of. Decimals of a model are taken as they are written: a number with more digits than
+anybody writes is none, and the equations are not exact then.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+from sympy.polys.domains import QQ
+from sympy.polys.orderings import grevlex
+from sympy.polys.rings import PolyElement, PolyRing
+
+from lagcli.compiled.program import Program
+
+Floats = npt.NDArray[np.float64]
+
+# Digits of a number that somebody wrote, and sizes beyond which no equation is treated.
+WRITTEN_DIGITS, MOST_TERMS, MOST_DEGREE, MOST_TURNS = 13, 400, 14, 6
+
+
+class NotPolynomial(Exception):
+    """The equations are no polynomials with exact coefficients, or too large; the message says why."""
+
+
+class SpentError(Exception):
+    """The budget of operations is spent."""
+
+
+class CountedOrder:
+    """The order of monomials by degree, that ends a computation after so many comparisons, on every machine alike."""
+
+    def __init__(self, budget: int) -> None:
+        self.left = budget
+
+    def __call__(self, monomial: tuple[int, ...]) -> object:
+        self.left -= 1
+        if self.left < 0:
+            raise SpentError
+        return grevlex(monomial)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Quotient:
+    """above/below, polynomials."""
+
+    above: PolyElement
+    below: PolyElement
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PolynomialEquations:
+    """Polynomials that vanish, over the unknowns of `names`.
+
+    plain: the unknowns that are q or lambda themselves, by their number among (q, lambda); turned: coordinates that are
+    angles, by number, with their s and c; roots: unknowns that must be positive, with the squares they are roots of;
+    denominators must not vanish.
+    """
+
+    ring: PolyRing
+    names: tuple[str, ...]
+    equations: tuple[PolyElement, ...]
+    denominators: tuple[PolyElement, ...]
+    angles: tuple[int, ...]
+    roots: tuple[Quotient, ...]
+    plain: int
+
+    def values(self, unknowns: Floats) -> Floats:
+        """The polynomials' unknowns at values of (q, lambda): those, then s and c of each angle, then the roots."""
+        found = [*unknowns.tolist()]
+        for angle in self.angles:
+            found += [math.sin(unknowns[angle]), math.cos(unknowns[angle])]
+        for root in self.roots:
+            padded = found + [0.0] * (len(self.names) - len(found))
+            found.append(math.sqrt(max(0.0, at(root.above, padded) / at(root.below, padded))))
+        return np.array(found)
+
+    def unknowns(self, values: Floats) -> Floats:
+        """(q, lambda) from values of the polynomials' unknowns."""
+        found = np.array(values[: self.plain])
+        for k, angle in enumerate(self.angles):
+            s, c = values[self.plain + 2 * k : self.plain + 2 * k + 2]
+            found[angle] = math.atan2(s, c)
+        return found
+
+
+def at(polynomial: PolyElement, values: Sequence[float]) -> float:
+    """A polynomial at numbers."""
+    total = 0.0
+    for powers, factor in polynomial.terms():
+        term = float(factor)
+        for x, power in zip(values, powers, strict=True):
+            if power:
+                term *= x**power
+        total += term
+    return total
+
+
+def equations(program: Program, unknowns: int, parameters: Floats, budget: int) -> PolynomialEquations:
+    """The first output of a function of (unknowns, parameters) as polynomials. Raises `NotPolynomial`, `SpentError`."""
+    found = _Translation(program, unknowns, parameters, budget)
+    return found.result()
+
+
+def exact(value: float) -> Fraction:
+    """A number as it was written. Raises `NotPolynomial` for one that nobody wrote."""
+    text = repr(float(value))
+    digits = text.partition("e")[0].replace(".", "").replace("-", "").strip("0")
+    if not math.isfinite(value) or len(digits) > WRITTEN_DIGITS:
+        raise NotPolynomial("it holds a number that is not exact")
+    return Fraction(text)
+
+
+class _Translation:
+    """One program, its operations carried out in quotients of polynomials."""
+
+    def __init__(self, program: Program, unknowns: int, parameters: Floats, budget: int) -> None:
+        self._program, self._count, self._parameters = program, unknowns, parameters
+        angles = self._angles_of(program)
+        self._angles = tuple(sorted(angles))
+        roots = sum(step[0] == "sqrt" for step in program.steps)
+        names = [f"x{k}" for k in range(unknowns)]
+        names += [f"{letter}{k}" for k in self._angles for letter in "sc"]
+        self._first_root = len(names)
+        names += [f"w{k}" for k in range(roots)]
+        self._ring = PolyRing(names, QQ, CountedOrder(budget))
+        self._one = self._ring.one
+        self._roots: list[Quotient] = []
+        self._denominators: list[PolyElement] = []
+
+    @staticmethod
+    def _angles_of(program: Program) -> set[int]:
+        """The inputs on which arguments of sines and cosines depend."""
+        depends: dict[int, frozenset[int]] = {}
+        found: set[int] = set()
+        for name, out, ins, _ in program.steps:
+            if name == "input":
+                depends[out[0]] = frozenset([ins[1]]) if ins[0] == 0 else frozenset()
+            elif name == "const":
+                depends[out[0]] = frozenset()
+            elif name != "output":
+                depends[out[0]] = frozenset().union(*(depends.get(i, frozenset()) for i in ins))
+                if name in ("sin", "cos", "tan"):
+                    found |= depends[ins[0]]
+        return found
+
+    def result(self) -> PolynomialEquations:
+        registers: dict[int, Quotient] = {}
+        outputs: dict[int, Quotient] = {}
+        for name, out, ins, value in self._program.steps:
+            if name == "output":
+                if out[0] == 0:
+                    outputs[out[1]] = registers[ins[0]]
+            elif name == "input":
+                registers[out[0]] = self._input(*ins)
+            elif name == "const":
+                registers[out[0]] = self._number(value)
+            else:
+                registers[out[0]] = self._operation(name, [registers[i] for i in ins])
+        zeros = [outputs[k].above for k in sorted(outputs)]
+        gens = self._ring.gens
+        for k in range(len(self._angles)):
+            s, c = gens[self._count + 2 * k : self._count + 2 * k + 2]
+            zeros.append(s**2 + c**2 - 1)
+        for k, root in enumerate(self._roots):
+            zeros.append(gens[self._first_root + k] ** 2 * root.below - root.above)
+        # An angle stands in sines and cosines alone, or there are no polynomials.
+        for angle in self._angles:
+            if any(powers[angle] for zero in zeros for powers in zero.itermonoms()):
+                raise NotPolynomial("an angle stands beside its own sine")
+        unused = tuple(dict.fromkeys(d for d in self._denominators if not d.is_ground))
+        return PolynomialEquations(
+            self._ring,
+            tuple(map(str, self._ring.symbols)),
+            tuple(zero for zero in zeros if zero),
+            unused,
+            self._angles,
+            tuple(self._roots),
+            self._count,
+        )
+
+    def _input(self, argument: int, place: int) -> Quotient:
+        if argument == 0:
+            return Quotient(self._ring.gens[place], self._one)
+        return self._number(float(self._parameters[place]))
+
+    def _number(self, value: float) -> Quotient:
+        found = exact(value)
+        return Quotient(self._ring.ground_new(QQ(found.numerator, found.denominator)), self._one)
+
+    def _operation(self, name: str, given: list[Quotient]) -> Quotient:
+        a, b = given[0], given[-1]
+        plain = self._plain(name, a, b)
+        if plain is not None:
+            return plain
+        match name:
+            case "div":
+                return self._divided(a, b)
+            case "inv":
+                return self._divided(Quotient(self._one, self._one), a)
+            case "sqrt":
+                return self._root(a)
+            case "sin" | "cos" | "tan":
+                return self._turned(name, a)
+            case "pow" | "constpow":
+                return self._power(a, b)
+        raise NotPolynomial(f"it holds `{name}`")
+
+    def _plain(self, name: str, a: Quotient, b: Quotient) -> Quotient | None:
+        """Sums and products; None for another operation."""
+        match name:
+            case "add" | "sub":
+                return self._sum(a, b, 1 if name == "add" else -1)
+            case "mul":
+                return self._quotient(a.above * b.above, a.below * b.below)
+            case "neg":
+                return Quotient(-a.above, a.below)
+            case "sq":
+                return self._quotient(a.above**2, a.below**2)
+            case "twice":
+                return Quotient(2 * a.above, a.below)
+            case "assign":
+                return a
+        return None
+
+    def _sum(self, a: Quotient, b: Quotient, sign: int) -> Quotient:
+        if a.below == b.below:
+            return self._quotient(a.above + sign * b.above, a.below)
+        return self._quotient(a.above * b.below + sign * b.above * a.below, a.below * b.below)
+
+    def _quotient(self, above: PolyElement, below: PolyElement) -> Quotient:
+        for part in (above, below):
+            if len(part) > MOST_TERMS or (part and max(map(sum, part.itermonoms())) > MOST_DEGREE):
+                raise NotPolynomial("its polynomials are too large")
+        if below.is_ground:
+            return Quotient(above * (1 / QQ.convert(below.LC)), self._one)
+        if above == 0:
+            return Quotient(above, self._one)
+        above, below = above.cancel(below)
+        return Quotient(above, below)
+
+    def _divided(self, a: Quotient, b: Quotient) -> Quotient:
+        if b.above == 0:
+            raise NotPolynomial("it divides by zero")
+        self._denominators.append(b.above)
+        return self._quotient(a.above * b.below, a.below * b.above)
+
+    def _power(self, a: Quotient, exponent: Quotient) -> Quotient:
+        if not (exponent.above.is_ground and exponent.below.is_ground):
+            raise NotPolynomial("it holds a power with a variable exponent")
+        number = Fraction(str(QQ.convert(exponent.above.LC))) if exponent.above else Fraction(0)
+        if number.denominator == 2:
+            return self._power(
+                self._root(a), Quotient(self._ring.ground_new(QQ(number.numerator)), self._one)
+            )
+        if number.denominator != 1 or abs(number) > MOST_DEGREE:
+            raise NotPolynomial("it holds a power that is not whole")
+        whole = int(number)
+        if whole < 0:
+            return self._divided(
+                Quotient(self._one, self._one), self._power(a, Quotient(-exponent.above, self._one))
+            )
+        return self._quotient(a.above**whole, a.below**whole)
+
+    def _root(self, a: Quotient) -> Quotient:
+        if a.above.is_ground and a.below.is_ground:
+            value = Fraction(str(QQ.convert(a.above.LC))) if a.above else Fraction(0)
+            root = Fraction(math.isqrt(max(0, value.numerator)), math.isqrt(value.denominator))
+            if value < 0 or root * root != value:
+                raise NotPolynomial("it holds a root that is not rational")
+            return Quotient(self._ring.ground_new(QQ(root.numerator, root.denominator)), self._one)
+        if a not in self._roots:
+            self._roots.append(a)
+        place = self._first_root + self._roots.index(a)
+        # Where the root vanishes its derivative has no value.
+        self._denominators.append(a.above)
+        return Quotient(self._ring.gens[place], self._one)
+
+    def _turned(self, name: str, a: Quotient) -> Quotient:
+        """The sine or cosine of a sum of whole multiples of angles."""
+        if not a.below.is_ground:
+            raise NotPolynomial("it holds a sine of a quotient")
+        s, c = self._ring.zero, self._one
+        for powers, factor in (a.above * (1 / QQ.convert(a.below.LC))).terms():
+            turns = Fraction(str(factor))
+            if sum(powers) != 1 or turns.denominator != 1 or abs(turns) > MOST_TURNS:
+                raise NotPolynomial("it holds a sine of something else than whole angles")
+            angle = powers.index(1)
+            if angle not in self._angles:
+                raise NotPolynomial("it holds a sine of something else than an angle")
+            k = self._count + 2 * self._angles.index(angle)
+            one_s, one_c = self._ring.gens[k] * (1 if turns > 0 else -1), self._ring.gens[k + 1]
+            for _ in range(abs(int(turns))):
+                s, c = s * one_c + c * one_s, c * one_c - s * one_s
+        if name == "tan":
+            return self._divided(Quotient(s, self._one), Quotient(c, self._one))
+        return self._quotient(s if name == "sin" else c, self._one)

@@ -1,0 +1,97 @@
+"""Places where the gradients of the rows depend on each other: there the multiplier rule need not hold.
+
+At such a place a function may be smallest although no lambda balances its gradient: min x on x^3 = y^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.statics import newton, point_type
+from lagcli.statics.point_search import PointSearch
+from lagcli.statics.static_problem import StaticProblem
+
+Floats = npt.NDArray[np.float64]
+
+MOST_COORDINATES, TRIES, DAMPED, MOST_TOLD = 12, 12, 80, 4
+ZERO, NEAR = 1e-10, 3e-4
+
+
+class DependentGradients:
+    """c = 0, B^T mu = 0, |mu| = 1 as a residual of (q, mu), for some of the rows."""
+
+    def __init__(self, problem: StaticProblem, rows: Sequence[int], lengths: Floats, size: Floats) -> None:
+        self._problem, self._rows, self._lengths, self._size = problem, list(rows), lengths, size
+
+    def __call__(self, x: Floats) -> tuple[Floats, Floats] | None:
+        """Residual and gradient."""
+        problem = self._problem
+        q, mu = x[: problem.n], x[problem.n :]
+        lam = problem.nothing
+        lam[self._rows] = mu / self._lengths
+        with_mu, without = (problem.at(problem.t, q, each) for each in (lam, problem.nothing))
+        if not with_mu.finite or not without.finite:
+            return None
+        unit = with_mu.B[self._rows] / self._lengths[:, None]
+        count = mu.size
+        residual = np.concatenate([with_mu.c / self._size, unit.T @ mu, [mu @ mu - 1]])
+        by_q = np.vstack([with_mu.dc / self._size[:, None], with_mu.K - without.K, np.zeros((1, problem.n))])
+        by_mu = np.vstack([np.zeros((with_mu.c.size, count)), unit.T, 2 * mu[None]])
+        return residual, np.hstack([by_q, by_mu])
+
+
+def places(search: PointSearch) -> list[Floats]:
+    """Configurations on the surface where rows that are independent elsewhere depend on each other."""
+    problem, scales = search.problem, search.scales
+    if not problem.C or problem.n > MOST_COORDINATES or len(problem.times) > 1:
+        return []
+    random = np.random.default_rng(search.options.seed + 1)
+    rows = _independent(problem, scales.length, random)
+    B = problem.at(problem.t, problem.begin, problem.nothing).B
+    lengths = np.maximum(np.linalg.norm(B[rows], axis=1), 1e-3)
+    equations = DependentGradients(problem, rows, lengths, scales.conditions)
+    found: list[Floats] = []
+    begins = [problem.begin, *(one.point.q for one in search.points if not one.type.unique)]
+    begins += [problem.begin + scales.length * random.standard_normal(problem.n) for _ in range(TRIES)]
+    for begin in begins:
+        mu = random.standard_normal(len(rows))
+        end = newton.solve(equations, np.concatenate([begin, mu / np.linalg.norm(mu)]), DAMPED)
+        if end is None or not end.residual <= ZERO or not np.isfinite(end.x).all():
+            continue
+        q = end.x[: problem.n]
+        q = np.where(np.abs(q) <= NEAR * scales.length, 0.0, q)
+        again = equations(np.concatenate([q, end.x[problem.n :]]))
+        if again is None or np.linalg.norm(again[0]) > NEAR:
+            q = end.x[: problem.n]
+        if not any(search.apart(q, other) <= 10 * NEAR for other in found):
+            found.append(q)
+    return found
+
+
+def _independent(problem: StaticProblem, length: float, random: np.random.Generator) -> list[int]:
+    """Rows that are independent at a place anywhere."""
+    q = problem.begin + 0.3 * length * random.standard_normal(problem.n)
+    B = problem.at(problem.t, q, problem.nothing).B
+    chosen: list[int] = []
+    for row in range(problem.C):
+        if np.isfinite(B[row]).all() and point_type.unit_rank(B[[*chosen, row]]) > len(chosen):
+            chosen.append(row)
+    return chosen
+
+
+def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
+    """Sentences on such places; `value`: the function that is asked for."""
+    told = []
+    found = places(search)
+    for q in found[:MOST_TOLD]:
+        where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, q, strict=True))
+        told.append(
+            f"at {where} the gradients of the rows depend on each other: the multiplier rule need not hold there, and"
+            f" it may be an extreme without lambda ({value} = {search.problem.value(q):.9g})"
+        )
+    if len(found) > MOST_TOLD:
+        told.append("there are more such places")
+    return told

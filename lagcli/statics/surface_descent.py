@@ -1,0 +1,101 @@
+"""Downhill on the constraint surface: a way to points of rest that Newton's steps from afar do not find."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.statics import newton, point_type
+from lagcli.statics.rest_equations import RestEquations, Scales
+from lagcli.statics.static_problem import StaticProblem, Values
+
+Floats = npt.NDArray[np.float64]
+
+MOST_STEPS, HALVINGS, STRIDE = 80, 12, 0.5
+# A slope of this part of the forces is the bottom, for Newton's steps to go on.
+LEVEL, ENOUGH = 1e-5, 1e-4
+FAR = 1e3  # sizes of things: downhill for ever
+
+
+class SurfaceConditions:
+    """The conditions alone, and closed contacts, as a residual of q."""
+
+    def __init__(self, problem: StaticProblem, closed: tuple[int, ...], scales: Scales) -> None:
+        self._problem, self._closed, self._scales = problem, list(closed), scales
+
+    def __call__(self, q: Floats) -> tuple[Floats, Floats] | None:
+        """Residual and gradient."""
+        residuals, gradients = [], []
+        for t in self._problem.times:
+            values = self._problem.at(t, q, self._problem.nothing)
+            g, G = values.g[self._closed], values.G[self._closed]
+            r = np.concatenate([values.c / self._scales.conditions, g / self._scales.contacts[self._closed]])
+            J = np.vstack(
+                [
+                    values.dc / self._scales.conditions[:, None],
+                    G / self._scales.contacts[self._closed][:, None],
+                ]
+            )
+            residuals.append(r)
+            gradients.append(J)
+        r, J = np.concatenate(residuals), np.vstack(gradients)
+        return (r, J) if np.isfinite(r).all() and np.isfinite(J).all() else None
+
+
+def onto(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scales: Scales) -> Floats | None:
+    """The configuration near q that satisfies the conditions; None where none is met."""
+    if not problem.laws.c.numel() and not closed:
+        return q
+    end = newton.solve(SurfaceConditions(problem, closed, scales), q)
+    return end.x if end is not None and end.residual <= 1e-8 * scales.length else None
+
+
+def lowest(equations: RestEquations, q: Floats, sign: float) -> Floats | None:
+    """A configuration near the bottom (sign 1) or the top (-1) that lies downhill or uphill of q; None where the
+    surface is not met."""
+    problem, scales, closed = equations.problem, equations.scales, tuple(equations.acting)
+    place = onto(problem, q, closed, scales)
+    if place is None:
+        return None
+    height = sign * problem.value(place)
+    for _ in range(MOST_STEPS):
+        step, slope = _step(equations, place, sign)
+        if float(np.abs(place).max(initial=0.0)) > FAR * scales.length:
+            return None
+        if step is None or slope <= LEVEL * scales.force * scales.length:
+            break
+        length = float(np.linalg.norm(step))
+        part = min(1.0, STRIDE * scales.length / length) if length else 1.0
+        for _ in range(HALVINGS):
+            there = onto(problem, place + part * step, closed, scales)
+            lower = np.inf if there is None else sign * problem.value(there)
+            if there is not None and lower < height - ENOUGH * part * slope:
+                place, height = there, lower
+                break
+            part /= 2
+        else:
+            break
+    return place
+
+
+def _step(equations: RestEquations, q: Floats, sign: float) -> tuple[Floats | None, float]:
+    """Newton's step along the surface with all curvatures taken as positive, and the fall it promises."""
+    problem = equations.problem
+    each = equations.multipliers(q)
+    if each is None:
+        return None, 0.0
+    values: Values = problem.at(problem.t, q, equations.whole(each[0]))
+    if not values.finite:
+        return None, 0.0
+    rows = np.vstack([values.B, values.G[equations.acting]])
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    Z = point_type.kernel(rows / np.where(lengths > 0, lengths, 1.0))
+    if not Z.shape[1]:
+        return None, 0.0
+    H = -sign * Z.T @ values.K @ Z
+    curvatures, axes = np.linalg.eigh((H + H.T) / 2)
+    least = max(1e-3 * np.abs(curvatures).max(), 1e-3 * equations.scales.force / equations.scales.length)
+    downhill = axes.T @ (sign * Z.T @ values.F)
+    along = axes @ (downhill / np.maximum(np.abs(curvatures), least))
+    step: Floats = Z @ along
+    return step, float(downhill @ (downhill / np.maximum(np.abs(curvatures), least)))
