@@ -24,7 +24,7 @@ Flags = tuple[bool, ...]
 
 # Work of a search, some ten seconds of a processor of 2023, and the sets of closed contacts that are tried.
 BUDGET, MOST_SETS, MOST_TOGETHER = 1.5e7, 64, 4
-SAME, SAME_OF_FLAT = 1e-6, 3e-4
+SAME, SAME_OF_FLAT, ROUNDING = 1e-6, 3e-4, 1e-15
 SPREAD = (0.3, 1.0, 2.5)
 # Rounds with known points taken out, from one start; above so many unknowns it costs too much.
 ROUNDS, MOST_UNKNOWNS, DAMPED = 2, 60, 60
@@ -120,8 +120,9 @@ class PointSearch:
         size = continuum.dimension(equations, x) if kind.freedom else 0
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
-        if not size and kind.kind == "degenerate":
-            found = self._tidied(equations, found)
+        if not size:
+            limit = SAME_OF_FLAT if kind.kind == "degenerate" else ROUNDING
+            found = self._tidied(equations, found, limit * self.scales.length)
         self.points.append(FoundPoint(found, kind, size))
         return True
 
@@ -173,16 +174,17 @@ class PointSearch:
         assert begun is not None
         return begun
 
-    def _tidied(self, equations: RestEquations, found: EquilibriumPoint) -> EquilibriumPoint:
-        """A flat point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides
-        the last half of the digits."""
-        q = np.where(np.abs(found.q) <= SAME_OF_FLAT * self.scales.length, 0.0, found.q)
+    def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
+        """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last
+        digits, at a flat point the last half of them."""
+        q = np.where(np.abs(found.q) <= limit, 0.0, found.q)
         begun = refine.begun(equations, q)
         if begun is None or np.array_equal(q, found.q):
             return found
-        again = newton.refined(equations, begun)
-        tidy = refine.settled(equations, again)
-        return tidy if isinstance(tidy, EquilibriumPoint) and tidy.residual <= found.residual else found
+        # Not refined: a further step would bring the rounding back.
+        tidy = refine.settled(equations, newton.NewtonEnd(begun, 0.0, 0.0))
+        worst = max(found.residual, ROUNDING * self.scales.force)
+        return tidy if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst else found
 
     def _from(self, begin: Floats, closed: tuple[int, ...]) -> None:
         """All ways out from one start with these contacts closed."""

@@ -23,7 +23,8 @@ from lagcli.compiled.program import Program
 Floats = npt.NDArray[np.float64]
 
 # Digits of a number that somebody wrote, and sizes beyond which no equation is treated.
-WRITTEN_DIGITS, MOST_TERMS, MOST_DEGREE, MOST_TURNS = 13, 400, 14, 6
+WRITTEN_DIGITS, ROUNDINGS = 12, 2
+MOST_TERMS, MOST_DEGREE, MOST_TURNS = 400, 14, 6
 
 
 class NotPolynomial(Exception):
@@ -110,10 +111,9 @@ def equations(program: Program, unknowns: int, parameters: Floats, budget: int) 
 
 
 def exact(value: float) -> Fraction:
-    """A number as it was written. Raises `NotPolynomial` for one that nobody wrote."""
-    text = repr(float(value))
-    digits = text.partition("e")[0].replace(".", "").replace("-", "").strip("0")
-    if not math.isfinite(value) or len(digits) > WRITTEN_DIGITS:
+    """A number as it was written, or computed of such numbers. Raises `NotPolynomial` for one that nobody wrote."""
+    text = f"{value:.{WRITTEN_DIGITS - 1}e}"
+    if not math.isfinite(value) or abs(float(text) - value) > ROUNDINGS * math.ulp(value):
         raise NotPolynomial("it holds a number that is not exact")
     return Fraction(text)
 

@@ -1,0 +1,20 @@
+"""A slice of `tests.fuzz.stationary_products`, which finds all of what is known."""
+
+import pytest
+
+from tests.fuzz import stationary_products
+
+
+@pytest.mark.parametrize("inexact", [False, True])
+def test_all_points_of_products_are_found_and_none_is_false(inexact: bool) -> None:
+    tally = stationary_products.Tally()
+    for seed in (1, 3, 4):
+        stationary_products.judge(seed, tally, inexact, starts=8)
+    assert tally.found == tally.wanted > 10
+    assert tally.false == tally.wrong_proofs == 0
+    assert tally.proved == (0 if inexact else 3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lambda_and_R_at_rest_are_those_of_a_run(seed: int) -> None:
+    assert stationary_products.judge_mechanism(seed) == []
