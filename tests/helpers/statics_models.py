@@ -43,10 +43,10 @@ def distinct(draw: random.Random, count: int) -> list[float]:
             return found
 
 
-def factor(draw: random.Random, name: str, inexact: bool) -> Factor:
+def factor(draw: random.Random, name: str) -> Factor:
     kind = draw.choice(("circle linear", "circle quadratic", "plane", "sphere linear", "sphere quadratic"))
     r, height = decimal(draw, 0.5, 2.5), decimal(draw, -1, 1)
-    square = f"{r}**2*sqrt(2)/sqrt(2)*sqrt(3)/sqrt(3)" if inexact else f"{r}**2"
+    square = f"{r}**2"
     x, y, z = (f"{name}.{axis}" for axis in "xyz")
     start = (decimal(draw, -1, 1), decimal(draw, -1, 1), decimal(draw, -1, 1))
     if kind == "plane":
@@ -85,7 +85,7 @@ def problem(seed: int, inexact: bool = False) -> Problem:
     """A problem with up to 48 solutions; `inexact`: its numbers cannot be taken exactly."""
     draw = random.Random(seed)
     while True:
-        factors = [factor(draw, f"p{k}", inexact) for k in range(draw.randint(1, 3))]
+        factors = [factor(draw, f"p{k}") for k in range(draw.randint(1, 3))]
         if math.prod(len(f.places) for f in factors) <= 48:
             break
     lines = ["lagcli: 1", "particles:"]
@@ -96,7 +96,8 @@ def problem(seed: int, inexact: bool = False) -> Problem:
         tuple(x for place in places for x in place)
         for places in itertools.product(*(f.places for f in factors))
     )
-    return Problem("\n".join(lines) + "\n", " + ".join(f.function for f in factors), solutions)
+    of = " + ".join(f.function for f in factors)
+    return Problem("\n".join(lines) + "\n", f"sqrt(2)*({of})" if inexact else of, solutions)
 
 
 def mechanism(seed: int) -> str:
@@ -123,7 +124,8 @@ def mechanism(seed: int) -> str:
     if kind == "chain":
         n, span = draw.randint(2, 5), decimal(draw, 0.4, 0.9)
         lines = "particles:\n" + "".join(
-            f"  p{i}: {{mass: m0*{decimal(draw, 0.5, 2)}, position: [{span * i / (n + 1):.3f}, 0, {-0.3 * min(i, n + 1 - i):.3f}]}}\n"
+            f"  p{i}: {{mass: m0*{decimal(draw, 0.5, 2)}, position: "
+            f"[{span * i / (n + 1):.3f}, 0, {-0.3 * min(i, n + 1 - i):.3f}]}}\n"
             for i in range(1, n + 1)
         )
         ends = ["[0, 0, 0]", *(f"p{i}" for i in range(1, n + 1)), f"[{span}, 0, {decimal(draw, -0.2, 0.2)}]"]
@@ -156,7 +158,8 @@ def mechanism(seed: int) -> str:
             )
             + weight
             + (
-                f"inequality:\n  left: a.z >= {tilt}*a.x\n  right: a.z >= -{decimal(draw, 0.2, 1)}*a.x\nholonomic:\n  plane: a.y = 0\n"
+                f"inequality:\n  left: a.z >= {tilt}*a.x\n  right: a.z >= -{decimal(draw, 0.2, 1)}*a.x\n"
+                "holonomic:\n  plane: a.y = 0\n"
             )
             + end
         )
