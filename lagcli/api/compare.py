@@ -111,6 +111,7 @@ def _with_principles(
         other.principles,
         tolerance=found.tolerance,
         digits=two_principles.digits(agreement),
+        until=min(first.reached, other.run.reached) if first.stopped or other.run.stopped else None,
         parting=two_principles.parting(shared, first, other.run, found.tolerance),
     )
     stops = [f"the vakonomic motion {other.run.stopped}"] if other.run.stopped else []

@@ -85,6 +85,7 @@ def beside(
     mu = initial_multipliers(model, names, given)
     t, q, v = (part[0] for part in table_columns.States(model, run.columns)(first.table[:1]))
     action_forces.require_action(built, float(t), q, run.parameters)
+    _require_no_condition(run)
     if not names:
         same = dataclasses.replace(first, name="vakonomic")
         return OtherPrinciple(same, Principles({}, (), (), (), 0.0), ())
@@ -118,6 +119,18 @@ def beside(
         left_out=left_out,
     )
     return OtherPrinciple(vakonomic, principles, tuple(_notes(names, start.mu, values, left_out)))
+
+
+def _require_no_condition(run: SimulationRun) -> None:
+    """Raise `ModelError` where rows demand a condition that is none of their own."""
+    for condition in run.conditions:
+        where = next(row.location for row in run.built.rows.rows if row.name in condition.rows)
+        message = (
+            f"the row demands the hidden condition `{condition.text} = 0`, which no multiplier holds: its vakonomic"
+            " equations are not written"
+        )
+        hint = "write the condition under `holonomic` in its place"
+        raise diagnostics.ModelError([diagnostics.Diagnostic("not-of-an-action", message, where, hint)])
 
 
 def _notes(names: Sequence[str], mu: Floats, given: Floats, left_out: Sequence[str]) -> Iterator[str]:

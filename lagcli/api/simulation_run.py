@@ -160,6 +160,11 @@ class SimulationRun:
         return self._run.selection
 
     @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """The hidden conditions among its rows."""
+        return self._prepared.conditions
+
+    @property
     def integrals(self) -> Integrals:
         """The first integrals of the differential rows that it holds."""
         return self._prepared.integrals

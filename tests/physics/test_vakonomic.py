@@ -254,6 +254,29 @@ def test_inequalities_are_refused_where_they_stand() -> None:
         both(CONTACT + "inequality:\n  floor: z >= -100\n")
 
 
+def test_hidden_conditions_are_refused() -> None:
+    text = CONTACT.replace("{x: {rate: 0.9}", "{w: {}, x: {rate: 0.9}")
+    text = text.replace("  contact:", "  held: w*dt = 0\n  contact:")
+    text = text.replace("(rate(x)**2", "(rate(w)**2 + rate(x)**2")
+    with pytest.raises(lagcli.ModelError, match="hidden condition `w = 0`"):
+        both(text)
+
+
+def test_a_motion_that_stops_leaves_what_there_is(tmp_path: pathlib.Path) -> None:
+    """The gradient of the row vanishes at x = 0, where d'Alembert's motion goes on and the other does not."""
+    path, table = tmp_path / "toggle.yaml", tmp_path / "v.csv"
+    path.write_text(
+        "lagcli: 1\ncoordinates: {x: {value: 1, rate: -1}, y: {value: 0.3, rate: 0.5}, z: {rate: 0.5}}\n"
+        "lagrangian: (rate(x)**2 + rate(y)**2 + rate(z)**2)/2\n"
+        "differential:\n  c: x*rate(y) - x**3*rate(z) = 0\nsimulation: {duration: 3}\n"
+    )
+    _, err, code = in_process.run("compare", path, "--vakonomic", "--mu", "c=0.5", "-o", table)
+    assert code == 3
+    assert "the vakonomic motion stopped at t = 0.85" in err
+    assert not table.exists()
+    assert len(table.with_name("v.csv.partial").read_text().splitlines()) > 5
+
+
 def test_without_differential_rows_the_two_are_the_same_equations() -> None:
     found = both("lagcli: 1\ncoordinates: {x: {rate: 1}}\nlagrangian: rate(x)**2 - x**2\n")
     assert found.principles is not None

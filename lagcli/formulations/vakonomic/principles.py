@@ -24,7 +24,8 @@ class Principles:
     mu: initial multipliers of the differential rows, those that were given; integrable: the rows that are;
     nonholonomic: those that are not; undecided: those of which neither is known; digits: to which positions and
     velocities agree, of the largest value of each, None where there is nothing to compare; parting: where positions
-    part, or None; left_out: outputs and events without a value in vakonomic motion.
+    part, or None; left_out: outputs and events without a value in vakonomic motion; until: the time up to which both
+    go, where one of them stopped.
     """
 
     mu: Mapping[str, float]
@@ -35,6 +36,7 @@ class Principles:
     digits: float | None = None
     parting: PartingPoint | None = None
     left_out: tuple[str, ...] = ()
+    until: float | None = None
 
     @property
     def agree(self) -> bool | None:
@@ -54,7 +56,8 @@ class Principles:
         if not self.mu:
             return "there is no differential row: the two principles are the same equations"
         if self.agree:
-            told = f"the two principles agree to {self.digits:.1f} digits"
+            as_far = "" if self.until is None else f" up to t = {self.until:.9g}, as far as both go"
+            told = f"the two principles agree to {self.digits:.1f} digits{as_far}"
             if self.nonholonomic:
                 return f"{told}, for this start: {rows} not integrable, and in general they part"
             if self.undecided:
