@@ -103,7 +103,8 @@ class _Mixing:
             return g
         changes, values = np.array(self._changes), np.array(self._values)
         differences = np.diff(changes, axis=0).T
-        lengths = np.linalg.norm(differences, axis=0)
+        with np.errstate(over="ignore"):  # states that fly off are no solution, and are found out as such
+            lengths = np.linalg.norm(differences, axis=0)
         lengths[lengths == 0] = 1.0
         weights = np.linalg.lstsq(differences / lengths, changes[-1], rcond=SINGULAR)[0] / lengths
         mixed = np.asarray(values[-1] - weights @ np.diff(values, axis=0)).reshape(g.shape)
