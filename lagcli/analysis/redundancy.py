@@ -157,7 +157,7 @@ def _refusal(system: System, found: rank.Rank) -> diagnostics.ModelError:
 
 def notes(system: System, chosen: Selection) -> tuple[str, ...]:
     """Sentences on the multipliers that are not unique, circuit by circuit."""
-    told = [circuit for circuit in chosen.circuits if len(circuit) > 1]
+    told = [circuit for circuit in (*chosen.circuits, *chosen.idle) if len(circuit) > 1]
     if not told:
         return ()
     count = len(chosen.indeterminate)
@@ -167,6 +167,17 @@ def notes(system: System, chosen: Selection) -> tuple[str, ...]:
     return (
         f"{count} multipliers are not unique ({'; '.join(shares)}): R and the motion are; of all lambda with the"
         " same R those with the least sum of lambda_i^2 B_i M^-1 B_i^T are given",
+    )
+
+
+def at_times(system: System, chosen: Selection, ever: frozenset[int]) -> tuple[str, ...]:
+    """A sentence on multipliers and impulses that were not unique at some time, and are now."""
+    others = sorted(ever - chosen.indeterminate)
+    if not others:
+        return ()
+    return (
+        f"the multipliers or impulses of {initial.names_of(system, others)} are not unique at some time: the least are"
+        " given",
     )
 
 

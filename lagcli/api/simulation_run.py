@@ -246,6 +246,7 @@ class SimulationRun:
         account = self._run.account
         return (
             *redundancy.notes(self._system, self._run.selection),
+            *redundancy.at_times(self._system, self._run.selection, self._run.indeterminate),
             *redundancy.passed(self._system, self._crossings),
             *account.notes,
         )
@@ -270,7 +271,7 @@ class SimulationRun:
             figures.position_drift if figures else 0.0,
             figures.velocity_drift if figures else 0.0,
             account.energy_imbalance,
-            tuple(self._system.multiplier_rows[i].name for i in sorted(self._run.selection.indeterminate)),
+            tuple(self._system.multiplier_rows[i].name for i in sorted(self._run.indeterminate)),
             tuple(crossing.t for crossing in self._crossings),
             self.outcome.stopped,
             account.ended_by,

@@ -63,7 +63,7 @@ def function(parts: Parts) -> ca.Function:
     g_t, gamma = (ca.if_else(has, x, 0) for x in (g_t, gamma))
     own = shared.sizes(parts, v, parts.h, parts.M)
     speed = ca.fmax(own.v, least_speed)
-    size = ca.fmax(own.q + span * speed, least_size)
+    size = ca.fmax(own.q + span * ca.fmax(speed, span * own.a), least_size)
 
     def largest(x: ca.SX) -> ca.SX:
         return ca.densify(ca.fabs(G) @ ca.fabs(x))

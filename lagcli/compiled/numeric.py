@@ -187,6 +187,16 @@ class NumericSystem:
         return ca.Function("solved", inputs, [rate, self._parts.multipliers(t, y, p, lam)])
 
     @cached_property
+    def loads(self) -> ca.Function:
+        """loads(t, y, p, lambda of all rows) -> `selection.loads` of the idle contacts, (I,)."""
+        return self._parts.loads
+
+    @property
+    def idle_rows(self) -> list[int]:
+        """The numbers of the contacts that are closed and carry nothing, each beyond C."""
+        return [circuit[0] for circuit in self._parts.selection.idle]
+
+    @cached_property
     def event_values(self) -> ca.Function:
         """event_values(t, y, y', lambda, p) -> `when` of the declared events, (E,)."""
         system, parts = self._system, self._parts

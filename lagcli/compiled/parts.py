@@ -21,6 +21,8 @@ from lagcli.equations.system import System
 TINY = 1e-300
 # The rounding of t counts as this part of the errors that q may have.
 ROUNDED = 1e-6
+# At rest the rounding of velocities counts as this part of those that the forces would make over the size of q.
+RESTING = 1e-6
 # Nodes of a graph in which common subexpressions are looked for.
 SHARED_NODES = 20_000
 
@@ -172,6 +174,16 @@ class Parts:
         t, y, p, given = inputs = [ca.MX.sym(name, x.numel()) for name, x in sizes]
         return ca.Function("multipliers", inputs, [choice.split(self.selection, gram(t, y, p), given)])
 
+    @cached_property
+    def loads(self) -> ca.Function:
+        """loads(t, y, p, lambda of all rows) -> `selection.loads`, (I,)."""
+        B = self.of(choice.spread(self.selection), self.B, self.contacts.G)
+        gram = ca.Function("gram", self.inputs, [B @ self.inertia(B.T)])
+        sizes = zip("typ", self.inputs, strict=True)
+        t, y, p = (ca.MX.sym(name, x.numel()) for name, x in sizes)
+        lam = ca.MX.sym("lam", self.selection.count)
+        return ca.Function("loads", [t, y, p, lam], [choice.loads(self.selection, gram(t, y, p), lam)])
+
     def holding(self, charts: Sequence[LevelExpression]) -> Parts:
         """These parts with integrals held in these charts; p goes on with two constants for each, above and below.
 
@@ -308,7 +320,8 @@ def _departure(parts: Parts, v: ca.SX, sizes: Sizes) -> ca.SX:
         return ca.SX(0)
     B, b = parts.of(rest, parts.B, parts.contacts.G), parts.of(rest, parts.b, parts.contacts.g_t)
     slope, by_time = ca.jacobian(b, parts.y[: v.numel()]), ca.densify(ca.jacobian(b, parts.t))
-    whole = _row_norms(B, sizes.units) * (sizes.v + TINY) + ROUNDED * ca.fabs(by_time * parts.t)
+    speed = sizes.v + RESTING * ca.sqrt(sizes.a * sizes.q) + TINY
+    whole = _row_norms(B, sizes.units) * speed + ROUNDED * ca.fabs(by_time * parts.t)
     if slope.nnz():
         whole += _row_norms(slope, sizes.units) * sizes.q
     return ca.mmax(ca.fabs(B @ v + b) / whole)

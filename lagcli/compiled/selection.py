@@ -26,7 +26,8 @@ SOLVER = "ldl"
 @dataclasses.dataclass(frozen=True, slots=True)
 class Selection:
     """The rows a run is stepped with, `kept`; circuits: each other row, followed by the kept rows it depends on;
-    inactive: rows that are declared and do not act, as contacts that are open.
+    inactive: rows that are declared and do not act, as contacts that are open; idle: contacts among them that lie
+    closed on others and carry nothing in the least split, each with the kept rows that it depends on.
 
     Rows are numbered as the multipliers are: the C equality rows, then the K contacts.
     """
@@ -34,6 +35,7 @@ class Selection:
     kept: tuple[int, ...]
     circuits: tuple[tuple[int, ...], ...] = ()
     inactive: tuple[int, ...] = ()
+    idle: tuple[tuple[int, ...], ...] = ()
 
     @property
     def count(self) -> int:
@@ -53,8 +55,9 @@ class Selection:
 
     @property
     def indeterminate(self) -> frozenset[int]:
-        """Rows whose multipliers are not unique: those that take part in a circuit, a row that vanishes in its own."""
-        return frozenset(self.shared)
+        """Rows whose multipliers are not unique: those that take part in a circuit, a row that vanishes in its own, and
+        those of idle contacts."""
+        return frozenset((*self.shared, *(row for circuit in self.idle for row in circuit)))
 
     @property
     def shared(self) -> tuple[int, ...]:
@@ -103,6 +106,29 @@ def split(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
         for number, row in enumerate(here):
             values[row] = shared[number]
     return ca.vertcat(*(values[row] for row in range(len(values))))
+
+
+def loads(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
+    """The load of each idle contact, to first order, if it took part in the split (I,): above 0 the least split
+    loads it. S: of the rows `spread` in their order; lam: of all rows (C + K,).
+
+    With mu_i = lambda_i |B_i| a split is the least where the unit rows have a w with mu_i = B_i w/|B_i| where they act
+    and B_j w <= 0 where they only push and carry nothing; B_j w = T_j w over the rows that contact j depends on.
+    """
+    among = {row: i for i, row in enumerate(spread(selection))}
+    found = []
+    for row, *support in selection.idle:
+        kept = [among[i] for i in support]
+        here, given = ca.SX.sym("S", len(among), len(among)), ca.SX.sym("lam", len(support))
+        T = solvers.solver(here[kept, kept])(here[kept, among[row]])
+        load = ca.dot(T, ca.diag(here[kept, kept]) * given) / (here[among[row], among[row]] + TINY)
+        found.append(ca.Function("load", [here, given], [load])(S, lam[list(support)]))
+    return ca.vertcat(*found)
+
+
+def spread(selection: Selection) -> tuple[int, ...]:
+    """All rows of idle contacts and those that they depend on, in their order."""
+    return tuple(sorted({row for circuit in selection.idle for row in circuit}))
 
 
 def _solved(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:

@@ -31,7 +31,7 @@ from lagcli.simulation.statistics import Figures
 
 Floats = npt.NDArray[np.float64]
 
-FORMAT = 6
+FORMAT = 7
 MOST_BYTES = 2**28
 # What stands beside the parts of a checkpoint.
 AROUND = ("lagcli-checkpoint", "version", "sum")
@@ -253,5 +253,8 @@ def _require_sound(point: Checkpoint) -> None:
         raise ValueError("a circuit without rows")
     if sorted([*selection.present, *selection.inactive]) != list(range(selection.count)):
         raise ValueError("rows that are not all there")
-    if not {row for circuit in selection.circuits for row in circuit[1:]} <= set(selection.kept):
+    supports = {row for circuit in (*selection.circuits, *selection.idle) for row in circuit[1:]}
+    if not (all(selection.idle) and supports <= set(selection.kept)):
         raise ValueError("a row that depends on rows left out")
+    if not {circuit[0] for circuit in selection.idle} <= set(selection.inactive):
+        raise ValueError("a row that acts and carries nothing")

@@ -24,11 +24,12 @@ class ContactsUndecided(Exception):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Blow:
-    """An impact: the velocities after it (n,), impulses of the equality rows that are kept and of the contacts (K,).
+    """An impact: the velocities after it (n,), impulses of the equality rows (C,) and of the contacts
+    (K,).
 
     onward: the velocities with which the run goes on, without the rebounds that are left out (n,); struck: contacts
     that approached, or take an impulse; ended: contacts whose rebounds end here, with the time `lasting` that those
-    left out would have taken, (K,) each.
+    left out would have taken, (K,) each; shared: numbers of the rows among all C + K whose impulses are not unique.
     """
 
     v: Floats
@@ -38,6 +39,7 @@ class Blow:
     struck: Flags
     ended: Flags
     lasting: Floats
+    shared: tuple[int, ...]
 
 
 def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
@@ -71,13 +73,15 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
     others = near[(found.of_contacts > 0) & ~struck[near]]
     if others.size:
         struck[others] = impulses[others] > here.slow[others] / here.squares(others)
-    return Blow(found.x, onward.x, found.of_equalities, impulses, struck, ended, lasting)
+    rows = np.concatenate([np.arange(found.of_equalities.size), found.of_equalities.size + near])
+    shared = tuple(rows[~found.unique].tolist())
+    return Blow(found.x, onward.x, found.of_equalities, impulses, struck, ended, lasting, shared)
 
 
 def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
     """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
     try:
-        if near.size == 1:
+        if near.size == 1 and here.is_lean:
             j = int(near[0])
             single = impact_law.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
             if single is not None:
@@ -112,8 +116,9 @@ def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Number
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Pressing:
-    """d2g/dt2 of all contacts (K,), and those that are closed and press."""
+    """Accelerations x (n,), d2g/dt2 of all contacts (K,), and those that are closed and press."""
 
+    x: Floats
     accelerations: Floats
     closed: tuple[int, ...]
 
@@ -133,4 +138,4 @@ def pressing(here: ContactInstant, among: Flags) -> Pressing:
     except impact_law.LawError as error:
         raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
     presses = found.of_contacts > here.least_forces(numbers)
-    return Pressing(here.changes(found.x) - here.gamma, tuple(numbers[presses].tolist()))
+    return Pressing(found.x, here.changes(found.x) - here.gamma, tuple(numbers[presses].tolist()))

@@ -9,13 +9,15 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.compiled.selection import Selection
 from lagcli.simulation import contact_change, contact_mode, line_functions, run_stop
 from lagcli.simulation.contact_change import Blow, ContactsUndecided
 from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues
-from lagcli.simulation.incident import Incident, Kind
+from lagcli.simulation.contact_mode import ContactMode
+from lagcli.simulation.incident import Kind
+from lagcli.simulation.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.run_stop import StepFailure
 from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
-from lagcli.simulation.singularity_step import SingularStep
 from lagcli.simulation.state_ahead import Ahead
 from lagcli.simulation.stepper import Stepper
 
@@ -24,20 +26,25 @@ Found = TypeVar("Found")
 
 # Changes without a step between them, after which a run stops.
 MOST_AGAIN = 64
-# Places within the passing of a singular configuration at which gaps are looked at.
-PASSING = np.linspace(0.0, 1.0, 33)
+# A function jumps over zero where it is this part of its size away from it on both sides.
+JUMPED = 1e-12
+DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 
 
 class ContactChanges:
     """The contacts of a run at its state."""
 
     def __init__(self, stepper: Stepper) -> None:
-        self._run = stepper
+        self._run, self.log = stepper, IncidentLog(stepper)
         self._system = system = stepper.bound.held.integrals.system
         self._rows, self._count = len(system.rows.rows), system.contacts.count
         self._open = stepper.bound.held.integrals.selection.opened(self._rows)
-        self._base = stepper.bound.held.plain.functions.numeric
-        self._values = ContactRowValues(self._base, list(self._open.kept))
+        plain = stepper.bound.held.plain.functions.numeric
+        # A run that is resumed may stand with contacts closed.
+        self._base = plain if plain.selection == self._open else plain.keeping(self._open)
+        self._values = ContactRowValues(self._base, self._rows)
+        # Sizes of the values of declared events in the step behind (E,).
+        self.sizes = np.zeros(0)
         e = [law.restitution for law in system.model.inequality if law.members.count]
         self._restitution = np.concatenate(e) if e else np.zeros(0)
 
@@ -46,9 +53,10 @@ class ContactChanges:
         """The contacts that press."""
         return contact_mode.closed_in(self._run.bound.numeric, self._rows)
 
-    def row_of(self, line: Floats) -> Floats:
-        """The columns of the table, of a line."""
-        return np.asarray(line[1 : -line_functions.BEYOND]) + 0.0
+    @property
+    def idle(self) -> tuple[int, ...]:
+        """The contacts that lie closed on others and carry nothing."""
+        return tuple(i - self._rows for i in self._run.bound.numeric.idle_rows)
 
     def here(self) -> ContactInstant:
         """The contacts where the run stands."""
@@ -69,7 +77,7 @@ class ContactChanges:
             self._require_apart(here)
         forces = np.zeros(self._count)
         if self.closed:
-            closed = np.array(self.closed, dtype=np.intp)
+            closed = np.array([*self.closed, *self.idle], dtype=np.intp)
             forces[closed] = here.least_forces(closed)
         return gaps, forces
 
@@ -77,28 +85,27 @@ class ContactChanges:
         deep = np.flatnonzero(here.g < -2 * here.nearness)
         if deep.size:
             worst = int(deep[np.argmin(here.g[deep])])
-            name = self._system.contacts.rows[worst].name
-            raise StepFailure(
-                f"`{name}` is violated by {-here.g[worst]:.3g} without a contact: it jumps there",
-                run_stop.CONTACT,
-            )
+            raise self._jump(float(-here.g[worst]), worst)
+
+    def require_open(self, contacts: list[int], g: Floats) -> None:
+        """Raise `StepFailure` where open contacts are violated at a switch, with watched values g beginning with
+        their gaps: their walls jump."""
+        here = self.here()
+        deep = [(float(-g[i]), j) for i, j in enumerate(contacts) if g[i] < -2 * here.nearness[j]]
+        if deep:
+            raise self._jump(*max(deep))
+
+    def _jump(self, depth: float, contact: int) -> StepFailure:
+        name = self._system.contacts.rows[contact].name
+        return StepFailure(
+            f"the wall of `{name}` jumps there, by {depth:.3g} onto the wrong side: an impact of which no law tells the"
+            " impulse",
+            run_stop.CONTACT,
+        )
 
     def unresolved(self) -> str:
         """The reason to stop where the zeros of a gap cannot be told apart."""
         return "a gap of an inequality, or a declared event, crosses zero so often that its zeros cannot be told apart"
-
-    def require_clear(self, passage: SingularStep) -> None:
-        """Raise `StepFailure` where a contact closes in the passing of a singular configuration."""
-        step, here = passage.step, self.here()
-        open_ = sorted(set(range(self._count)) - set(self.closed))
-        for x in PASSING:
-            g = np.array(
-                self._base.gaps(self._run.origin + step.t + x * step.h, step.state(x), self._run.bound.held.p)
-            )
-            if (g.ravel()[open_] < -here.nearness[open_]).any():
-                raise StepFailure(
-                    "a contact closes while a singular configuration is passed", run_stop.CONTACT
-                )
 
     def begin(self) -> None:
         """Decide the contacts at the start; an impact there is an incident."""
@@ -117,32 +124,42 @@ class ContactChanges:
                 f"the contacts {names} open and close without end at one instant", run_stop.CONTACT
             )
         first = self._rows + self._count
-        self._events([i - first for i in hits if i >= first])
+        events = [i - first for i in hits if i >= first]
+        if events:
+            self.tell_events(events)
         if any(i < first for i in hits):
             self._change(self.here(), ahead, hits=hits)
         else:
             run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
 
-    def _events(self, numbers: list[int]) -> None:
-        run = self._run
-        if not numbers:
-            return
-        line = self._line()
-        impulses = np.zeros(self._rows + self._count)
+    def tell_events(self, numbers: Iterable[int]) -> None:
+        """Tell of declared events where the run stands; one that stops ends it."""
+        line = self.log.line()
         for number in numbers:
-            event = self._system.model.events[number]
-            run.account.add(Incident(float(run.origin + run.t), "event", event.name, impulses, line, line))
-            if event.action == "stop":
-                run.account.ended_by = event.name
+            self._tell_event(number, InstantLines(line, line))
 
-    def _line(self) -> Floats:
-        return self.row_of(self._whole_line())
+    def _tell_event(self, number: int, lines: InstantLines) -> None:
+        event = self._system.model.events[number]
+        self.log.tell("event", event.name, lines)
+        if event.action == "stop":
+            self._run.account.ended_by = event.name
 
-    def _whole_line(self) -> Floats:
-        rows = self._run.rows
-        rows.at[0] = self._run.origin + self._run.t
-        rows.begin.trigger()
-        return rows.line.copy()
+    def _when(self) -> Floats:
+        """`when` of the declared events where the run stands, (E,)."""
+        run, numeric = self._run, self._run.bound.numeric
+        if not self._system.event_values.numel():
+            return np.zeros(0)
+        t, y, p = run.origin + run.t, run.bound.y, run.bound.held.p
+        rate, lam = numeric.solved(t, y, p)
+        return np.array(numeric.event_values(t, y, rate, lam, p)).ravel()
+
+    def jumped(self, before: Floats, after: Floats) -> list[int]:
+        """Declared events that jump over zero in their direction, by their values before and after (E,)."""
+        least = JUMPED * np.maximum(np.abs(before), np.abs(after))
+        least = np.maximum(least, JUMPED * self.sizes) if self.sizes.size else least
+        ways = np.where((before < -least) & (after > least), 1, 0) - ((before > least) & (after < -least))
+        wanted = [DIRECTIONS[event.direction] for event in self._system.model.events]
+        return [i for i, (way, one) in enumerate(zip(ways, wanted, strict=True)) if way and one in (0, way)]
 
     def _change(
         self,
@@ -151,7 +168,8 @@ class ContactChanges:
         is_start: bool = False,
         hits: tuple[int, ...] = (),
     ) -> None:
-        run, before, closed_before = self._run, self._whole_line(), set(self.closed)
+        run, before, when, closed_before = self._run, self.log.line(), self._when(), set(self.closed)
+        lying_before = closed_before | set(self.idle)
         blow = self._decided(lambda: contact_change.impact(here, self._restitution))
         after = here
         if blow is None:
@@ -163,32 +181,48 @@ class ContactChanges:
             level = after.near & (np.abs(after.speeds) <= after.slow)
         look = after
         if blow is None and ahead is not None:
-            level[[*closed_before, *run.contacts.touching]] = True
+            level[[*lying_before, *run.contacts.touching]] = True
             look = self._instant(ahead.t, ahead.y)
-        closed: set[int] = set()
+        mode = ContactMode(self._open, ())
         if level.any():
-            closed.update(self._decided(lambda: contact_change.pressing(look, level)).closed)
+            numbers = np.flatnonzero(level).tolist()
+            pressing = self._decided(lambda: contact_change.pressing(look, level))
+            mode = self._decided(lambda: contact_mode.mode(self._open, after, pressing, numbers, self._rows))
+        closed = set(mode.closed)
+        lying = closed | {circuit[0] - self._rows for circuit in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
-        line = None
+        line, crossed = None, {i - self._rows - self._count for i in hits}
+        jumped: list[int] = []
         if blow is not None and blow.ended.any():
             # The impact is told as it is, with rebounds that are left out from here on.
-            self._go_on(after, closed - set(np.flatnonzero(blow.ended).tolist()), blow.v)
-            line = self._whole_line()
-        self._go_on(after, closed, here.state.v if blow is None else blow.onward)
-        now = self._whole_line()
+            bouncing = sorted(closed - set(np.flatnonzero(blow.ended).tolist()))
+            self._go_on(contact_mode.selection(self._open, after, bouncing, self._rows), blow.v)
+            line, bounced = self.log.line(), self._when()
+            jumped, when = self.jumped(when, bounced), bounced
+        self._go_on(mode.selection, here.state.v if blow is None else blow.onward)
+        now = self.log.line()
         line = now if line is None else line
         if blow is not None:
             # What the impact takes away is work done there: the balance of the energy goes on.
             run.bound.y[-1] += now[line_functions.JACOBI] - before[line_functions.JACOBI]
-        unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in closed & closed_before)
+        unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in lying & lying_before)
         fresh = set() if blow is None else set(np.flatnonzero(blow.ended).tolist()) & closed
         ending = [each for each in run.contacts.ending if each[0] in closed - fresh]
         if blow is not None:
             ending += [(j, run.t + float(blow.lasting[j])) for j in sorted(fresh)]
+        shared = {*run.contacts.shared, *mode.selection.indeterminate, *(blow.shared if blow else ())}
         run.contacts = dataclasses.replace(
-            run.contacts, touching=touching, unarmed=unarmed, last=run.t, size=here.size, ending=tuple(ending)
+            run.contacts,
+            touching=touching,
+            unarmed=unarmed,
+            last=run.t,
+            size=here.size,
+            ending=tuple(ending),
+            shared=tuple(sorted(shared)),
         )
-        self._tell(_Told(before, line, blow, closed_before, closed), is_start)
+        jumped += self.jumped(when, self._when())
+        events = [] if is_start else sorted(set(jumped) - crossed)
+        self._tell(_Told(before, line, blow, lying_before, lying, events), is_start)
         self.end_series()
 
     def end_series(self) -> None:
@@ -197,20 +231,19 @@ class ContactChanges:
         due = [j for j, t in run.contacts.ending if t <= run.t]
         if not due:
             return
-        line, names = self._line(), [row.name for row in self._system.contacts.rows]
-        impulses = np.zeros(self._rows + self._count)
+        line, names = self.log.line(), [row.name for row in self._system.contacts.rows]
         kinds: tuple[Kind, ...] = ("accumulation", "contact")
         for kind in kinds:
             for j in due:
-                run.account.add(Incident(float(run.origin + run.t), kind, names[j], impulses, line, line))
+                self.log.tell(kind, names[j], InstantLines(line, line))
         left = tuple(each for each in run.contacts.ending if each[0] not in due)
         run.contacts = dataclasses.replace(run.contacts, ending=left, last=run.t)
 
-    def _go_on(self, here: ContactInstant, closed: set[int], v: Floats) -> None:
-        """Go on with these contacts closed, from velocities v (n,)."""
+    def _go_on(self, selection: Selection, v: Floats) -> None:
+        """Go on with these rows, from velocities v (n,)."""
         run = self._run
-        if closed != set(self.closed):
-            selection = contact_mode.selection(self._open, here, sorted(closed), self._rows)
+        now = run.bound.held.integrals.selection
+        if (selection.inactive, selection.idle) != (now.inactive, now.idle):
             run.bind(run.bound.held.keeping(selection))
             run.watch, run.foreseen = SingularityMonitor(), NEVER
         self._land(v)
@@ -225,20 +258,22 @@ class ContactChanges:
 
     def _tell(self, told: _Told, is_start: bool) -> None:
         run, names, blow = self._run, [row.name for row in self._system.contacts.rows], told.blow
-        before, after = self.row_of(told.before), self.row_of(told.after)
         impulses = np.zeros(self._rows + self._count)
         kinds: list[tuple[Kind, Iterable[int]]] = []
         if blow is not None:
-            impulses[list(self._open.kept)] = blow.of_equalities
+            impulses[: self._rows] = blow.of_equalities
             impulses[self._rows :] = blow.of_contacts
             kinds.append(("impact", np.flatnonzero(blow.struck).tolist()))
-        if not is_start or blow is not None:
+        if blow is not None or not (is_start or run.t == run.grid.start):
             ending = {j for j, _ in run.contacts.ending}
-            kinds.append(("contact", sorted(told.closed - told.closed_before - ending)))
-            kinds.append(("release", sorted(told.closed_before - told.closed)))
+            kinds.append(("contact", sorted(told.held - told.held_before - ending)))
+            kinds.append(("release", sorted(told.held_before - told.held)))
+        lines = InstantLines(told.before, told.after, impulses)
         for kind, contacts in kinds:
             for j in contacts:
-                run.account.add(Incident(float(run.origin + run.t), kind, names[j], impulses, before, after))
+                self.log.tell(kind, names[j], lines)
+        for number in told.events:
+            self._tell_event(number, lines)
 
     def _decided(self, law: Callable[[], Found]) -> Found:
         try:
@@ -250,10 +285,12 @@ class ContactChanges:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Told:
-    """Lines before and after a change, the impact, and contacts that pressed and press."""
+    """Lines before and after a change, the impact, and contacts that were held closed and are, and
+    declared events that jump over zero."""
 
     before: Floats
     after: Floats
     blow: Blow | None
-    closed_before: set[int]
-    closed: set[int]
+    held_before: set[int]
+    held: set[int]
+    events: list[int]

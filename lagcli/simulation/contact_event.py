@@ -19,7 +19,10 @@ from lagcli.simulation import run_stop, step_again
 from lagcli.simulation.contact_changes import ContactChanges
 from lagcli.simulation.event import Event
 from lagcli.simulation.incident import Incident
+from lagcli.simulation.incident_log import InstantLines
+from lagcli.simulation.passage_watch import PassageWatch
 from lagcli.simulation.run_stop import StepFailure
+from lagcli.simulation.singularity_step import SingularStep
 from lagcli.simulation.state_ahead import Ahead
 from lagcli.simulation.step_watch import StepWatch
 from lagcli.simulation.stepper import Stepper
@@ -33,10 +36,13 @@ Places = npt.NDArray[np.intp]
 # Steps after an incident are at most so many times as long as the time from the one before it: what is watched in a
 # step has the scale of these times.
 LONGER = 16.0
-# The state by which contacts are judged that are released lies by this part of a step behind the instant.
-BEYOND = 1e-5
+# The state by which contacts are judged that are released lies by this part of a step behind the instant; farther by
+# this factor each time that it does not decide.
+BEYOND, FARTHER = 1e-5, 4.0
 # Newton steps for the instant; rounding of a declared function, as a part of its values at the ends of a step.
 REFINED, NOISE = 4, 64 * float(np.finfo(float).eps)
+# A step is shortened to this part at the least; roundings of time within which an incident is at the end of the run.
+LEAST, AT_END = 1e-3, 8.0
 
 
 class ContactEvent(Event):
@@ -52,10 +58,11 @@ class ContactEvent(Event):
         self._functions: dict[object, WatchFunctions] = {}
         self._kinds_of: dict[WatchFunctions, WatchKinds] = {}
         self._watch: StepWatch | None = None
-        # Of the step that was found: functions that cross zero at its end, a state beyond it, events within it.
+        # Of the step that was found: functions that cross zero at its end, a state beyond it.
         self._hits: tuple[int, ...] = ()
         self._ahead: Ahead | None = None
-        self._within: list[Incident] = []
+        # Numbers of declared events at the end of it, where no search ends it.
+        self._at_end: list[int] = []
         self._current()
 
     @classmethod
@@ -79,16 +86,21 @@ class ContactEvent(Event):
     def cut(self) -> None:
         """See `Event`."""
         run, found = self._stepper, self._stepper.found
-        self._hits, self._ahead, self._within = (), None, []
-        if found.is_still or not found.is_open:
+        self._hits, self._ahead, self._at_end = (), None, []
+        if not found.is_open:
+            return
+        if found.is_still:
+            self._switch()
             return
         if found.passage is not None:
-            self._changes.require_clear(found.passage)
+            self._cross(found.passage)
             return
         watch = self._current()
         ending = run.contacts.ending
         limit = min(t for _, t in ending) if ending else math.inf
-        if watch.is_clear() and not run.contacts.unarmed:
+        # What arrives at zero at the end of the run to rounding may look clear.
+        is_last = found.reached == run.grid.end and bool(self._system.model.events)
+        if watch.is_clear() and not run.contacts.unarmed and not is_last:
             if limit <= found.reached:
                 self._end_series_at(limit)
             elif watch.deepest > run.contacts.deepest:
@@ -100,17 +112,32 @@ class ContactEvent(Event):
         if not self._hits and limit <= found.reached:
             self._end_series_at(limit)
 
+    def _switch(self) -> None:
+        """Look at what functions of t make jump at a switch: declared events, and walls, which may not."""
+        run, watch = self._stepper, self._current()
+        before, after = watch.begin(), watch.end(run.found.reached)
+        if self._system.contacts.count:
+            self._changes.require_open(watch.functions.open_, after)
+        E = self._system.event_values.numel()
+        if E:
+            self._at_end = self._changes.jumped(before[-E:], after[-E:])
+
     def _end_series_at(self, t: float) -> None:
         """End the step at a time at which rebounds of a contact come to their end."""
         step_again.up_to(self._stepper, t)
         self._stepper.found.is_jump, self._stepper.found.barrier = True, None
 
+    def end(self) -> None:
+        """See `Event`."""
+        at_end, self._at_end = self._at_end, []
+        if at_end:
+            self._changes.tell_events(at_end)
+
     def act(self) -> None:
         """See `Event`."""
         run = self._stepper
-        for incident in self._within:
-            run.account.add(incident)
-        hits, self._hits, self._within = self._hits, (), []
+        self.end()
+        hits, self._hits = self._hits, ()
         if hits:
             self._changes.at(hits, self._ahead)
         elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:
@@ -120,6 +147,36 @@ class ContactEvent(Event):
         else:
             return
         run.settle()
+
+    def _cross(self, passage: SingularStep) -> None:
+        """Look at the step across a singular configuration: it ends where a contact closes, or a stop event is."""
+        run, found, watch = self._stepper, self._stepper.found, self._current()
+        kinds, curve = self._kinds(watch), PassageWatch(watch.functions, run, passage)
+        # Multipliers have no value at the instant: there contacts are not released.
+        are_watched = kinds.is_event.copy()
+        are_watched[: len(watch.functions.open_)] = True
+        places = np.flatnonzero(are_watched)
+        noise = self._noise(watch, kinds)[places]
+        sizes = np.maximum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
+        noise[kinds.is_event[places]] = NOISE * sizes[places][kinds.is_event[places]]
+        x, armed = 0.0, ~np.isin(kinds.numbers[places], run.contacts.unarmed)
+        while x < 1.0 and places.size:
+            crossing = self._crossing(curve, places, (x, 1.0), (noise, kinds.direction[places], armed))
+            if crossing.x is None:
+                break
+            x += crossing.x * (1.0 - x)
+            rows = places[list(crossing.rows)]
+            if not kinds.records[rows].all():
+                self._hits, self._ahead = tuple(kinds.numbers[rows].tolist()), None
+                if not curve.end_at(x):
+                    raise StepFailure(
+                        "a contact closes where a singular configuration is passed", run_stop.CONTACT
+                    )
+                break
+            armed = np.ones(places.size, dtype=bool)
+            armed[list(crossing.rows)] = False
+            for place in rows.tolist():
+                found.within.append(curve.event(x, kinds.names[place], self._changes.log))
 
     def _current(self) -> StepWatch:
         run = self._stepper
@@ -134,29 +191,38 @@ class ContactEvent(Event):
     def _kinds(self, watch: StepWatch) -> WatchKinds:
         functions = watch.functions
         if functions not in self._kinds_of:
-            self._kinds_of[functions] = WatchKinds(self._system, functions.open_, functions.closed)
+            self._kinds_of[functions] = WatchKinds(self._system, functions.open_, functions.held)
         return self._kinds_of[functions]
 
     def _search(self, watch: StepWatch, limit: float) -> None:
         """Find the first incident that ends the step, and the events before it that are recorded."""
         run, found, kinds = self._stepper, self._stepper.found, self._kinds(watch)
         places = watch.doubtful()
+        is_last = found.reached == run.grid.end
+        if is_last and kinds.has_events:
+            places = np.union1d(places, np.flatnonzero(kinds.is_event))
         noise = self._noise(watch, kinds)[places]
         numbers = kinds.numbers[places]
         limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
         if not places.size:
             return
         if kinds.has_events:
-            begin, end = (np.abs(watch.inside(x)[0][places]) for x in (0.0, limit))
-            is_event = numbers >= kinds.first_event
-            noise[is_event] = NOISE * np.maximum(begin, end)[is_event]
+            begin, end = (np.abs(watch.inside(x)[0]) for x in (0.0, limit))
+            sizes, is_event = np.maximum(begin, end), kinds.is_event[places]
+            noise[is_event] = NOISE * sizes[places][is_event]
+            self._changes.sizes = sizes[kinds.is_event]
         turned = kinds.direction[places] if kinds.has_events else zero_search.DOWN
         unarmed = run.contacts.unarmed
         armed: npt.NDArray[np.bool_] | bool = ~np.isin(numbers, unarmed) if unarmed else True
         x = 0.0
         while x < limit:
             crossing = self._crossing(watch, places, (x, limit), (noise, turned, armed))
+            if crossing.unresolved:
+                self._shorten(x + crossing.clear * (limit - x))
+                return
             if crossing.x is None:
+                if limit == 1.0 and is_last:
+                    self._at_end = self._arriving(watch, kinds)
                 return
             x += crossing.x * (limit - x)
             rows = list(crossing.rows)
@@ -165,11 +231,13 @@ class ContactEvent(Event):
                 return
             armed = np.ones(places.size, dtype=bool)
             armed[rows] = False
-            self._within += [self._event(x, kinds.names[place]) for place in places[rows].tolist()]
+            found.within += [
+                self._event(watch, x, place, kinds.names[place]) for place in places[rows].tolist()
+            ]
 
     def _crossing(
         self,
-        watch: StepWatch,
+        watch: StepWatch | PassageWatch,
         places: Places,
         span: tuple[float, float],
         asked: tuple[Floats, npt.ArrayLike, npt.ArrayLike],
@@ -181,10 +249,29 @@ class ContactEvent(Event):
             w, slope = watch.inside(begin + u * width)
             return w[places], slope[places] * width
 
-        crossing = zero_search.first_crossing(values, *asked)
-        if crossing.unresolved:
+        return zero_search.first_crossing(values, *asked)
+
+    def _shorten(self, x: float) -> None:
+        """End the step before what cannot be told apart in it."""
+        run, found = self._stepper, self._stepper.found
+        if x < LEAST:
             raise StepFailure(self._changes.unresolved(), run_stop.CONTACT)
-        return crossing
+        step_again.up_to(run, run.t + x * found.taken)
+        found.barrier, found.proposed = None, min(found.proposed, found.taken)
+
+    def _arriving(self, watch: StepWatch, kinds: WatchKinds) -> list[int]:
+        """Declared events that go through zero at the end of the run, to rounding of its time."""
+        run, found = self._stepper, self._stepper.found
+        begin = watch.inside(0.0)[0].copy()
+        end, slope = watch.inside(1.0)
+        room = np.abs(slope) / found.taken * AT_END * math.ulp(found.reached)
+        arrives = (np.abs(end) <= room) & (begin * slope < 0) & (np.abs(begin) > room)
+        arrives &= (kinds.direction == zero_search.BOTH) | (np.sign(slope) == kinds.direction)
+        last = run.origin + found.reached - AT_END * math.ulp(found.reached)
+        told = {incident.name for incident in found.within if incident.t >= last}
+        events = self._system.model.events
+        numbers = kinds.numbers - kinds.first_event
+        return [int(e) for e in numbers[arrives] if e >= 0 and events[e].name not in told]
 
     def _noise(self, watch: StepWatch, kinds: WatchKinds) -> Floats:
         """Of gaps and multipliers that are watched, and room for that of events (W,)."""
@@ -193,24 +280,38 @@ class ContactEvent(Event):
             gaps, forces = self._changes.noises()
             functions = watch.functions
             noise[: len(functions.open_)] = gaps[functions.open_]
-            if functions.closed:
-                noise[len(functions.open_) :][: len(functions.closed)] = forces[functions.closed]
+            if functions.held:
+                noise[len(functions.open_) :][: len(functions.held)] = forces[functions.held]
         return noise
 
-    def _event(self, x: float, name: str) -> Incident:
-        run, rows = self._stepper, self._stepper.rows
-        t = float(run.origin + run.t + x * run.found.taken)
-        rows.at[0], rows.x[0] = t, x
-        rows.inside.trigger()
-        line = self._changes.row_of(rows.line)
-        return Incident(t, "event", name, np.zeros(len(self._system.multiplier_rows)), line, line)
+    def _event(self, watch: StepWatch, x: float, place: int, name: str) -> Incident:
+        """An event within the step, from a step of its own up to there."""
+        run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
+        step = bound.held.functions.scheme(run.method).step
+        _, _, y, k, tolerance, p = bound.step.arguments
+        slope = float(watch.inside(x)[1][place]) / found.taken
+        tau, best = x * found.taken, math.inf
+        for _ in range(REFINED):
+            state = np.array(step(run.t, tau, y, k, tolerance, p)[0]).ravel()
+            run.account.evaluations += run.method.evaluations
+            values = watch.functions.watched(run.origin + run.t + tau, state, p)
+            left = float(np.array(values).ravel()[place])
+            if not abs(left) < best / 2 or slope == 0:
+                break
+            best = abs(left)
+            correction = left / slope
+            if abs(correction) <= 2 * math.ulp(run.t + tau) or not 0 < tau - correction < found.taken:
+                break
+            tau -= correction
+        line = self._changes.log.line_of(run.t + tau, state)
+        return self._changes.log.incident(run.t + tau, "event", name, InstantLines(line, line))
 
     def _end_at(self, watch: StepWatch, x: float, rows: Places, kinds: WatchKinds) -> None:
         """End the step where watched functions cross zero."""
         run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
         taken = found.taken
         slopes = watch.inside(x)[1][rows] / taken
-        self._ahead = Ahead(run, min(1.0, x + BEYOND))
+        self._ahead = Ahead(run, min(1.0, x + BEYOND * FARTHER**run.contacts.again))
         self._hits = tuple(kinds.numbers[rows].tolist())
         found.barrier = None
         steepest = int(np.argmax(np.abs(slopes)))
@@ -234,6 +335,10 @@ class ContactEvent(Event):
             if abs(correction) <= 2 * math.ulp(reached) or abs(correction) > 0.1 * tau:
                 break
             tau -= correction
+        end = run.grid.end
+        if found.reached != end and abs(found.reached - end) <= AT_END * math.ulp(end):
+            # It is at the end of the run, to rounding.
+            step_again.up_to(run, end)
         if bound.outcome[7] > COARSE and run.account.is_balanced:
             run.find_work(found.taken)
         found.is_jump = True

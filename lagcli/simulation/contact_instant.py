@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +26,8 @@ WEIGHTLESS = 1e-10
 # Contacts that are so many times farther away than closed ones, and speeds that many times larger than none, are told
 # by the numbers before an impact: those after it are not so different.
 CLOSELY, CLEARLY = 4.0, 1e3
+# Accelerations, and speeds, that are this part of what the forces make are none.
+STILL = 1e-10
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -39,13 +42,13 @@ class ContactParameters:
 
 
 class ContactRowValues:
-    """The contacts of one system as functions of numbers, bound to memory; kept: the independent equality rows.
+    """The contacts of one system as functions of numbers, bound to memory; equality_count: C.
 
     `numeric` is of the system with any contacts closed.
     """
 
-    def __init__(self, numeric: NumericSystem, kept: list[int]) -> None:
-        self.numeric, self.kept = numeric, kept
+    def __init__(self, numeric: NumericSystem, equality_count: int) -> None:
+        self.numeric, self.equality_count = numeric, equality_count
         n, p = numeric.n, numeric.contacts.numel_in(3)
         self._arguments = [np.zeros(size) for size in (1, n, n, p, contact_values.CHOSEN)]
         self._bound = BoundFunction(numeric.contact_values, self._arguments)
@@ -114,6 +117,54 @@ class ContactInstant:
         speeds = np.abs(self.speeds + self.changes(v - self.state.v))
         return bool((speeds > CLEARLY * self.slow)[self.g <= CLOSELY * self.nearness].all())
 
+    def at(self, state: State) -> ContactInstant:
+        """The contacts at another state."""
+        return ContactInstant(self._values, state, self._chosen)
+
+    def later(self, tau: float, x: Floats) -> State:
+        """The state on the parabola with accelerations x (n,), a time tau later."""
+        s = self.state
+        return State(s.t + tau, s.q + tau * s.v + tau * tau / 2 * x, s.v + tau * x, s.p)
+
+    def reach(self, x: Floats, part: float) -> tuple[float, float]:
+        """The time in which the motion with accelerations x (n,) goes this part of its size, and that way; 0 where it
+        does not move."""
+        units, acceleration = self._units
+        speed = float(np.abs(self.state.v / units).max(initial=0.0))
+        rate = float(np.abs(x / units).max(initial=0.0))
+        # Below this the rounding of forces that balance moves it.
+        rate = rate if rate > STILL * acceleration else 0.0
+        speed = speed if speed > STILL * math.sqrt(acceleration * self.size) else 0.0
+        way = part * (self.size or 1.0)
+        if not (speed or rate):
+            return 0.0, 0.0
+        return 2 * way / (speed + math.sqrt(speed * speed + 2 * rate * way)), way
+
+    def gap_changes(self, way: float) -> Floats:
+        """Changes of g (K,) that a displacement by this way makes, which is counted as the size."""
+        values = self._values
+        moved = np.abs(self._entries * self._units[0][values.column]) * way
+        return np.asarray(np.bincount(values.row, moved, minlength=values.count))
+
+    @cached_property
+    def _units(self) -> tuple[Floats, float]:
+        """Units (n,) of `parts.Sizes`, and the largest acceleration in them."""
+        s = self.state
+        packed = np.array(self._values.numeric.sizes(s.t, s.q, s.v, s.p)).ravel()
+        return packed[: s.q.size], float(packed[-1])
+
+    @property
+    def whole(self) -> tuple[Floats, Sparse]:
+        """f (s,) of the equality rows of whole coordinates, and their gradients (s, n)."""
+        s = self.state
+        f, B = self._values.numeric.whole(s.t, s.q, s.p)
+        return np.array(f).ravel(), B
+
+    @property
+    def free_acceleration(self) -> Floats:
+        """M^-1 h (n,)."""
+        return self.metric.solved(self.force)
+
     def changes(self, x: Floats) -> Floats:
         """G x (K,)."""
         values = self._values
@@ -127,6 +178,11 @@ class ContactInstant:
         taken = np.concatenate(places) if places else np.zeros(0, dtype=np.intp)
         rows = np.repeat(np.arange(contacts.size), [each.size for each in places])
         return sparse(rows, values.column[taken], self._entries[taken], (contacts.size, self.state.q.size))
+
+    @property
+    def is_lean(self) -> bool:
+        """True where no equality row is redundant."""
+        return not self._values.numeric.selection.circuits
 
     def response(self, contact: int) -> Response:
         """The effect of an impulse of one contact, with all equality rows."""
@@ -169,16 +225,17 @@ class ContactInstant:
         s = self.state
         return Metric(self._values.numeric.inertia(s.t, s.q, s.v, s.p))
 
-    def rows_of(self, contacts: list[int]) -> Sparse:
-        """The independent equality rows, and those of some contacts after them."""
-        return stacked(self.equalities[0], self.gradients(np.array(contacts, dtype=np.intp)))
+    def rows_of(self, equalities: list[int], contacts: list[int]) -> Sparse:
+        """Some equality rows, and those of some contacts after them."""
+        B = self.equalities[0][equalities, :]
+        return stacked(B, self.gradients(np.array(contacts, dtype=np.intp)))
 
     @cached_property
     def equalities(self) -> tuple[Sparse, Floats, Floats]:
-        """B (C, n), b (C,) and gamma (C,) of the independent equality rows."""
-        s, kept = self.state, self._values.kept
-        if not kept:
+        """B (C, n), b (C,) and gamma (C,) of the equality rows."""
+        s, C = self.state, self._values.equality_count
+        if not C:
             nothing = np.zeros(0, dtype=np.intp)
             return sparse(nothing, nothing, np.zeros(0), (0, s.q.size)), np.zeros(0), np.zeros(0)
         B, b = self._values.numeric.rows(s.t, s.q, s.v, s.p)
-        return B[kept, :], np.array(b).ravel()[kept], self._forces[1][kept]
+        return B[:C, :], np.array(b).ravel()[:C], self._forces[1][:C]

@@ -31,5 +31,8 @@ class Event(Protocol):
     def begin(self) -> None:
         """Act on the start of a run."""
 
+    def end(self) -> None:
+        """Tell of what the last step holds, where the run ends with it."""
+
     def act(self) -> None:
         """Act on the state that a step has led to, once it is accepted."""

@@ -167,6 +167,11 @@ class Run:
         """The independent rows it is stepped with."""
         return self._stepper.bound.held.integrals.selection
 
+    @property
+    def indeterminate(self) -> frozenset[int]:
+        """Rows whose multipliers, or impulses, are not unique or were not at some time."""
+        return self.selection.indeterminate.union(self._stepper.contacts.shared)
+
     def require_rows_left(self) -> None:
         """Raise `CheckpointError` where all rows of a resumed run were handed out before; before its first block."""
         if self._begin is None and self._writer.is_done:
@@ -228,6 +233,9 @@ class Run:
                 return False
             if writer.is_done:
                 stepper.t = self.grid.end
+                stepper.tell_within()
+                for event in self._events:
+                    event.end()
                 return True
             self._is_due = found.is_jump
             stepper.accept()
@@ -255,6 +263,7 @@ class Run:
         return is_put
 
     def _find_step(self) -> None:
+        self._stepper.found.within = []
         if any(event.passes() for event in self._events):
             self._cut()
             return
@@ -293,5 +302,6 @@ def _unfound(stepper: Stepper) -> Callable[[], None]:
         account.steps, account.rejected = counted
         stepper.watch.state, stepper.foreseen = watch, foreseen
         stepper.found.is_open, stepper.found.is_jump, stepper.found.barrier = False, False, None
+        stepper.found.within = []
 
     return take_back

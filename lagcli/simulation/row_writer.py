@@ -7,16 +7,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation import collocation, interpolate_rows, line_functions, stop_diagnosis
-from lagcli.simulation.singularity_step import SingularStep
+from lagcli.simulation import interpolate_rows, passage_line, stop_diagnosis
 from lagcli.simulation.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
 
 # A row where nothing has a value is a limit from points at this part of a step, and at twice that.
 NEAR = 1e-4
-# Where the drifts of a row stand in a line: rounding, which is not interpolated.
-DRIFTS = slice(-line_functions.BEYOND, -line_functions.BEYOND + 2)
 # Where W stands in a line.
 WORK = -2
 
@@ -94,7 +91,7 @@ class RowWriter:
                 rows.aside.arguments[1][:] = run.bound.y
                 rows.aside.trigger()
             elif found.passage is not None:
-                self._across(found.passage, at)
+                passage_line.put(run, found.passage, at)
             elif at < reached or found.barrier is not None:
                 run.make_dense()
                 rows.x[0] = (at - t) / taken
@@ -103,28 +100,6 @@ class RowWriter:
                 rows.end.trigger()
             self._put_line()
         return True
-
-    def _across(self, across: SingularStep, at: float) -> None:
-        """The line of a row within a step across a singular configuration."""
-        rows, step, tau = self._stepper.rows, across.step, at - across.instant
-        if abs(tau) > interpolate_rows.WINDOW * across.width:
-            self._put_aside(at, step)
-            return
-        taus = interpolate_rows.beside(across.width, across.is_start)
-        lines = []
-        for beside in taus:
-            self._put_aside(across.instant + beside, step)
-            lines.append(rows.line.copy())
-        found = np.array(lines)
-        rows.line[:] = interpolate_rows.interpolated(taus, found, tau)
-        rows.line[DRIFTS] = found[:, DRIFTS].max(axis=0)
-        rows.line[0] = rows.at[0] = self._stepper.origin + at
-
-    def _put_aside(self, at: float, step: collocation.Step) -> None:
-        rows = self._stepper.rows
-        rows.at[0] = self._stepper.origin + at
-        rows.aside.arguments[1][:] = step.state((at - step.t) / step.h)
-        rows.aside.trigger()
 
     def _mend(self) -> None:
         """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.

@@ -10,8 +10,10 @@ import numpy as np
 
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
-from lagcli.simulation import collocation, rank_dip, singularity_step, stop_diagnosis
+from lagcli.simulation import collocation, passage_line, rank_dip, singularity_step, stop_diagnosis
 from lagcli.simulation.event import Event
+from lagcli.simulation.incident import Incident
+from lagcli.simulation.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.run_stop import SINGULAR, StepFailure
 from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.singularity_step import Crossing
@@ -22,7 +24,9 @@ class SingularEvent(Event):
     """A configuration at which rows become dependent."""
 
     def __init__(self, stepper: Stepper) -> None:
-        self._stepper = stepper
+        self._stepper, self._log = stepper, IncidentLog(stepper)
+        # The crossing of the step that was found.
+        self._crossed: Crossing | None = None
 
     @classmethod
     def of(cls, stepper: Stepper) -> Self:
@@ -53,6 +57,27 @@ class SingularEvent(Event):
         elif bound.held.is_any:
             return self._pass_without_integrals()
         return isinstance(found, Crossing)
+
+    def act(self) -> None:
+        """See `Event`."""
+        run, crossed = self._stepper, self._crossed
+        self._crossed = None
+        if crossed is not None and crossed.passage.instant > run.t:
+            # The step has ended before.
+            run.account.crossings = run.account.crossings[:-1]
+            run.watch, run.foreseen = SingularityMonitor(), NEVER
+            run.settle()
+
+    def _told(self, crossed: Crossing) -> list[Incident]:
+        """The incidents of a crossing, one for each row that takes part; none where the run begins."""
+        run, passage = self._stepper, crossed.passage
+        if passage.is_start:
+            return []
+        passage_line.put(run, passage, passage.instant)
+        names = [row.name for row in run.bound.held.integrals.system.multiplier_rows]
+        lines = InstantLines(run.rows.line.copy(), run.rows.line.copy())
+        rows = crossed.loss.participants
+        return [self._log.incident(passage.instant, "crossing", names[row], lines) for row in rows]
 
     def _is_dip(self) -> bool:
         """True if ordinary steps show that rows only come closer to dependent ones, and part again."""
@@ -111,6 +136,8 @@ class SingularEvent(Event):
         run.foreseen = run.watch.foreseen(reached, outcome[1], outcome[2])
         run.account.steps += 1
         run.account.crossings += (dataclasses.replace(crossing.loss, t=run.origin + crossing.loss.t),)
+        self._crossed = crossing
         found = run.found
         found.is_open, found.passage = True, crossing.passage
         found.reached, found.taken, found.proposed = reached, step.h, run.control.step
+        found.within += self._told(crossing)

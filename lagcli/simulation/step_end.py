@@ -22,6 +22,8 @@ MOVED, MOVED_ROUNDING = 100.0, 1e-10
 TIME_ROUNDING = 2**-52
 # A step of so many roundings of the time may hold a jump; the part of a speed that is nothing there.
 JUMP, NEGLIGIBLE = 1024, 1e-9
+# Positions that are this part of what the forces would make of them in a step are none; rounding of such forces.
+HELD, BALANCED = 1e-6, 1e-14
 WRITTEN_OUT = 1000  # numbers of a state
 
 # Short states are written out, in SX.
@@ -134,7 +136,12 @@ def scales(
     units, (q, v, a) = sizes[:n], (sizes[n + i] for i in range(3))
     speed = ca.fmax(v, h * a)
     largest = ca.fmax(*(ca.fabs(y[: 2 * n]) for y in states))
-    floors = ca.vertcat(units * (part * h * speed + rounding * q), units * (part * speed + rounding * q / h))
+    # Of what the rows hold at the origin no size of q covers the rounding of forces that balance.
+    balanced = ca.if_else(q < HELD * h * h * a, BALANCED * h * a, 0)
+    floors = ca.vertcat(
+        units * (part * h * speed + rounding * q + h * balanced),
+        units * (part * speed + rounding * q / h + balanced),
+    )
     return rtol * largest + atol + floors + tolerances.TINY
 
 

@@ -18,6 +18,7 @@ from lagcli.simulation.bound_scheme import BoundRows, BoundStep
 from lagcli.simulation.checkpoint import RunState
 from lagcli.simulation.controller import GROW, PACE, StepController
 from lagcli.simulation.grid import Grid
+from lagcli.simulation.incident import Incident
 from lagcli.simulation.invariants import EnforcedInvariants
 from lagcli.simulation.run_stop import NOT_FINITE, TOO_SMALL, StepFailure
 from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
@@ -51,6 +52,7 @@ class FoundStep:
     is_jump: its end is an incident, beyond which the state is another;
     is_still: it leads over a switch, where the state stays the same; has_dense: its dense output is made; passage: of
     one across a singular configuration; work: W within it, where its stages were too few for it;
+    within: incidents in it that do not end it;
     barrier: where something jumps, the end of the run; keeps_stages: all steps do, and not only one that holds rows.
     """
 
@@ -64,6 +66,7 @@ class FoundStep:
     passage: SingularStep | None = None
     work: Work | None = None
     barrier: Jump | None = None
+    within: list[Incident] = dataclasses.field(default_factory=list)
     keeps_stages: bool = False
 
 
@@ -322,6 +325,7 @@ class Stepper:
         control.step = found.proposed
         if self._turns.is_any:
             self._count_turns()
+        self.tell_within()
         self.settle()
         if self.account.steps % PACE == 0 and not was_still:
             end = self.grid.end
@@ -331,6 +335,14 @@ class Stepper:
                     raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
                 here = self.state_at(self.t, bound.y)
                 raise stop_diagnosis.hopeless(bound.held, here, PACE, advanced, end - self.t)
+
+    def tell_within(self) -> None:
+        """Tell of the incidents within the step that was found, up to its end and that of the run."""
+        found, self.found.within = self.found.within, []
+        last = self.origin + min(self.found.reached, self.grid.end)
+        for incident in sorted(found, key=lambda incident: incident.t):
+            if incident.t <= last:
+                self.account.add(incident)
 
     def _count_turns(self) -> None:
         bound = self.bound

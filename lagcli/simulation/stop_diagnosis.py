@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from lagcli.equations.system import System
 from lagcli.simulation import singular_point, stop_reasons, switch_states
 from lagcli.simulation.invariants import EnforcedInvariants
-from lagcli.simulation.run_stop import NO_SOLUTION, NOT_FINITE, SINGULAR, TOO_SMALL, StepFailure
+from lagcli.simulation.run_stop import CONTACT, NO_SOLUTION, NOT_FINITE, SINGULAR, TOO_SMALL, StepFailure
 from lagcli.start import initial
 
 # Rows that are this close to dependent ones where a run stops are the reason, where they will be so within this part
@@ -95,10 +97,27 @@ def impact(held: EnforcedInvariants, here: initial.State, beyond: initial.State)
     """Why the motion does not go on beyond a switch, where velocities would have to jump."""
     jump = _jump(held, here)
     if not jump:
+        if wall := _wall(held, here, beyond):
+            return StepFailure(f"the wall of the closed contact `{wall}` jumps there", CONTACT)
         rows = switch_states.violated(held.functions.numeric, beyond)
         named = _named(held.integrals.system, rows)
         jump = f"the rows {named} make velocities jump there: an impact, which the equations of motion do not describe"
     return StepFailure(jump, NO_SOLUTION)
+
+
+def _wall(held: EnforcedInvariants, here: initial.State, beyond: initial.State) -> str:
+    """The closed contact whose gap changes most between two times at one place; none where nothing changes."""
+    numeric, system = held.functions.numeric, held.integrals.system
+    closed = [i - len(system.rows.rows) for i in numeric.closed_rows]
+    if not closed:
+        return ""
+    sides = [
+        np.array(numeric.gaps(t, np.concatenate([here.q, here.v, [0.0]]), here.p)).ravel()[closed]
+        for t in (here.t, beyond.t)
+    ]
+    change = np.abs(sides[1] - sides[0])
+    worst = int(np.argmax(change))
+    return system.contacts.rows[closed[worst]].name if change[worst] > 0 else ""
 
 
 def impulse(told: str) -> StepFailure:

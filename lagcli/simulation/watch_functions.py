@@ -25,13 +25,15 @@ NODES = (0.0, 0.3819660112501051, 0.7071067811865476, 1.0)
 
 class WatchFunctions:
     """Functions w (W,) for one set of closed contacts, in this order: g of the contacts `open_`, lambda of those
-    `closed`, `when` of the events."""
+    `closed`, -load of those that lie `idle`, `when` of the events."""
 
     def __init__(self, numeric: NumericSystem, method: Method, count: tuple[int, int]) -> None:
         C, K = count
         self._numeric, self._method = numeric, method
         self.closed = [i - C for i in numeric.closed_rows]
-        self.open_ = sorted(set(range(K)) - set(self.closed))
+        self.idle = [i - C for i in numeric.idle_rows]
+        self.held = [*self.closed, *self.idle]
+        self.open_ = sorted(set(range(K)) - set(self.held))
         self._first = C
         self._events = numeric.event_values.numel_out(0)
 
@@ -44,8 +46,19 @@ class WatchFunctions:
         if self.closed or self._events:
             rate, lam = self._numeric.solved(t, y, p)
             values += [lam[[self._first + j for j in self.closed]]] if self.closed else []
+            values += [-self._numeric.loads(t, y, p, lam)] if self.idle else []
             values += [self._numeric.event_values(t, y, rate, lam, p)] if self._events else []
         return ca.Function("watched", [t, y, p], [ca.densify(ca.vertcat(*values))])
+
+    @cached_property
+    def moving(self) -> Compiled:
+        """moving(t, y, y', p) -> w and dw/dt, (W,) each, of a curve through y at t."""
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
+        rate, tau = ca.MX.sym("rate", size), ca.MX.sym("tau")
+        w = self.watched(t + tau, y + tau * rate, p)
+        slope = ca.densify(ca.substitute(ca.jtimes(w, tau, ca.MX(1)), tau, ca.MX(0)))
+        return ca.Function("moving", [t, y, rate, p], [self.watched(t, y, p), slope])
 
     @cached_property
     def inside(self) -> Compiled:
@@ -103,7 +116,7 @@ class WatchFunctions:
         values = [value for value, _ in nodes]
         slopes = [slope for _, slope in nodes]
         # Contacts that are on the wrong side are no clear ones; an event may begin on either side.
-        contacts = len(self.open_) + len(self.closed)
+        contacts = len(self.open_) + len(self.held)
         side = ca.MX.ones(contacts, 1)
         if self._events:
             side = ca.vertcat(side, ca.sign(values[0][contacts:]))

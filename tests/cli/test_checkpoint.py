@@ -519,7 +519,7 @@ def test_what_is_not_of_its_type_is_told_with_its_place(
         saved_form.read(Shape, tree)
 
 
-def test_the_form_of_a_file_is_the_one_of_format_6() -> None:
+def test_the_form_of_a_file_is_the_one_of_format_7() -> None:
     identity = {
         "fingerprint": "f", "parameters": {"g": 9.81, "w": [0.0, 1.0, 2.0]}, "q": [1.0], "v": [2.0], "start": 0.0,
         "rtol": 1e-9, "atol": None, "method": "dop853", "max_step": None,
@@ -536,20 +536,20 @@ def test_the_form_of_a_file_is_the_one_of_format_6() -> None:
     mark = {
         "t": 0.5, "y": [1.0, 2.0, 0.0], "k": [2.0, 0.0, 0.0], "step": 0.1, "pace_from": 0.0, "steps": 3,
         "rejected": 0, "evaluations": 36, "row": 0.5, "figures": figures,
-        "selection": {"kept": [0], "circuits": [[1, 0]], "inactive": [2]},
+        "selection": {"kept": [0], "circuits": [[1, 0]], "inactive": [2], "idle": []},
         "levels": [[0, 0.6, 0.8], None], "notes": ["n"],
         "watch": [0.5], "crossings": [{"t": 0.25, "number": 1, "participants": [0, 1]}], "origin": 0.0, "turns": [],
         "tally": tally, "told": tally,
         "contacts": {
             "touching": [2], "unarmed": [], "last": 0.25, "again": 0, "size": 1.0, "ending": [[2, 0.75]],
-            "deepest": 0.0,
+            "deepest": 0.0, "shared": [1],
         },
     }  # fmt: skip
     chart = {"above": "x", "below": "1", "period": None}
     integrals = [{"text": "x", "rows": ["r"], "charts": [chart]}, {"text": "y", "rows": ["r"], "charts": []}]
     table = {"file": "t.csv", "step": 0.1, "count": 6, "checksum": 7, "has_event_rows": False}
     parts = {"identity": identity, "mark": mark, "integrals": integrals, "table": table, "events": None}
-    head = {"lagcli-checkpoint": 6, "version": lagcli.__version__}
+    head = {"lagcli-checkpoint": 7, "version": lagcli.__version__}
     whole = {**head, **parts, "sum": checkpoint.control_sum(parts)}
     point = checkpoint.decoded(json.dumps(whole).encode())
     assert point.mark.levels[0] == (0, 0.6, 0.8)

@@ -1,0 +1,136 @@
+"""Declared events and crossings at awkward places: the end of a run, impacts, switches and singular configurations."""
+
+import numpy as np
+import pytest
+
+import lagcli
+
+pytestmark = pytest.mark.numeric
+
+THROW = """lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 0], velocity: [1, 0, 10]}
+forces: {weight: {to: all, force: "[0, 0, -m*10]"}}
+events:
+  apex: {when: a.vz, direction: down}
+  rise: {when: a.vz, direction: up}
+  half: {when: a.x - 0.5}
+  late: {when: t - 1}
+  near: {when: a.x - 0.9999}
+"""
+
+BALL = """lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 1], velocity: [1, 0, 0]}
+forces: {weight: {to: all, force: "[0, 0, -m*10]"}}
+inequality: {floor: {condition: a.z >= 0, restitution: 0.5}}
+events:
+  turn: {when: a.vz, direction: up}
+  force: {when: multiplier(floor) - 5, direction: up}
+"""
+
+LINKAGE = """lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 1, 0], velocity: [1, 0, 0]}
+  b: {mass: 1, position: [2, 1, 0], velocity: [1, 0, 0]}
+holonomic:
+  left: norm(a) = 1
+  right: "distance(b, [2, 0, 0]) = 1"
+  bar: distance(a, b) = 2
+  plane: a.z = 0
+  other: b.z = 0
+inequality: {wall: {condition: "a.y >= WALL", restitution: 0.5}}
+events: {nine: {when: a.x - 0.999, direction: up}, level: {when: a.y}}
+"""
+
+
+def told(found, *kinds):
+    """(kind, name) of incidents, in their order."""
+    pairs = zip(found.events["kind"], found.events["name"], strict=True)
+    return [(str(kind), str(name)) for kind, name in pairs if not kinds or kind in kinds]
+
+
+def test_events_at_the_very_end_of_a_run_are_told_once():
+    model = lagcli.loads(THROW)
+    found = lagcli.simulate(model, duration=1.0, samples=3)
+    assert {name for _, name in told(found)[2:]} == {"apex", "late"}
+    assert list(found.events["t"][2:]) == [1.0, 1.0]
+    longer = lagcli.simulate(model, duration=1.5, samples=4)
+    assert sorted(told(longer)) == sorted(told(found))
+
+
+def test_an_impact_and_a_stop_at_the_very_end_of_a_run_are_told():
+    text = BALL.replace("position: [0, 0, 1]", "position: [0, 0, 0]").replace("[1, 0, 0]", "[1, 0, 1]")
+    found = lagcli.simulate(lagcli.loads(text), duration=0.2, samples=3)
+    assert ("impact", "floor") in told(found)
+    assert found["a.vz"][-1] == pytest.approx(0.5, abs=1e-12)
+    stop = THROW.replace("when: t - 1}", "when: t - 1, action: stop}")
+    assert lagcli.simulate(lagcli.loads(stop), duration=1.0, samples=3).stats.ended_by == "late"
+
+
+def test_recorded_events_have_the_accuracy_of_the_state():
+    model = """lagcli: 1
+particles:
+  a: {mass: 1, position: [1, 0, 0], velocity: [0, 1, 0]}
+forces: {pull: {potential: "(a.x**2 + a.y**2)/2"}}
+events: {e: {when: a.y - 0.3*a.x}}
+"""
+    found = lagcli.simulate(lagcli.loads(model), duration=12, samples=3, rtol=1e-13)
+    times = np.arctan(0.3) + np.pi * np.arange(4)
+    assert np.abs(found.events["t"] - times).max() < 1e-12
+    assert np.abs(found.events["a.x"] - np.cos(times)).max() < 1e-12
+    assert np.abs(found.events["after.a.vy"] - np.cos(times)).max() < 1e-12
+
+
+def test_events_that_jump_over_zero_at_an_impact_or_where_a_contact_closes_are_told():
+    found = lagcli.simulate(lagcli.loads(BALL), duration=2.0, samples=3)
+    turns = found.events.of("event", "turn")
+    impacts = found.events.of("impact")
+    assert np.array_equal(turns.t, impacts.t)
+    assert turns["before.a.vz"][0] < 0 < turns["after.a.vz"][0]
+    force = found.events.of("event", "force")
+    assert len(force) == 1
+    assert found.stats.accumulations == 1
+    end = (1 / 5) ** 0.5 * 3
+    assert abs(force.t[0] - end) < 1e-6
+
+
+def test_an_event_that_jumps_at_a_switch_is_told():
+    model = THROW.partition("events:")[0] + "events: {on: {when: sign(t - 0.3), direction: up}}\n"
+    found = lagcli.simulate(lagcli.loads(model), duration=1.0, samples=3)
+    assert told(found) == [("event", "on")]
+    assert abs(found.events["t"][0] - 0.3) < 1e-12
+
+
+def test_a_singular_configuration_that_is_passed_is_told_in_the_order_of_time():
+    model = lagcli.loads(LINKAGE.replace("WALL", "-2"))
+    found = lagcli.simulate(model, duration=2.0, samples=3)
+    assert sorted(told(found, "crossing")) == [
+        ("crossing", "bar"),
+        ("crossing", "left"),
+        ("crossing", "right"),
+    ]
+    assert np.abs(found.events.of("crossing").t - np.pi / 2).max() < 1e-9
+    assert np.abs(found.events.of("event", "level").t - np.pi / 2).max() < 1e-9
+    assert np.abs(found.events.of("event", "nine").t - np.arcsin(0.999)).max() < 1e-11
+    assert np.all(np.diff(found.events.t) >= 0)
+
+
+@pytest.mark.parametrize("wall", [0.01, 0.001, -0.1])
+def test_a_contact_closes_beside_a_singular_configuration(wall):
+    found = lagcli.simulate(lagcli.loads(LINKAGE.replace("WALL", str(wall))), duration=1.75, samples=3)
+    hit = found.events.of("impact")
+    assert np.abs(hit.t - np.arccos(wall)).max() < 1e-10
+    # Both masses go round together: an impulse on one stops both.
+    assert hit["after.b.vy"][0] == pytest.approx(-hit["before.b.vy"][0] / 2, rel=1e-9)
+    assert ("crossing", "bar") in told(found) or wall > 0
+    assert bool(found.events.of("crossing")) == (wall < 0)
+
+
+def test_a_wall_that_jumps_ends_the_run_at_its_time():
+    lies = BALL.replace("[0, 0, 1]", "[0, 0, 0]").replace("a.z >= 0", "a.z >= -0.2 - 0.2*sign(t - 0.5)")
+    above = BALL.replace("a.z >= 0", "a.z >= 2*sign(t - 0.3)")
+    for text, t in ((lies, 0.5), (above, 0.3)):
+        with pytest.raises(lagcli.SimulationStopped, match="the wall of .*`floor` jumps there") as stop:
+            lagcli.simulate(lagcli.loads(text), duration=1.0, samples=3)
+        assert stop.value.t == pytest.approx(t, abs=1e-9)
