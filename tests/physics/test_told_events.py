@@ -131,6 +131,6 @@ def test_a_wall_that_jumps_ends_the_run_at_its_time():
     lies = BALL.replace("[0, 0, 1]", "[0, 0, 0]").replace("a.z >= 0", "a.z >= -0.2 - 0.2*sign(t - 0.5)")
     above = BALL.replace("a.z >= 0", "a.z >= 2*sign(t - 0.3)")
     for text, t in ((lies, 0.5), (above, 0.3)):
-        with pytest.raises(lagcli.SimulationStopped, match="the wall of .*`floor` jumps there") as stop:
+        with pytest.raises(lagcli.SimulationStopped, match=r"the wall of .*`floor` jumps there") as stop:
             lagcli.simulate(lagcli.loads(text), duration=1.0, samples=3)
         assert stop.value.t == pytest.approx(t, abs=1e-9)
