@@ -105,13 +105,20 @@ def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Number
     bouncing = near[(speeds > 0) & (e[near] > 0) & (e[near] < ELASTIC)]
     if bouncing.size:
         # They rise at most as their largest acceleration lets them: most are told at once.
-        low = after.speeds[bouncing] ** 2 <= 2 * after.pull[bouncing] * after.lowest[bouncing]
-        bouncing = bouncing[low]
+        bouncing = bouncing[_is_low(after, bouncing, after.pull[bouncing])]
     if not bouncing.size:
         return bouncing, np.zeros(0)
-    pull = -pressing(after, after.near & (np.abs(after.speeds) <= after.slow)).accelerations[bouncing]
-    small = (pull > 0) & (after.speeds[bouncing] ** 2 <= 2 * pull * after.lowest[bouncing])
+    lying = after.near & (np.abs(after.speeds) <= after.slow)
+    lying[bouncing] = False
+    pull = -pressing(after, lying).accelerations[bouncing]
+    small = (pull > 0) & _is_low(after, bouncing, pull)
     return bouncing[small], pull[small]
+
+
+def _is_low(after: ContactInstant, bouncing: Numbers, pull: Floats) -> Flags:
+    """Contacts that rise no higher than rounding under a pull (k,), or so slowly that they count as closed."""
+    speeds = after.speeds[bouncing]
+    return np.asarray((speeds**2 <= 2 * pull * after.lowest[bouncing]) | (speeds <= after.slow[bouncing]))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
