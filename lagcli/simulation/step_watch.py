@@ -26,7 +26,7 @@ class StepWatch:
         self._hull = None if functions.hull is None else BoundFunction(functions.hull, self._arguments)
         self._floor = None if self._hull is None else cells(self._hull.results[0])
         # The largest -g at the end of the step that was looked at.
-        self.deepest = 0.0
+        self.deepest, self._is_screened = 0.0, False
 
     @property
     def _arguments(self) -> list[Floats]:
@@ -59,18 +59,26 @@ class StepWatch:
     def is_clear(self) -> bool:
         """True if no function has a zero in the step, as far as its ends tell."""
         self._t[0] = self._run.origin + self._run.t
-        self.deepest = 0.0
+        self.deepest, self._is_screened = 0.0, False
         if self._hull is not None and self._floor is not None:
             self._hull.trigger()
             if self._floor[0] > 0.0:
                 return True
-        self._screen.trigger()
-        clear, self.deepest = self._screen.results[0][:2].tolist()
+        clear, self.deepest = self._screened[:2].tolist()
         return bool(clear > 0.0)
 
     def doubtful(self) -> Numbers:
         """The functions that may have a zero in a step that was looked at."""
-        return np.flatnonzero(~(self._screen.results[0][2:] > 0.0))
+        return np.flatnonzero(~(self._screened[2:] > 0.0))
+
+    @property
+    def _screened(self) -> Floats:
+        """The results of the screening of the step, made when they are first asked for."""
+        if not self._is_screened:
+            self._t[0] = self._run.origin + self._run.t
+            self._screen.trigger()
+            self._is_screened = True
+        return self._screen.results[0]
 
     def inside(self, x: float) -> tuple[Floats, Floats]:
         """w and dw/dx at the fraction x of the dense output, in memory that the next call overwrites."""

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from lagcli.compiled import NumericSystem
+from lagcli.contact.zero_bounds import WARY
 from lagcli.simulation import step_end
 from lagcli.simulation.method import Method
 from lagcli.simulation.step_end import Compiled
@@ -104,7 +105,8 @@ class WatchFunctions:
 
         Each is looked at on the quintic curve q through q, v, a at both ends, at the `NODES`. Between two of them it is
         taken for the cubic of its values and slopes, whose control points bound it, less twice of what such cubics over
-        two intervals are off at the node between.
+        two intervals are off at the node between, and no less than a part of how much they bend: a distance that turns
+        round between two places may leave no more trace.
         """
         size, parameters = step_end.sizes_of(self._numeric)
         t, h, p = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("p", parameters)
@@ -133,7 +135,9 @@ class WatchFunctions:
             )
             for i in range(len(NODES) - 1)
         ]
-        clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - 2 * misfit
+        bends = [_bend(i, values, slopes) for i in range(len(NODES) - 1)]
+        doubt = ca.fmax(2 * misfit, WARY * ca.fmax(ca.fmax(bends[0], bends[1]), bends[2]))
+        clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - doubt
         arguments = [t, h, y, k, new, k_new, p]
         gaps = self._numeric.gaps(t + h, new, p)
         deepest = ca.mmax(-gaps) if gaps.numel() else ca.MX(0)
@@ -145,6 +149,13 @@ class WatchFunctions:
         if self.closed or self._events or self._numeric.gaps.n_instructions() > WRITTEN_OUT:
             return function
         return function.expand()
+
+
+def _bend(i: int, values: Sequence[ca.MX], slopes: Sequence[ca.MX]) -> ca.MX:
+    """The bend of the cubic between two of the `NODES` next to each other, as `zero_bounds.bend`."""
+    third = (NODES[i + 1] - NODES[i]) / 3
+    inner, outer = values[i] + third * slopes[i], values[i + 1] - third * slopes[i + 1]
+    return ca.fmax(ca.fabs(values[i] - 2 * inner + outer), ca.fabs(inner - 2 * outer + values[i + 1]))
 
 
 def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, ca.MX]) -> ca.MX:

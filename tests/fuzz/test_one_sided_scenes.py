@@ -7,7 +7,8 @@ import pytest
 from tests.fuzz.one_sided import judged
 from tests.helpers import one_sided_models
 
-SCENES = range(16)
+# The last two: spheres that turn round at each other between two places of a step, a rebound too slow to be one.
+SCENES = (*range(16), 708, 698)
 
 
 @pytest.mark.parametrize("seed", SCENES)
