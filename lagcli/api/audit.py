@@ -49,7 +49,8 @@ def audit(
     """Check a run by its table and the model alone, without the functions that made it.
 
     `run`: a trajectory, or the file of a table; without one the model is simulated now, with the other options as of
-    `simulate`. `events`: the incidents of that run, `run.events` or the file of `simulate --events`. For a table that
+    `simulate`. `events`: the incidents of that run, `run.events` or the file of `simulate --events`; a run that is made
+    here has its own. For a table that
     is given, `rtol` and `atol` say how well it was computed. `passed` says whether no
     check fails, `checks` has each with its worst place and limit. Raises `ModelError`, `ValueError` for a table that
     lacks columns and for bad options, `OSError`.
@@ -73,6 +74,7 @@ def audit(
     else:
         table, notes = _dense(model)
         columns, rows = table.columns, table.rows
+        events = table.events if events is None and model.inequality else events
     if events is not None and not isinstance(events, IncidentTable):
         from lagcli.output.tables import read_events
 

@@ -51,6 +51,12 @@ class EntryNames:
     def take_constraint_names(self) -> None:
         """Constraints have names of their own, told apart in the columns `lambda.NAME`; so have forces, and events."""
         taken: dict[str, tuple[str, bool]] = {}
+        # Impulses of a constraint `x` stand beside the places of a particle of this name.
+        axes = (
+            {"x", "y", "z"}
+            if any(name.value == "impulse" for name, _ in self._entries("particles"))
+            else set()
+        )
         for section in (*CONSTRAINTS, "forces", "events"):
             for name, value in self._entries(section):
                 is_family = section in FAMILIES and family_ranges.is_family(name, value)
@@ -60,6 +66,9 @@ class EntryNames:
                     self._formulas.report(name, "bad-name", message)
                 elif word in namespace.RESERVED:
                     self._formulas.report(name, "bad-name", f"`{word}` is reserved")
+                elif section in CONSTRAINTS and word in axes:
+                    message = f"the impulse of `{word}` would have the name of a component of the particle `impulse`"
+                    self._formulas.report(name, "duplicate-name", message, "rename one of them")
                 elif section in CONSTRAINTS:
                     if word in taken and not (is_family and taken[word] == (section, True)):
                         message = f"`{word}` is already a constraint under `{taken[word][0]}`"

@@ -181,6 +181,29 @@ class IncidentTable(Sequence[IncidentRow]):
         numbers = (name for name in self.columns if name not in TEXTS)
         return {name: place for place, name in enumerate(numbers)}
 
+    @functools.cached_property
+    def _prefixes(self) -> list[str]:
+        """Of each column of numbers the prefix by its place: a particle may be called `before`.
+
+        As many velocities as positions stand after them, twice; of what another program has added there is none.
+        """
+        names = list(self._places)
+        end = max((i for i, name in enumerate(names, start=1) if name.startswith(AFTER)), default=0)
+        n = sum(1 for _ in itertools.takewhile(lambda name: name.startswith(AFTER), reversed(names[:end])))
+        before, at = end - 2 * n, end - 3 * n
+        found = [
+            "",
+            *[IMPULSE] * (at - 1),
+            *[""] * n,
+            *[BEFORE] * n,
+            *[AFTER] * n,
+            *[""] * (len(names) - end),
+        ]
+        if len(found) == len(names) and all(map(str.startswith, names[before:end], found[before:end])):
+            return found
+        parts = (IMPULSE, BEFORE, AFTER, "")
+        return [next(part for part in parts if name.startswith(part)) for name in names]
+
     def _column(self, name: str) -> Column:
         if name in TEXTS:
             return np.array(self.kinds if name == "kind" else self.names, dtype=np.str_)
@@ -192,9 +215,8 @@ class IncidentTable(Sequence[IncidentRow]):
     def _row(self, number: int) -> IncidentRow:
         values = self.numbers[number]
         parts: dict[str, dict[str, float]] = {IMPULSE: {}, BEFORE: {}, AFTER: {}, "": {}}
-        for name, place in self._places.items():
+        for (name, place), prefix in zip(self._places.items(), self._prefixes, strict=True):
             if place:
-                prefix = next(part for part in parts if name.startswith(part))
                 parts[prefix][name.removeprefix(prefix)] = float(values[place])
         named = parts[IMPULSE], parts[""], parts[BEFORE], parts[AFTER]
         return IncidentRow(float(values[0]), self.kinds[number], self.names[number], *named)

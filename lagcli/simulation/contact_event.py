@@ -105,7 +105,7 @@ class ContactEvent(Event):
                 self._end_series_at(limit)
             elif watch.deepest > run.contacts.deepest:
                 run.contacts = dataclasses.replace(run.contacts, deepest=watch.deepest)
-                run.account.largest_penetration = watch.deepest
+                run.account.deepest = watch.deepest
             return
         run.make_dense()
         self._search(watch, (limit - run.t) / found.taken)

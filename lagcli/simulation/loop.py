@@ -25,6 +25,7 @@ from lagcli.simulation.event import Event
 from lagcli.simulation.impulse_event import ImpulseEvent
 from lagcli.simulation.incident import Incident
 from lagcli.simulation.invariants import EnforcedInvariants
+from lagcli.simulation.row_gaps import RowGaps
 from lagcli.simulation.row_writer import RowWriter
 from lagcli.simulation.run_start import RunStart
 from lagcli.simulation.run_stop import RunStop, StepFailure, Stop
@@ -119,6 +120,8 @@ class Run:
         found = (kind.of(stepper) for kind in EVENTS)
         self._events = tuple(event for event in found if event is not None)
         self._looks_ahead = any(event.looks_ahead for event in self._events)
+        held = stepper.bound.held
+        self._gaps = RowGaps(held.integrals.system, held.plain.functions.numeric, held.p)
         # A row at an incident is to be written once the run is beyond it.
         self._is_due = False
 
@@ -207,6 +210,7 @@ class Run:
             block = writer.close()
             if len(block):
                 account.keep(block[:, -line_functions.BEYOND : -1])
+                account.keep_depth(self._gaps.deepest(block))
                 self._row = self.grid.time(writer.next_row - 1)
             rows = block[:, : -line_functions.BEYOND]
             rows += 0.0  # no table shows -0.0

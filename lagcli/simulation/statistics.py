@@ -24,7 +24,7 @@ class Figures:
     position_drift, velocity_drift: largest |f_i| / |B_i|, |g_j| / |dg_j|, and |B_i v + b_i| / |B_i|
     start, rest: the Jacobi energy H and its part without velocities at the start
     imbalance: largest |H(t) - H(start) - W(t)|; moving, resting: largest |H - rest| and |rest - rest(start)|;
-    largest: largest |H| and |rest|; unbalanced: 1 where W is not known from some step on
+    largest: largest |H| and |rest|; unbalanced: 1 where W is not known from some step on; penetration: largest -g_j
     """
 
     start: float
@@ -36,6 +36,7 @@ class Figures:
     resting: float = 0.0
     largest: float = 0.0
     unbalanced: float = 0.0
+    penetration: float = 0.0
 
     def with_rows(self, rows: Floats) -> Figures:
         """The extremes with more rows, (k, 5): position drift, velocity drift, H, its part without velocities, W."""
@@ -52,6 +53,7 @@ class Figures:
             max(self.resting, _size(rest - self.rest)),
             max(self.largest, _size(jacobi), _size(rest)),
             self.unbalanced,
+            self.penetration,
         )
 
 
@@ -65,7 +67,7 @@ class RunStatistics:
 
     steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time; notes: what there
     is to say about integrals that are not held all the time; crossings: singular configurations that were passed;
-    largest_penetration: the largest -g_j over all rows, in units of g_j; ended_by: the name of the event that has ended
+    deepest: the largest -g_j at the ends of steps, in units of g_j; ended_by: the name of the event that has ended
     the run; tally: of incidents up to the state, told: of those handed out before or standing in `incidents`, which may
     be more where the run was resumed from before them; is_balanced: whether the work W is known up to here.
     """
@@ -80,7 +82,7 @@ class RunStatistics:
     tally: Tally = NONE
     told: Tally = NONE
     incidents: list[Incident] = dataclasses.field(default_factory=list)
-    largest_penetration: float = 0.0
+    deepest: float = 0.0
     ended_by: str | None = None
     is_balanced: bool = dataclasses.field(default=True, init=False)
 
@@ -113,6 +115,16 @@ class RunStatistics:
             return 0.0
         exchanged = found.moving + found.resting + ROUNDING * found.largest
         return found.imbalance / exchanged if exchanged else found.imbalance
+
+    @property
+    def largest_penetration(self) -> float:
+        """The largest -g_j over all rows and ends of steps, in units of g_j."""
+        return max(self.deepest, self.figures.penetration if self.figures else 0.0)
+
+    def keep_depth(self, depth: float) -> None:
+        """Take the largest -g_j of rows that were kept."""
+        if self.figures is not None and depth > self.figures.penetration:
+            self.figures = dataclasses.replace(self.figures, penetration=depth)
 
     def keep(self, rows: Floats) -> None:
         """Take the figures of rows, (k, 5), in their order."""

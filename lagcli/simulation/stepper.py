@@ -105,7 +105,7 @@ class Stepper:
             *counted, 0.0, figures, state.notes, state.crossings, state.tally, state.told
         )
         self.contacts = state.contacts
-        self.account.largest_penetration = state.contacts.deepest
+        self.account.deepest = state.contacts.deepest
         self.watch = SingularityMonitor(state.watch)
         self.foreseen = self.watch.again()
         # The state before the last step that is what a longer run would have taken; None where that is the last.

@@ -527,7 +527,7 @@ def test_the_form_of_a_file_is_the_one_of_format_7() -> None:
     figures = dict.fromkeys(
         (
             "start", "rest", "position_drift", "velocity_drift", "imbalance", "moving", "resting", "largest",
-            "unbalanced",
+            "unbalanced", "penetration",
         ),
         0.5,
     )  # fmt: skip

@@ -267,3 +267,8 @@ def test_command_refuses_other_events(
     _, err, code = command("audit", "ball.yaml", *wrong)
     assert code == 2
     assert said in " ".join(err.split())
+
+
+def test_a_run_that_an_audit_makes_is_judged_with_its_incidents() -> None:
+    found = lagcli.audit(Path(__file__).parents[2] / "models" / "zeno-ball.yaml")
+    assert found.check("impacts").verdict == found.check("missed").verdict == "pass"

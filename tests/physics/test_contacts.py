@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.compiled import numeric
+from lagcli.equations import system
+from lagcli.simulation import row_gaps
 
 pytestmark = pytest.mark.numeric
 
@@ -63,3 +66,14 @@ inequality:
     forces = [found[f"lambda.{name}"][-1] for name in ("floor", "left", "right", "pair")]
     weight = 0.05 * 9.81
     assert np.abs(np.array(forces) - weight * np.array([2, 0.75, 0.75, 1.25])).max() < 1e-10
+
+
+def test_penetration_is_looked_for_in_all_rows():
+    model = lagcli.loads(BALL)
+    found = lagcli.simulate(model, duration=1, samples=11)
+    built = system.build(model)
+    gaps = row_gaps.RowGaps(built, numeric.NumericSystem(built), system.values(built))
+    assert gaps.deepest(found.rows) <= 1e-15
+    rows = found.rows.copy()
+    rows[3, found.columns.index("a.z")] = -0.25
+    assert gaps.deepest(rows) == 0.25

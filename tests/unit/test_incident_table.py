@@ -179,3 +179,22 @@ def test_columns_of_another_program_are_kept() -> None:
     table = IncidentTable(("t", "kind", "name", "note"), ["impact"], ["floor"], np.array([[1.0, 7.0]]))
     assert table["note"][0] == 7.0
     assert table[0].at == {"note": 7.0}
+
+
+HOSTILE = """lagcli: 1
+particles:
+  before: {mass: 1, position: [0, 0, 1]}
+  impulse: {mass: 1, position: [0, 1, 3]}
+forces: {weight: {to: all, force: "[0, 0, -m*10]"}}
+inequality: {NAME: {condition: before.z >= 0, restitution: 0.5}}
+"""
+
+
+def test_particles_may_have_the_names_of_columns() -> None:
+    run = lagcli.simulate(lagcli.loads(HOSTILE.replace("NAME", "floor")), duration=0.5, samples=3)
+    row = run.events[0]
+    assert list(row.impulses) == ["floor"]
+    assert list(row.at) == [f"{name}.{axis}" for name in ("before", "impulse") for axis in "xyz"]
+    assert row.before["before.vz"] < 0 < row.after["before.vz"]
+    with pytest.raises(lagcli.ModelError, match="particle `impulse`"):
+        lagcli.loads(HOSTILE.replace("NAME", "x"))
