@@ -80,7 +80,7 @@ class DifferenceGrid:
             found = _combined(places, weights, y)
             if narrower is not None:
                 now = np.abs(found - narrower)
-                wrong = CAUTION * _widest(np.maximum(now, LAST * before), REACH)
+                wrong = CAUTION * widest(np.maximum(now, LAST * before), REACH)
                 before = now
                 wrong[places[:, 0] != np.arange(len(y)) - places.shape[1] // 2] *= ONE_SIDED
                 sizes = np.abs(weights)
@@ -102,8 +102,8 @@ class DifferenceGrid:
         for places, weights in self._stencils[-3:]:
             slopes.append(_combined(places, weights, y))
             spread = np.abs(weights).sum(axis=1)[:, None] * noise
-        before, now = (_widest(np.abs(b - a), REACH) for a, b in itertools.pairwise(slopes))
-        small = np.maximum(SMOOTH * _widest(np.abs(slopes[-1]), 2 * REACH), spread)
+        before, now = (widest(np.abs(b - a), REACH) for a, b in itertools.pairwise(slopes))
+        small = np.maximum(SMOOTH * widest(np.abs(slopes[-1]), 2 * REACH), spread)
         return np.asarray((now <= CONVERGING * before) | (np.maximum(now, before) <= small))
 
     def integral(self, y: Array, noise: Array) -> Estimate:
@@ -116,7 +116,7 @@ class DifferenceGrid:
             sums = [_combined(places, weights, y, about=False) for places, weights in self._quadrature]
             increments = sums[0]
             wrong = np.maximum(np.abs(sums[0] - sums[1]), LAST * np.abs(sums[1] - sums[2]))
-            wrong = CAUTION * _widest(wrong, REACH)
+            wrong = CAUTION * widest(wrong, REACH)
             wrong[self._is_one_sided] *= ONE_SIDED
             clear = self.resolved(y, noise)
             wrong = np.where(clear[1:] & clear[:-1], wrong, np.maximum(wrong, self._unresolved(y)))
@@ -142,7 +142,7 @@ class DifferenceGrid:
             return np.full((len(self.t) - 1, y.shape[1]), np.inf)
         second = np.abs(scaled_differences(self.t, y, 2))
         ends = np.concatenate([second[:1], second, second[-1:]])
-        return np.asarray(_widest(np.maximum(ends[1:], ends[:-1]), 1) * self._steps[:, None])
+        return np.asarray(widest(np.maximum(ends[1:], ends[:-1]), 1) * self._steps[:, None])
 
     def roughness(self, y: Array, rate: Array) -> Array:
         """The effect that a jump or a kink of the rates (T, k) may have on the derivative of columns y (T, k), (T, k).
@@ -166,7 +166,7 @@ class DifferenceGrid:
         weights[: order // 2] = weights[-(order // 2) :] = KINKED_END
         centred = np.zeros((len(self.t), found.shape[1]))
         centred[order // 2 : order // 2 + len(found)] = np.abs(found) * weights[:, None]
-        return _widest(centred, AROUND)
+        return widest(centred, AROUND)
 
     @functools.cached_property
     def _nearest(self) -> Array:
@@ -242,18 +242,13 @@ def _parts(e: Estimate) -> tuple[Array, Array, Array]:
     return e.value, e.noise, e.truncation
 
 
-def _widest(y: Array, reach: int) -> Array:
+def widest(y: Array, reach: int = 2) -> Array:
     """The largest of each column within `reach` rows."""
     found = y.copy()
     for k in range(1, min(reach, len(y) - 1) + 1):
         np.maximum(found[k:], y[:-k], out=found[k:])
         np.maximum(found[:-k], y[k:], out=found[:-k])
     return found
-
-
-def widest(y: Array, reach: int = 2) -> Array:
-    """The largest of each column within a few rows."""
-    return _widest(y, reach)
 
 
 def _weights(x: Array) -> tuple[Array, Array]:

@@ -80,11 +80,10 @@ class Aside:
 @contextlib.contextmanager
 def undone_by(undo: Callable[[], object]) -> Iterator[None]:
     """Call `undo` where the block fails, of an interrupt too; the exception goes on."""
-    try:
+    with contextlib.ExitStack() as stack:
+        stack.callback(undo)
         yield
-    except BaseException:
-        undo()
-        raise
+        stack.pop_all()
 
 
 def sweep() -> None:

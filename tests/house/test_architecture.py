@@ -98,10 +98,9 @@ SLIPS = {
     "TypeError", "AttributeError", "AssertionError", "LookupError", "KeyError", "IndexError",
     "Exception", "BaseException",
 }  # fmt: skip
-MOST_CATCHERS = 7
+MOST_CATCHERS = 3
 CATCHERS = {
     "lagcli.cli.exits": "the last resort: it is told as a bug",
-    "lagcli.output.atomic_file": "a file is removed, and the exception goes on",
     "lagcli.pfaffian.exact.guarded": "what SymPy breaks down with, told from ours by its file",
     "lagcli.pfaffian.exact.time_limit": "handed on from the thread to the caller",
 }

@@ -43,7 +43,7 @@ class CsvText:
             yield text
 
 
-class Writer:
+class CsvWriter:
     """Writes a table to ``path`` as its rows arrive."""
 
     def __init__(

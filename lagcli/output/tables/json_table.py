@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lagcli.output.tables import block_file, float_text, text_cells
 
 
-class Writer:
+class JsonWriter:
     """Writes a table to ``path`` as its rows arrive."""
 
     def __init__(

@@ -21,7 +21,7 @@ _BYTES_IN_MEMORY = 1 << 23
 _MOST_COMMENT = 65_535  # bytes; the format of zip archives has no room for more
 
 
-class Writer:
+class NpzWriter:
     """Writes a table to ``path`` once all its rows have arrived."""
 
     def __init__(

@@ -15,7 +15,7 @@ from lagcli.output.tables import row_buffer, text_cells
 _BATCH = 1 << 15  # rows read at a time
 
 
-class Writer:
+class ParquetTableWriter:
     """Writes a table of float64 columns, and string ones, without nulls to ``path`` as its rows arrive; the metadata of
     its schema hold ``provenance`` as JSON."""
 

@@ -245,15 +245,15 @@ def needing_pyarrow(path: Path) -> Iterator[None]:
 def _writer(path: Path, fmt: str, provenance: Mapping[str, object] | None) -> Make:
     match fmt:
         case "csv":
-            return csv_table.Writer
+            return csv_table.CsvWriter
         case "tsv":
-            return functools.partial(csv_table.Writer, delimiter="\t")
+            return functools.partial(csv_table.CsvWriter, delimiter="\t")
         case "json":
-            return functools.partial(json_table.Writer, provenance=provenance)
+            return functools.partial(json_table.JsonWriter, provenance=provenance)
         case "npz":
-            return functools.partial(npz_table.Writer, provenance=provenance)
+            return functools.partial(npz_table.NpzWriter, provenance=provenance)
         case "parquet":
             with needing_pyarrow(path):
                 from lagcli.output.tables import parquet_table
-            return functools.partial(parquet_table.Writer, provenance=provenance)
+            return functools.partial(parquet_table.ParquetTableWriter, provenance=provenance)
     raise endings.UnknownFormat(path.name, endings.TABLES)

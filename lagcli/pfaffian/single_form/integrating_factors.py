@@ -52,7 +52,7 @@ def primitive(form: forms.Form) -> forms.Form:
     try:
         basis = normal_form.Tower(form.coefficients)
         entries = normal_form.elements(basis, form.coefficients)
-    except time_limit.FAILURES:
+    except time_limit.NoAnswerError:
         return form
     below = reduce(lambda a, b: a.lcm(b), (e.denom for e in entries), basis.ring.one)
     above = [e.numer * below.exquo(e.denom) for e in entries]
