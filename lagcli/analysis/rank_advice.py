@@ -16,6 +16,7 @@ from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
 
 PLACES = 3  # places beside the start at which rows are compared
+# A fixed one: the advice must not change from run to run.
 SEED = 20061
 
 

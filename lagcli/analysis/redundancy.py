@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from lagcli import progress
-from lagcli.analysis import codimension, rank_advice
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
@@ -67,6 +66,9 @@ def begin(
         return StartSelection(numeric.selection)
     if found.value is None:
         raise _refusal(system, found)
+    # Loaded here and not above: independent rows need none of it.
+    from lagcli.analysis import codimension, rank_advice
+
     whole = whole or (system, numeric)
     conflict.require_lasting(*whole, state)
     kept_to = _kept_to(numeric, found, orbits)

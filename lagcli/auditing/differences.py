@@ -17,6 +17,7 @@ import numpy as np
 
 from lagcli.auditing.autodiff import Array
 
+# Rows of a stencil, the narrowest first: wider ones have less truncation and more noise.
 WIDTHS = (5, 7, 9, 11, 13)
 REACH = 4  # rows on either side within which a truncation counts
 GAUSS = 6  # nodes of the quadrature of an interpolant of 12 rows, of which it is exact

@@ -11,7 +11,9 @@ from lagcli.auditing.autodiff import Array
 from lagcli.auditing.tolerances import RESOLVED, SAFETY, Evidence
 
 MOMENTA = CheckedLaw("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
+# A complex step has no cancellation: as small as can be.
 TINY = 1e-100
+# Rows at which a symmetry is tried, evenly over the table.
 SAMPLES = 48
 SYMMETRIC = 1e-9  # of the size of the terms that would have to cancel
 

@@ -20,6 +20,7 @@ from lagcli.auditing.laws import LawValues, ModelLaws
 from lagcli.auditing.table_input import Record, TableNames
 from lagcli.auditing.virtual_space import VirtualSpace
 
+# A limit is so many times the noise that evaluations at states moved by delta show.
 SAFETY = 30.0
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
 COARSE = 1.0  # a row to the next may change a velocity by that part of itself

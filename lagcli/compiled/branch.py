@@ -12,6 +12,7 @@ from lagcli.equations import operation_graph
 
 Floats = npt.NDArray[np.float64]
 
+# In the first round a modulus may come to light, as the root of a square.
 ROUNDS = 2
 SWITCHES = {ca.OP_FABS, ca.OP_SIGN, ca.OP_FMIN, ca.OP_FMAX}
 

@@ -14,6 +14,7 @@ Floats = npt.NDArray[np.float64]
 # t, q and v.
 Place = tuple[float, Floats, Floats]
 
+# Bisections: an interval of the size of its ends has 53 bits.
 HALVINGS = 60
 # A value jumps where it differs across a switch by so many times what it changes by in the same distance, ASIDE of the
 # way, on either side, and by more than its rounding.

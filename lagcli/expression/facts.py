@@ -23,6 +23,7 @@ Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mas
 
 Value = float | npt.NDArray[np.float64]
 
+# The degree of what is no polynomial; higher ones count as this.
 NONLINEAR = 9
 
 NOTHING: frozenset[Flag] = frozenset()

@@ -19,6 +19,7 @@ from lagcli.simulation.timetable import Timetable
 
 Floats = npt.NDArray[np.float64]
 
+# Part of the step that the error asks for, and bounds of its change from one step to the next.
 SAFETY, SHRINK, GROW = 0.9, 0.2, 6.0
 # The first step, as a part of the time in which the velocities would move the configuration by its size.
 FIRST = 1e-2

@@ -19,6 +19,7 @@ from lagcli.compiled.bound_function import BoundFunction
 
 Floats = npt.NDArray[np.float64]
 
+# An iteration that contracts by a half reaches rounding in 50.
 MOST_ITERATIONS = 80
 # The iteration has converged where states change by rounding, or this part of the tolerance; where it contracts no
 # more it may be this far off.

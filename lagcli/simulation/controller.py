@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+# Part of the step that the error asks for, and bounds of its change from one step to the next.
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
 # Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
 PACE, HOPELESS = 5000, 1e10

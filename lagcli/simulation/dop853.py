@@ -16,6 +16,7 @@ from lagcli.simulation import dop853_tableau, step_end
 from lagcli.simulation.line_functions import Curve
 from lagcli.simulation.step_end import Expression
 
+# Polynomials of the dense output.
 DENSE_ROWS = 7
 # Stages at which the nearness of the rows to dependent ones is looked at, in the order of their times.
 WATCHED = (1, 3, 6, 5, 9, 8, 10)

@@ -6,6 +6,7 @@ sec. II.5 and II.6, and the authors' code DOP853. Rows of A hold only the entrie
 
 from __future__ import annotations
 
+# Of the method, and without those of the dense output.
 ORDER, STAGES = 8, 12
 
 # Nodes of the 12 stages, of the end of the step (1.0), and of the 3 extra stages of the dense output.

@@ -16,6 +16,7 @@ from typing import TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+# Whole numbers above this are none as doubles.
 MOST_COUNT = 2**53
 
 T = TypeVar("T")

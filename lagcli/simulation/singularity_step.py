@@ -22,28 +22,11 @@ from lagcli.linear import independent_rows
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.simulation import collocation, singular_point
 from lagcli.simulation.singular_point import RankDrop
+from lagcli.simulation.singular_step_parameters import PARAMETERS
 from lagcli.simulation.singularity_monitor import CLEARANCE, Prediction
 from lagcli.start.initial import State, metric_at
 
 Floats = npt.NDArray[np.float64]
-
-NODES, FEWER = 10, 8
-# With rows at a distance delta from dependent ones, rounding of positions is amplified by 1/delta^3 in forces: a
-# step is as right as can be where it is this exact, but must be right to WORST.
-ROUNDING, AMPLIFIED, WORST = 1e-13, 2e-17, 1e-9
-# The instant is found again until it is off by this part of the time up to it.
-CENTERED, MOST_CENTERINGS = 0.04, 6
-# Where the instant lies in a step: in its middle, or between the first nodes where the step begins at an angle that is
-# smaller than this.
-PLACES, TOO_CLOSE = (0.5, 0.13, 0.35, 0.04, 0.22), 0.03
-# Points beside the instant, as parts of twice the time up to it, where the clearance is read: a line through zero,
-# bent by BENT.
-FAR, CLOSE, BENT = (0.15, 0.3), (0.02, 0.04), 0.1
-# Newton's steps for the zero of a cubic that is nearly a line: each doubles the digits, from one or more.
-ZERO_STEPS = 6
-ALONG_STEP = (0.02, 0.2, 0.4, 0.6, 0.8, 0.9)
-# A step from a singular start is halved so often; its velocities must be those of the start to this part.
-HALVINGS, ALONG = 30, 1e-5
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +100,7 @@ def away(numeric: NumericSystem, land: BoundFunction, here: Point, h: float) -> 
     """The first step, of length h or shorter, from a singular configuration along the branch that the velocities
     choose; None where no smooth motion has them."""
     start = here.state(here.t, here.y)
-    for _ in range(HALVINGS):
+    for _ in range(PARAMETERS.halvings):
         found = _start(land, here, h)
         if found is not None:
             loss = singular_point.loss(
@@ -125,7 +108,7 @@ def away(numeric: NumericSystem, land: BoundFunction, here: Point, h: float) -> 
             )
             units = np.array(numeric.sizes(start.t, start.q, start.v, start.p)).ravel()[: start.v.size]
             off = float((np.abs(found.step.slope(0.0)[: start.v.size] - start.v) / units).max())
-            is_along = off <= ALONG * float((np.abs(start.v) / units).max())
+            is_along = off <= PARAMETERS.same_velocity * float((np.abs(start.v) / units).max())
             return Crossing(found, loss) if loss is not None and is_along else None
         h /= 2
     return None
@@ -144,7 +127,7 @@ def _passage(land: BoundFunction, here: Point, foreseen: Prediction) -> Singular
 
     A step that begins close to the instant is long beyond it, for rounding is amplified close to it.
     """
-    for part in PLACES if foreseen.angle < TOO_CLOSE else PLACES[:1]:
+    for part in PARAMETERS.places if foreseen.angle < PARAMETERS.too_close else PARAMETERS.places[:1]:
         found = _placed(land, here, foreseen, part)
         if found is not None:
             return found
@@ -156,22 +139,22 @@ def _placed(land: BoundFunction, here: Point, foreseen: Prediction, part: float)
     t, y, k, tolerance = here.t, here.y, here.k, here.tolerance
     instant, rtol = foreseen.instant, tolerance[0]
     step = collocation.rising(t, y, (instant - t) / part, k)
-    for _ in range(MOST_CENTERINGS):
+    for _ in range(PARAMETERS.most_centerings):
         h = (instant - t) / part
         if not t + h / 64 > t:
             return None
-        better = collocation.improved(land, step, h, NODES, rtol)
+        better = collocation.improved(land, step, h, PARAMETERS.nodes, rtol)
         if better is None:
             return None
         step = better
         found = _instant(land, step, foreseen._replace(instant=instant), 2 * part * h)
         if found is None:
             return None
-        if abs(found[0] - instant) <= CENTERED * part * h:
+        if abs(found[0] - instant) <= PARAMETERS.centered * part * h:
             if not _is_only_one(land, step, foreseen.place, found[0]):
                 return None
-            fewer = collocation.improved(land, step, h, FEWER, rtol)
-            delta = found[1] * h * collocation.closest(NODES, part) / foreseen.most
+            fewer = collocation.improved(land, step, h, PARAMETERS.fewer_nodes, rtol)
+            delta = found[1] * h * collocation.closest(PARAMETERS.nodes, part) / foreseen.most
             agree = fewer is not None and _agree(land, (step, fewer), tolerance, delta)
             return SingularStep(step, found[0]) if agree else None
         instant = found[0]
@@ -183,10 +166,13 @@ def _start(land: BoundFunction, here: Point, h: float) -> SingularStep | None:
     t, y, tolerance = here.t, here.y, here.tolerance
     n = y.size // 2
     guess = collocation.rising(t, y, h, np.concatenate([y[n : 2 * n], np.zeros(n + 1)]))
-    step, fewer = (collocation.improved(land, guess, h, count, tolerance[0]) for count in (NODES, FEWER))
+    step, fewer = (
+        collocation.improved(land, guess, h, count, tolerance[0])
+        for count in (PARAMETERS.nodes, PARAMETERS.fewer_nodes)
+    )
     if step is None or fewer is None:
         return None
-    delta = _root(land, step, CLEARANCE, t + h * collocation.first(NODES))
+    delta = _root(land, step, CLEARANCE, t + h * collocation.first(PARAMETERS.nodes))
     return SingularStep(step, t) if delta > 0 and _agree(land, (step, fewer), tolerance, delta) else None
 
 
@@ -203,7 +189,7 @@ def _agree(
     sizes = collocation.sizes_of(land.results[3])[:-1]
     # Rounding of positions shows in velocities, the more the shorter the step.
     sizes[n:] = np.maximum(sizes[n:], sizes[:n] / step.h)
-    rounding = min(WORST, max(ROUNDING, AMPLIFIED / delta**3))
+    rounding = min(PARAMETERS.worst, max(PARAMETERS.roundoff, PARAMETERS.amplified_roundoff / delta**3))
     allowed = np.maximum(atol + rtol * own, rounding * sizes)
     return bool((np.abs(new - other) <= allowed).all())
 
@@ -214,7 +200,7 @@ def _instant(
     """The instant at which the clearance vanishes within a width around a guess, and the slope of its root there; None
     where it does not vanish in a line."""
     instant = guess.instant
-    for offsets in (FAR, CLOSE):
+    for offsets in (PARAMETERS.far, PARAMETERS.close):
         taus = np.array([-offsets[1], -offsets[0], *offsets]) * width
         roots = np.array([_root(land, step, guess.place, instant + tau) for tau in taus])
         if not np.isfinite(roots).all():
@@ -226,7 +212,7 @@ def _instant(
         if not abs(zero) < taus[2]:
             return None
         instant += zero
-    if np.any(np.abs(roots - abs(slope) * np.abs(taus - zero)) > BENT * roots):
+    if np.any(np.abs(roots - abs(slope) * np.abs(taus - zero)) > PARAMETERS.bent * roots):
         return None
     return instant, abs(slope)
 
@@ -247,7 +233,7 @@ def _zero(x: Floats, y: Floats) -> tuple[float, float]:
         cubic = cubic + coefficient * factor
     derivative = cubic.deriv()
     zero = float(x[1] - y[1] / first[1])
-    for _ in range(ZERO_STEPS):
+    for _ in range(PARAMETERS.zero_steps):
         slope = float(derivative(zero))
         if not slope < 0:  # far from a line
             return math.nan, slope
@@ -258,7 +244,7 @@ def _zero(x: Floats, y: Floats) -> tuple[float, float]:
 def _is_only_one(land: BoundFunction, step: collocation.Step, place: int, instant: float) -> bool:
     """True if the clearance falls to the instant all the way and rises all the way after it: there is no other."""
     for begin, end in ((step.t, instant), (step.t + step.h, instant)):
-        roots = [_root(land, step, place, begin + x * (end - begin)) for x in ALONG_STEP]
+        roots = [_root(land, step, place, begin + x * (end - begin)) for x in PARAMETERS.along_step]
         if not all(after < before for before, after in itertools.pairwise(roots)):
             return False
     return True

@@ -17,6 +17,7 @@ from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 
 Floats = npt.NDArray[np.float64]
 
+# At most: steps of a descent from far, halvings of one of them, and Newton's steps to the nearest point.
 MAX_STEPS = 200
 MAX_HALVINGS = 30
 REFINEMENTS = 60

@@ -21,6 +21,7 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 
 POINTS = 4  # on the surface, besides the start
+# Steps of one walk.
 WALK_STEPS = 3
 STEP = 0.2  # of the size of the configuration
 # Shorter steps would be within rounding of a singular surface, where the rank cannot be seen.

@@ -101,3 +101,51 @@ def test_files_that_documents_name_are_there() -> None:
 
 def places() -> tuple[Path, ...]:
     return PACKAGE, ROOT, ROOT / "tests"
+
+
+# Constants that no comment explains: a debt.
+MOST_BARE_CONSTANTS = 70
+
+
+def is_number(node: ast.expr) -> bool:
+    """True for a number, an expression of numbers, and a tuple of such."""
+    if isinstance(node, ast.UnaryOp):
+        return is_number(node.operand)
+    if isinstance(node, ast.BinOp):
+        return is_number(node.left) and is_number(node.right)
+    if isinstance(node, ast.Tuple):
+        return bool(node.elts) and all(map(is_number, node.elts))
+    return isinstance(node, ast.Constant) and type(node.value) in (int, float)
+
+
+def bare_constants(text: str) -> Iterator[str]:
+    """The lines that give a number a name at the top of a module, with no comment above their block, none beside them
+    and no docstring after them."""
+    lines, body = text.splitlines(), ast.parse(text).body
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if not isinstance(node, ast.Assign) or not is_number(node.value):
+            continue
+        above = node.lineno - 2
+        while above >= 0 and re.match(r"[A-Z_0-9, ]+ = ", lines[above]):
+            above -= 1
+        told = isinstance(after, ast.Expr) or "#" in "".join(lines[node.lineno - 1 : node.end_lineno])
+        if not told and (above < 0 or not lines[above].startswith("#")):
+            yield lines[node.lineno - 1]
+
+
+def test_a_constant_has_its_reason() -> None:
+    text = "# Reason.\nA, B = 1, 2\nC = 3.0\n\nD = 4\n\nE = 5  # reason\nF = 2**3\n"
+    assert list(bare_constants(text)) == ["D = 4", "F = 2**3"]
+    found = [line for path in FILES.values() for line in bare_constants(path.read_text(encoding="utf-8"))]
+    assert len(found) <= MOST_BARE_CONSTANTS, found
+
+
+def test_tests_that_parameters_name_are_there() -> None:
+    """The field of a parameter object names the test that fails where it moves."""
+    tests = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
+    named: set[str] = set()
+    for path in FILES.values():
+        if path.stem.endswith("_parameters"):
+            named |= set(re.findall(r"`(test_\w+)`", path.read_text(encoding="utf-8")))
+    assert named
+    assert [name for name in named if f"def {name}(" not in tests] == []

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
-from lagcli.analysis import numeric_flag
 from lagcli.analysis.classification import coupling
 from lagcli.analysis.classification.coupling import CoupledGroup
-from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.analysis.redundancy import Orbit
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
 from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    from lagcli.analysis.numeric_flag import NumericFlag
 
 
 class Case:
@@ -42,6 +44,9 @@ class Case:
 
     def flag(self, group: CoupledGroup, deadline: float) -> NumericFlag:
         """The flag of a group by numbers; `deadline`: a value of `time.monotonic`."""
+        # Loaded here and not above: models without differential rows need none of it.
+        from lagcli.analysis import numeric_flag
+
         known = self._flags.get(group)
         if known is None or not known.is_certain:
             known = self._flags[group] = numeric_flag.flag(self.system, self.begin, group.rows, deadline)

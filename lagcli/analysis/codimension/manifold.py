@@ -18,6 +18,7 @@ from lagcli.linear import rank
 
 Floats = npt.NDArray[np.float64]
 
+# Walks over the surface at the start's time, and steps of each.
 WALKS, STEPS = 3, 3
 # In units of the scaled coordinates: the first try of a step, and how often it is halved.
 STEP, HALVINGS = 0.5, 5

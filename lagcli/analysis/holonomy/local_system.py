@@ -26,6 +26,7 @@ Numbers = npt.NDArray[np.int64]
 LARGEST = 60  # coordinates of a part; what is further away rests
 TOUCHED = 200_000  # entries of B evaluated in one call
 PERIOD = 2 * np.pi
+# Points beside the start; the same in every run.
 SAMPLES, SEED = 5, 1909
 TURNED, STEEPEST = 1e-6, 1e5  # of a difference quotient; units between 1 / STEEPEST and STEEPEST
 

@@ -20,6 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 BESIDE, BESIDE_BY = 3, 0.1  # points looked at, and how far they are
 MOST = 0.8  # of the paths
+# The same in every run; paths, their pieces, and steps of a piece, which are doubled to see the error.
 SEED, PATHS, SEGMENTS, STEPS = 1973, 40, 3, 2
 NUDGE, SURE, SEEN = 1e-4, 1e-6, 1e-5  # of a difference quotient; its error is NUDGE**2 and smaller than SEEN
 

@@ -30,10 +30,12 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
+# Sizes of loops, in the order in which they are tried.
 SIZES = (1.0, 0.5, 0.2, 0.1, 0.02, 10.0, 100.0, 1e-3)
 USUAL = 4  # of the sizes
 SHIFTS = 4  # places tried, the start first
 CHOICES, MOVABLE = 4, 3  # of led coordinates tried for one goal; of goals
+# Sets of coordinates up to which all are tried.
 COMBINATIONS = 200
 POLE = 1e6  # condition of the led coordinates
 CLEAR, FAR = 0.04, 25.0  # of the size of a loop: the least amount worth showing, and how far a loop may reach
@@ -41,14 +43,18 @@ NEARLY = 1e-5  # of the size: a word that closes so well closes
 SURVEYED, SMOOTH = 200, 1e-4  # closed paths looked at; what their ends may change by with finer steps
 NEAR, NEAR_MISS = 8, 1.5  # trials whose lengths are solved for; what they miss by, of what they move
 MANY = 1  # conditions up to which all words of round lengths are tried
+# Pieces of a loop.
 SEGMENTS = (4, 6)
 ENOUGH = 2  # solutions among which the simplest is taken, of starts taken at random
 NOTHING = 1e-10  # of the size: a move that is left out
 SHOWN = 12  # points of a segment
 FINEST, COARSEST = 96, 48  # steps in a segment
+# Of the size of its points: a path that changes by so little with finer steps is exact, one that changes by more at
+# the usual ones is given up.
 EXACT, HOPELESS = 3e-12, 1e-6
 HOLDS = 1e-11  # |A dz| / (|A| |dz|)
 DIGITS = 1e-7  # an amount may not be less certain than this part of it
+# A fixed one: the witness must not change from run to run.
 SEED = 2023
 # Rows of length one that are nearer to those before them depend on them; columns that are nearer are not solved for.
 LEAST_ROW, LEAST_PIVOT = 1e-6, 1e-9

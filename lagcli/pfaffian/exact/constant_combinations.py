@@ -23,8 +23,11 @@ Columns = Sequence[Sequence[sympy.Expr]]
 _PolyRow = dict[int, PolyElement]  # entries by their columns
 Values = npt.NDArray[np.float64]
 
+# Rows beyond the columns, so that chance makes no null vector.
 _EXTRA_POINTS = 12
+# Points lie in (-2, 2).
 _WIDTH = 2.0
+# Of columns of length one: a rest that is rounding, and a weight that is not.
 _DEPENDENT = 1e-10
 _PRESENT = 1e-8
 _FUNCTIONS = {
@@ -33,8 +36,11 @@ _FUNCTIONS = {
     sympy.asin: np.arcsin, sympy.acos: np.arccos, sympy.atan: np.arctan, sympy.atan2: np.arctan2,
 }  # fmt: skip
 
+# A fixed one: what is found must not change from run to run.
 _SEED = 20240229
+# A rank modulo a prime may be too small by chance, about one in 1e18; then the next trial is taken.
 _TRIALS = 4
+# Trials for values for which all square roots of constants exist: each root halves the chance.
 _SHADOWS = 60
 _PRIMES = tuple(2**61 - n for n in (1, 45, 229, 465, 829, 985, 1153, 1281))
 """Primes that leave the remainder 3 when divided by 4: there a square root is a power."""

@@ -13,14 +13,19 @@ import sympy
 from mpmath.ctx_iv import MPIntervalContext, ivmpf
 from mpmath.libmp import ComplexResult
 
+# Cancellation of thirty digits leaves a sign.
 DIGITS = 50
+# Zeros at so many points make it a case for the algebra.
 POINTS = 12
+# A fixed one: a proof must not change from run to run.
 _SEED = 20240229
 _NO_VALUE = (ComplexResult, ArithmeticError, ValueError, NotImplementedError)
+# Higher powers are given up.
 _EXPONENT_LIMIT = 10_000
 _NEAR = [(0, 1), (-1, 1), (1, 3), (-3, 3), (0, 1), (-1, 0), (2, 9), (-9, 9)]
 _FAR = [(10, 100), (-100, -10), (-100, 100), (100, 1000), (-1000, 1000), (1000, 10_000), (-10_000, -1000)]
 _SCALES = [*_NEAR * 3, *_FAR]
+# Points whose symbols have scales of their own, after those of one scale.
 _MIXED = 16
 
 Point = Mapping[sympy.Symbol, Fraction]

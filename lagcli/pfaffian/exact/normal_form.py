@@ -24,6 +24,7 @@ from sympy.polys.rings import PolyElement, PolyRing, ring
 
 from lagcli.pfaffian.exact import guarded, logarithms, time_limit
 
+# sin 24u is a polynomial of degree 24; roots of higher degree have as long relations.
 MAX_MULTIPLE = 24
 MAX_ROOT = 12
 _CIRCULAR = (sympy.sin, sympy.cos, sympy.tan, sympy.cot, sympy.sec, sympy.csc)

@@ -24,7 +24,9 @@ from lagcli.pfaffian.exact import operations
 
 Value = TypeVar("Value")
 
+# SymPy recurses a thousand deep, with large frames.
 _STACK_BYTES = 64 * 1024 * 1024
+# Seconds between two attempts to end a thread, and seconds for all of them; seconds of one wait.
 _KILL_INTERVAL = 0.02
 _KILL_PATIENCE = 1.0
 _POLL = 0.05

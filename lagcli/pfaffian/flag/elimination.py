@@ -22,6 +22,7 @@ Substitutions = dict[sympy.Symbol, sympy.Expr]
 TIME = "t"
 """The name of time, which is never eliminated."""
 _BUDGET = 20_000  # operations for the proof that a constant is not zero
+# A constant below this is rounding, for the values of the parameters.
 _ROUNDING = 1e-12
 
 

@@ -21,6 +21,7 @@ from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 Row = list[FracElement]  # entries in the field of the tower
 Values = Mapping[sympy.Symbol, sympy.Expr]
 
+# Terms of one entry; beyond them the flag stays undecided.
 MAX_TERMS = 3000
 MAX_DIVISOR = 60  # terms of a divisor that is looked at again
 # A sum of terms counts as zero below this part of their sizes, for given values of parameters.

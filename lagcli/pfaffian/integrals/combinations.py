@@ -23,11 +23,18 @@ from lagcli.pfaffian.integrals import sampling
 
 Floats = npt.NDArray[np.float64]
 
+# Unknowns of one linear system: all monomials of degree 4 in seven letters.
 MAX_MONOMIALS = 330
+# Equations beyond the unknowns, so that chance makes no null vector; points at which new differentials are looked at.
 _SPARE, _NEAR = 12, 4
+# Parts of the length of a column: a rest that is rounding, a coefficient that is one of its roots, a singular value
+# of differentials that are dependent.
 _DEPENDENT, _SMALL, _RANK = 1e-11, 1e-7, 1e-6
+# Smooth functions nearly depend on each other: so many with constants that are no fractions are rounding.
 _MANY = 12
+# A coefficient is a fraction where one with so small a denominator is as near as this.
 _MAX_DENOMINATOR, _SAME = 360, 1e-9
+# The highest power of a letter without a relation, beyond every degree that is asked for.
 _UNBOUNDED = 99
 
 

@@ -17,7 +17,9 @@ from lagcli.pfaffian.exact import guarded, normal_form
 from lagcli.pfaffian.integrals import combinations
 from lagcli.pfaffian.integrals import kernel_frame as frames
 
+# Candidates taken, in the order of their letters: each is a column of a linear system.
 MAX_FACTORS = 24
+# Degrees of inverse multipliers, one after the other: a plane and a conic have 3, two conics 4.
 _DEGREES = (2, 3, 4)
 
 

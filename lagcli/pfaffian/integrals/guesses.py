@@ -15,6 +15,7 @@ from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.integrals.integral_search import IntegralSearch, Proposals, SearchResult
 from lagcli.pfaffian.single_form import frobenius, integrating_factors, potential, tidy_integral
 
+# Reciprocals among the letters; more letters leave lower degrees alone (`MAX_MONOMIALS`).
 MAX_RECIPROCALS = 8
 
 

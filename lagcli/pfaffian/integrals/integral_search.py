@@ -17,6 +17,7 @@ from lagcli.pfaffian.integrals import combinations
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.single_form import potential, tidy_integral
 
+# Each |u| doubles the cases that are proved.
 MAX_KINKS = 3
 
 

@@ -20,9 +20,13 @@ _FUNCTIONS: dict[type[sympy.Function], Callable[..., Values]] = {
     sympy.sinh: np.sinh, sympy.cosh: np.cosh, sympy.tanh: np.tanh,
     sympy.exp: np.exp, sympy.log: np.log, sympy.Abs: np.abs,
 }  # fmt: skip
+# A fixed one: what is found must not change from run to run.
 _SEED = 20240317
+# Tried in turn: of both signs; positive, for roots and logarithms; above one; below one, for asin and acos.
 _RANGES = ((-1.6, 1.6), (0.2, 1.8), (1.1, 3.0), (0.05, 0.9))
+# So many points are drawn for each that is needed, where some have no value.
 _CROWD = 4
+# Newton's steps to the surface, and what is left there, in its own units.
 _STEPS, _LANDED = 30, 1e-12
 
 

@@ -16,6 +16,7 @@ from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form
 from lagcli.pfaffian.single_form import potential
 
+# Columns of the linear systems: eight letters and their products of two; factors; monomials of an inverse factor.
 MAX_SUMMANDS = 44
 MAX_FACTORS = 24
 MAX_INVERSE = 90

@@ -25,6 +25,7 @@ from lagcli.pfaffian.single_form import integrating_factors, potential, tidy_int
 Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
 
 _CLOSED = "The mixed partial derivatives agree, so the form is exact"
+# Part of the time that is left for the search; the rest is for telling what was found.
 _SEARCH_SHARE = 0.8
 # Budgets of operations: of the search for an integrating factor, of the symbolic proof that a witness is not zero, of
 # its tidy form, of the factors that all components share.

@@ -16,6 +16,7 @@ WRITABLE = (
 )  # fmt: skip
 """The functions an integral may hold: those of the model format."""
 
+# Inner functions tried as new variables of an antiderivative.
 _SUBSTITUTIONS = 8
 _TABLE: dict[type[sympy.Function], Callable[[sympy.Expr], sympy.Expr]] = {
     sympy.sin: lambda u: -sympy.cos(u),

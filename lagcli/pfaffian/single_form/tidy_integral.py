@@ -10,6 +10,7 @@ from sympy.functions.elementary.trigonometric import TrigonometricFunction
 
 from lagcli.pfaffian.exact import guarded, normal_form, time_limit
 
+# Operations up to which an expression is shortened at all, and by the slow tools; the few shortest are joined.
 _SHORT = 400
 _SMALL = 60
 _FEW = 3
