@@ -82,7 +82,7 @@ def _modes(found: Modes, unit: str) -> tuple[list[str], list[list[str]]]:
     for k, z in enumerate(found.eigenvalues[:MOST_MODES]):
         if z.imag >= 0:
             sign = "±" if z.imag else ""
-            rows.append([str(len(rows) + 1), f"{z.real:.10g}", f"{sign}{z.imag:.10g}", _shape(found, k)])
+            rows.append([str(len(rows) + 1), f"{z.real:.10g}", f"{sign}{abs(z.imag):.10g}", _shape(found, k)])
     return headers, rows
 
 
