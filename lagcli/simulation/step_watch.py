@@ -14,6 +14,9 @@ from lagcli.simulation.watch_functions import WatchFunctions
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.intp]
 
+# Of more functions than these no look is taken at all where some come near.
+MANY = 256
+
 
 class StepWatch:
     """w (W,) of `WatchFunctions` along a step."""
@@ -25,6 +28,8 @@ class StepWatch:
         self._t, self._x = cells(t), cells(x)
         self._hull = None if functions.hull is None else BoundFunction(functions.hull, self._arguments)
         self._floor = None if self._hull is None else cells(self._hull.results[0])
+        # Of each of many functions, above 0 where it has no zero in the step that was looked at.
+        self._near: Floats | None = None
         # The largest -g at the end of the step that was looked at.
         self.deepest, self._is_screened = 0.0, False
 
@@ -59,17 +64,22 @@ class StepWatch:
     def is_clear(self) -> bool:
         """True if no function has a zero in the step, as far as its ends tell."""
         self._t[0] = self._run.origin + self._run.t
-        self.deepest, self._is_screened = 0.0, False
+        self.deepest, self._is_screened, self._near = 0.0, False, None
         if self._hull is not None and self._floor is not None:
             self._hull.trigger()
             if self._floor[0] > 0.0:
                 return True
+            if len(self._floor) > MANY:
+                # Of so many few are near, and those are looked at one by one.
+                self._near = self._hull.results[0][1:]
+                return False
         clear, self.deepest = self._screened[:2].tolist()
         return bool(clear > 0.0)
 
     def doubtful(self) -> Numbers:
         """The functions that may have a zero in a step that was looked at."""
-        return np.flatnonzero(~(self._screened[2:] > 0.0))
+        numbers = self._screened[2:] if self._near is None else self._near
+        return np.flatnonzero(~(numbers > 0.0))
 
     @property
     def _screened(self) -> Floats:

@@ -77,7 +77,8 @@ class WatchFunctions:
 
     @cached_property
     def hull(self) -> Compiled | None:
-        """hull(t, h, y, k, new, k_new, p) -> a number above 0 where no watched function has a zero within the step.
+        """hull(t, h, y, k, new, k_new, p) -> the smallest of numbers (W,), each above 0 where a gap has no zero within
+        the step, and those numbers.
 
         The quintic curve of `screen` lies in the hull of its control points, which is made wider by a part of itself;
         none of the gaps, by interval arithmetic, is zero there. None where more than gaps is watched.
@@ -96,7 +97,7 @@ class WatchFunctions:
             low, high = ca.fmin(low, point), ca.fmax(high, point)
         wider = WIDER * (high - low)
         floors = self._numeric.gap_floors(t, t + h, low - wider, high + wider, p)
-        return ca.Function("hull", [t, h, y, k, new, k_new, p], [ca.mmin(floors)])
+        return ca.Function("hull", [t, h, y, k, new, k_new, p], [ca.vertcat(ca.mmin(floors), floors)])
 
     @cached_property
     def screen(self) -> Compiled:

@@ -6,6 +6,7 @@ import pytest
 import lagcli
 from lagcli.compiled import NumericSystem
 from lagcli.equations import system
+from lagcli.simulation import step_watch
 from lagcli.simulation.watch_functions import WatchFunctions
 
 CONDITIONS = (
@@ -72,3 +73,13 @@ def test_steps_far_from_all_contacts_are_looked_at_no_closer(monkeypatch: pytest
     assert len(lagcli.simulate(lagcli.loads(FAR.replace("HEIGHT", "-100")))["t"]) == 3
     with pytest.raises(LookupError):
         lagcli.simulate(lagcli.loads(FAR.replace("HEIGHT", "0")))
+
+
+def test_of_many_gaps_those_that_are_not_clear_are_searched_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the impacts are the same."""
+    model = lagcli.loads(FAR.replace("HEIGHT", "0"))
+    usual = lagcli.simulate(model, duration=3.0, samples=4)
+    monkeypatch.setattr(step_watch, "MANY", 0)
+    many = lagcli.simulate(model, duration=3.0, samples=4)
+    assert usual.stats.impacts == many.stats.impacts >= 1
+    assert (usual["a.z"] == many["a.z"]).all()
