@@ -48,10 +48,10 @@ def audit(
 ) -> Audit:
     """Check a run by its table and the model alone, without the functions that made it.
 
-    `run`: a trajectory, or the file of a table; without one the model is simulated now, with the other options as of
-    `simulate`. `events`: the incidents of that run, `run.events` or the file of `simulate --events`; a run that is made
-    here has its own. For a table that
-    is given, `rtol` and `atol` say how well it was computed. `passed` says whether no
+    `run`: a trajectory, or the file of a table, which may be one of `equilibrium`; without one the model is simulated
+    now, with the other options as of `simulate`. `events`: the incidents of that run, `run.events` or the file of
+    `simulate --events`; a run that is made here has its own. For a table that is given, `rtol` and `atol` say how well
+    it was computed. `passed` says whether no
     check fails, `checks` has each with its worst place and limit. Raises `ModelError`, `ValueError` for a table that
     lacks columns and for bad options, `OSError`.
     """
@@ -70,6 +70,9 @@ def audit(
     if isinstance(run, Trajectory):
         columns, rows = run.columns, run.rows
     elif run is not None:
+        at_rest = _at_rest(model, run)
+        if at_rest is not None:
+            return at_rest
         columns, rows, unread = _read(model, run)
     else:
         table, notes = _dense(model)
@@ -103,6 +106,20 @@ def _read(model: Model, path: Path) -> tuple[tuple[str, ...], Floats, tuple[str,
     known = set(columns)
     unread = tuple(name for name in table_file.columns if name not in known)
     return columns, table_file.take(columns), unread
+
+
+def _at_rest(model: Model, path: Path) -> Audit | None:
+    """The audit of a table of points of rest; None for the table of a run. Raises as `_read`."""
+    from lagcli.auditing import rest_audit
+    from lagcli.output.tables import read_table
+
+    table_file = read_table.opened(path)
+    if not rest_audit.is_table(table_file.columns):
+        return None
+    columns = rest_audit.wanted(model, table_file.columns)
+    known = set(columns)
+    unread = tuple(name for name in table_file.columns if name not in known)
+    return rest_audit.audit(model, columns, table_file.take(columns), unread)
 
 
 def _event_table(events: IncidentTable | None) -> EventTable | None:

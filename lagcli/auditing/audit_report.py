@@ -112,7 +112,8 @@ class Audit:
         failed = sum(check.verdict == "fail" for check in self.checks)
         if failed:
             word = "checks fail" if failed > 1 else "check fails"
-            return f"{failed} {word}: the table is not a motion of this model."
+            what = "does not hold points of rest" if self._is_of_rest else "is not a motion"
+            return f"{failed} {word}: the table {what} of this model."
         thin = [check.name for check in self.checks if check.verdict in ("not judged", "partly judged")]
         if not thin:
             return "All checks passed."
@@ -123,6 +124,10 @@ class Audit:
                 f" show it. Not judged, or only in part: {', '.join(thin)}."
             )
         return f"No check fails. Not judged, or only in part: {', '.join(thin)}."
+
+    @property
+    def _is_of_rest(self) -> bool:
+        return any(check.name == "balance" for check in self.checks)
 
     def check(self, name: str) -> Check:
         """The check of a name. Raises `KeyError`."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 import sympy
 
-from lagcli.derivation import closed_form, multiplier_equations, vakonomic_sections
+from lagcli.derivation import closed_form, multiplier_equations, statics_section, vakonomic_sections
 from lagcli.derivation import formula as f
 from lagcli.derivation.calculus import ZERO
 from lagcli.derivation.derivation_page import Derivation, Line, Section
@@ -81,6 +81,7 @@ def _derived(built: System, options: Options) -> Derivation:
         ("Inertia", parts.inertia()),
         ("Lagrange's equations", parts.lagrange()),
         ("From Newton to Lagrange", parts.identity()),
+        (statics_section.TITLE, statics_section.lines(system, parts)),
     ]
     written = [(title, list(lines)) for title, lines in drafts]
     written += _multipliers(system, parts, contacts, options)

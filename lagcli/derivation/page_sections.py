@@ -201,7 +201,7 @@ class Sections:
             a = signs.of_particle("r", name, dots=2)
             left = a if world.mass(number) == 1 else f.FormulaProduct((m, a))
             F = signs.vector(triple(self._system.h, first))
-            terms = ([] if F == NIL else _terms(F)) + self.reaction(first, self._every.lam)
+            terms = ([] if F == NIL else terms_of(F)) + self.reaction(first, self._every.lam)
             yield Line("D.23", (left, joined(terms)), kind="newton", family=self._families[number])
 
     def inertia(self) -> Iterator[Line]:
@@ -297,7 +297,8 @@ def _times(coefficient: f.FormulaNode, factor: f.FormulaNode) -> tuple[int, f.Fo
     return sign, f.FormulaProduct((coefficient, factor))
 
 
-def _terms(node: f.FormulaNode) -> list[tuple[int, f.FormulaNode]]:
+def terms_of(node: f.FormulaNode) -> list[tuple[int, f.FormulaNode]]:
+    """The terms of a sum with their signs; of anything else itself."""
     return list(node.terms) if isinstance(node, f.FormulaSum) else [(1, node)]
 
 
