@@ -20,7 +20,7 @@ MOST_DAMPED, MOST_NEWTON = 200, 40
 RANK = 1e-12
 NEAR = 1e-6
 # The least damping, so that the normal equations have a solution; and steps that are rounding.
-LEAST, ROUNDING = 1e-13, 3e-16
+LEAST, ROUNDING, SMALL = 1e-13, 3e-16, 1e-12
 FLAT = 1e-14  # a slope of the squares below which damped steps have come to the bottom of a valley
 
 
@@ -95,8 +95,10 @@ def refined(residual: Residual, x: Floats) -> NewtonEnd:
         if not smaller:
             return NewtonEnd(x, size, min(last, length))
         assert there is not None
-        x, (r, J), last = x + step, there, length
+        before, x, (r, J), last = size, x + step, there, length
         size = float(np.linalg.norm(r))
+        if length <= SMALL and size > before / 2:
+            return NewtonEnd(x, size, length)  # rounding, which now and then falls a little
         if size == 0.0 or length <= ROUNDING:
             return NewtonEnd(x, size, 0.0)
     return NewtonEnd(x, size, last)

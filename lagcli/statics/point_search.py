@@ -190,12 +190,13 @@ class PointSearch:
         """All ways out from one start with these contacts closed."""
         self.take(refine.reached(self.problem, begin, closed, self.scales))
         equations = RestEquations(self.problem, closed, self.scales)
-        if self.options.has_potential:
+        is_large = equations.size > MOST_UNKNOWNS
+        if self.options.has_potential and not (is_large and self.points):
             for sign in (1.0, -1.0):
                 place = surface_descent.lowest(equations, begin, sign)
                 if place is not None:
                     self.take(refine.reached(self.problem, place, closed, self.scales))
-        if equations.size > MOST_UNKNOWNS or self._vain >= MOST_VAIN:
+        if is_large or self._vain >= MOST_VAIN:
             return
         for _ in range(ROUNDS):
             known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
@@ -236,5 +237,7 @@ class PointSearch:
             centre = problem.begin if number % 2 else np.zeros(problem.n)
             q = centre + spread * random.standard_normal(problem.n)
             q[angles] = random.uniform(-np.pi, np.pi, int(angles.sum()))
+            if not number:
+                q = np.zeros(problem.n)  # where much is symmetric
             place = surface_descent.onto(problem, q, (), self.scales)
             yield q if place is None else place
