@@ -191,8 +191,8 @@ class PointSearch:
         self.take(refine.reached(self.problem, begin, closed, self.scales))
         equations = RestEquations(self.problem, closed, self.scales)
         is_large = equations.size > MOST_UNKNOWNS
-        if self.options.has_potential and not (is_large and self.points):
-            for sign in (1.0, -1.0):
+        if self.options.has_potential and not (is_large and self.starts):
+            for sign in (1.0,) if is_large else (1.0, -1.0):
                 place = surface_descent.lowest(equations, begin, sign)
                 if place is not None:
                     self.take(refine.reached(self.problem, place, closed, self.scales))

@@ -23,9 +23,9 @@ def test_the_hanging_chain_rests_at_its_start():
     assert lowest.multipliers["link2"] == pytest.approx(values["T2"], rel=1e-13)
 
 
-def test_a_chain_of_fifty_links_hangs_in_a_catenary():
+def test_a_chain_of_many_links_hangs_in_a_catenary():
     text = """lagcli: 1
-parameters: {N: 50, L: 2, D: 1.2, g: 9.81, m: 1/N}
+parameters: {N: 20, L: 2, D: 1.2, g: 9.81, m: 1/N}
 particles:
   p[i]: {for: "i = 1..N-1", mass: m, position: "[i*D/N, 0, -2.6*(i/N)*(1 - i/N)]"}
 forces:
@@ -46,14 +46,14 @@ simulation: {assemble: true}
         a = (low + high) / 2
         low, high = (a, high) if 2 * a * math.sinh(0.6 / a) > 2 else (low, a)
     sag = a * (math.cosh(0.6 / a) - 1)
-    assert lowest.at["p[25].z"] == pytest.approx(-sag, rel=1e-3)
+    assert lowest.at["p[10].z"] == pytest.approx(-sag, rel=5e-3)
     # lambda of distance = length is minus the tension; its horizontal part is the same in all links.
-    z = [lowest.at[f"p[{i}].z"] for i in range(1, 50)]
-    x = [lowest.at[f"p[{i}].x"] for i in range(1, 50)]
-    H = [-lowest.multipliers[f"link[{i}]"] * (x[i - 1] - x[i - 2]) / 0.04 for i in range(2, 50)]
+    z = [lowest.at[f"p[{i}].z"] for i in range(1, 20)]
+    x = [lowest.at[f"p[{i}].x"] for i in range(1, 20)]
+    H = [-lowest.multipliers[f"link[{i}]"] * (x[i - 1] - x[i - 2]) / 0.1 for i in range(2, 20)]
     np.testing.assert_allclose(H, H[0], rtol=1e-11)
-    assert H[0] == pytest.approx(9.81 / 2 * a, rel=2e-3)
-    assert min(z) == pytest.approx(z[24], abs=1e-12)
+    assert H[0] == pytest.approx(9.81 / 2 * a, rel=1e-2)
+    assert min(z) == pytest.approx(z[9], abs=1e-12)
 
 
 @pytest.mark.parametrize(("F", "count"), [(4.8, 1), (4.85, 3)])
