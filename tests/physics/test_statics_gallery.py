@@ -13,7 +13,7 @@ pytestmark = pytest.mark.numeric
 MODELS = pathlib.Path(__file__).parents[2] / "models"
 
 
-def test_the_hanging_chain_rests_at_its_start():
+def test_the_hanging_chain_rests_where_its_closed_form_says():
     found = lagcli.equilibrium(MODELS / "hanging-chain.yaml", starts=2)
     lowest = found[0]
     assert lowest.type == "minimum"
