@@ -90,6 +90,9 @@ def sentence(found: StiffLimit) -> str:
             f"k rose from {found.ramp['from']:g} to {found.ramp['to']:g} in {seconds:g} s: {name}, started {start}, is"
             f" in the end off lambda by {last.mean_error:.3g} in the mean and by {last.max_error:.3g} at most"
         )
+    last = found.rungs[-1]
+    if found.rate is None and last.max_error <= last.uncertainty:
+        return f"{name}, started {start}, is lambda as far as tolerance and rounding tell: to {last.max_error:.2g}"
     if found.rate is None:
         told = "no rate can be fitted"
     else:

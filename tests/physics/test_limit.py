@@ -252,6 +252,15 @@ def test_names_and_stiffnesses_that_there_are_not() -> None:
     assert ladder.rungs([5.0, 2.0]) == (2.0, 5.0)
 
 
+def test_a_spring_at_rest_is_said_to_be_the_rod(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "rest.yaml"
+    path.write_text(WHIRLED.replace("v: 2", "v: 0") + "forces: {push: {to: a, force: [-1, 0, 0]}}\n")
+    out, err, code = in_process.run("limit", path, "--constraint", "rod", "--duration", 1)
+    assert code == 0
+    assert "is lambda as far as tolerance and rounding tell" in out
+    assert "the ladder ends there" in err
+
+
 def test_means_are_over_whole_swings() -> None:
     t = np.linspace(0, 3.37, 2001)
     mean, apart = ladder.mean_of_swings(t, 0.25 + np.cos(40 * t + 0.3))
