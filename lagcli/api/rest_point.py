@@ -17,8 +17,9 @@ from lagcli.errors import diagnostics
 from lagcli.model.invariant import LevelFunction
 from lagcli.start import assembly, initial
 from lagcli.start.initial import State
-from lagcli.statics import refine, static_laws
+from lagcli.statics import effective_potential, refine, rest_equations, static_laws, surface_descent
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
+from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.static_laws import HeldLevel, StaticLaws
 from lagcli.statics.static_problem import StaticProblem
 
@@ -76,13 +77,24 @@ def problem(ready: CompiledModel, laws: StaticLaws, start: StaticStart) -> Stati
 
 @progress.phase("looking for a point of rest")
 def nearest(ready: CompiledModel) -> EquilibriumPoint | NoEquilibrium:
-    """The point of rest reached from the declared start (D.25): lambda and contacts with it.
+    """The point of rest nearest to the declared start (D.25): lambda and contacts with it.
 
-    Raises `diagnostics.ModelError` where no configuration satisfies the rows.
+    Of two, the one that Newton's steps lead to and, where the forces have a potential, the one that lies downhill, the
+    nearer in the metric. Raises `diagnostics.ModelError` where no configuration satisfies the rows.
     """
     start = begin(ready)
-    found = problem(ready, static_laws.of_rest(ready.system, start.levels), start)
-    return refine.nearest_equilibrium(found, start.state.q)
+    asked, q = problem(ready, static_laws.of_rest(ready.system, start.levels), start), start.state.q
+    found = [refine.nearest_equilibrium(asked, q)]
+    if effective_potential.origin(asked) == "declared":
+        equations = RestEquations(asked, (), rest_equations.scales(asked, q))
+        bottom = surface_descent.lowest(equations, q, 1.0)
+        if bottom is not None:
+            found.append(refine.nearest_equilibrium(asked, bottom))
+    points = [one for one in found if isinstance(one, EquilibriumPoint)]
+    if not points:
+        return found[0]
+    M = ready.numeric.inertia(start.state.t, q, np.zeros_like(q), start.state.p).full()
+    return min(points, key=lambda point: float((point.q - q) @ M @ (point.q - q)))
 
 
 def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> list[HeldLevel]:

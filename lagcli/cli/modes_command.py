@@ -15,6 +15,7 @@ from lagcli.model.model import Model
 from lagcli.output.trajectory import SimulationStopped
 
 MOST_MODES, MOST_COORDINATES = 60, 8
+ROUNDING = 1e-12  # a column of the state below this part of the largest is told as 0
 VERDICTS = {True: "stable", False: "unstable", None: "not decided"}
 
 
@@ -61,6 +62,16 @@ def _tell(found: Modes) -> None:
         console.paragraph(f"{hidden} more are given with --json", "    ")
     verdict = f"{VERDICTS[found.stable]}: {found.reason}"
     console.paragraph(diagnostics.printable(verdict), "    ")
+    console.paragraph(diagnostics.printable(_place(found)), "    ")
+
+
+def _place(found: Modes) -> str:
+    """The first columns of the state about which the equations are linear."""
+    size = max((abs(value) for value in found.at.values()), default=0.0)
+    kept = {name: value if abs(value) > ROUNDING * size else 0.0 for name, value in found.at.items()}
+    named = [f"{name} = {value:.6g}" for name, value in kept.items()]
+    more = f" and {len(named) - MOST_COORDINATES} more" if len(named) > MOST_COORDINATES else ""
+    return f"linearized at {', '.join(named[:MOST_COORDINATES])}{more}"
 
 
 def _modes(found: Modes, unit: str) -> tuple[list[str], list[list[str]]]:
@@ -82,7 +93,9 @@ def _modes(found: Modes, unit: str) -> tuple[list[str], list[list[str]]]:
     for k, z in enumerate(found.eigenvalues[:MOST_MODES]):
         if z.imag >= 0:
             sign = "±" if z.imag else ""
-            rows.append([str(len(rows) + 1), f"{z.real:.10g}", f"{sign}{abs(z.imag):.10g}", _shape(found, k)])
+            rows.append(
+                [str(len(rows) + 1), f"{z.real + 0.0:.10g}", f"{sign}{abs(z.imag):.10g}", _shape(found, k)]
+            )
     return headers, rows
 
 

@@ -31,6 +31,17 @@ def test_a_pendulum_hangs() -> None:
     assert found.residual < 1e-13
 
 
+def test_of_two_points_the_nearer_is_taken() -> None:
+    # Newton's steps lead from these angles to the upright pendulum, which is farther.
+    text = (
+        "coordinates:\n  th: {{value: {}}}\n"
+        "particles:\n  a: {{mass: 1.5, position: ['0.6*sin(th)', 0, '-0.6*cos(th)']}}\n"
+    )
+    for angle in (1.4, -1.4):
+        np.testing.assert_allclose(nearest(text.format(angle) + WEIGHT).q, [0], atol=1e-13)
+    np.testing.assert_allclose(nearest(text.format(2.0) + WEIGHT).q, [np.pi], rtol=1e-13)
+
+
 def test_a_start_off_the_surface_is_led_onto_it() -> None:
     text = "particles:\n  a: {mass: 1, position: [0.1, 0.2, -3]}\nholonomic:\n  rod: norm(a) = 2\n" + WEIGHT
     np.testing.assert_allclose(nearest(text).q, [0, 0, -2], atol=1e-13)
