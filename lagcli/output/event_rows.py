@@ -16,8 +16,8 @@ Floats = npt.NDArray[np.float64]
 def merged(rows: Floats, incidents: Sequence[Incident]) -> Floats:
     """Rows (k, columns) with two more for each instant, before and after, ahead of a row of the grid at that time.
 
-    incidents: in the order of time, those of one instant next to each other. Columns beyond their lines, such as
-    errors, are nan.
+    incidents: in the order of time, those of one instant next to each other. Columns beyond their lines
+    are nan.
     """
     if not incidents:
         return rows

@@ -20,8 +20,8 @@ class Incident:
     """An impact, contact, release or event of one name at an instant t, not counted from the origin of the run.
 
     impulses: of all constraints at that instant, in the order of the columns `lambda.NAME` (C + K,), in units of
-    lambda times time; before, after: lines of the table without t (columns of `System.columns`,), the same for all
-    incidents of one instant. The momenta jump by B^T Lambda + G^T Lambda_G (theory of impacts).
+    lambda times time; before, after: lines of the table without t (columns of `System.columns`,), then errors where the
+    table has them, the same for all incidents of one instant. The momenta jump by B^T Lambda + G^T Lambda_G (theory of impacts).
     """
 
     t: float

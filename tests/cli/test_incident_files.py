@@ -184,7 +184,35 @@ def test_columns_of_instants_are_chosen_as_others(command, here, made_up):
     np.testing.assert_array_equal(run["a.vz"], whole["a.vz"])
 
 
-def test_digits_have_no_value_at_the_instants(here, made_up):
+BALL = """lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 1], velocity: [1, 0, 0]}
+forces:
+  weight: {to: a, force: [0, 0, -9.81]}
+inequality:
+  floor: {restitution: 0.8, condition: a.z + 0.1*sin(5*a.x) >= 0}
+simulation: {duration: 2, output_step: 0.1, rtol: 1e-6}
+"""
+
+
+def test_digits_compare_an_incident_with_the_same_one_of_the_repeated_run(here, monkeypatch):
+    ball = lagcli.loads(BALL)
+    run, plain = lagcli.simulate(ball, event_rows=True, digits=True), lagcli.simulate(ball, digits=True)
+    better = lagcli.simulate(ball, event_rows=True, rtol=1e-12)
+    instants = np.isin(run.t, run.events.t)
+    assert instants.sum() == 2 * len(run.events) > 6
+    np.testing.assert_array_equal(run.rows[~instants], plain.rows)
+    axes = [run.columns.index(f"a.{axis}") for axis in ("x", "y", "z", "vx", "vy", "vz")]
+    apart = np.abs(run.rows[:, axes] - better.rows[:, axes])[instants]
+    known = np.column_stack([run["err.r"], run["err.v"]])[instants]
+    for kind, errors in enumerate((apart[:, :3].max(axis=1), apart[:, 3:].max(axis=1))):
+        assert (known[:, kind] >= 0.5 * errors).all()
+        assert known[-1, kind] < 30 * np.maximum.accumulate(errors)[-1]
+    monkeypatch.setattr(loop, "BLOCK_VALUES", 60)
+    np.testing.assert_array_equal(lagcli.simulate(ball, event_rows=True, digits=True).rows, run.rows)
+
+
+def test_digits_have_no_value_at_instants_of_one_run_alone(here, made_up):
     run = lagcli.simulate("m.yaml", event_rows=True, digits=True)
     assert np.isnan(run["err.r"][np.isin(run.t, run.events.t)]).all()
     assert len(run.events) == len(lagcli.simulate("m.yaml").events)

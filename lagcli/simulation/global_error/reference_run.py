@@ -16,6 +16,7 @@ from lagcli.simulation import loop, run_start, run_stop, step_tolerance
 from lagcli.simulation.checkpoint import RunState
 from lagcli.simulation.global_error import divergence, error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
+from lagcli.simulation.global_error.incident_errors import IncidentErrors
 from lagcli.simulation.incident import Incident, Tally
 from lagcli.simulation.invariants import EnforcedInvariants
 
@@ -49,9 +50,10 @@ class RunWithReference:
         window = divergence.window(run.grid.count) if held.has_time else 0
         relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
         parted = divergence.Parting(window, relative, settings.atol or 0.0)
-        self._errors = error_estimate.Errors(
-            error_estimate.places(system), error_estimate.safety(settings), parted
-        )
+        places, factor = error_estimate.places(system), error_estimate.safety(settings)
+        self._errors = error_estimate.Errors(places, factor, parted)
+        self._at_incidents = IncidentErrors(places, factor)
+        self._last: Floats | None = None  # t and errors of the row before the block
         # The run as it stood behind the last whole block, and where rows end within one: only where the repeated run
         # has stopped there.
         self._mark: RunState | None = None
@@ -96,6 +98,7 @@ class RunWithReference:
             known = len(others)
             self._errors.sides.add(0, self._incidents)
             errors = self._errors.take(rows[:known], others, self._incidents)
+            self._incidents = self._with_errors(np.hstack([rows[:known, :1], errors]))
             if known < len(rows):
                 if known:
                     self._cut = self._run.grid.time(self._taken + known - 1)
@@ -117,8 +120,17 @@ class RunWithReference:
         return dataclasses.replace(mark, row=self._cut, told=told)
 
     def take_incidents(self) -> list[Incident]:
-        """Those of the first run that come with the last block."""
+        """Those of the first run that come with the last block, their lines with the errors."""
         return self._incidents
+
+    def _with_errors(self, rows: Floats) -> list[Incident]:
+        """The incidents that come with rows of t and errors (k, 5)."""
+        if self._last is not None:
+            rows = np.vstack([self._last, rows])
+        if not len(rows):
+            return self._incidents
+        self._last = rows[-1]
+        return self._at_incidents.extended(self._incidents, self._run.origin + self._run.grid.time(0), rows)
 
     def _others(self, count: int) -> Floats:
         """The next rows of the repeated run; less than `count` where it has stopped."""
@@ -126,7 +138,9 @@ class RunWithReference:
         try:
             while have < count:
                 parts.append(next(self._ahead))
-                self._errors.sides.add(1, self._again.take_incidents())
+                incidents = self._again.take_incidents()
+                self._errors.sides.add(1, incidents)
+                self._at_incidents.add(incidents)
                 have += len(parts[-1])
         except run_stop.RunStop as stopped:
             stop = stopped.stop
