@@ -227,3 +227,20 @@ def test_check_warns_of_an_angle_that_jumps_in_a_condition() -> None:
     (warning,) = report.warnings
     assert (warning.code, warning.location.line) == ("branch-cut", 8)
     assert "`fan`" in warning.message
+
+
+@pytest.mark.parametrize(
+    ("condition", "word"),
+    [
+        ("a.z >= 0.2*sign(a.x - 1.5)", "`sign` switches"),
+        ("a.z*(1 + sign(a.y)) + 1 >= 0", "`sign` switches"),
+        ("a.z + 0.1*abs(a.x)/a.x + 3 >= 0", "divisor"),
+        ("a.z + a.x*sign(a.x) >= 0", ""),
+        ("max(abs(a.x), a.z) >= 0", ""),
+        ("a.z + tanh(a.x/0.01) + 3 >= 0", ""),
+    ],
+)
+def test_check_warns_of_a_condition_that_jumps(condition: str, word: str) -> None:
+    found = [w for w in checked(BALL + f"inequality:\n  step: {condition}\n", x=2).warnings]
+    assert [(w.code, w.location.line) for w in found] == ([("condition-jumps", 8)] if word else [])
+    assert not found or ("`step`" in found[0].message and word in found[0].message)
