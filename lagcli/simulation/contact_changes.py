@@ -26,6 +26,8 @@ Found = TypeVar("Found")
 
 # Changes without a step between them, after which a run stops.
 MOST_AGAIN = 64
+# An instant at which a gap is violated by so many times what counts as near is no zero of it: the gap jumps there.
+LANDED = 1e4
 # A function jumps over zero where it is this part of its size away from it on both sides.
 JUMPED = 1e-12
 DIRECTIONS = {"up": 1, "down": -1, "both": 0}
@@ -74,18 +76,17 @@ class ContactChanges:
         touching = list(self._run.contacts.touching)
         gaps[touching] = here.nearness[touching]
         if self._run.contacts.again == 0:
-            self._require_apart(here)
+            self._require_apart(here, 2.0)
         forces = np.zeros(self._count)
         if self.closed:
             closed = np.array([*self.closed, *self.idle], dtype=np.intp)
             forces[closed] = here.least_forces(closed)
         return gaps, forces
 
-    def _require_apart(self, here: ContactInstant) -> None:
-        deep = np.flatnonzero(here.g < -2 * here.nearness)
-        if deep.size:
-            worst = int(deep[np.argmin(here.g[deep])])
-            raise self._jump(float(-here.g[worst]), worst)
+    def _require_apart(self, here: ContactInstant, room: float) -> None:
+        deep = np.flatnonzero(here.g < -room * here.nearness).tolist()
+        if deep:
+            raise self._jump(*max((float(-here.g[j]), j) for j in deep))
 
     def require_open(self, contacts: list[int], g: Floats) -> None:
         """Raise `StepFailure` where open contacts are violated at a switch, with watched values g beginning with
@@ -128,7 +129,9 @@ class ContactChanges:
         if events:
             self.tell_events(events)
         if any(i < first for i in hits):
-            self._change(self.here(), ahead, hits=hits)
+            here = self.here()
+            self._require_apart(here, LANDED)
+            self._change(here, ahead, hits=hits)
         else:
             run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
 

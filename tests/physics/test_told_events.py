@@ -134,3 +134,18 @@ def test_a_wall_that_jumps_ends_the_run_at_its_time():
         with pytest.raises(lagcli.SimulationStopped, match=r"the wall of .*`floor` jumps there") as stop:
             lagcli.simulate(lagcli.loads(text), duration=1.0, samples=3)
         assert stop.value.t == pytest.approx(t, abs=1e-9)
+
+
+@pytest.mark.parametrize("x", [0.1, 0.13])
+def test_a_wall_that_jumps_over_a_particle_by_sign_is_no_impact(x):
+    text = f"""lagcli: 1
+particles:
+  a: {{mass: 1, position: [{x}, 0, 0.3], velocity: [-1, 0, 0]}}
+inequality:
+  floor: a.z + 0.5*sign(a.x) >= 0
+"""
+    high = lagcli.simulate(lagcli.loads(text.replace("0.3]", "0.7]")), duration=1.0, samples=2)
+    assert len(high.events) == 0
+    with pytest.raises(lagcli.SimulationStopped, match=r"wall of `floor` jumps there, by 0\.2 onto") as stop:
+        lagcli.simulate(lagcli.loads(text), duration=1.0, samples=2)
+    assert stop.value.t == pytest.approx(x, abs=1e-12)
