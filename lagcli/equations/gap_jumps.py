@@ -1,4 +1,4 @@
-"""Warnings of one-sided constraints whose gap jumps: by `sign`, or where the divisor of a quotient goes through zero."""
+"""Warnings of one-sided constraints whose gap jumps: by `sign`, or where a divisor goes through zero."""
 
 from __future__ import annotations
 

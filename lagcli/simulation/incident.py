@@ -21,7 +21,8 @@ class Incident:
 
     impulses: of all constraints at that instant, in the order of the columns `lambda.NAME` (C + K,), in units of
     lambda times time; before, after: lines of the table without t (columns of `System.columns`,), then errors where the
-    table has them, the same for all incidents of one instant. The momenta jump by B^T Lambda + G^T Lambda_G (theory of impacts).
+    table has them, the same for all incidents of one instant. The momenta jump by B^T Lambda + G^T Lambda_G (theory of
+    impacts).
     """
 
     t: float

@@ -241,6 +241,6 @@ def test_check_warns_of_an_angle_that_jumps_in_a_condition() -> None:
     ],
 )
 def test_check_warns_of_a_condition_that_jumps(condition: str, word: str) -> None:
-    found = [w for w in checked(BALL + f"inequality:\n  step: {condition}\n", x=2).warnings]
+    found = checked(BALL + f"inequality:\n  step: {condition}\n", x=2).warnings
     assert [(w.code, w.location.line) for w in found] == ([("condition-jumps", 8)] if word else [])
     assert not found or ("`step`" in found[0].message and word in found[0].message)
