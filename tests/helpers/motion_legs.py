@@ -92,6 +92,13 @@ class Rows:
         lam = -np.linalg.lstsq(rows @ P @ rows.T, rows @ free + bends, rcond=1e-11)[0]
         return free + P @ rows.T @ lam, lam
 
+    def settled(self, contacts: list[Contact]) -> Floats:
+        """Velocities (n, 3) without the rates of contacts."""
+        P, _ = self.inverse()
+        rows, _, rates = self.contacts(contacts)
+        push = np.linalg.lstsq(rows @ P @ rows.T, rates, rcond=1e-11)[0]
+        return self.v - (P @ rows.T @ push).reshape(self.v.shape)
+
     def choices(self) -> list[list[Contact]]:
         """The sets of contacts that may be closed from now on: one, or several where a multiplier is zero."""
         near = [c for c in self.scene.contacts if abs(c.gap(self.t, self.x)) < STILL]
@@ -187,12 +194,27 @@ def _legs(scene: Scene, run: Recorded) -> Iterator[str]:
         # On the short way to the end of a series of rebounds those that are left out are missing.
         if end > t and not (at is not None and at.names("accumulation")):
             found = [
-                _leg(scene, (t, x, v), held, (end, goal, speed)) for held in Rows(scene, t, x, v).choices()
+                _leg(scene, (t, x, begun), held, (end, goal, speed))
+                for begun in (v, *_without_rebounds(scene, run, (t, x, v), end))
+                for held in Rows(scene, t, x, begun).choices()
             ]
             if all(found):
                 yield f"leg {t!r} to {end!r}: {min(found, key=len)}"
         if at is not None:
             t, x, v = end, goal, at.after
+
+
+def _without_rebounds(
+    scene: Scene, run: Recorded, start: tuple[float, Floats, Floats], end: float
+) -> list[Floats]:
+    """The velocities of a leg in which contacts lie whose series of rebounds is told to end a little after it."""
+    t, x, v = start
+    names = {n for o in run.instants if end < o.t < t + LAST for n in o.names("accumulation")}
+    lying = [c for c in scene.contacts if c.name in names and abs(c.gap(t, x)) < STILL]
+    here = Rows(scene, t, x, v)
+    slow = [c for c in lying if 0 < here.contacts([c])[2][0] < LAST]
+    sets = (chosen for k in range(1, len(slow) + 1) for chosen in itertools.combinations(slow, k))
+    return [here.settled(list(chosen)) for chosen in sets]
 
 
 def _leg(
