@@ -2,7 +2,9 @@
 
 import pytest
 
+import lagcli
 from tests.fuzz import stationary_products
+from tests.helpers import statics_models
 
 
 @pytest.mark.parametrize("inexact", [False, True])
@@ -18,3 +20,11 @@ def test_all_points_of_products_are_found_and_none_is_false(inexact: bool) -> No
 @pytest.mark.parametrize("seed", range(2))
 def test_lambda_and_R_at_rest_are_those_of_a_run(seed: int) -> None:
     assert stationary_products.judge_mechanism(seed) == []
+
+
+def test_mechanisms_of_every_kind_are_models() -> None:
+    texts = [statics_models.mechanism(seed) for seed in range(20)]
+    for part in ("l1:", "other:", "coordinates:", "inequality:", "s2:"):
+        assert any(part in text for text in texts)
+    for text in texts:
+        assert lagcli.loads(text).coordinate_names

@@ -144,7 +144,7 @@ def mechanism(seed: int) -> str:
             )
             + weight
             + (
-                "  spring: {potential: k/2*(distance(a, b) - 0.5)**2}\n"
+                "  spring: {potential: 'k/2*(distance(a, b) - 0.5)**2'}\n"
                 f"holonomic:\n  rod: norm(a) = 1\n{twin}  other: 'distance(b, [1.2, 0, 0]) = 1'\n"
             )
             + end
