@@ -115,6 +115,6 @@ class RowBlock:
         )
         found = []
         for along, into in ((Y, Z), (Z, Y)):
-            change = ca.densify(ca.jtimes(entries, self.x, along)) * into[columns]
+            change = ca.densify(ca.jtimes(entries, self.x, along)) * into[columns, 0]
             found.append(ca.SX(omega.sparsity(), change))
         return found

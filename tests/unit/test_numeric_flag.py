@@ -188,6 +188,15 @@ def test_redundant_rows_count_once():
     assert found.combinations.tolist() == [[0.0, 1.0, 0.0]]
 
 
+@pytest.mark.parametrize("again", ["3*rate(x) = 0", "x**2*rate(x) + rate(x) = 0"])
+def test_two_rows_of_one_variable(again):
+    """Declared twice: one first integral, and a run that stands still."""
+    found = lagcli.loads(model({"x": 1, "y": 0}, [], ["rate(x) = 0", again]))
+    assert lagcli.dof(found).configuration_dof == 1
+    run = lagcli.simulate(found, duration=0.1, samples=2)
+    assert run["x"].tolist() == [1.0, 1.0]
+
+
 def test_decimals_are_taken_as_they_are_written():
     """0.1 + 0.2 = 0.3 for tenths and not for doubles."""
     forms = ["d(z) - (a + b - c)*y*d(x) = 0", "d(w) - y*d(x) = 0"]
