@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from lagcli import progress
-from lagcli.api import cache, run_settings
+from lagcli.api import cache, linear_point, run_settings
 from lagcli.api.load import Path, as_model
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
@@ -29,7 +29,8 @@ def derive(
     `solve`: lambda and accelerations in closed form; `everything`: all members of families and all terms of sums;
     `values`: names of parameters that are put in as numbers; `limit`: seconds of this computation. The object has
     `text()`, `latex()`, `markdown()`, `html()`, `as_json()`, and in SymPy `equations()`, `constraints()`,
-    `inequalities()` and `system`.
+    `inequalities()` and `system`. Equations of small oscillations are about the declared start, where that is an
+    equilibrium or an instant of a steady motion.
     Raises `ModelError`, `ValueError` for a parameter there is not and for a limit that is none.
     """
     seconds = run_settings.seconds(limit)
@@ -43,4 +44,5 @@ def derive(
         hint = diagnostics.nearest(unknown[0], names)
         raise ValueError(f"there is no parameter `{unknown[0]}`{'; ' + hint if hint else ''}")
     system = cache.compiled(model).system
-    return derivation.derive(system, derivation.Options(solve, everything, wanted, seconds))
+    about = linear_point.of_start(model)
+    return derivation.derive(system, derivation.Options(solve, everything, wanted, seconds, about))

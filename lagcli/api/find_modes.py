@@ -10,11 +10,9 @@ import numpy as np
 
 from lagcli import progress
 from lagcli.analysis import redundancy
-from lagcli.api import cache, run_settings
+from lagcli.api import cache, linear_point, run_settings
 from lagcli.api.load import Path, as_model
-from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
-from lagcli.output import table_columns
 from lagcli.start import initial
 
 if TYPE_CHECKING:
@@ -76,7 +74,7 @@ def modes(
     model = as_model(model)
     seconds = run_settings.seconds(limit)
     model = dataclasses.replace(model, simulation=run_settings.chosen(model, {"assemble": assemble}))
-    here, closed = _start(model)
+    here, closed = linear_point.start(model)
     ready = cache.compiled(model)
     functions = _functions(ready, closed, seconds)
     found = _of_start(ready, functions, here, about, wanted)
@@ -173,20 +171,6 @@ def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:
     nothing = np.zeros_like(point.q)
     here = Reference(start.t, point.q, nothing, nothing, point.lam, start.p)
     return here, tuple(j for j in point.closed if point.lam[rows + j] > 0)
-
-
-def _start(model: Model) -> tuple[Reference, tuple[int, ...]]:
-    """The state at the start with its multipliers, and the contacts that press there."""
-    from lagcli.linearization.linearized import Reference
-
-    run = simulate(model, duration=0.0, samples=2)
-    built = cache.compiled(model).system
-    (t,), (q,), (v,) = table_columns.States(model, run.columns)(run.rows[:1])
-    lam = np.array([run[f"lambda.{row.name}"][0] for row in built.multiplier_rows])
-    p = initial.declared(built).p
-    rows = len(built.rows.rows)
-    closed = tuple(j for j in range(built.contacts.count) if lam[rows + j] > 0)
-    return Reference(float(t), q, v, np.zeros_like(q), lam, p), closed
 
 
 def _functions(ready: CompiledModel, closed: tuple[int, ...], limit: float) -> LinearizedFunctions:

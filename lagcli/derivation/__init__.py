@@ -13,5 +13,6 @@ from __future__ import annotations
 
 from lagcli.derivation.derivation import Options, derive
 from lagcli.derivation.derivation_page import Derivation
+from lagcli.derivation.linear_matrices import LinearPoint
 
-__all__ = ["Derivation", "Options", "derive"]
+__all__ = ["Derivation", "LinearPoint", "Options", "derive"]

@@ -7,10 +7,17 @@ from collections.abc import Iterable, Iterator
 
 import sympy
 
-from lagcli.derivation import closed_form, multiplier_equations, statics_section, vakonomic_sections
+from lagcli.derivation import (
+    closed_form,
+    linear_section,
+    multiplier_equations,
+    statics_section,
+    vakonomic_sections,
+)
 from lagcli.derivation import formula as f
 from lagcli.derivation.calculus import ZERO
 from lagcli.derivation.derivation_page import Derivation, Line, Section
+from lagcli.derivation.linear_matrices import LinearPoint
 from lagcli.derivation.one_sided_sections import TITLE, OneSided
 from lagcli.derivation.page_sections import Sections, joined, triple
 from lagcli.derivation.signs import Signs
@@ -36,12 +43,14 @@ COMPONENT = 40
 @dataclasses.dataclass(frozen=True, slots=True)
 class Options:
     """solve: lambda and accelerations in closed form. everything: all members of families, all terms of sums.
-    values: parameters that are put in as numbers. limit: seconds for it."""
+    values: parameters that are put in as numbers. limit: seconds for it. about: the point of the linear equations,
+    which are left out without one."""
 
     solve: bool = False
     everything: bool = False
     values: frozenset[str] = frozenset()
     limit: float = settings.LIMIT
+    about: LinearPoint | None = None
 
 
 def derive(built: System, options: Options) -> Derivation:
@@ -84,6 +93,8 @@ def _derived(built: System, options: Options) -> Derivation:
         (statics_section.TITLE, statics_section.lines(system, parts)),
     ]
     written = [(title, list(lines)) for title, lines in drafts]
+    if options.about is not None:
+        written.append((linear_section.TITLE, list(linear_section.lines(system, signs, options.about))))
     written += _multipliers(system, parts, contacts, options)
     written.append((vakonomic_sections.TITLE, list(Vakonomic(system, signs, parts).lines())))
     lengths = list(parts.lengths())

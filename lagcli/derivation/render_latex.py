@@ -67,10 +67,12 @@ def _math(text: str) -> str:
 
 def sign(node: f.Sign) -> str:
     """A sign with dots and subscripts."""
-    base = word(node.base)
+    # The rate of a deviation has its dots on the letter.
+    deviates = node.dots > 0 and len(node.base) > 1 and node.base[0] == "δ"
+    base = word(node.base[1:] if deviates else node.base)
     if node.vector:
         base = rf"\mathbf{{{base}}}" if base.isalpha() else rf"\boldsymbol{{{base}}}"
-    base = _DOTS[node.dots].format(base)
+    base = (r"\delta " if deviates else "") + _DOTS[node.dots].format(base)
     if node.sub:
         base += rf"_{{{','.join(word(part) for part in node.sub)}}}"
     return base + (f"^{{{node.sup}}}" if node.sup else "")

@@ -21,7 +21,11 @@ def sign(node: f.Sign) -> str:
     base = f"<mi{style}>{html.escape(node.base)}</mi>"
     if node.vector:
         base = f'<mi class="vector" mathvariant="normal">{html.escape(node.base)}</mi>'
-    if node.dots:
+    if node.dots and len(node.base) > 1 and node.base[0] == "δ":
+        # The rate of a deviation has its dots on the letter.
+        inner = sign(f.Sign(node.base[1:], dots=node.dots))
+        base = f"<mrow><mi>δ</mi>{inner}</mrow>"
+    elif node.dots:
         base = f'<mover accent="true">{base}<mo>{_DOTS[node.dots]}</mo></mover>'
     after = f"<mo>{html.escape(node.sup.replace('-', '−'))}</mo>" if node.sup else ""
     if not node.sub:

@@ -30,7 +30,7 @@ def sign(node: f.Sign) -> str:
     """A sign with dots and subscripts: θ̇₁, ẋ_a."""
     base = node.base
     if node.dots:
-        if len(base) == 1:
+        if len(base.removeprefix("δ")) == 1:
             base = unicodedata.normalize("NFC", base + _DOTS[node.dots])
         else:
             for _ in range(node.dots):

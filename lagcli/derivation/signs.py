@@ -63,6 +63,13 @@ class Signs:
         self._shown[symbol] = dataclasses.replace(sign, dots=1)
         self._kinds[symbol] = self._kinds[of]
 
+    def show_deviation(self, symbol: sympy.Symbol, of: sympy.Symbol, dots: int = 0) -> None:
+        """A symbol for the deviation of another one, or for its rates; it stands last in a product."""
+        sign = self._shown[of]
+        assert isinstance(sign, f.Sign)
+        self._shown[symbol] = f.Sign("δ" + sign.base, sign.sub, dots)
+        self._kinds[symbol] = layout.VECTOR, 1_000_000 + len(self._kinds)
+
     def show_jump(self, symbol: sympy.Symbol, number: int) -> None:
         """A symbol for the change of a rate, shown as the rate after less the rate before."""
         rate = self._shown[self._system.v[number]]

@@ -75,12 +75,12 @@ def test_damping_is_kept() -> None:
 
 
 def test_sparse_and_dense_algebra_agree_with_rows_that_are_dependent() -> None:
-    from lagcli.api import cache, find_modes
+    from lagcli.api import cache, find_modes, linear_point
     from lagcli.linearization import reference
 
     text = RODS.replace("N: 250", "N: 12") + "  again: 2*norm(p[1]) = 2*l\n"
     model = lagcli.loads(text)
-    here, closed = find_modes._start(model)
+    here, closed = linear_point.start(model)
     ready = cache.compiled(model)
     found = reference.classified(find_modes._functions(ready, closed, 1.0), ready.numeric, here, 1.0)
     assert found is not None

@@ -1,0 +1,88 @@
+"""The point that `derive` linearizes about: the start, where it is an equilibrium or an instant of a steady motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.api import cache
+from lagcli.api.simulate import simulate
+from lagcli.errors import diagnostics
+from lagcli.model.model import Model
+from lagcli.output import table_columns
+from lagcli.output.trajectory import SimulationStopped
+from lagcli.start import initial
+
+if TYPE_CHECKING:
+    from lagcli.derivation.linear_matrices import LinearPoint
+    from lagcli.linearization.linearized import Linear, Reference
+
+# What is rounding beside the largest coordinate or rate.
+ROUNDING = 1e-14
+
+
+def start(model: Model) -> tuple[Reference, tuple[int, ...]]:
+    """The state at the start with its multipliers, and the contacts that press there.
+
+    Raises `ModelError`, `SimulationStopped`.
+    """
+    from lagcli.linearization.linearized import Reference
+
+    run = simulate(model, duration=0.0, samples=2)
+    built = cache.compiled(model).system
+    (t,), (q,), (v,) = table_columns.States(model, run.columns)(run.rows[:1])
+    lam = np.array([run[f"lambda.{row.name}"][0] for row in built.multiplier_rows])
+    p = initial.declared(built).p
+    rows = len(built.rows.rows)
+    closed = tuple(j for j in range(built.contacts.count) if lam[rows + j] > 0)
+    return Reference(float(t), q, v, np.zeros_like(q), lam, p), closed
+
+
+def of_start(model: Model) -> LinearPoint:
+    """The declared start as a point of linear equations, or why there are none about it."""
+    from lagcli.derivation.linear_matrices import MOST, LinearPoint
+    from lagcli.linearization import reference
+    from lagcli.linearization.linearized import LinearizedFunctions
+
+    ready = cache.compiled(model)
+    count = len(model.coordinate_names)
+    if count > MOST:
+        return LinearPoint(reason=f"there are {count} coordinates, and they are written out for up to {MOST}")
+    try:
+        here, closed = start(model)
+    except (diagnostics.ModelError, SimulationStopped):
+        return LinearPoint(reason="the declared start is not one that `simulate` begins at")
+    functions = LinearizedFunctions(ready.system, closed)
+    found = reference.classified(functions, ready.numeric, here, model.simulation.duration or 1.0)
+    if found is None:
+        return LinearPoint()
+    if found.kind == "varying":
+        return LinearPoint(reason="the linear equations about the declared start depend on t")
+    there = found.here
+    rows = len(ready.system.rows.rows)
+    taken = [*range(rows), *(rows + j for j in closed)]
+    numbers = (
+        _without_rounding(there.q),
+        _without_rounding(there.v),
+        _without_rounding(there.a),
+        _multipliers(found.linear, there.lam[taken], ready.system.holonomic_count),
+    )
+    return LinearPoint(found.kind, there.t, numbers, closed)
+
+
+def _without_rounding(values: npt.NDArray[np.float64]) -> tuple[float, ...]:
+    size = float(np.abs(values).max(initial=0.0))
+    return tuple(float(x) if abs(x) > ROUNDING * size else 0.0 for x in values)
+
+
+def _multipliers(linear: Linear, lam: npt.NDArray[np.float64], whole: int) -> tuple[float, ...]:
+    """lambda, 0 where its force is rounding beside the largest force."""
+    from lagcli.linearization import reference
+
+    B, A = linear.B.toarray(), linear.A.toarray()
+    rows = np.vstack([B[:whole], A, B[whole:]])
+    forces = np.abs(rows * lam[:, None]).max(axis=1, initial=0.0)
+    least = reference.BALANCED * float(linear.load.max(initial=0.0))
+    return tuple(float(x) if force > least else 0.0 for x, force in zip(lam, forces, strict=True))
