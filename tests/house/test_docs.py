@@ -4,6 +4,7 @@ import importlib.util
 import os
 import pathlib
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import typer
 import lagcli
 from lagcli import yaml_tree
 from lagcli.cli import app
+from tests.helpers import in_process
 
 ROOT = pathlib.Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "models").glob("*.md")])
@@ -173,3 +175,36 @@ def test_the_two_commands_of_the_readme_stand_in_the_ci_script() -> None:
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert "-m pytest -n 2" in README
     assert "-m pytest -n 2" in script
+
+
+def words(text: str) -> list[str]:
+    return re.split(r"[\s,]+", text.strip())
+
+
+def are_alike(shown: str, printed: str) -> bool:
+    """Word for word, numbers to nine digits and a residual to the size of rounding."""
+    pairs = list(zip(words(shown), words(printed), strict=False))
+    number = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+    return len(words(shown)) == len(words(printed)) and all(
+        float(a) == pytest.approx(float(b), rel=1e-8, abs=1e-9)
+        if number.fullmatch(a) and number.fullmatch(b)
+        else a == b
+        for a, b in pairs
+    )
+
+
+def test_the_tutorial_on_rest_prints_what_is_shown(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its commands one after the other; each line shown is one of those printed, in this order."""
+    tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    chapter = tutorial.partition("Where it rests\n")[2].partition("\n## ")[0]
+    for body in blocks(chapter, "yaml"):
+        (tmp_path / body.split()[1]).write_text(body, encoding="utf-8")
+    sessions = [body.removeprefix("$ ").partition("\n") for body in blocks(chapter, "console")]
+    assert len(sessions) == 4
+    monkeypatch.chdir(tmp_path)
+    for command, _, output in sessions:
+        printed = iter(in_process.run(*shlex.split(command)[1:])[0].splitlines())
+        for shown in output.splitlines():
+            assert shown == "..." or any(are_alike(shown, line) for line in printed), (command, shown)
