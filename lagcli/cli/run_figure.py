@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pathlib
 
 import numpy as np
@@ -53,6 +54,15 @@ def draw(ready: SimulationRun, options: SimulateOptions, kept: decimate.Thinned)
                     kept.marks,
                 ),
             )
+
+
+def late_marks(ready: SimulationRun, options: SimulateOptions) -> str:
+    """That the figure of a resumed run marks no incidents of the run before, which are in no file; or nothing."""
+    point = ready.resumed
+    if options.plot is None or point is None or not point.mark.told.incidents:
+        return ""
+    t = max(point.mark.origin + point.mark.row, point.mark.told.last or -math.inf)
+    return f"marks of incidents in {options.plot} begin after t = {t:.9g}: those before are in no file that goes on"
 
 
 def _drawn(

@@ -80,7 +80,8 @@ def run(ready: SimulationRun, options: SimulateOptions) -> None:
                 if options.checkpoint is not None:
                     written.keep_checkpoints(options.checkpoint, begun.rows, begun.incidents)
                 is_whole = options.plot is not None and names == list(ready.columns)
-                written.begin(begun.rows, begun.incidents, kept.add if is_whole else lambda block: None)
+                is_drawn = is_whole and begun.rows is not None
+                written.begin(begun.rows, begun.incidents, kept if is_drawn else None)
                 stopped = _write_rows(ready, options, picked, written, kept, outcome)
         except (signals.Interrupted, exits.WriteError, OSError) as error:
             _account_of_ended(ready, options, outcome, error)
@@ -137,6 +138,8 @@ def _tell_start(ready: SimulationRun, options: SimulateOptions, begun: _Begun) -
             exits.say(f"note: {file} begins {first.sentence}")
         elif lost:
             exits.say(f"note: {lost}")
+    if begun.rows is not None and begun.incidents is None and (late := run_figure.late_marks(ready, options)):
+        exits.say(f"note: {late}")
     if ready.assembly is not None:
         exits.say_all(assembly_moves.moves(ready.model, ready.assembly).lines(ready.model.units))
     if ready.passed_over:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from lagcli.cli import exits, safe_table, signals
 from lagcli.cli.preflight import SimulateOptions
 from lagcli.cli.safe_table import RowsBefore, SafeTable, TablePlan
 from lagcli.output import checkpoint_file, incident_table
+from lagcli.output.figures import decimate
 from lagcli.output.incident_table import IncidentColumns
 from lagcli.output.trajectory import provenance
 from lagcli.simulation import checkpoint
@@ -68,14 +69,14 @@ class TableOutput:
         self._keeper = checkpoint_file.Keeper(path, rows, incidents)
 
     def begin(
-        self, first: RowsBefore | None, happened: RowsBefore | None, seen: Callable[[Floats], None]
+        self, first: RowsBefore | None, happened: RowsBefore | None, drawn: decimate.Thinned | None
     ) -> None:
-        """Begin with the rows and incidents of the run before; each block of its rows is also `seen`."""
+        """Begin with the rows and incidents of the run before, which are `drawn` too."""
         if first is not None and self._rows is not None:
-            self._rows.begin(first, seen)
+            self._rows.begin(first, _ignore if drawn is None else drawn.add)
             self.t_end = first.t_end
         if happened is not None and self._events is not None:
-            self._events.begin(happened, lambda block: None)
+            self._events.begin(happened, _ignore if drawn is None else drawn.mark)
 
     def take(
         self,
@@ -120,6 +121,10 @@ class TableOutput:
         if self._keeper is not None:
             with exits.writing(self._checkpoint):
                 self._keeper.write()
+
+
+def _ignore(block: Floats) -> None:
+    """Not drawn."""
 
 
 @contextlib.contextmanager

@@ -1,6 +1,7 @@
 """`--events` and `--event-rows`: where incidents go, with made-up ones at the ends of steps."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -246,9 +247,8 @@ def test_the_incidents_of_two_parts_are_those_of_one_run(command, here, made_up,
     assert (account["impacts"], account["rows"]) == (run.stats.impacts, len(run.t))
 
 
-def test_a_killed_run_is_resumed_into_one_table_of_events(command, here, made_up, small, monkeypatch):
-    files = ("-o", "run.csv", "--events", "e.parquet", "--checkpoint", "ck")
-    whole = lagcli.simulate("m.yaml")
+def kill(command, monkeypatch, files):
+    """A run into files that ends after eight blocks."""
     with monkeypatch.context() as patch:
         patch.setattr(atomic_file, "sweep", lambda: None)
         patch.setattr(sinks._FileSink, "discard", lambda sink: None)
@@ -264,6 +264,12 @@ def test_a_killed_run_is_resumed_into_one_table_of_events(command, here, made_up
         patch.setattr(table_output.TableOutput, "take", counted)
         with pytest.raises(Killed):
             command("simulate", "m.yaml", *files)
+
+
+def test_a_killed_run_is_resumed_into_one_table_of_events(command, here, made_up, small, monkeypatch):
+    files = ("-o", "run.csv", "--events", "e.parquet", "--checkpoint", "ck")
+    whole = lagcli.simulate("m.yaml")
+    kill(command, monkeypatch, files)
     assert {"e.parquet.rows", "run.csv.rows", "ck"} <= set(names(here))
     _, err, code = command("simulate", "m.yaml", "--resume", "ck", "--event-rows", *files)
     assert code == 2
@@ -301,18 +307,40 @@ def test_a_trajectory_without_incidents_has_an_empty_table() -> None:
     assert repr(run.events) == "<IncidentTable: no incidents>"
 
 
-def test_a_figure_of_a_run_with_incidents_is_drawn(command, here, made_up, monkeypatch):
+@pytest.fixture
+def drawn(monkeypatch):
+    """The rows and facts of the figure that is drawn last."""
     from lagcli.output.figures import figure
 
-    drawn = {}
+    found = {}
     draw = figure.draw
 
     def drawing(path, columns, rows, **facts):
-        drawn.update(rows=rows, facts=facts["facts"])
+        found.update(rows=rows, facts=facts["facts"])
         draw(path, columns, rows, **facts)
 
     monkeypatch.setattr(figure, "draw", drawing)
+    return found
+
+
+def test_a_figure_of_a_run_with_incidents_is_drawn(command, here, made_up, drawn):
     assert command("simulate", "m.yaml", "-q", "--plot", "f.png", "-o", "run.csv")[2] == 0
     run = lagcli.simulate("m.yaml", event_rows=True)
     assert [t for t, _ in drawn["facts"].incidents] == run.events.t.tolist()
     np.testing.assert_array_equal(drawn["rows"], run.rows)  # jumps are upright without --event-rows too
+
+
+@pytest.mark.parametrize("events", [("--events", "e.csv"), ()])
+@pytest.mark.usefixtures("here", "made_up", "small")
+def test_a_figure_of_a_resumed_run_marks_what_is_known(command, monkeypatch, drawn, events):
+    run, files = lagcli.simulate("m.yaml"), ("-o", "run.csv", "--checkpoint", "ck", *events)
+    kill(command, monkeypatch, files)
+    _, err, code = command("simulate", "m.yaml", "--resume", "ck", "--plot", "f.png", *files)
+    assert code == 0, err
+    begins = re.search(r"note: marks of incidents in f.png begin after t = (\S+):", err)
+    assert (begins is None) == bool(events)
+    first = 0.0 if begins is None else float(begins[1])
+    wanted = [(t, kind) for t, kind in zip(run.events.t, run.events.kinds, strict=True) if t > first + 1e-6]
+    assert drawn["facts"].incidents == wanted
+    assert 2 < len(wanted) <= len(run.events) - 2 * (not events)
+    assert drawn["rows"][0, 0] == 0.0

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.simulation.incident import KINDS
+
 # A figure is some 1 500 pixels wide; this many points on one curve show more than that.
 FEWEST_ROWS = 4096
 NUMBERS = 1 << 22
@@ -35,6 +37,10 @@ class Thinned:
             self._stride *= 2
             self._blocks, self._count = [], 0
             self._keep(kept)
+
+    def mark(self, incidents: NDArray[np.float64]) -> None:
+        """Take in incidents (k, columns): their times, and their kinds by their places in `KINDS`, come first."""
+        self.marks.extend((float(t), KINDS[int(kind)]) for t, kind in incidents[:, :2])
 
     def rows(self) -> NDArray[np.float64]:
         """The rows that are left, shape (k, columns)."""
