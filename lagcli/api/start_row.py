@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.equations import restart
+from lagcli.equations import restart, system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.output import endings
@@ -16,6 +17,12 @@ from lagcli.output.tables import read_table
 from lagcli.output.tables.sinks import MissingExtra
 
 LAST = -1
+_COLUMNS = {
+    "value": ("{}",),
+    "rate": ("rate({})",),
+    "position": ("{}.x", "{}.y", "{}.z"),
+    "velocity": ("{}.vx", "{}.vy", "{}.vz"),
+}
 _ROW = re.compile(r"(.+):([+-]?\d+)", re.DOTALL)
 
 
@@ -38,6 +45,7 @@ def split(text: str) -> tuple[str, int]:
 def at(model: Model, text: str) -> Model:
     """The model with the positions of a row, `FILE` or `FILE:ROW`, and its velocities, zero where there are none.
 
+    Initial values that were set by name are put on top of the row: a push to a point of rest.
     Raises `NoSuchRow`, and what `read_table.opened` raises.
     """
     path, row = split(text)
@@ -55,6 +63,7 @@ def at(model: Model, text: str) -> Model:
     if not -len(rows) <= row < len(rows):
         raise NoSuchRow(f"{path}:{row}: it has {len(rows)} rows, from 0 to {len(rows) - 1}; -1 is the last")
     values = dict(zip([*names, *there], rows[row].tolist(), strict=True))
+    values |= _set_aside(model, names, rates)
     q = np.array([values[name] for name in names])
     v = np.array([values.get(name, 0.0) for name in rates])
     for name, value in values.items():
@@ -62,3 +71,18 @@ def at(model: Model, text: str) -> Model:
             raise NoSuchRow(f"{path}:{row}: the column `{name}` has no number there")
     changes = (*model.changes, ("from", f"{path}:{row}"))
     return dataclasses.replace(restart.at(model, q, v), changes=changes)
+
+
+def _set_aside(model: Model, names: Sequence[str], rates: Sequence[str]) -> dict[str, float]:
+    """The initial values that were changed by name, by their columns. Raises `NoSuchRow` for those of a family."""
+    declared = dict(zip([*names, *rates], np.concatenate(system.start(model)).tolist(), strict=True))
+    found: dict[str, float] = {}
+    for name, _ in model.changes:
+        owner, dot, field = name.rpartition(".")
+        if not dot:
+            continue
+        columns = [column.format(owner) for column in _COLUMNS.get(field, (f"{{}}.{field}",))]
+        if any(column not in declared for column in columns):
+            raise NoSuchRow(f"--set {name} is of a whole family: with --from only single members can be set")
+        found |= {column: declared[column] for column in columns}
+    return found

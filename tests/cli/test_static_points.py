@@ -77,6 +77,25 @@ def test_from_on_the_command_line(model, tmp_path):
     assert done.out.splitlines()[1:] == ["0.0,-2.0", "1.0,-2.0"]
 
 
+def test_a_value_that_is_set_lies_on_top_of_the_row(model, tmp_path):
+    table = str(tmp_path / "points.csv")
+    run("equilibrium", model, "-o", table, "-q")
+    done = run(
+        "simulate",
+        model,
+        "--from",
+        f"{table}:0",
+        "--set",
+        "a.vx=0.3",
+        "--columns",
+        "a.z,a.vx",
+        "--samples",
+        "2",
+    )
+    assert done.code == 0
+    assert done.out.splitlines()[1] == "-2.0,0.3"
+
+
 def test_a_row_of_a_run_carries_its_velocities(model, tmp_path):
     table = str(tmp_path / "run.csv")
     run("simulate", model, "-o", table, "-q")
