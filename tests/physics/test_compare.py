@@ -19,7 +19,15 @@ PAIRS = (
     ("rolling-disk", "rolling-disk-particles"),
     ("ramp-stick", "ramp-stick-coordinates"),
 )
-ALONE = {"solar-system", "spring-lattice", "spring-triangle"}  # neither rows nor dependent particles
+ALONE = {  # neither rows nor dependent particles
+    "bicycle",
+    "buckling-column",
+    "co2-vibrations",
+    "solar-system",
+    "spring-lattice",
+    "spring-triangle",
+    "water-vibrations",
+}
 SHORT = {"chain": 0.02, "cloth": 0.1, "spring-stiff-limit": 0.2}
 
 # A disk of four particles in four coordinates: dependent particles, and differential rows.
