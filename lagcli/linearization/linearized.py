@@ -184,6 +184,6 @@ def _sparse(matrix: ca.DM) -> sparse.csc_array:
     from scipy import sparse
 
     pattern = matrix.sparsity()
-    return sparse.csc_array(
-        (np.array(matrix.nonzeros(), dtype=float), pattern.row(), pattern.colind()), shape=matrix.shape
-    )
+    # The factorizations of older SciPy take indices of 32 bits alone.
+    indices, starts = (np.array(part, dtype=np.int32) for part in (pattern.row(), pattern.colind()))
+    return sparse.csc_array((np.array(matrix.nonzeros(), dtype=float), indices, starts), shape=matrix.shape)

@@ -143,7 +143,7 @@ def _of_states(linear: Linear, wanted: int) -> Lowest:
 
     M, C, K = linear.M, linear.C, linear.K
     n = M.shape[0]
-    rows, one = sparse.vstack([linear.B, linear.A]), sparse.eye_array(n)
+    rows, one = sparse.vstack([linear.B, linear.A]), sparse.eye(n)
     held = sparse.vstack([linear.B, linear.D])
     slow = sparse.vstack([sparse.csc_array(linear.B.shape), linear.A])
     size = float(np.sqrt(np.abs(K.diagonal() / M.diagonal()).max())) or 1.0
@@ -179,7 +179,7 @@ def _solver(matrix: sparse.csc_array, B: sparse.csc_array) -> Callable[[Floats],
     h = B.shape[0]
     size = float(abs(matrix).max())
     for loose in (0.0, LOOSE / size):
-        corner = -loose * sparse.eye_array(h) if h else None
+        corner = -loose * sparse.eye(h) if h else None
         blocks = [[matrix, B.T], [B, corner]] if h else [[matrix]]
         try:
             factors = linalg.splu(sparse.block_array(blocks).tocsc())
@@ -207,7 +207,7 @@ def _rank(rows: sparse.csc_array) -> int:
         return 0
     from scipy import sparse
 
-    gram = (rows @ rows.T + 1e-13 * sparse.eye_array(rows.shape[0])).tocsc()
+    gram = (rows @ rows.T + 1e-13 * sparse.eye(rows.shape[0])).tocsc()
     gram.sort_indices()
     pattern = _pattern(gram)
     return int((np.array(ca.ldl(ca.DM(pattern, gram.data))[0]).ravel() > 1e-10).sum())
