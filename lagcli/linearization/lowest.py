@@ -147,7 +147,7 @@ def _of_states(linear: Linear, wanted: int) -> Lowest:
     held = sparse.vstack([linear.B, linear.D])
     slow = sparse.vstack([sparse.csc_array(linear.B.shape), linear.A])
     size = float(np.sqrt(np.abs(K.diagonal() / M.diagonal()).max())) or 1.0
-    A = sparse.block_array([[None, one, None], [-K, -C, rows.T], [held, slow, None]]).tocsc()
+    A = sparse.bmat([[None, one, None], [-K, -C, rows.T], [held, slow, None]]).tocsc()
     nothing = sparse.csc_array((rows.shape[0], rows.shape[0]))
     E = sparse.block_diag([one, M, nothing]).tocsc()
     sigma = SHIFT**0.5 * size
@@ -182,7 +182,7 @@ def _solver(matrix: sparse.csc_array, B: sparse.csc_array) -> Callable[[Floats],
         corner = -loose * sparse.eye(h) if h else None
         blocks = [[matrix, B.T], [B, corner]] if h else [[matrix]]
         try:
-            factors = linalg.splu(sparse.block_array(blocks).tocsc())
+            factors = linalg.splu(sparse.bmat(blocks).tocsc())
         except RuntimeError:  # exactly singular: rows are dependent
             continue
         return functools.partial(_solved, factors, np.zeros(h))
@@ -198,7 +198,7 @@ def _unit(rows: sparse.csc_array) -> sparse.csc_array:
     from scipy import sparse
 
     lengths = np.sqrt(np.asarray((rows.multiply(rows)).sum(axis=1)).ravel())
-    return sparse.csc_array(sparse.diags_array(1 / np.where(lengths > 0, lengths, 1.0)) @ rows)
+    return sparse.csc_array(sparse.diags(1 / np.where(lengths > 0, lengths, 1.0)) @ rows)
 
 
 def _rank(rows: sparse.csc_array) -> int:
