@@ -300,7 +300,7 @@ def compare(
     principles = preflight.PrinciplesOptions(vakonomic, tuple(mu or ()), output, plot)
     principles.require(paths, as_json)
     read = _reported(lambda: [_load(path, changes) for path in paths], as_json)
-    given: compare_command.ComparedRuns = {
+    given: preflight.RepeatedRuns = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
@@ -361,7 +361,7 @@ def limit(
     options = preflight.LimitOptions(constraint, stiffness, unprestressed, ramp, output, plot, as_json, quiet)
     options.require(model)
     read = _reported(lambda: _load(model, changes), as_json)
-    given: limit_command.LimitedRuns = {
+    given: preflight.RepeatedRuns = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypedDict
 
 from lagcli.api import compare
 from lagcli.cli import console, exits, json_output, principles_output
-from lagcli.cli.preflight import CompareOptions
+from lagcli.cli.preflight import CompareOptions, RepeatedRuns
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import KINDS, TITLES, Agreement, Comparison
 from lagcli.model.model import Model
@@ -16,19 +15,7 @@ LABELS = {"lambda": "λ"}
 COLOURS = {"stopped": "red"}
 
 
-class ComparedRuns(TypedDict):
-    """The settings of the runs, None where the file's stays."""
-
-    duration: float | None
-    output_step: float | None
-    samples: int | None
-    rtol: float | None
-    atol: float | None
-    max_step: float | None
-    assemble: bool | None
-
-
-def run(model: Model, other: Model | None, settings: ComparedRuns, options: CompareOptions) -> None:
+def run(model: Model, other: Model | None, settings: RepeatedRuns, options: CompareOptions) -> None:
     """Compare and tell. Raises `exits.UsageError`, `exits.Exit` where they disagree or a run stopped."""
     try:
         found = compare.compare(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pathlib
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli.api import limit
 from lagcli.cli import console, exits, json_output, safe_table
-from lagcli.cli.preflight import LimitOptions
+from lagcli.cli.preflight import LimitOptions, RepeatedRuns
 from lagcli.cli.safe_table import TablePlan
 from lagcli.formulations.stiff.ladder import StiffLimit
 from lagcli.model.model import Model
@@ -19,19 +19,7 @@ if TYPE_CHECKING:
     from lagcli.output.figures.limit_figure import LimitCurves
 
 
-class LimitedRuns(TypedDict):
-    """The settings of the runs, None where the file's stays."""
-
-    duration: float | None
-    output_step: float | None
-    samples: int | None
-    rtol: float | None
-    atol: float | None
-    max_step: float | None
-    assemble: bool | None
-
-
-def run(model: Model, settings: LimitedRuns, options: LimitOptions) -> None:
+def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
     """Make the runs and tell. Raises `exits.UsageError`, `exits.Exit` where a run stopped."""
     try:
         found = limit.limit(

@@ -11,12 +11,25 @@ import errno
 import os
 import pathlib
 from collections.abc import Iterable, Iterator
+from typing import TypedDict
 
 from lagcli.cli import exits, file_conflicts
 from lagcli.model import settings
 from lagcli.output import atomic_file, endings
 
 DERIVE_FORMATS = ("text", "latex", "markdown", "html", "json")
+
+
+class RepeatedRuns(TypedDict):
+    """The settings of the runs of `compare` and `limit`, None where the file's stays."""
+
+    duration: float | None
+    output_step: float | None
+    samples: int | None
+    rtol: float | None
+    atol: float | None
+    max_step: float | None
+    assemble: bool | None
 
 
 def require_models(paths: list[str]) -> None:
@@ -50,11 +63,7 @@ class CheckOptions:
             return
         if len(models) > 1:
             raise exits.UsageError("--witness takes one MODEL")
-        if self.plot is not None:
-            _require_ending(self.plot, endings.FIGURES)
-            _require_writable(
-                file_conflicts.model(models[0]), [file_conflicts.File("--plot", self.plot, is_written=True)]
-            )
+        _require_outputs(models[0], None, self.plot, as_json=False)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -160,15 +169,7 @@ class PrinciplesOptions:
             return
         if len(models) > 1:
             raise exits.UsageError("--vakonomic compares the two principles of one MODEL")
-        if as_json and self.output == "-":
-            raise exits.UsageError("--output -: --json has standard output; give a file")
-        table = None if self.output == "-" else self.output
-        _require_ending(table, endings.TABLES)
-        _require_ending(self.plot, endings.FIGURES)
-        named = (("--output", table), ("--plot", self.plot))
-        files = [file_conflicts.File(option, name, is_written=True) for option, name in named if name]
-        if files:
-            _require_writable(file_conflicts.model(models[0]), files)
+        _require_outputs(models[0], self.output, self.plot, as_json)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -198,11 +199,7 @@ class ModesOptions:
                 "--animate needs the pages of `animate`, which is not built yet; --plot draws shapes"
             )
         require_models([model])
-        if self.plot is not None:
-            _require_ending(self.plot, endings.FIGURES)
-            _require_writable(
-                file_conflicts.model(model), [file_conflicts.File("--plot", self.plot, is_written=True)]
-            )
+        _require_outputs(model, None, self.plot, self.as_json)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -220,15 +217,7 @@ class LimitOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL."""
-        if self.as_json and self.output == "-":
-            raise exits.UsageError("--output -: --json has standard output; give a file")
-        table = None if self.output == "-" else self.output
-        _require_ending(table, endings.TABLES)
-        _require_ending(self.plot, endings.FIGURES)
-        named = (("--output", table), ("--plot", self.plot))
-        files = [file_conflicts.File(option, name, is_written=True) for option, name in named if name]
-        if files:
-            _require_writable(file_conflicts.model(model), files)
+        _require_outputs(model, self.output, self.plot, self.as_json)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -279,15 +268,7 @@ class PointOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL."""
-        if self.output is None:
-            return
-        if self.output == "-":
-            if self.as_json:
-                raise exits.UsageError("-o - and --json: both are for standard output")
-            return
-        _require_ending(self.output, endings.TABLES)
-        written = file_conflicts.File("--output", self.output, is_written=True)
-        _require_writable(file_conflicts.model(model), [written])
+        _require_outputs(model, self.output, None, self.as_json)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -314,6 +295,19 @@ def _require_ending(name: str | None, known: tuple[str, ...]) -> None:
         endings.of(pathlib.Path(name), known)
     except endings.UnknownFormat as error:
         raise exits.UsageError(str(error)) from None
+
+
+def _require_outputs(model: str, output: str | None, plot: str | None, as_json: bool) -> None:
+    """Refuse a table, `-` for standard output, and a figure that cannot be written beside this MODEL."""
+    if as_json and output == "-":
+        raise exits.UsageError("--output -: --json has standard output; give a file")
+    table = None if output == "-" else output
+    _require_ending(table, endings.TABLES)
+    _require_ending(plot, endings.FIGURES)
+    named = (("--output", table), ("--plot", plot))
+    files = [file_conflicts.File(option, name, is_written=True) for option, name in named if name is not None]
+    if files:
+        _require_writable(file_conflicts.model(model), files)
 
 
 def _require_writable(
