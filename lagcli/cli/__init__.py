@@ -3,6 +3,7 @@
 In: arguments
 Out: text or JSON on stdout, messages on stderr, an exit code
 
-`app` declares the commands, `simulate_command` carries out `simulate`, `console` is the one place that uses rich,
-`exits` turns failures into exit codes, `signals` keeps interrupts away from half-written rows.
+`app` is the program, `commands` has the options of each command, `simulate_command` carries out `simulate`,
+`console` is the one place that uses rich, `exits` turns failures into exit codes, `signals` keeps interrupts away
+from half-written rows.
 """

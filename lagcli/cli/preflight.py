@@ -63,7 +63,7 @@ class CheckOptions:
             return
         if len(models) > 1:
             raise exits.UsageError("--witness takes one MODEL")
-        _require_outputs(models[0], None, self.plot, as_json=False)
+        require_outputs(models[0], None, self.plot, as_json=False)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -114,9 +114,9 @@ class SimulateOptions:
             from lagcli.simulation.global_error import error_estimate
 
             raise exits.UsageError(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
-        _require_ending(self.file, endings.TABLES)
-        _require_ending(self.events_file, endings.TABLES)
-        _require_ending(self.plot, endings.FIGURES)
+        require_ending(self.file, endings.TABLES)
+        require_ending(self.events_file, endings.TABLES)
+        require_ending(self.plot, endings.FIGURES)
         for option, name, instead in (
             ("--stats", self.stats, "; --json prints the account"),
             ("--checkpoint", self.checkpoint, ""),
@@ -124,7 +124,7 @@ class SimulateOptions:
         ):
             if name == "-":
                 raise exits.UsageError(f"{option}: a file name is needed{instead}")
-        _require_writable(file_conflicts.model(model), self._files(), frozenset(("--checkpoint", "--resume")))
+        require_writable(file_conflicts.model(model), self._files(), frozenset(("--checkpoint", "--resume")))
 
     def _files(self) -> Iterator[file_conflicts.File]:
         """All files of the options, those that belong to others after them."""
@@ -169,7 +169,7 @@ class PrinciplesOptions:
             return
         if len(models) > 1:
             raise exits.UsageError("--vakonomic compares the two principles of one MODEL")
-        _require_outputs(models[0], self.output, self.plot, as_json)
+        require_outputs(models[0], self.output, self.plot, as_json)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -199,7 +199,7 @@ class ModesOptions:
                 "--animate needs the pages of `animate`, which is not built yet; --plot draws shapes"
             )
         require_models([model])
-        _require_outputs(model, None, self.plot, self.as_json)
+        require_outputs(model, None, self.plot, self.as_json)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -217,7 +217,7 @@ class LimitOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL."""
-        _require_outputs(model, self.output, self.plot, self.as_json)
+        require_outputs(model, self.output, self.plot, self.as_json)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -235,11 +235,11 @@ class AuditOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL."""
-        _require_ending(self.plot, endings.FIGURES)
-        _require_ending(self.table, endings.TABLES)
+        require_ending(self.plot, endings.FIGURES)
+        require_ending(self.table, endings.TABLES)
         if self.table is not None and not os.path.exists(self.table):
             raise exits.UsageError(f"--run: there is no file {self.table}")
-        _require_ending(self.events, endings.TABLES)
+        require_ending(self.events, endings.TABLES)
         if self.events is not None and self.table is None:
             raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
         if self.events is not None and not os.path.exists(self.events):
@@ -248,7 +248,7 @@ class AuditOptions:
             given = (("--run", self.table), ("--events", self.events))
             read = [file_conflicts.File(option, file) for option, file in given if file is not None]
             figure = file_conflicts.File("--plot", self.plot, is_written=True)
-            _require_writable(file_conflicts.model(model), [*read, figure])
+            require_writable(file_conflicts.model(model), [*read, figure])
         if self.table is not None and self.has_rows:
             raise exits.UsageError(
                 "--run: the table has its own rows; --duration and --samples are of a new run"
@@ -268,7 +268,7 @@ class PointOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL."""
-        _require_outputs(model, self.output, None, self.as_json)
+        require_outputs(model, self.output, None, self.as_json)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -287,7 +287,7 @@ class DeriveOptions:
             raise exits.UsageError(f"--format {self.form}: the formats are {', '.join(DERIVE_FORMATS)}")
 
 
-def _require_ending(name: str | None, known: tuple[str, ...]) -> None:
+def require_ending(name: str | None, known: tuple[str, ...]) -> None:
     """Refuse a file whose name ends in none of the known formats."""
     if name is None:
         return
@@ -297,20 +297,20 @@ def _require_ending(name: str | None, known: tuple[str, ...]) -> None:
         raise exits.UsageError(str(error)) from None
 
 
-def _require_outputs(model: str, output: str | None, plot: str | None, as_json: bool) -> None:
+def require_outputs(model: str, output: str | None, plot: str | None, as_json: bool) -> None:
     """Refuse a table, `-` for standard output, and a figure that cannot be written beside this MODEL."""
     if as_json and output == "-":
         raise exits.UsageError("--output -: --json has standard output; give a file")
     table = None if output == "-" else output
-    _require_ending(table, endings.TABLES)
-    _require_ending(plot, endings.FIGURES)
+    require_ending(table, endings.TABLES)
+    require_ending(plot, endings.FIGURES)
     named = (("--output", table), ("--plot", plot))
     files = [file_conflicts.File(option, name, is_written=True) for option, name in named if name is not None]
     if files:
-        _require_writable(file_conflicts.model(model), files)
+        require_writable(file_conflicts.model(model), files)
 
 
-def _require_writable(
+def require_writable(
     model: Iterable[file_conflicts.File],
     files: Iterable[file_conflicts.File],
     together: frozenset[str] = frozenset(),

@@ -15,7 +15,7 @@ import typer
 
 import lagcli
 from lagcli import yaml_tree
-from lagcli.cli import app
+from lagcli.cli import app, commands
 from tests.helpers import in_process
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -165,7 +165,9 @@ def test_command_line_page_names_every_command_and_option() -> None:
     page = (ROOT / "docs" / "reference" / "command-line.md").read_text(encoding="utf-8")
     sections = {part.partition("\n")[0]: part for part in page.split("\n## ")}
     common = sections["Options of the three commands"]
-    for name, command in typer.main.get_command(app.app).commands.items():
+    group = typer.main.get_command(app.app)
+    for name in commands.COMMANDS:
+        command = group.get_command(None, name)
         documented = set(re.findall(r"`(--?\w[\w-]*)", common + sections[name]))
         options = {option for parameter in command.params for option in parameter.opts if option[0] == "-"}
         assert options <= documented

@@ -1,0 +1,22 @@
+"""The commands, a file each: its options, and what it hands them to.
+
+In: options
+Out: calls of the functions that carry the commands out
+
+A new command NAME is a file `NAME_options.py` with a function NAME, and a line here.
+"""
+
+COMMANDS = {
+    "dof": "Print the number of degrees of freedom.",
+    "check": "Classify the constraints, count, check the start.",
+    "simulate": "Integrate and write the table of the motion.",
+    "compare": "Run a model in several formulations and compare them.",
+    "limit": "A constraint as the limit of a stiff spring.",
+    "audit": "A second opinion on a run, from its table alone.",
+    "displacements": "Allowed and virtual displacements at an instant.",
+    "modes": "Small oscillations: frequencies, shapes, stability.",
+    "stationary": "Stationary points of a function on the constraint surfaces.",
+    "equilibrium": "Points of rest, with multipliers and type.",
+    "derive": "Print the equations of motion.",
+    "explain": "Explain an error or warning and how to fix it.",
+}

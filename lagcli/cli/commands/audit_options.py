@@ -1,0 +1,68 @@
+"""`lagcli audit`: its options."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from lagcli.cli import exits, model_reading
+from lagcli.cli.options import (
+    AssembleOption,
+    DebugOption,
+    JsonOption,
+    ModelArgument,
+    QuietOption,
+    SetOption,
+    VerboseOption,
+)
+
+
+@exits.command
+def audit(
+    model: ModelArgument,
+    run: Annotated[
+        str | None,
+        typer.Option(
+            "--run", metavar="FILE", help="a table: .csv, .tsv, .json, .npz, .parquet; else a new run"
+        ),
+    ] = None,
+    events: Annotated[
+        str | None,
+        typer.Option("--events", metavar="FILE", help="the events of that run, of `simulate --events`"),
+    ] = None,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of the checks: png, svg, pdf")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="length of the new run")] = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows of the new run")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance of the run")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance of the run")] = None,
+    max_step: Annotated[
+        float | None, typer.Option("--max-step", help="no step of the new run is longer")
+    ] = None,
+    assemble: AssembleOption = False,
+    digits: Annotated[
+        bool, typer.Option("--digits", help="how many digits of the table are right, from the run repeated")
+    ] = False,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Check a table of t, r, v, lambda, R against the laws of the model, without the functions of the solver.
+
+    Exit 1 where a check fails, 3 where the new run stops before its end.
+    """
+    from lagcli.cli import audit_command, preflight
+
+    has_rows = duration is not None or samples is not None
+    options = preflight.AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)
+    options.require(model)
+    read = model_reading.reported(lambda: model_reading.load(model, changes), as_json)
+    given: audit_command.AuditedRun = {
+        "duration": duration, "samples": samples, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "assemble": True if assemble else None,
+    }  # fmt: skip
+    model_reading.reported(lambda: audit_command.run(read, given, options), as_json)

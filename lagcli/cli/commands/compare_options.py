@@ -1,0 +1,85 @@
+"""`lagcli compare`: its options."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from lagcli.cli import exits, model_reading
+from lagcli.cli.options import (
+    AssembleOption,
+    DebugOption,
+    JsonOption,
+    ModelArgument,
+    OutputStepOption,
+    QuietOption,
+    SetOption,
+    VerboseOption,
+)
+
+
+@exits.command
+def compare(
+    model: ModelArgument,
+    other: Annotated[
+        str | None, typer.Argument(metavar="[OTHER]", help="a second model, compared on shared columns")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="length of the runs")] = None,
+    output_step: OutputStepOption = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted (101)")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance of the runs")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance of the runs")] = None,
+    max_step: Annotated[
+        float | None, typer.Option("--max-step", help="no step of the runs is longer")
+    ] = None,
+    assemble: AssembleOption = False,
+    columns: Annotated[
+        str | None, typer.Option(metavar="PATTERNS", help="columns to compare, such as 'a.*,R.*'")
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="largest difference that passes, as a part of the largest value (1e-8)"),
+    ] = None,
+    vakonomic: Annotated[
+        bool, typer.Option("--vakonomic", help="also the motion of the other principle, with multipliers μ")
+    ] = False,
+    mu: Annotated[
+        list[str] | None,
+        typer.Option("--mu", metavar="NAME=VALUE", help="initial μ of a differential row (0); repeatable"),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option("-o", "--output", metavar="FILE", help="table of the vakonomic motion; - for stdout"),
+    ] = None,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of the two motions: png, svg, pdf")
+    ] = None,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Run a model in every formulation that fits, or two models, and show to how many digits they agree.
+
+    Newton with multipliers, Lagrange with multipliers, reduced by the null space; with --vakonomic also the motion that
+    makes the action stationary among those that satisfy the rows, which in general is another one. Exit 1 where
+    formulations disagree, 3 where a run stops before its end.
+    """
+    from lagcli.cli import compare_command, preflight
+
+    paths = [model] if other is None else [model, other]
+    preflight.require_models(paths)
+    principles = preflight.PrinciplesOptions(vakonomic, tuple(mu or ()), output, plot)
+    principles.require(paths, as_json)
+    read = model_reading.reported(lambda: [model_reading.load(path, changes) for path in paths], as_json)
+    given: preflight.RepeatedRuns = {
+        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "assemble": True if assemble else None,
+    }  # fmt: skip
+    options = preflight.CompareOptions(columns, tolerance, as_json, quiet, principles)
+    if verbose:
+        exits.say_all(warning.render() for one in read for warning in one.warnings)
+    second = read[1] if other is not None else None
+    model_reading.reported(lambda: compare_command.run(read[0], second, given, options), as_json)

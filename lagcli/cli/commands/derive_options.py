@@ -1,0 +1,54 @@
+"""`lagcli derive`: its options."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+import typer
+
+from lagcli.cli import exits, model_reading
+from lagcli.cli.options import DebugOption, LimitOption, ModelArgument, QuietOption, SetOption, VerboseOption
+from lagcli.model import settings
+
+
+@exits.command
+def derive(
+    model: ModelArgument,
+    form: Annotated[
+        str, typer.Option("--format", metavar="FORMAT", help="text, latex, markdown, html or json")
+    ] = "text",
+    solve: Annotated[
+        bool, typer.Option("--solve", help="lambda and accelerations in closed form, up to four rows")
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="every member of families and every term of sums")
+    ] = False,
+    values: Annotated[
+        str, typer.Option(metavar="NAMES", help="parameters to put in as numbers, such as 'm,g'; all")
+    ] = "",
+    limit: LimitOption = settings.LIMIT,
+    changes: SetOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="as --format json")] = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Print the equations of motion as they are written on paper, each line with its number in the text.
+
+    Constraints, rows, reactions, energies, Newton's and Lagrange's equations, the identity between them verified, and
+    the linear system for lambda.
+    """
+    from lagcli.cli import derive_command, preflight
+
+    form = "json" if as_json else form
+    options = preflight.DeriveOptions(form, solve, everything, values, limit)
+    options.require()
+    read = model_reading.reported(lambda: model_reading.load(model, changes), form == "json")
+    began = time.perf_counter()
+    page = model_reading.reported(lambda: derive_command.derived(read, options), form == "json")
+    derive_command.write(page, form)
+    if not quiet:
+        exits.say_all(warning.render() for warning in (read.warnings if verbose else ()))
+    if verbose:
+        exits.say(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")

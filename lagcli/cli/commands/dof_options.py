@@ -1,0 +1,56 @@
+"""`lagcli dof`: its options."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from lagcli.cli import exits, json_output, model_reading
+from lagcli.cli.options import (
+    DebugOption,
+    JsonOption,
+    LimitOption,
+    ModelArgument,
+    QuietOption,
+    SetOption,
+    VerboseOption,
+)
+from lagcli.model import settings
+
+
+@exits.command
+def dof(
+    model: ModelArgument,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    explain: Annotated[bool, typer.Option("--explain", help="show the count line by line")] = False,
+    limit: LimitOption = settings.LIMIT,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Print the number of degrees of freedom, 3N - s (n - s with generalized coordinates).
+
+    Exit 4 and nothing on standard output where it is not decided.
+    """
+    from lagcli.api import count_dof
+    from lagcli.cli import check_text
+
+    read = model_reading.reported(lambda: model_reading.load(model, changes), as_json)
+    counted = model_reading.reported(lambda: count_dof.dof(read, limit=limit), as_json)
+    if as_json:
+        print(json_output.text(counted.as_json()))
+    elif explain:
+        print("\n".join(check_text.count(counted)))
+    elif counted.configuration_dof is not None:
+        print(counted.configuration_dof)
+    if not quiet and not explain:
+        exits.say_all(f"note: {note}" for note in counted.notes)
+    if verbose:
+        exits.say_all(warning.render() for warning in read.warnings)
+        exits.say_all(() if explain else check_text.count(counted))
+    if counted.configuration_dof is None:
+        low, high = counted.bounds
+        exits.say(f"lagcli: undecided, between {low} and {high}: {counted.reason}")
+        raise exits.Exit(exits.UNDECIDED)

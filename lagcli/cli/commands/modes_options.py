@@ -1,0 +1,66 @@
+"""`lagcli modes`: its options."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lagcli.cli import exits, model_reading
+from lagcli.cli.options import (
+    AssembleOption,
+    DebugOption,
+    JsonOption,
+    LimitOption,
+    ModelArgument,
+    QuietOption,
+    SetOption,
+    VerboseOption,
+)
+from lagcli.model import settings
+
+if TYPE_CHECKING:
+    from lagcli.api import find_modes
+
+
+@exits.command
+def modes(
+    model: ModelArgument,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of the shapes: png, svg, pdf")
+    ] = None,
+    about: Annotated[
+        str, typer.Option(metavar="WHAT", help="start, equilibrium, or the one that fits: auto")
+    ] = "auto",
+    lowest: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="how many modes of a model of more than 600 coordinates (20)"),
+    ] = None,
+    animate: Annotated[
+        str | None, typer.Option("--animate", metavar="FILE", help="not built yet: refused", hidden=True)
+    ] = None,
+    assemble: AssembleOption = False,
+    limit: LimitOption = settings.LIMIT,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Linearize about the start, if that is an equilibrium or a steady motion, else about the nearest equilibrium, and
+    print frequencies, shapes and whether it is stable.
+
+    Exit 4 where there is no equilibrium to be found.
+    """
+    from lagcli.cli import modes_command, preflight
+
+    options = preflight.ModesOptions(plot, animate, as_json, quiet)
+    options.require(model)
+    read = model_reading.reported(lambda: model_reading.load(model, changes), as_json)
+    if verbose:
+        exits.say_all(warning.render() for warning in read.warnings)
+    given: find_modes.ModesSettings = {
+        "about": about, "assemble": True if assemble else None, "limit": limit,
+        "lowest": lowest,
+    }  # fmt: skip
+    model_reading.reported(lambda: modes_command.run(read, given, options), as_json)

@@ -1,0 +1,91 @@
+"""`lagcli simulate`: its options."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from lagcli.cli import exits, model_reading
+from lagcli.cli.options import (
+    AssembleOption,
+    CheckpointOption,
+    ColumnsOption,
+    DebugOption,
+    DigitsOption,
+    EventRowsOption,
+    EventsOption,
+    FromOption,
+    LimitOption,
+    ModelArgument,
+    OutputOption,
+    OutputStepOption,
+    QuietOption,
+    ResumeOption,
+    SetOption,
+    VerboseOption,
+)
+from lagcli.model import settings
+
+
+@exits.command
+def simulate(
+    model: ModelArgument,
+    output: OutputOption = None,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
+    output_step: OutputStepOption = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
+    max_step: Annotated[
+        float | None, typer.Option("--max-step", help="no step is longer: for forces that steps may miss")
+    ] = None,
+    method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
+    assemble: AssembleOption = False,
+    columns: ColumnsOption = None,
+    events: EventsOption = None,
+    event_rows: EventRowsOption = False,
+    stats: Annotated[str | None, typer.Option(metavar="FILE", help="the account of the run as JSON")] = None,
+    checkpoint: CheckpointOption = None,
+    resume: ResumeOption = None,
+    begin: FromOption = None,
+    digits: DigitsOption = False,
+    limit: LimitOption = settings.LIMIT,
+    changes: SetOption = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="errors, and the account if stdout is free, as JSON on stdout")
+    ] = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Integrate m a = F + sum lambda_i B_i and write t, r, v, lambda, R, energy as a table.
+
+    CSV on standard output without -o and --plot. Exit 3 where the integration stops before its end: the rows
+    so far are in FILE.partial, and FILE is as it was.
+    """
+    from lagcli.api import run_settings
+    from lagcli.cli import preflight, simulate_command
+
+    options = preflight.SimulateOptions(
+        output, plot, stats, columns, as_json, quiet, verbose,
+        checkpoint, resume, limit, digits, events, event_rows,
+    )  # fmt: skip
+    options.require(model)
+    read = model_reading.reported(lambda: model_reading.load(model, changes), as_json)
+    if begin is not None:
+        read = simulate_command.from_row(read, begin, resume)
+    given = {
+        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "method": method, "assemble": True if assemble else None,
+    }  # fmt: skip
+    try:
+        chosen = run_settings.chosen(read, given)
+    except ValueError as error:
+        raise exits.UsageError(str(error)) from None
+    simulate_command.run(
+        model_reading.reported(lambda: simulate_command.ready(read, chosen, options), as_json), options
+    )

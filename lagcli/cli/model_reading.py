@@ -1,0 +1,44 @@
+"""MODEL of a command line, read with its changes, and its errors where they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
+
+from lagcli.cli import exits, json_output
+from lagcli.errors import diagnostics
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
+
+T = TypeVar("T")
+
+
+def load(path: str, changes: list[str] | None) -> Model:
+    """The model with the values of `--set`. Raises `exits.UsageError`, `diagnostics.ModelError`."""
+    # The reader of models is no part of what --help needs.
+    from lagcli.api import load as reading
+
+    given: dict[str, object] = {}
+    for change in changes or ():
+        name, sign, value = change.partition("=")
+        if not sign or not name.strip():
+            raise exits.UsageError(f"--set {change}: write NAME=EXPR")
+        given[name.strip()] = value
+    try:
+        return reading.load(path, given)
+    except FileNotFoundError:
+        raise exits.UsageError(f"there is no file {path}") from None
+    except OSError as error:
+        raise exits.UsageError(f"cannot read {path}: {error.strerror}") from None
+
+
+def reported(compute: Callable[[], T], as_json: bool) -> T:
+    """The value of `compute`; an invalid model is reported on stdout where JSON was asked for."""
+    try:
+        return compute()
+    except diagnostics.ModelError as error:
+        if as_json:
+            print(json_output.text(json_output.errors(error)))
+            raise exits.Exit(exits.of(error)) from None
+        raise
