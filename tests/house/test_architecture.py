@@ -43,6 +43,7 @@ DOORS = {
     "rich": ("lagcli.cli.console",),
     "matplotlib": (
         "lagcli.output.figures.figure",
+        "lagcli.output.figures.sheet",
         "lagcli.output.figures.loop_figure",
         "lagcli.output.figures.audit_figure",
         "lagcli.output.figures.principles_figure",

@@ -9,8 +9,7 @@ from matplotlib.backends import backend_agg
 
 from lagcli.auditing.audit_report import Audit, Check
 from lagcli.output import endings
-from lagcli.output.figures import figure as project
-from lagcli.output.figures import labels
+from lagcli.output.figures import labels, sheet
 
 _BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
 _HEIGHT, _FLOOR = 0.62, 1e-9  # inches of one check; what is below that part of its limit is drawn there
@@ -23,14 +22,14 @@ def draw(path: str | os.PathLike[str], found: Audit, unit: str = "s") -> None:
     """
     target = Path(path)
     fmt = endings.of(target, endings.FIGURES)
-    with project.style():
-        project.write(target, fmt, compose(found, unit))
+    with sheet.style():
+        sheet.write(target, fmt, compose(found, unit))
 
 
 def compose(found: Audit, unit: str = "s") -> figure.Figure:
     """The figure that ``draw`` writes: one strip for each check, on a logarithmic scale with the limit at 1."""
     checks = [check for check in found.checks if check.entries and (check.law or check.verdict == "fail")]
-    with project.style():
+    with sheet.style():
         drawn = figure.Figure(figsize=(7.2, 1.1 + _HEIGHT * len(checks)), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
         verdict = found.conclusion.partition(".")[0].partition(":")[0].partition(",")[0]

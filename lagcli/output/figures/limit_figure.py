@@ -11,8 +11,7 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.output import endings
-from lagcli.output.figures import figure as project
-from lagcli.output.figures import labels
+from lagcli.output.figures import labels, sheet
 
 _BLUE, _RED, _GREY, _GREEN = "#0072B2", "#D55E00", "#888888", "#009E73"
 
@@ -44,13 +43,13 @@ def draw(path: str | os.PathLike[str], curves: LimitCurves, title: str, unit: st
     """
     target = Path(path)
     fmt = endings.of(target, endings.FIGURES)
-    with project.style():
-        project.write(target, fmt, compose(curves, title, unit))
+    with sheet.style():
+        sheet.write(target, fmt, compose(curves, title, unit))
 
 
 def compose(curves: LimitCurves, title: str, unit: str = "s") -> figure.Figure:
     """The figure that ``draw`` writes."""
-    with project.style():
+    with sheet.style():
         drawn = figure.Figure(figsize=(7.2, 4.9), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
         drawn.suptitle(labels.shortened(title, labels.TITLE), fontsize=10, fontweight="bold", y=0.985)

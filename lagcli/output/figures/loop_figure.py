@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from lagcli.analysis.holonomy import witness
 from lagcli.output import endings
-from lagcli.output.figures import figure as project
-from lagcli.output.figures import labels
+from lagcli.output.figures import labels, sheet
 
 WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
 NEAR = 0.07  # of the width of a plot: numbers closer than this would overlap
@@ -26,13 +25,13 @@ def draw(path: str | os.PathLike[str], found: witness.Witness) -> None:
     """
     target = Path(path)
     fmt = endings.of(target, endings.FIGURES)
-    with project.style():
-        project.write(target, fmt, compose(found))
+    with sheet.style():
+        sheet.write(target, fmt, compose(found))
 
 
 def compose(found: witness.Witness) -> figure.Figure:
     """The figure that ``draw`` writes."""
-    with project.style():
+    with sheet.style():
         drawn = figure.Figure(figsize=(7.2, 3.4), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
         how = "over equal times" if found.is_timed else f"around a closed loop in {_names(found.back)}"

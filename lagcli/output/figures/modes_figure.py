@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from lagcli.linearization.linear_modes import Modes
 from lagcli.output import endings
-from lagcli.output.figures import figure as project
-from lagcli.output.figures import labels
+from lagcli.output.figures import labels, sheet
 
 MOST_PANELS, COLUMNS = 12, 3
 # More bars than these are drawn as a line.
@@ -27,8 +26,8 @@ def draw(path: str | os.PathLike[str], found: Modes, title: str) -> None:
     """
     target = Path(path)
     fmt = endings.of(target, endings.FIGURES)
-    with project.style():
-        project.write(target, fmt, compose(found, title))
+    with sheet.style():
+        sheet.write(target, fmt, compose(found, title))
 
 
 def compose(found: Modes, title: str) -> figure.Figure:
@@ -36,7 +35,7 @@ def compose(found: Modes, title: str) -> figure.Figure:
     shown = _shown(found)
     rows = max(1, -(-len(shown) // COLUMNS))
     height = 0.9 + _HEIGHT * rows
-    with project.style():
+    with sheet.style():
         drawn = figure.Figure(figsize=(_WIDTH, height), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
         name = labels.shortened(title, labels.NAME)

@@ -11,8 +11,7 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.output import endings
-from lagcli.output.figures import figure as project
-from lagcli.output.figures import labels
+from lagcli.output.figures import labels, sheet
 
 _COLOURS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _BLUE, _RED = "#0072B2", "#D55E00"
@@ -46,8 +45,8 @@ def draw(
     """
     target = Path(path)
     fmt = endings.of(target, endings.FIGURES)
-    with project.style():
-        project.write(target, fmt, compose(motions, shown, title, unit))
+    with sheet.style():
+        sheet.write(target, fmt, compose(motions, shown, title, unit))
 
 
 def compose(
@@ -59,7 +58,7 @@ def compose(
     mu = [name for name in second.columns if name.startswith("mu.")]
     count = len(names) + bool(mu)
     lines = -(-count // 2)
-    with project.style():
+    with sheet.style():
         height = 0.95 + _HEIGHT * lines
         drawn = figure.Figure(figsize=(7.2, height), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)

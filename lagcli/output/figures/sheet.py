@@ -1,0 +1,397 @@
+"""A page of blocks for figures that are printed: texts, legends, axes, in inches from the upper left corner.
+
+The page is a column of blocks, each of which knows its height in inches before anything is drawn. Texts are
+measured and broken into lines, cut only where they are very long, and never read as markup: the names and the title
+are the user's.
+"""
+
+import bisect
+import contextlib
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Literal, TypedDict, Unpack
+
+import matplotlib
+import numpy as np
+from matplotlib import axes, colors, figure, font_manager, lines, textpath, ticker
+from matplotlib.backends import backend_agg
+from numpy.typing import NDArray
+
+from lagcli.output import atomic_file
+from lagcli.output.figures import incident_marks, labels
+
+Dash = Literal["-"] | tuple[float, tuple[float, ...]]
+
+
+class TextStyle(TypedDict, total=False):
+    """The style of a text, by matplotlib's names."""
+
+    ha: str
+    va: str
+    rotation: float
+    multialignment: str
+    weight: str
+    color: str
+
+
+class LineStyle(TypedDict, total=False):
+    """The style of a line, by matplotlib's names."""
+
+    color: str
+    linestyle: Dash
+    linewidth: float
+
+
+WIDTH = 7.2
+MARGIN = 0.12
+DPI = 200
+INK = "#222222"
+GREY = "#888888"
+# Okabe and Ito's colours, which the colour-blind can tell apart; dashes tell apart curves that coincide.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+DASHES: tuple[Dash, ...] = (
+    "-",
+    (0, (5, 2)),
+    (0, (1.5, 1.5)),
+    (0, (6, 1.5, 1.5, 1.5)),
+    (0, (3, 3)),
+    (0, (8, 3)),
+)
+# Of marks of incidents, lighter, in the order of their kinds.
+MARK_COLOURS = ("#E3A587", "#C39BD3", "#B7A27A", "#93C9A8", "#9DB9D9", "#AAAAAA")
+MARK_DASHES: tuple[Dash, ...] = (
+    "-",
+    (0, (6, 1.5)),
+    (0, (2, 1)),
+    (0, (4, 2)),
+    (0, (1, 1)),
+    (0, (6, 1.5, 1.5, 1.5)),
+)
+# Asked only for characters that DejaVu Sans, which comes with matplotlib, does not have.
+FALLBACK_FONTS = (
+    "Noto Sans CJK SC",
+    "Noto Sans CJK JP",
+    "Source Han Sans",
+    "WenQuanYi Micro Hei",
+    "Droid Sans Fallback",
+    "Hiragino Sans",
+    "PingFang SC",
+    "Microsoft YaHei",
+    "Yu Gothic",
+    "Malgun Gothic",
+    "Noto Sans Devanagari",
+    "Noto Sans Thai",
+    "Arial Unicode MS",
+)
+STYLE: dict[Any, str | float] = {  # matplotlib's keys are literals
+    "text.parse_math": False,
+    "text.usetex": False,
+    "text.color": INK,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.major.pad": 2.0,
+    "ytick.major.pad": 2.0,
+    "svg.hashsalt": "lagcli",
+    "pdf.fonttype": 42,  # journals refuse Type 3 fonts
+    "agg.path.chunksize": 10_000,
+}
+METADATA: dict[str, dict[str, str | None]] = {
+    "png": {"Software": None},
+    "svg": {"Creator": "lagcli", "Date": None},
+    "pdf": {"Creator": "lagcli", "Producer": None, "CreationDate": None},
+}
+
+
+def write(target: Path, fmt: str, drawn: figure.Figure) -> None:
+    """A figure in a format of ``endings.FIGURES``, written aside and moved into place. Raises OSError."""
+    place = atomic_file.Aside(target)
+    with atomic_file.undone_by(place.discard):
+        drawn.savefig(place.path, format=fmt, metadata=METADATA[fmt])
+        place.commit()
+
+
+@contextlib.contextmanager
+def style() -> Iterator[None]:
+    """The project's look whatever the user's matplotlibrc says, which is left as it is."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+        yield
+
+
+class Page:
+    """A figure on which things are placed in inches from its left and upper edge."""
+
+    def __init__(self, height: float) -> None:
+        self.figure = figure.Figure(figsize=(WIDTH, height), dpi=DPI)
+        self._height = height
+        backend_agg.FigureCanvasAgg(self.figure)
+
+    def axes(self, left: float, top: float, width: float, height: float) -> axes.Axes:
+        bottom = self._height - top - height
+        return self.figure.add_axes(
+            (left / WIDTH, bottom / self._height, width / WIDTH, height / self._height)
+        )
+
+    def text(self, left: float, top: float, text: str, size: float, **style: Unpack[TextStyle]) -> None:
+        # Line by line on its baseline: matplotlib aligns by the ink, which differs with the letters.
+        for number, line in enumerate(text.split("\n") if text else []):
+            below = top + (number + 0.75) * text_height("", size)
+            self.figure.text(left / WIDTH, 1 - below / self._height, line, fontsize=size, **style)
+
+    def upright(self, left: float, middle: float, text: str, size: float) -> None:
+        """Text that reads upwards, for the axis of values."""
+        style: TextStyle = {"rotation": 90, "va": "center", "multialignment": "center"}
+        self.figure.text(left / WIDTH, 1 - middle / self._height, text, fontsize=size, **style)
+
+    def line(self, left: float, right: float, top: float, **style: Unpack[LineStyle]) -> None:
+        height = 1 - top / self._height
+        self.figure.add_artist(lines.Line2D([left / WIDTH, right / WIDTH], [height, height], **style))
+
+
+class Ruler:
+    """Measures texts, in inches, and breaks them into lines; chooses the fonts that ``texts`` need."""
+
+    def __init__(self, texts: Sequence[str]) -> None:
+        self.families = ["DejaVu Sans"]
+        lacking = set("".join(texts)) - _characters("DejaVu Sans")
+        if lacking:
+            installed = {entry.name for entry in font_manager.fontManager.ttflist}
+            self.families += [name for name in FALLBACK_FONTS if name in installed]
+            for name in self.families[1:]:
+                lacking -= _characters(name)
+        # What no font has is written as its code: a row of empty boxes would say nothing.
+        self._codes = {ord(letter): f"\\u{ord(letter):04x}" for letter in lacking if not letter.isspace()}
+
+    def width(self, text: str, size: float, weight: str = "normal") -> float:
+        """The width of one line of text."""
+        font = font_manager.FontProperties(family=self.families, size=size, weight=weight)
+        width, _, _ = textpath.text_to_path.get_text_width_height_descent(text, font, False)
+        return float(width) / 72
+
+    def wrap(self, text: str, width: float, size: float, weight: str = "normal") -> str:
+        """``text`` in lines of at most ``width``, broken between words where possible; cut if very long."""
+        room = 0.97 * width  # pixels round letters to a little more than measured
+
+        def too_wide(line: str) -> bool:
+            return self.width(line, size, weight) > room
+
+        done: list[str] = []
+        line = ""
+        for word in labels.shortened(text, labels.TITLE).translate(self._codes).split():
+            if line and too_wide(f"{line} {word}"):
+                done.append(line)
+                line = ""
+            line = f"{line} {word}" if line else word
+            while len(line) > 1 and too_wide(line):
+                fits = (
+                    bisect.bisect_left(range(2, len(line) + 1), True, key=lambda end: too_wide(line[:end]))
+                    + 1
+                )
+                done.append(line[:fits])
+                line = line[fits:]
+        return "\n".join([*done, line] if line or not done else done)
+
+
+def _characters(family: str) -> set[str]:
+    path = font_manager.findfont(family, fallback_to_default=False)
+    return {chr(code) for code in font_manager.get_font(path).get_charmap()}
+
+
+def text_height(text: str, size: float) -> float:
+    """The height of a text of that many lines."""
+    return (text.count("\n") + 1) * size * 1.4 / 72
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class FigureBlock:
+    """Something as wide as the page; ``draw`` gets the page and the block's distance from its upper edge."""
+
+    height: float
+    draw: Callable[[Page, float], None]
+
+
+def stacked(blocks: Sequence[FigureBlock]) -> figure.Figure:
+    """The page that holds the blocks from top to bottom."""
+    page = Page(sum(block.height for block in blocks) + 2 * MARGIN)
+    top = MARGIN
+    for block in blocks:
+        block.draw(page, top)
+        top += block.height
+    return page.figure
+
+
+def paragraph(
+    ruler: Ruler, text: str, size: float, *, weight: str = "normal", gap: float = 0.0, colour: str = INK
+) -> FigureBlock:
+    """A paragraph with ``gap`` above it."""
+    wrapped = ruler.wrap(text, WIDTH - 2 * MARGIN, size, weight)
+
+    def draw(page: Page, top: float) -> None:
+        page.text(MARGIN, top + gap, wrapped, size, weight=weight, color=colour)
+
+    return FigureBlock(gap + text_height(wrapped, size), draw)
+
+
+def axis_name(ruler: Ruler, text: str) -> FigureBlock:
+    """The name of the axis below the axes, in the middle of the page."""
+    wrapped = ruler.wrap(text, WIDTH - 2 * MARGIN, 8)
+
+    def draw(page: Page, top: float) -> None:
+        page.text(WIDTH / 2, top, wrapped, 8, ha="center")
+
+    return FigureBlock(text_height(wrapped, 8), draw)
+
+
+def legend(ruler: Ruler, labels: Sequence[str], looks: Sequence[LineStyle]) -> FigureBlock:
+    """Samples of the lines with their names, from left to right in as many lines as it takes."""
+    size, sample, space = 8, 0.32, 0.2
+    places: list[tuple[float, float, str]] = []
+    left, top, below = MARGIN, 0.04, 0.04
+    for label in labels:
+        wrapped = ruler.wrap(label, WIDTH - 2 * MARGIN - sample, size)
+        width = sample + max(ruler.width(line, size) for line in wrapped.split("\n"))
+        if left > MARGIN and left + width > WIDTH - MARGIN:
+            left, top = MARGIN, below
+        places.append((left, top, wrapped))
+        left += width + space
+        below = max(below, top + text_height(wrapped, size))
+
+    def draw(page: Page, start: float) -> None:
+        for place, (x, y, text) in enumerate(places):
+            middle = start + y + 0.55 * text_height("", size)
+            page.line(x, x + sample - 0.07, middle, **looks[place])
+            page.text(x + sample, start + y, text, size)
+
+    return FigureBlock(below + 0.04, draw)
+
+
+def look(place: int) -> LineStyle:
+    """The line of a curve by its place; 36 lines differ in colour or dashes."""
+    return {
+        "color": COLOURS[place % len(COLOURS)],
+        "linestyle": DASHES[(place + place // len(COLOURS)) % len(DASHES)],
+        "linewidth": 1.2,
+    }
+
+
+def mark_look(mark: incident_marks.IncidentMarks) -> LineStyle:
+    """The line of the marks of a kind of incident."""
+    return {
+        "color": MARK_COLOURS[mark.number],
+        "linestyle": "-" if mark.is_dense else MARK_DASHES[mark.number],
+        "linewidth": 1.2,
+    }
+
+
+def put_marks(plot: axes.Axes, marks: Sequence[incident_marks.IncidentMarks]) -> None:
+    """The marks behind the curves, from the lower edge of the axes to the upper one."""
+    for mark in marks:
+        look = mark_look(mark)
+        plot.vlines(
+            mark.times,
+            0.0,
+            1.0,
+            transform=plot.get_xaxis_transform(),
+            colors=look["color"],
+            linestyles=look["linestyle"],
+            linewidths=0.3 if mark.is_dense else 0.7,
+            zorder=0.5,
+        )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Scale:
+    """The range of an axis with its ticks and their texts."""
+
+    limits: tuple[float, float]
+    values: tuple[float, ...]
+    texts: tuple[str, ...]
+
+
+def value_scale(curves: Iterable[NDArray[np.float64]], floor: float, most: int) -> Scale:
+    """The scale of the values of curves, not so fine that round-off about a constant looks like a motion.
+
+    floor: what is not larger is drawn as zero.
+    """
+    finite = [curve[np.isfinite(curve)] for curve in curves]
+    values = np.concatenate([*finite, np.zeros(0)])
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+    largest = max(abs(low), abs(high))
+    if largest <= max(floor, 1e-280):
+        return Scale((-1.0, 1.0), (0.0,), ("0",))
+    half = 1.08 * max(high / 2 - low / 2, 5e-4 * largest)
+    middle = high / 2 + low / 2
+    return scale_of(middle - half, middle + half, most)
+
+
+def scale_of(low: float, high: float, most: int) -> Scale:
+    """A scale with about ``most`` ticks, each told apart from the next by its text."""
+    found = ticker.MaxNLocator(nbins=most, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    step = float(found[1] - found[0])
+    values = [0.0 if abs(value) < 1e-9 * step else float(value) for value in found if low <= value <= high]
+    digits = max(6, int(np.log10(max(abs(low), abs(high)) / step)) + 3)
+    texts = [f"{value:.{digits}g}" for value in values]
+    if not any("e" in text for text in texts):
+        decimals = max(len(text.partition(".")[2]) for text in texts)
+        texts = [f"{value:.{decimals}f}" for value in values]
+    texts = [number_text(text) for text in texts]
+    return Scale((low, high), tuple(values), tuple(texts))
+
+
+def number_text(text: str) -> str:
+    """A number as text with a minus sign and a short exponent."""
+    mantissa, _, exponent = text.partition("e")
+    power = f"e{int(exponent)}" if exponent else ""
+    return (mantissa + power).replace("-", "−")
+
+
+def ticks(plot: axes.Axes, times: Scale, scale: Scale, size: float, *, times_named: bool) -> None:
+    """Put two scales on axes, and a line at zero."""
+    plot.set_xlim(*times.limits)
+    plot.set_ylim(*scale.limits)
+    plot.set_xticks(times.values, times.texts if times_named else [""] * len(times.values), fontsize=size)
+    plot.set_yticks(scale.values, scale.texts, fontsize=size)
+    if scale.limits[0] < 0 < scale.limits[1]:
+        plot.axhline(0, color="#cccccc", linewidth=0.6, zorder=0)
+
+
+def batched(items: Sequence[str], size: int) -> list[Sequence[str]]:
+    """The items in groups of a size; the last may be smaller."""
+    return [items[start : start + size] for start in range(0, len(items), size)]
+
+
+def shades() -> colors.ListedColormap:
+    """The colours of many curves, by their order; the bright end of the map is hardly seen on white."""
+    return colors.ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0, 0.93, 256)))
+
+
+def named_places(names: Sequence[str], height: float, size: float) -> list[int]:
+    """The places of the names that fit beside a bar of that height, both ends among them."""
+    tallest = max(text_height(name, size) for name in names)
+    most = min(9, max(2, int(height / (1.6 * tallest))))
+    return [int(place) for place in np.unique(np.linspace(0, len(names) - 1, most).round())]
+
+
+def colour_bar(bar: axes.Axes, names: Sequence[str], named: Sequence[int], size: float) -> None:
+    """The bar of `shades` with some of the names of its curves to its right."""
+    extent = (0.0, 1.0, len(names) - 0.5, -0.5)
+    bar.imshow(np.linspace(0, 1, 256)[:, None], cmap=shades(), aspect="auto", extent=extent)
+    bar.set_xticks([])
+    bar.yaxis.tick_right()
+    bar.set_yticks(named, [names[place] for place in named], fontsize=size)
+    # The outer names keep within the height of the bar, however many lines they have.
+    bar.get_yticklabels()[0].set_verticalalignment("top")
+    bar.get_yticklabels()[-1].set_verticalalignment("bottom")
+    bar.spines[:].set_visible(False)
