@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.output import endings
-from lagcli.output.tables import float_text
+from lagcli.output.tables import float_text, plain_csv
 from lagcli.output.tables.read_npz import NpzTable
 from lagcli.output.tables.sinks import needing_pyarrow
 from lagcli.output.tables.unreadable import SHOWN, as_text, bad
@@ -43,21 +43,25 @@ class ReadTable(Protocol):
         """The cells of a column of text (T,). Raises `UnreadableTable`, OSError."""
 
 
-def opened(path: str | os.PathLike[str]) -> ReadTable:
+CheckSize = Callable[[Path, int, int], None]  # of a file, rows and columns; raises `UnreadableTable`
+
+
+def opened(path: str | os.PathLike[str], most: int | None = None) -> ReadTable:
     """A table of which the names are known; nothing else of it is in memory, but of a JSON file.
 
+    most: numbers that may be read at a time, MOST_NUMBERS where nothing is said.
     Raises ``endings.UnknownFormat``, ``MissingExtra``, ``UnreadableTable``, OSError.
     """
     target = Path(path)
     fmt = endings.of(target, endings.TABLES)
-    kinds: dict[str, Callable[[Path], ReadTable]] = {
+    kinds: dict[str, Callable[[Path, CheckSize], ReadTable]] = {
         "csv": _Csv,
         "tsv": _Tsv,
         "json": _Json,
-        "npz": lambda path: NpzTable(path, _check_size),
+        "npz": NpzTable,
         "parquet": _Parquet,
     }
-    found = kinds[fmt](target)
+    found = kinds[fmt](target, _size_check(MOST_NUMBERS if most is None else most))
     if len(set(found.columns)) < len(found.columns):
         raise UnreadableTable(f"{path} has two columns of one name")
     return found
@@ -74,13 +78,16 @@ def _places(columns: Sequence[str], names: Sequence[str]) -> list[int]:
     return [at[name] for name in names]
 
 
-def _check_size(path: Path, rows: int, columns: int) -> None:
-    if rows * columns > MOST_NUMBERS:
-        raise UnreadableTable(
-            f"{path} is too large: {rows} rows or more of {columns} columns that are read; at most {MOST_NUMBERS}"
-            f" numbers are, which is {MOST_NUMBERS // max(1, columns)} rows (a larger table needs more than 2 GB of"
-            " memory): write fewer rows, or a shorter run"
-        )
+def _size_check(most: int) -> CheckSize:
+    def check(path: Path, rows: int, columns: int) -> None:
+        if rows * columns > most:
+            raise UnreadableTable(
+                f"{path} is too large: {rows} rows or more of {columns} columns that are read; at most {most}"
+                f" numbers are, which is {most // max(1, columns)} rows (a larger table needs more than 2 GB of"
+                " memory): write fewer rows, or a shorter run"
+            )
+
+    return check
 
 
 class _Lines:
@@ -102,8 +109,8 @@ class _Csv:
 
     separator, called, others = ",", "commas", r"[;\t]"
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, check_size: CheckSize) -> None:
+        self._path, self._check_size = path, check_size
         self.columns = next((tuple(row) for row in self._rows()), ())
         if len(self.columns) == 1 and re.search(self.others, self.columns[0]):
             raise bad(path, f"its columns are not separated by {self.called}")
@@ -111,6 +118,12 @@ class _Csv:
     def take(self, names: Sequence[str]) -> Floats:
         """See `ReadTable`."""
         places = _places(self.columns, names)
+        plain = plain_csv.rows(self._path, self.separator, len(self.columns))
+        if plain is not None:
+            self._check_size(self._path, plain, len(names))
+            found = plain_csv.numbers(self._path, self.separator, len(self.columns), places, plain)
+            if found is not None:
+                return found
         numbers, count = array.array("d"), 0
         for count, row in self._whole(len(names)):
             numbers.extend([self._number(row[k], count, self.columns[k]) for k in places])
@@ -134,7 +147,7 @@ class _Csv:
             if blank or len(row) != len(self.columns):
                 many = 0 if blank else len(row)
                 raise bad(self._path, f"row {count} has {many} entries for {len(self.columns)} columns")
-            _check_size(self._path, count, wanted)
+            self._check_size(self._path, count, wanted)
             yield count, row
 
     def _number(self, cell: str, row: int, name: str) -> float:
@@ -169,8 +182,8 @@ class _Tsv(_Csv):
 class _Json:
     """An object with `columns` and `rows`. It is read as a whole, so its bytes are bounded."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, check_size: CheckSize) -> None:
+        self._path, self._check_size = path, check_size
         with path.open("rb") as file:
             text = file.read(MOST_JSON + 1)
         if len(text) > MOST_JSON:
@@ -205,7 +218,7 @@ class _Json:
 
     def _whole(self, wanted: int) -> Iterator[tuple[int, list[object]]]:
         """As of CSV."""
-        _check_size(self._path, len(self._rows), wanted)
+        self._check_size(self._path, len(self._rows), wanted)
         for number, row in enumerate(self._rows, 1):
             if not isinstance(row, list) or len(row) != len(self.columns):
                 many = len(row) if isinstance(row, list) else "no list of"
@@ -225,7 +238,8 @@ class _Json:
 class _Parquet:
     """A Parquet file; of its columns only floating and whole numbers."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, check_size: CheckSize) -> None:
+        self._check_size = check_size
         with needing_pyarrow(path):
             from lagcli.output.tables import parquet_table
         with path.open("rb"):  # what the file system says, pyarrow wraps
@@ -238,7 +252,7 @@ class _Parquet:
 
     def take(self, names: Sequence[str]) -> Floats:
         """See `ReadTable`."""
-        _check_size(self._path, self._length, len(names))
+        self._check_size(self._path, self._length, len(names))
         for name in names:
             if name in self._odd:
                 raise bad(self._path, f"`{name}` holds {self._odd[name]}, no plain numbers")
@@ -249,7 +263,7 @@ class _Parquet:
 
     def words(self, name: str) -> list[str]:
         """See `ReadTable`."""
-        _check_size(self._path, self._length, 1)
+        self._check_size(self._path, self._length, 1)
         if name not in self._odd:
             raise bad(self._path, f"`{name}` holds numbers and no text")
         try:
