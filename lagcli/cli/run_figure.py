@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import exits
 from lagcli.cli.preflight import SimulateOptions
-from lagcli.equations import rows as row_lengths
+from lagcli.model import dimension_facts
 from lagcli.output import column_choice
 from lagcli.output.figures import decimate
 
@@ -49,7 +49,7 @@ def draw(ready: SimulationRun, options: SimulateOptions, kept: decimate.Thinned)
                 facts=panels.PanelFacts(
                     ready.stats.indeterminate,
                     _zeros(ready, rows),
-                    row_lengths.lengths(ready.model),
+                    dimension_facts.of(ready.model),
                     len(names) < len(ready.columns),
                     kept.marks,
                 ),

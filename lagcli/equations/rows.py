@@ -11,7 +11,6 @@ import numpy as np
 from lagcli.equations import family_rows, rigid
 from lagcli.equations.environment import Environment
 from lagcli.errors import diagnostics
-from lagcli.expression import dimensions
 from lagcli.model import model as nouns
 
 
@@ -187,19 +186,3 @@ def _refuse_empty(names: Sequence[Row], B: ca.SX, f: ca.SX, b: ca.SX, q: ca.SX) 
             )
             for row in empty
         )
-
-
-def lengths(model: nouns.Model) -> dict[str, float]:
-    """The dimension of rows as a power of a length, by their names, where the particles in them tell it."""
-    particles = {particle.members.base for particle in model.particles}
-    found: dict[str, float] = {}
-    laws: tuple[nouns.Holonomic | nouns.Differential | nouns.Inequality, ...] = (
-        *model.holonomic,
-        *model.differential,
-        *model.inequality,
-    )
-    for law in laws:
-        power = dimensions.of_relation(law.equation.tree, particles.__contains__)
-        if power is not None:
-            found |= dict.fromkeys(law.rows, power)
-    return found

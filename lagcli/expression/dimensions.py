@@ -6,6 +6,7 @@ dimension: `norm(a) - L` is a length whatever L is.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator
 
 from lagcli.expression import tree
@@ -17,55 +18,66 @@ ANGLES = frozenset(
 POSITION = frozenset(("", "x", "y", "z", "v", "vx", "vy", "vz"))
 
 
-def of_relation(relation: tree.Node, is_particle: Callable[[str], bool]) -> Power:
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Kind:
+    """The names of particles, whose positions are lengths, and of coordinates that are angles."""
+
+    is_particle: Callable[[str], bool]
+    is_angle: Callable[[str], bool]
+
+
+def of_relation(
+    relation: tree.Node, is_particle: Callable[[str], bool], is_angle: Callable[[str], bool]
+) -> Power:
     """The dimension of both sides of an equation, where d(...) and velocities count as lengths; None where it is not
     known, or terms differ."""
+    kind = _Kind(is_particle, is_angle)
     sides = (relation.left, relation.right) if isinstance(relation, tree.Relation) else (relation,)
-    known = {
-        found for side in sides for term in _terms(side) if (found := _of(term, is_particle)) is not None
-    }
+    known = {found for side in sides for term in terms(side) if (found := _of(term, kind)) is not None}
     return known.pop() if len(known) == 1 else None
 
 
-def _terms(node: tree.Node) -> Iterator[tree.Node]:
+def terms(node: tree.Node) -> Iterator[tree.Node]:
     """The terms added in an expression; a number alone, as in `a.z = 1`, tells nothing."""
     if isinstance(node, tree.Sum):
         for _, term in node.terms:
-            yield from _terms(term)
+            yield from terms(term)
     elif not isinstance(node, tree.Number):
         yield node
 
 
-def _of(node: tree.Node, is_particle: Callable[[str], bool]) -> Power:
+def _of(node: tree.Node, kind: _Kind) -> Power:
     if isinstance(node, tree.Number):
         return 0.0
     if isinstance(node, tree.Name):
-        return 1.0 if is_particle(node.name) else 0.0 if node.name in ("pi", "deg") else None
+        if kind.is_particle(node.name):
+            return 1.0
+        return 0.0 if node.name in ("pi", "deg") or kind.is_angle(node.name) else None
     if isinstance(node, (tree.Member, tree.Index)):
-        return 1.0 if is_particle(node.owner) and node.member in POSITION else None
+        if kind.is_particle(node.owner) and node.member in POSITION:
+            return 1.0
+        return 0.0 if kind.is_angle(node.owner) and not node.member else None
     if isinstance(node, tree.Component):
-        return _of(node.vector, is_particle)
+        return _of(node.vector, kind)
     if isinstance(node, tree.Power):
-        base = _of(node.base, is_particle)
+        base = _of(node.base, kind)
         whole = node.exponent.text if isinstance(node.exponent, tree.Number) else ""
         return base * float(whole) if base is not None and whole else None
     if isinstance(node, tree.Product):
-        powers = [(sign, _of(factor, is_particle)) for sign, factor in node.factors]
+        powers = [(sign, _of(factor, kind)) for sign, factor in node.factors]
         return None if any(p is None for _, p in powers) else sum(sign * (p or 0.0) for sign, p in powers)
     if isinstance(node, tree.Call):
-        return _of_call(node, is_particle)
+        return _of_call(node, kind)
     parts = [term for _, term in node.terms] if isinstance(node, tree.Sum) else tree.children(node)
-    known = {
-        found for part in parts for term in _terms(part) if (found := _of(term, is_particle)) is not None
-    }
+    known = {found for part in parts for term in terms(part) if (found := _of(term, kind)) is not None}
     return known.pop() if len(known) == 1 else None
 
 
-def _of_call(node: tree.Call, is_particle: Callable[[str], bool]) -> Power:
+def _of_call(node: tree.Call, kind: _Kind) -> Power:
     if node.function in ANGLES:
         return 0.0
-    parts = [_of(argument, is_particle) for argument in node.arguments]
-    if node.function in ("norm", "distance", "abs", "d", "min", "max"):
+    parts = [_of(argument, kind) for argument in node.arguments]
+    if node.function in ("norm", "distance", "abs", "d", "rate", "min", "max"):
         known = {p for p in parts if p is not None}
         return known.pop() if len(known) == 1 else None
     if node.function in ("dot", "cross"):

@@ -195,9 +195,10 @@ def test_many_particles_are_drawn_as_sizes_of_force() -> None:
 
 def test_units_stand_on_the_axes() -> None:
     assert panels.force_unit(Labels()) == "N"
-    assert panels.force_unit(Labels(), 2) == "N m"
+    assert [panels.force_unit(Labels(), p) for p in (2, 0, -1, 4)] == ["N·m", "N/m", "N/m²", "N·m³"]
     assert panels.force_unit(Labels("cm", "g", "s")) == "g cm/s²"
     assert panels.force_unit(Labels("cm", "g", "s"), 2) == "g cm²/s²"
+    assert panels.force_unit(Labels("cm", "g", "s"), -1) == "g/s²/cm"
     assert panels.force_unit(Labels("", "", "")) == ""
     assert panels.force_unit(Labels("", "", "s")) == "1/s²"
     assert panels.force_unit(Labels("nautical mile", "kg", "h"), 2) == "kg (nautical mile)²/h²"

@@ -7,7 +7,7 @@ import pytest
 
 import lagcli
 from lagcli.api import prepare_run, run_settings
-from lagcli.equations import rows
+from lagcli.model import dimension_facts
 from lagcli.output import table_columns
 from lagcli.output.figures import panels
 from tests.helpers import in_process
@@ -140,7 +140,7 @@ particles:
 holonomic:
   row: "{equation}"
 """
-    assert rows.lengths(lagcli.loads(text)).get("row") == power
+    assert dimension_facts.of(lagcli.loads(text)).length("row") == power
 
 
 class Labels:
@@ -148,18 +148,48 @@ class Labels:
 
 
 @pytest.mark.parametrize(
-    ("powers", "label"),
+    ("powers", "label", "titles"),
     [
-        ({"f": 1, "g": 1}, "λᵢ (N)"),
-        ({"f": 0, "g": 0}, "λᵢ (N m)"),
-        ({"f": 1, "g": 2}, "λᵢ (N m / unit of fᵢ)"),
-        ({"f": 1}, "λᵢ (N m / unit of fᵢ)"),
+        ({"f": 1, "g": 1}, "λᵢ (N)", [""]),
+        ({"f": 0, "g": 0}, "λᵢ (N·m)", [""]),
+        ({"f": 2, "g": 2}, "λᵢ (N/m)", [""]),
+        ({}, "λᵢ (N·m / unit of fᵢ)", [""]),
+        ({"f": 1, "g": 0}, "λᵢ", ["f (N)", "g (N·m)"]),
+        ({"f": 1}, "λᵢ", ["f (N)", "g (N·m / unit of fᵢ)"]),
     ],
 )
-def test_multipliers_of_lengths_are_newtons(powers, label):
+def test_multipliers_of_lengths_are_newtons(powers, label, titles):
     table = np.array([[0, 1, 2], [1, 1, 2.0]])
-    (band,) = panels.bands(["t", "lambda.f", "lambda.g"], table, Labels(), panels.PanelFacts(lengths=powers))
+    known = dimension_facts.DimensionFacts(powers, frozenset(), frozenset())
+    facts = panels.PanelFacts(dimensions=known)
+    (band,) = panels.bands(["t", "lambda.f", "lambda.g"], table, Labels(), facts)
     assert " ".join(band.label.split()) == label
+    assert [" ".join(panel.title.split()) for panel in band.panels] == titles
+
+
+ANGLE = """\
+lagcli: 1
+parameters: {om: 3, R: 1, k: 2}
+coordinates: {th: {value: 0}, 'q[i]': {for: 'i = 1..2', value: 0}, x: {value: 0}, s: {value: 0}}
+particles:
+  a: {mass: 1, position: '[R*cos(2*th) + x, R*sin(th - om*t), sin(k*s)]'}
+  b: {mass: 1, position: '[cos(q[1] + q[2]), 0, s]'}
+holonomic:
+  motor: th = om*t
+  'geared[i]': {for: 'i = 1..2', equation: 'q[i] = 2*th'}
+  slide: x = 0.1*t
+"""
+
+
+def test_a_coordinate_under_a_sine_is_an_angle():
+    known = dimension_facts.of(lagcli.loads(ANGLE))
+    assert known.angles == {"th", "q"}
+    assert known.lengths == {"motor": 0, "geared": 0}
+    assert known.length("geared[2]") == 0
+    columns = ["t", "lambda.motor", "R.th", "R.q[1]"]
+    facts = panels.PanelFacts(dimensions=known)
+    found = panels.bands(columns, np.ones((2, 4)), Labels(), facts)
+    assert [" ".join(band.label.split()) for band in found] == ["λᵢ (N·m)", "Qʹⱼ (N·m)"]
 
 
 def test_the_figure_shows_the_columns_that_are_chosen(command, tmp_path, monkeypatch):

@@ -115,7 +115,7 @@ def _grid(
     tops = list(itertools.accumulate((head + high + 0.08 for head in heads), initial=0.0))
     times = sheet.scale_of(*_time_limits(band), most=6 if across <= 2 else 3)
 
-    def draw(page: sheet.Page, start: float) -> None:
+    def draw(page: sheet.FigurePage, start: float) -> None:
         middle = start + heads[0] + (tops[-1] - heads[0]) / 2
         page.upright(sheet.MARGIN, middle, label, 8)
         for place, panel in enumerate(band.panels):
@@ -153,7 +153,7 @@ def _family(
     )
     width = sheet.WIDTH - left - 0.27 - beside - sheet.MARGIN
 
-    def draw(page: sheet.Page, top: float) -> None:
+    def draw(page: sheet.FigurePage, top: float) -> None:
         top += 0.06
         page.text(
             sheet.MARGIN,

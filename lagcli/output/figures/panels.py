@@ -6,17 +6,20 @@ panel only while their values are of like size.
 """
 
 import dataclasses
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from lagcli.model import dimension_facts
 
 _OVERLAID = 6
 _LIKE_SIZE = 30.0
 _MULTIPLIER_PANELS = 50
 _FORCE_PANELS = 12
 _NUMBERS = 100_000
+_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 _MARK = " (not unique)"
 _NOT_UNIQUE = (
     "not unique: the constraints are dependent, and of all λ with the same R those with the least Σ λᵢ² Bᵢ M⁻¹ Bᵢᵀ are"
@@ -42,13 +45,13 @@ class PanelFacts:
     """The known facts of the columns of a run.
 
     indeterminate: constraints of which lambda is not unique, by name; zeros: columns that are zero to rounding and are
-    shown as zero; lengths: the dimension of rows as a power of a length, where it is known; is_choice: the columns are
-    some of those of a run; incidents: their times and kinds.
+    shown as zero; dimensions: of rows and coordinates, where they are known; is_choice: the columns are some of those
+    of a run; incidents: their times and kinds.
     """
 
     indeterminate: Collection[str] = ()
     zeros: Collection[str] = ()
-    lengths: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    dimensions: dimension_facts.DimensionFacts = dimension_facts.NOTHING
     is_choice: bool = False
     incidents: Sequence[tuple[float, str]] = ()
 
@@ -126,7 +129,7 @@ def bands(
     if particles:
         found.append(_particle_forces(table, particles, units))
     if coordinates:
-        found.append(_coordinate_forces(table, coordinates, units))
+        found.append(_coordinate_forces(table, coordinates, units, facts))
     idle = [name.removeprefix("lambda.") for name in multipliers if not _size(table.column(name))]
     if idle:
         rounded = any(f"lambda.{name}" in zeros for name in idle)
@@ -158,18 +161,23 @@ def thinned(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
 def force_unit(units: PanelUnits, length_power: int = 1) -> str:
     """The label of mass length^p / time^2: a force for ``length_power`` 1, a force times a length for 2.
 
-    Newton where the labels are kg, m, s; empty where all labels are empty or "1".
+    Newton and its multiples where the labels are kg, m, s; empty where all labels are empty or "1".
     """
     labels = [units.mass.strip(), units.length.strip(), units.time.strip()]
     if labels == ["kg", "m", "s"]:
-        return "N" if length_power == 1 else "N m"
+        more = length_power - 1
+        return f"N·{_power('m', more)}" if more > 0 else f"N/{_power('m', -more)}" if more else "N"
     # A label of more than one word is one unit here, so a power must not fall on its last letter only.
     mass, length, time = (label if label.isalnum() or not label else f"({label})" for label in labels)
-    squared = "²" if length_power == 2 else ""
-    above = " ".join([mass] * (mass not in ("", "1")) + [length + squared] * (length not in ("", "1")))
-    if time in ("", "1"):
-        return above
-    return f"{above or '1'}/{time}²"
+    above = [mass] * (mass not in ("", "1"))
+    below = [_power(time, 2)] * (time not in ("", "1"))
+    if length_power and length not in ("", "1"):
+        (above if length_power > 0 else below).append(_power(length, abs(length_power)))
+    return " ".join(above) if not below else "/".join([" ".join(above) or "1", *below])
+
+
+def _power(label: str, exponent: int) -> str:
+    return label if exponent == 1 else label + "".join(_RAISED[int(digit)] for digit in str(exponent))
 
 
 def with_unit(quantity: str, unit: str) -> str:
@@ -180,7 +188,9 @@ def with_unit(quantity: str, unit: str) -> str:
 def _multipliers(table: _Table, names: list[str], units: PanelUnits, facts: PanelFacts) -> Band:
     heading = "Multipliers λᵢ of the constraints"
     indeterminate = facts.indeterminate
-    label = _multiplier_label(names, units, facts)
+    units_of = [multiplier_unit(name, units, facts.dimensions) for name in names]
+    is_one = len(set(units_of)) <= 1
+    label = with_unit("λᵢ", units_of[0] if units_of and is_one else "")
     if not names:
         return Band(heading, label, (), note="no constraints")
     # A name in brackets is no name of a constraint: the mark cannot be taken for one.
@@ -191,20 +201,24 @@ def _multipliers(table: _Table, names: list[str], units: PanelUnits, facts: Pane
     ]
     note = _NOT_UNIQUE if indeterminate else ""
     if len(curves) > _MULTIPLIER_PANELS:
-        return Band(heading, label, (Panel("", tuple(curves)),), family=True, note=note)
-    if 1 < len(curves) <= _OVERLAID and _of_like_size(curves):
+        mixed = with_unit("λᵢ", "" if is_one else "units differ")
+        return Band(heading, label if is_one else mixed, (Panel("", tuple(curves)),), family=True, note=note)
+    if 1 < len(curves) <= _OVERLAID and is_one and _of_like_size(curves):
         return Band(heading, label, (Panel("", tuple(curves)),), note=note)
-    return Band(heading, label, tuple(Panel(curve.label, (curve,)) for curve in curves), note=note)
+    panels = tuple(
+        Panel(curve.label if is_one else with_unit(curve.label, unit), (curve,))
+        for curve, unit in zip(curves, units_of, strict=True)
+    )
+    return Band(heading, label, panels, note=note)
 
 
-def _multiplier_label(names: list[str], units: PanelUnits, facts: PanelFacts) -> str:
-    """The axis of lambda: of rows that are lengths a force, of others what their equations say."""
-    powers = {facts.lengths.get(name.removeprefix("lambda.")) for name in names}
-    power = powers.pop() if len(powers) == 1 else None
-    if power in (0.0, 1.0):
-        return with_unit("λᵢ", force_unit(units, length_power=2 - int(power)))
-    unit = force_unit(units, length_power=2)
-    return with_unit("λᵢ", f"{unit or '1'} / unit of fᵢ")
+def multiplier_unit(column: str, units: PanelUnits, known: dimension_facts.DimensionFacts) -> str:
+    """The label of the unit of a column `lambda.NAME`: newton where f is a length, N·m where it is an angle or a
+    number, else what its equation says."""
+    power = known.length(column.removeprefix("lambda."))
+    if power is not None and power == int(power):
+        return force_unit(units, length_power=2 - int(power))
+    return f"{force_unit(units, length_power=2) or '1'} / unit of fᵢ"
 
 
 def _particle_forces(table: _Table, particles: list[str], units: PanelUnits) -> Band:
@@ -230,10 +244,11 @@ def _particle_forces(table: _Table, particles: list[str], units: PanelUnits) -> 
     return Band(heading, with_unit("Rₖ", unit), tuple(panels), note=note)
 
 
-def _coordinate_forces(table: _Table, coordinates: list[str], units: PanelUnits) -> Band:
+def _coordinate_forces(table: _Table, coordinates: list[str], units: PanelUnits, facts: PanelFacts) -> Band:
     heading = "Generalized constraint forces Qʹⱼ on the coordinates"
     unit = force_unit(units, length_power=2)
-    label = with_unit("Qʹⱼ", f"{unit or '1'} / unit of qⱼ")
+    are_angles = {dimension_facts.base(name) for name in coordinates} <= facts.dimensions.angles
+    label = with_unit("Qʹⱼ", unit if are_angles else f"{unit or '1'} / unit of qⱼ")
     forces = {name: table.column(f"R.{name}") for name in coordinates}
     shown, note = _acting(forces)
     curves = [table.curve(name, forces[name], of=len(shown)) for name in shown]

@@ -130,7 +130,7 @@ def style() -> Iterator[None]:
         yield
 
 
-class Page:
+class FigurePage:
     """A figure on which things are placed in inches from its left and upper edge."""
 
     def __init__(self, height: float) -> None:
@@ -219,12 +219,12 @@ class FigureBlock:
     """Something as wide as the page; ``draw`` gets the page and the block's distance from its upper edge."""
 
     height: float
-    draw: Callable[[Page, float], None]
+    draw: Callable[[FigurePage, float], None]
 
 
 def stacked(blocks: Sequence[FigureBlock]) -> figure.Figure:
     """The page that holds the blocks from top to bottom."""
-    page = Page(sum(block.height for block in blocks) + 2 * MARGIN)
+    page = FigurePage(sum(block.height for block in blocks) + 2 * MARGIN)
     top = MARGIN
     for block in blocks:
         block.draw(page, top)
@@ -238,7 +238,7 @@ def paragraph(
     """A paragraph with ``gap`` above it."""
     wrapped = ruler.wrap(text, WIDTH - 2 * MARGIN, size, weight)
 
-    def draw(page: Page, top: float) -> None:
+    def draw(page: FigurePage, top: float) -> None:
         page.text(MARGIN, top + gap, wrapped, size, weight=weight, color=colour)
 
     return FigureBlock(gap + text_height(wrapped, size), draw)
@@ -248,7 +248,7 @@ def axis_name(ruler: Ruler, text: str) -> FigureBlock:
     """The name of the axis below the axes, in the middle of the page."""
     wrapped = ruler.wrap(text, WIDTH - 2 * MARGIN, 8)
 
-    def draw(page: Page, top: float) -> None:
+    def draw(page: FigurePage, top: float) -> None:
         page.text(WIDTH / 2, top, wrapped, 8, ha="center")
 
     return FigureBlock(text_height(wrapped, 8), draw)
@@ -268,7 +268,7 @@ def legend(ruler: Ruler, labels: Sequence[str], looks: Sequence[LineStyle]) -> F
         left += width + space
         below = max(below, top + text_height(wrapped, size))
 
-    def draw(page: Page, start: float) -> None:
+    def draw(page: FigurePage, start: float) -> None:
         for place, (x, y, text) in enumerate(places):
             middle = start + y + 0.55 * text_height("", size)
             page.line(x, x + sample - 0.07, middle, **looks[place])
