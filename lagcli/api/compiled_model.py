@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Literal
 
 from lagcli import compiled
-from lagcli.api import known_integrals
+from lagcli.api import known_integrals, known_starts
 from lagcli.equations import system, time_functions
 from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.simulation import invariants
-from lagcli.start import initial
 
 Integrals = known_integrals.Integrals
-Values = tuple[float, ...]
 
 
 class CompiledModel:
@@ -23,7 +21,8 @@ class CompiledModel:
         self.system = built
         self.functions = functions or invariants.RunFunctions(compiled.NumericSystem(built))
         self._integrals: dict[Integrals, invariants.Integrals] = {}
-        self._searched: dict[Values, known_integrals.KnownIntegrals] = {}
+        self._searches: known_integrals.KnownSearches | None = None
+        self._starts: known_starts.KnownStarts | None = None
         self._timed: time_functions.TimeFunctions | Literal[False] | None = False  # where nobody has asked
 
     @property
@@ -48,10 +47,17 @@ class CompiledModel:
         if moved is None:
             return None
         same = CompiledModel(moved, self.functions)
-        same._integrals, same._searched = self._integrals, self._searched
+        same._integrals, same._searches, same._starts = self._integrals, self._searches, self._starts
         if self._timed is None or model.parameters == self.system.model.parameters:
             same._timed = self._timed
         return same
+
+    @property
+    def starts(self) -> known_starts.KnownStarts:
+        """The consistent starts that are known."""
+        if self._starts is None:
+            self._starts = known_starts.KnownStarts(self.system)
+        return self._starts
 
     def timed(self) -> time_functions.TimeFunctions | None:
         """The functions of t; another run of the same model asks for no others."""
@@ -62,14 +68,10 @@ class CompiledModel:
     def first_integrals(self, limit: float = settings.LIMIT) -> known_integrals.KnownIntegrals:
         """The first integrals of the differential rows as far as they are found in `limit` seconds.
 
-        Another run with the same values asks for no other search.
+        Another run with the same values, or with others that the rows do not hold, asks for no other search.
         """
         if not self.system.model.differential:
             return known_integrals.KnownIntegrals()
-        start = initial.declared(self.system)
-        values = (*start.p.tolist(), *start.q.tolist(), *start.v.tolist(), start.t, limit)
-        if values not in self._searched:
-            found = known_integrals.search(self.system, self.numeric, limit)
-            self._searched.clear()  # only the last: a study of many values asks for none of them again
-            self._searched[values] = found
-        return self._searched[values]
+        if self._searches is None:
+            self._searches = known_integrals.KnownSearches(self.system)
+        return self._searches.search(self.system, self.numeric, limit)

@@ -12,6 +12,7 @@ from lagcli.analysis.classification import hidden_conditions
 from lagcli.api import cache, run_settings
 from lagcli.api.compiled_model import CompiledModel
 from lagcli.api.known_integrals import KnownIntegrals
+from lagcli.api.known_starts import KnownStarts, Start
 from lagcli.api.load import Path
 from lagcli.api.simulation_run import PreparedRun, SimulationRun
 from lagcli.compiled import NumericSystem
@@ -170,7 +171,7 @@ def _examined_start(ready: CompiledModel, known: KnownIntegrals | None, limit: f
 
     state = initial.declared(ready.system)
     try:
-        begin, moved = _consistent(ready.system, ready.numeric, state)
+        begin, moved = _consistent(ready.system, ready.numeric, state, ready.starts)
         found = find()
     except diagnostics.ModelError as error:
         # Off a hidden condition no velocity satisfies the rows.
@@ -187,9 +188,15 @@ def _examined_start(ready: CompiledModel, known: KnownIntegrals | None, limit: f
 
 @progress.phase("looking at the start")
 def _consistent(
-    built: system.System, numeric: NumericSystem, start: initial.State
-) -> tuple[initial.State, assembly.Assembly | None]:
+    built: system.System, numeric: NumericSystem, start: initial.State, known: KnownStarts | None = None
+) -> Start:
     """The start, assembled where that is wanted, and how. Raises `diagnostics.ModelError` where no run can begin."""
+    if known is not None:
+        return known.at(built, numeric, start, _examined)
+    return _examined(built, numeric, start)
+
+
+def _examined(built: system.System, numeric: NumericSystem, start: initial.State) -> Start:
     chosen = built.model.simulation
     initial.inertia(built, numeric, start)
     residuals = initial.residuals(built, numeric, start)

@@ -27,4 +27,6 @@ def at(declared: nouns.Model, q: Floats, v: Floats) -> nouns.Model:
         places = slice(first, first + coordinate.members.count)
         coordinates.append(dataclasses.replace(coordinate, value=q[places], rate=v[places]))
         first = places.stop
-    return dataclasses.replace(declared, particles=tuple(particles), coordinates=tuple(coordinates))
+    return dataclasses.replace(
+        declared, particles=tuple(particles), coordinates=tuple(coordinates), origin=None
+    )

@@ -32,7 +32,7 @@ from lagcli.input import (
     simulation_section,
     start_overrides,
 )
-from lagcli.input.scalars import Formulas
+from lagcli.input.scalars import Formulas, Reading, Trees
 from lagcli.model import family, model
 
 T = TypeVar("T")
@@ -53,23 +53,51 @@ def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = No
     Raises `diagnostics.ModelError` with every error of the file, and `overrides.OverrideError` where a change
     is wrong.
     """
-    root = yaml_tree.parse(data, path)
-    changed, of_members = overrides.apply(root, changes or {})
-    found = _Document(root, changed).read(of_members)
-    digest = hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
-    given = tuple((name, str(value)) for name, value in (changes or {}).items())
-    return dataclasses.replace(found, sha256=digest, changes=given)
+    return ParsedFile(data, path).model(changes or {})
+
+
+class ParsedFile:
+    """The text of a file and its tree, from which models with any values are read. Raises `diagnostics.ModelError`."""
+
+    def __init__(self, data: bytes | str, path: str) -> None:
+        self.data, self.path = data, path
+        self._root = yaml_tree.parse(data, path)
+        self._digest = hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
+        self._trees: Trees = {}
+
+    def __reduce__(self) -> tuple[type[ParsedFile], tuple[bytes | str, str]]:
+        return ParsedFile, (self.data, self.path)
+
+    def model(self, changes: Mapping[str, object]) -> model.Model:
+        """The model with these changes. Raises as `read`."""
+        changed, of_members = overrides.apply(self._root, changes)
+        found = _Document(self._root, changed, Reading(self._trees)).read(of_members)
+        given = tuple((name, str(value)) for name, value in changes.items())
+        origin = ModelOrigin(self, dict(changes))
+        return dataclasses.replace(found, sha256=self._digest, changes=given, origin=origin)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ModelOrigin:
+    """The file that a model was read from, and the changes that were made, as they were given."""
+
+    file: ParsedFile
+    changes: dict[str, object]
+
+    def changed(self, changes: Mapping[str, object]) -> model.Model:
+        """The model with more changes, which go before those that were made. Raises as `read`."""
+        return self.file.model({**self.changes, **changes})
 
 
 class _Document:
     """One reading: `file` is the document as written, `root` the one with the changes made."""
 
-    def __init__(self, file: yaml_tree.Mapping, root: yaml_tree.Mapping) -> None:
+    def __init__(self, file: yaml_tree.Mapping, root: yaml_tree.Mapping, reading: Reading) -> None:
         self._file = file
         self._root = root
         self._found = diagnostics.Collector()
         self._scope = scope.Scope()
-        self._formulas = Formulas(self._scope, self._found)
+        self._formulas = Formulas(self._scope, self._found, reading=reading)
         self._defined: dict[str, model.Expression] = {}
         self._names = entry_names.EntryNames(self._entries, self._scope, self._formulas)
 

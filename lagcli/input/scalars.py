@@ -31,6 +31,9 @@ _SEARCHED = frozenset(evaluate.FUNCTION_NAMES) - {"rate", "multiplier", "reactio
 LARGE = 1000  # members from which on parts are counted
 
 
+Trees = dict[tuple[Callable[[str], tree.Node], str], tree.Node]
+
+
 @dataclasses.dataclass(slots=True)
 class Reading:
     """The data shared by the expressions of one model: the trees of texts that were read, and the work that is left.
@@ -38,7 +41,7 @@ class Reading:
     A long model writes the same short texts again and again; trees hold offsets in their own text only.
     """
 
-    trees: dict[tuple[Callable[[str], tree.Node], str], tree.Node] = dataclasses.field(default_factory=dict)
+    trees: Trees = dataclasses.field(default_factory=dict)
     work: int = MAX_WORK
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
-from typing import Literal
+from collections.abc import Iterator, Mapping
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -281,6 +281,13 @@ class Batch:
 CONSTANTS = {"pi": math.pi, "deg": math.pi / 180.0}
 
 
+class Origin(Protocol):
+    """Something that a model was read from, and can be read from again with other values."""
+
+    def changed(self, changes: Mapping[str, object]) -> Model:
+        """The model with more changes."""
+
+
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Model:
     """A valid model. `fingerprint` tells models of different text apart; changed values do not enter it.
@@ -288,7 +295,7 @@ class Model:
     `order` names definitions and batches of dependent particles, each after all it uses: evaluated so, a chain
     of any length needs no deep stack. `structure`: parameters that decide which members there are and which
     members an expression speaks of, with their values. `sha256`: of the bytes of the file; `changes`: those of
-    `--set`, as they were given.
+    `--set`, as they were given; `origin`: the text it was read from, None where it is not as it was read.
     """
 
     path: str
@@ -315,6 +322,18 @@ class Model:
     structure: tuple[tuple[str, float], ...]
     sha256: str = ""
     changes: tuple[tuple[str, str], ...] = ()
+    origin: Origin | None = dataclasses.field(default=None, repr=False)
+
+    def with_parameters(self, changes: Mapping[str, object] | None = None, /, **parameters: object) -> Model:
+        """This model with other values: `model.with_parameters(L=2)`, `({"theta.value": "pi/3"})`.
+
+        What is given goes on top of earlier changes. The text is not parsed again, and a run of the new model uses
+        the equations that were built for this one, and proofs that depend on no changed value.
+        Raises `ModelError`, `OverrideError`, and `ValueError` where the model starts at a row of a table.
+        """
+        if self.origin is None:
+            raise ValueError("the start of this model was changed after it was read: load the file anew")
+        return self.origin.changed({**(changes or {}), **parameters})
 
     def __repr__(self) -> str:
         particles, coordinates = len(self.particle_names), len(self.generalized_names)

@@ -1,0 +1,83 @@
+"""The numbers among the parameters that the start and the rows of a system depend on: what was found out for some
+values holds for others that differ in the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations.system import System
+from lagcli.expression import tree
+from lagcli.model import model as nouns
+
+Places = npt.NDArray[np.intp]
+
+
+def of_start(system: System) -> Places:
+    """The places in `System.p` of numbers that the inertia M, the rows f, B, b or the contacts g, G hold: assembly asks
+    for nothing else."""
+    contacts, rows = system.contacts, system.rows
+    moving = [system.dynamics.M, rows.gamma, contacts.g, contacts.G, contacts.g_t, contacts.gamma]
+    return _held(system, _rows(system) + moving)
+
+
+def of_rows(system: System) -> Places:
+    """The places in `System.p` of numbers that the rows f, B, b hold, or that are named where they are written: the
+    classification asks for nothing else."""
+    held = _held(system, _rows(system))
+    named = _named(system.model)
+    places: list[int] = []
+    first = 0
+    for parameter in system.model.parameters:
+        count = len(parameter.value) if isinstance(parameter.value, tuple) else 1
+        if parameter.name in named:
+            places += range(first, first + count)
+        first += count
+    return np.union1d(held, np.array(places, dtype=np.intp))
+
+
+def formulas(model: nouns.Model) -> tuple[str, ...]:
+    """The parameters that rows name, as they are written: pi/3 is not a decimal near it."""
+    named = _named(model)
+    return tuple(
+        "" if parameter.formula is None else parameter.formula.text
+        for parameter in model.parameters
+        if parameter.name in named
+    )
+
+
+def _rows(system: System) -> list[ca.SX]:
+    return [system.f, system.rows.f, system.rows.B, system.rows.b]
+
+
+def _held(system: System, expressions: Iterable[ca.SX]) -> Places:
+    """The places of symbols that occur: a number that only decides between pieces occurs too, without a derivative."""
+    found = {symbol.element_hash() for each in expressions for symbol in ca.symvar(each)}
+    p = ca.vertsplit(system.p) if system.p.numel() else []
+    return np.array([k for k, symbol in enumerate(p) if symbol.element_hash() in found], dtype=np.intp)
+
+
+def _named(model: nouns.Model) -> frozenset[str]:
+    """The names that rows use, also by way of definitions, positions and other parameters."""
+    uses: dict[str, set[str]] = {}
+    for definition in model.definitions:
+        uses[definition.name] = tree.names(definition.expression.tree)
+    for parameter in model.parameters:
+        uses[parameter.name] = set() if parameter.formula is None else tree.names(parameter.formula.tree)
+    for particle in model.particles:
+        if particle.is_dependent:
+            uses[particle.members.base] = {
+                name for part in particle.position.parts for name in tree.names(part.tree)
+            }
+    laws: tuple[nouns.Law, ...] = (*model.holonomic, *model.differential, *model.inequality)
+    waiting = {name for law in laws for name in tree.names(law.equation.tree)}
+    waiting |= set(uses) & set(model.particle_names if model.rigid else ())
+    found: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        found.add(name)
+        waiting |= uses.get(name, set()) - found
+    return frozenset(found)
