@@ -11,7 +11,9 @@ from lagcli.model import settings
 class Key:
     """One key: what stands under it, what it means, its default, and the keys of its entries.
 
-    `entries` says that names of the user's stand below, each with `keys`.
+    `entries` says that names of the user's stand below, each with `keys`; `short` is what an entry may also be in place
+    of a mapping. `example` is a value as it is written in a file. `instead_of` are keys beside which this one may not
+    stand; of the sets of keys in `one_of` at least one is complete.
     """
 
     name: str
@@ -21,6 +23,10 @@ class Key:
     entries: bool = False
     required: bool = False
     keys: tuple[Key, ...] = ()
+    short: str = ""
+    example: str = ""
+    instead_of: tuple[str, ...] = ()
+    one_of: tuple[tuple[str, ...], ...] = ()
 
     def key(self, name: str) -> Key:
         """The key `name` below this one."""
@@ -33,179 +39,277 @@ class Key:
 
 
 _FAMILY = (
-    Key("for", "range or list of ranges", "makes the entry a family over indices"),
-    Key("if", "condition", "filters the members of a family"),
+    Key("for", "range or list of ranges", "makes the entry a family over indices", example="i = 1..N"),
+    Key("if", "condition", "filters the members of a family", example="i != 2"),
 )
 
-_EQUATION = (Key("equation", "equation", "the constraint, where the entry is written at length"), *_FAMILY)
+
+def _equation(example: str) -> tuple[Key, ...]:
+    """The keys of a constraint that is written at length."""
+    meaning = "the constraint, where the entry is written at length"
+    return (Key("equation", "equation", meaning, example=example), *_FAMILY)
+
+
+_UNITS = Key(
+    "units",
+    "labels",
+    "labels for axes and reports; nothing is converted",
+    keys=(
+        Key("length", "text", "label of the unit of length", "m", example="mm"),
+        Key("mass", "text", "label of the unit of mass", "kg", example="g"),
+        Key("time", "text", "label of the unit of time", "s", example="ms"),
+    ),
+    example="{length: mm, mass: g, time: ms}",
+)
+
+_COORDINATES = Key(
+    "coordinates",
+    "mapping",
+    "generalized coordinates with their initial values",
+    entries=True,
+    short="expression of parameters",
+    keys=(
+        Key("value", "expression of parameters", "initial value", "0", example="30*deg"),
+        Key("rate", "expression of parameters", "initial rate", "0", example="sqrt(g/L)"),
+        *_FAMILY,
+    ),
+    example="{theta: {value: 0.5, rate: 0}}",
+)
+
+_PARTICLES = Key(
+    "particles",
+    "mapping",
+    "point masses, Cartesian or dependent",
+    entries=True,
+    keys=(
+        Key("mass", "expression of parameters", "mass, positive", required=True, example="2*m"),
+        Key(
+            "position",
+            "vector",
+            "initial position; or x(q, t), where it refers to coordinates or to `t`",
+            required=True,
+            example="[L*sin(theta), 0, -L*cos(theta)]",
+        ),
+        Key(
+            "velocity",
+            "vector of parameters",
+            "initial velocity of a Cartesian particle",
+            "[0, 0, 0]",
+            example="[0, 1.5, 0]",
+        ),
+        *_FAMILY,
+    ),
+    example="{a: {mass: m, position: [L, 0, 0]}}",
+)
+
+_FORCES = Key(
+    "forces",
+    "mapping",
+    "applied forces, potentials and generalized forces",
+    entries=True,
+    keys=(
+        Key(
+            "to",
+            "name, list of names or `all`",
+            "the particles or coordinates a force acts on",
+            example="[a, b]",
+        ),
+        Key(
+            "force",
+            "vector or expression",
+            "the force; `m`, `r`, `v` are the particle's own",
+            example="[0, 0, -m*g]",
+        ),
+        Key(
+            "potential",
+            "expression",
+            "a potential of positions, coordinates and time",
+            example="k/2*(distance(a, b) - L)**2",
+            instead_of=("to", "force"),
+        ),
+        *_FAMILY,
+    ),
+    example="{weight: {to: all, force: [0, 0, -m*g]}}",
+    one_of=(("to", "force"), ("potential",)),
+)
+
+_INEQUALITY = Key(
+    "inequality",
+    "condition",
+    "one-sided constraints in whole coordinates and time, with `>=` or `<=`",
+    entries=True,
+    keys=(
+        Key(
+            "condition",
+            "condition",
+            "the constraint, where the entry is written at length",
+            required=True,
+            example="a.z >= -2*L",
+        ),
+        Key(
+            "restitution",
+            "expression of parameters",
+            "coefficient of restitution e of its impacts, 0 <= e <= 1",
+            "0",
+            example="0.8",
+        ),
+        *_FAMILY,
+    ),
+    example="{floor: a.z >= -2*L}",
+)
+
+_EVENTS = Key(
+    "events",
+    "mapping",
+    "what is recorded, or stops the run, where an expression crosses zero",
+    entries=True,
+    keys=(
+        Key(
+            "when",
+            "expression",
+            "the quantity that crosses zero, of all an output may use",
+            required=True,
+            example="multiplier(rod) - 20",
+        ),
+        Key(
+            "direction",
+            "`up`, `down` or `both`",
+            "the crossings that count: to positive values, to negative ones",
+            "both",
+            example="down",
+        ),
+        Key(
+            "action",
+            "`record` or `stop`",
+            "whether the crossing is recorded only, or also ends the run",
+            "record",
+            example="stop",
+        ),
+    ),
+    example="{lowest: {when: a.vz, direction: up}}",
+)
+
+_SIMULATION = Key(
+    "simulation",
+    "settings",
+    "how to run",
+    keys=(
+        Key("start", "expression of parameters", "time of the initial values", "0", example="1"),
+        Key("duration", "expression of parameters", "length of the run", "10", example="2*pi*sqrt(L/g)"),
+        Key("samples", "whole number", "rows of the table, both ends counted", "1001", example="201"),
+        Key(
+            "output_step",
+            "expression of parameters",
+            "time between rows, instead of `samples`",
+            example="0.01",
+            instead_of=("samples",),
+        ),
+        Key(
+            "method",
+            " or ".join(f"`{name}`" for name in settings.METHODS),
+            "the integration scheme",
+            "auto",
+            example="auto",
+        ),
+        Key("rtol", "expression of parameters", "relative tolerance of a step", "1e-11", example="1e-9"),
+        Key(
+            "atol",
+            "expression of parameters",
+            "absolute tolerance of a step",
+            "1e-13 of the sizes of the motion",
+            example="1e-12",
+        ),
+        Key(
+            "assemble",
+            "`true` or `false`",
+            "move the start to the nearest consistent state",
+            "false",
+            example="true",
+        ),
+        Key("keep", "list of coordinates", "coordinates that assembly must not move", example="[theta, a.x]"),
+    ),
+    example="{duration: 5, samples: 501}",
+)
+
+_OUTPUTS = Key(
+    "outputs",
+    "expression",
+    "extra recorded quantities",
+    entries=True,
+    keys=(
+        Key(
+            "expression",
+            "expression",
+            "the quantity, where the entry is written at length",
+            example="norm(a.v)",
+        ),
+        *_FAMILY,
+    ),
+    example="{pull: norm(reaction(a))}",
+    one_of=(("expression",),),
+)
 
 FORMAT = Key(
     "model",
     "sections",
     "the whole document",
     keys=(
-        Key("lagcli", "`1`", "the version of the format", required=True),
-        Key("title", "text", "one line that names the model"),
-        Key("description", "text", "what the model is about"),
-        Key("source", "text", "where the model comes from"),
-        Key(
-            "units",
-            "labels",
-            "labels for axes and reports; nothing is converted",
-            keys=(
-                Key("length", "text", "label of the unit of length", "m"),
-                Key("mass", "text", "label of the unit of mass", "kg"),
-                Key("time", "text", "label of the unit of time", "s"),
-            ),
-        ),
+        Key("lagcli", "`1`", "the version of the format", required=True, example="1"),
+        Key("title", "text", "one line that names the model", example="Pendulum"),
+        Key("description", "text", "what the model is about", example="Let go from the horizontal."),
+        Key("source", "text", "where the model comes from", example="Goldstein, ch. 1"),
+        _UNITS,
         Key(
             "parameters",
             "number, expression or vector",
             "named constants, each of earlier ones",
             entries=True,
+            example="{m: 2, L: 1, g: 9.81}",
         ),
+        _COORDINATES,
+        _PARTICLES,
         Key(
-            "coordinates",
-            "mapping",
-            "generalized coordinates with their initial values",
+            "definitions",
+            "expression",
+            "shorthand usable anywhere below",
             entries=True,
-            keys=(
-                Key("value", "expression of parameters", "initial value", "0"),
-                Key("rate", "expression of parameters", "initial rate", "0"),
-                *_FAMILY,
-            ),
+            example='{gap: "distance(a, b) - L"}',
         ),
         Key(
-            "particles",
-            "mapping",
-            "point masses, Cartesian or dependent",
+            "lagrangian",
+            "expression",
+            "added to T - V of the particles and potentials",
+            example="J/2*rate(theta)**2",
+        ),
+        _FORCES,
+        Key(
+            "holonomic",
+            "equation",
+            "constraints in whole coordinates and time",
             entries=True,
-            keys=(
-                Key("mass", "expression of parameters", "mass, positive", required=True),
-                Key(
-                    "position",
-                    "vector",
-                    "initial position; or x(q, t), where it refers to coordinates or to `t`",
-                    required=True,
-                ),
-                Key(
-                    "velocity",
-                    "vector of parameters",
-                    "initial velocity of a Cartesian particle",
-                    "[0, 0, 0]",
-                ),
-                *_FAMILY,
-            ),
-        ),
-        Key("definitions", "expression", "shorthand usable anywhere below", entries=True),
-        Key("lagrangian", "expression", "added to T - V of the particles and potentials"),
-        Key(
-            "forces",
-            "mapping",
-            "applied forces, potentials and generalized forces",
-            entries=True,
-            keys=(
-                Key("to", "name, list of names or `all`", "the particles or coordinates a force acts on"),
-                Key("force", "vector or expression", "the force; `m`, `r`, `v` are the particle's own"),
-                Key("potential", "expression", "a potential of positions, coordinates and time"),
-                *_FAMILY,
-            ),
-        ),
-        Key(
-            "holonomic", "equation", "constraints in whole coordinates and time", entries=True, keys=_EQUATION
+            keys=_equation("distance(p[i], p[i+1]) = L"),
+            example="{rod: L = norm(a)}",
+            one_of=(("equation",),),
         ),
         Key(
             "differential",
             "equation",
             "constraints linear in differentials or velocities",
             entries=True,
-            keys=_EQUATION,
+            keys=_equation("cos(theta)*d(a.y) - sin(theta)*d(a.x) = 0"),
+            example="{skate: cos(theta)*d(a.y) - sin(theta)*d(a.x) = 0}",
+            one_of=(("equation",),),
         ),
+        _INEQUALITY,
         Key(
-            "inequality",
-            "condition",
-            "one-sided constraints in whole coordinates and time, with `>=` or `<=`",
+            "rigid",
+            "list of particles",
+            "particles that form one rigid body",
             entries=True,
-            keys=(
-                Key(
-                    "condition",
-                    "condition",
-                    "the constraint, where the entry is written at length",
-                    required=True,
-                ),
-                Key(
-                    "restitution",
-                    "expression of parameters",
-                    "coefficient of restitution e of its impacts, 0 <= e <= 1",
-                    "0",
-                ),
-                *_FAMILY,
-            ),
+            example="{body: [a, b, c]}",
         ),
-        Key("rigid", "list of particles", "particles that form one rigid body", entries=True),
-        Key(
-            "outputs",
-            "expression",
-            "extra recorded quantities",
-            entries=True,
-            keys=(
-                Key("expression", "expression", "the quantity, where the entry is written at length"),
-                *_FAMILY,
-            ),
-        ),
-        Key(
-            "events",
-            "mapping",
-            "what is recorded, or stops the run, where an expression crosses zero",
-            entries=True,
-            keys=(
-                Key(
-                    "when",
-                    "expression",
-                    "the quantity that crosses zero, of all an output may use",
-                    required=True,
-                ),
-                Key(
-                    "direction",
-                    "`up`, `down` or `both`",
-                    "the crossings that count: to positive values, to negative ones",
-                    "both",
-                ),
-                Key(
-                    "action",
-                    "`record` or `stop`",
-                    "whether the crossing is recorded only, or also ends the run",
-                    "record",
-                ),
-            ),
-        ),
-        Key(
-            "simulation",
-            "settings",
-            "how to run",
-            keys=(
-                Key("start", "expression of parameters", "time of the initial values", "0"),
-                Key("duration", "expression of parameters", "length of the run", "10"),
-                Key("samples", "whole number", "rows of the table, both ends counted", "1001"),
-                Key("output_step", "expression of parameters", "time between rows, instead of `samples`"),
-                Key(
-                    "method",
-                    " or ".join(f"`{name}`" for name in settings.METHODS),
-                    "the integration scheme",
-                    "auto",
-                ),
-                Key("rtol", "expression of parameters", "relative tolerance of a step", "1e-11"),
-                Key(
-                    "atol",
-                    "expression of parameters",
-                    "absolute tolerance of a step",
-                    "1e-13 of the sizes of the motion",
-                ),
-                Key(
-                    "assemble", "`true` or `false`", "move the start to the nearest consistent state", "false"
-                ),
-                Key("keep", "list of coordinates", "coordinates that assembly must not move"),
-            ),
-        ),
+        _OUTPUTS,
+        _EVENTS,
+        _SIMULATION,
     ),
 )

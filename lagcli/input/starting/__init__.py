@@ -1,0 +1,1 @@
+"""A first model: those of the gallery, and templates for one's own."""

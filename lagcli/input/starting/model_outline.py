@@ -1,0 +1,150 @@
+"""The names in a model, right or wrong: what a shell completes. Nothing is computed and no number is looked at.
+
+A model may be broken in any way while it is written. What cannot be read gives no names.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+from lagcli import yaml_tree
+from lagcli.errors import diagnostics
+from lagcli.expression import parser, tokens, tree
+from lagcli.input import keys
+
+# A larger file is not read while somebody waits for the next letter.
+MAX_BYTES = 2**20
+AXES = ("x", "y", "z")
+_CONSTRAINTS = ("holonomic", "rigid", "differential", "inequality")
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Outline:
+    """Names by section; a family is `p[*]`, a pattern for the columns of its members.
+
+    vectors: the constraints that stand for three rows.
+    """
+
+    names: dict[str, tuple[str, ...]]
+    vectors: frozenset[str]
+
+    def of(self, *sections: str) -> tuple[str, ...]:
+        """The names in these sections, in their order."""
+        return tuple(name for section in sections for name in self.names.get(section, ()))
+
+    def constraints(self) -> tuple[str, ...]:
+        """The names of all constraints."""
+        return self.of(*_CONSTRAINTS)
+
+    def columns(self) -> tuple[str, ...]:
+        """The columns of a table of this model; several at once where only the integrated model could tell them."""
+        particles, coordinates = self.of("particles"), self.of("coordinates")
+        return (
+            "t",
+            *(f"{name}.{part}" for name in particles for part in (*AXES, "vx", "vy", "vz")),
+            *(column for name in coordinates for column in (name, f"rate({name})")),
+            *self._multipliers(),
+            *(f"R.{name}.{part}" for name in particles for part in AXES),
+            *(f"R.{name}" for name in coordinates),
+            "energy",
+            *self.of("outputs"),
+        )
+
+    def settable(self) -> tuple[str, ...]:
+        """What `--set` takes: parameters and initial values, but for those of families."""
+        particles = [name for name in self.of("particles") if "[" not in name]
+        coordinates = [name for name in self.of("coordinates") if "[" not in name]
+        return (
+            *self.of("parameters"),
+            *(f"{name}.{field}" for name in coordinates for field in ("value", "rate")),
+            *(f"{name}.{part}" for name in particles for part in (*AXES, "vx", "vy", "vz")),
+        )
+
+    def _multipliers(self) -> Iterator[str]:
+        bodies = self.of("rigid")
+        for name in self.constraints():
+            if name in self.vectors:
+                yield from (f"lambda.{name}.{axis}" for axis in AXES)
+            else:
+                yield f"lambda.{name}.*" if name in bodies else f"lambda.{name}"
+
+
+def read(data: bytes | str) -> Outline | None:
+    """The names in a document, or None where it is no document."""
+    if len(data) > MAX_BYTES:
+        return None
+    try:
+        root = yaml_tree.parse(data, "")
+    except diagnostics.ModelError:
+        return None
+    sections = {key.name for key in keys.FORMAT.keys if key.entries}
+    entries = {
+        name.value: node
+        for name, node in root
+        if name.value in sections and isinstance(node, yaml_tree.Mapping)
+    }
+    names = {
+        section: tuple(dict.fromkeys(filter(None, (_pattern(name) for name, _ in node))))
+        for section, node in entries.items()
+    }
+    places = {*names.get("particles", ()), *_vectors(entries)}
+    laws = frozenset(
+        _pattern(name)
+        for section in ("holonomic", "differential")
+        for name, node in (entries[section] if section in entries else ())
+        if _is_vector(_tree(node), places)
+    )
+    return Outline(names, laws)
+
+
+def _pattern(name: yaml_tree.Scalar) -> str:
+    """The name of an entry, `p[*]` for the family `p[i]`; nothing where it is no name."""
+    base, *indices = name.value.replace(" ", "").split("[")
+    return base + "[*]" * len(indices) if tokens.is_name(base) else ""
+
+
+def _vectors(entries: dict[str, yaml_tree.Mapping]) -> set[str]:
+    """The parameters that are written as a list."""
+    given = entries.get("parameters")
+    return {name.value for name, node in given or () if isinstance(node, yaml_tree.Sequence)}
+
+
+def _tree(node: yaml_tree.AnyNode | None) -> tree.Node | None:
+    if isinstance(node, yaml_tree.Mapping):
+        node = node.get("equation")
+    if not isinstance(node, yaml_tree.Scalar):
+        return None
+    try:
+        return parser.parse_equation(node.value)
+    except tree.ExpressionError:
+        return None
+
+
+def _is_vector(node: tree.Node | None, vectors: set[str]) -> bool:
+    """True for the equation of two vectors, as far as it can be told from particles, lists and `cross`."""
+    match node:
+        case tree.Name():
+            return node.name in vectors
+        case tree.Member() | tree.Index():
+            return node.member in ("v", "a") or _is_member(node, vectors)
+        case tree.Vector():
+            return True
+        case tree.Call():
+            return node.function == "cross" or (node.function == "d" and _any(node, vectors))
+        case tree.Relation() | tree.Sum() | tree.Product():
+            return _any(node, vectors)
+    return False
+
+
+def _is_member(node: tree.Member | tree.Index, vectors: set[str]) -> bool:
+    """True for a whole particle of a family."""
+    return (
+        isinstance(node, tree.Index)
+        and not node.member
+        and f"{node.owner}{'[*]' * len(node.indices)}" in vectors
+    )
+
+
+def _any(node: tree.Node, vectors: set[str]) -> bool:
+    return any(_is_vector(child, vectors) for child in tree.children(node))
