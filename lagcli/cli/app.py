@@ -13,7 +13,6 @@ app = typer.Typer(
     cls=command_group.CommandGroup,
     help="Degrees of freedom, Lagrange multipliers and constraint forces of constrained mechanical systems.",
     epilog="MODEL is a YAML file; - reads it from standard input.",
-    add_completion=False,
     no_args_is_help=True,
     **command_group.LOOKS,
 )

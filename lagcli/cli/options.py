@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from lagcli.cli import completing
+
 
 def _seconds(value: float) -> float:
     """A limit as it is. Raises `typer.BadParameter` for nan, which no lower bound refuses."""
@@ -15,13 +17,19 @@ def _seconds(value: float) -> float:
     return value
 
 
-ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="model file; - for standard input")]
+ModelArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="MODEL", help="model file; - for standard input", autocompletion=completing.model_files
+    ),
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
         metavar="NAME=EXPR",
         help="a different value for a parameter (m=2) or a start (theta.value=pi/3, a.z=-1); repeatable",
+        autocompletion=completing.settings,
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, errors too")]
@@ -41,7 +49,12 @@ OutputOption = Annotated[
     typer.Option("-o", "--output", metavar="FILE", help=".csv, .tsv, .json, .npz, .parquet; - for stdout"),
 ]
 ColumnsOption = Annotated[
-    str | None, typer.Option(metavar="PATTERNS", help="columns to write, such as 't,lambda.*,R.a.*'")
+    str | None,
+    typer.Option(
+        metavar="PATTERNS",
+        help="columns to write, such as 't,lambda.*,R.a.*'",
+        autocompletion=completing.columns,
+    ),
 ]
 EventsOption = Annotated[
     str | None,
@@ -68,4 +81,8 @@ SeedOption = Annotated[int, typer.Option("--seed", min=0, help="of these starts;
 FromOption = Annotated[
     str | None,
     typer.Option("--from", metavar="FILE[:ROW]", help="start from a row of a table; by default the last"),
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="write over a file that is there")]
+NoSchemaOption = Annotated[
+    bool, typer.Option("--no-schema", help="no schema for editors beside it, and no line that names it")
 ]

@@ -5,6 +5,7 @@ A schema knows shapes: which keys there are, where a list or a text stands. What
 
 from __future__ import annotations
 
+import json
 import re
 from typing import TypeAlias
 
@@ -60,6 +61,11 @@ def schema() -> Schema:
         "description": "A constrained mechanical system: particles and coordinates, forces, constraints.",
     }
     return {**head, **_mapping(keys.FORMAT)}
+
+
+def text() -> str:
+    """The whole schema as the text of a file."""
+    return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
 
 
 def plain(node: yaml_tree.AnyNode) -> Json:

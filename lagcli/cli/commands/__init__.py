@@ -18,5 +18,8 @@ COMMANDS = {
     "stationary": "Stationary points of a function on the constraint surfaces.",
     "equilibrium": "Points of rest, with multipliers and type.",
     "derive": "Print the equations of motion.",
+    "models": "List the gallery, print or copy one of its models.",
+    "new": "Write a commented model to start from.",
+    "schema": "Print the JSON Schema of model files, for editors.",
     "explain": "Explain an error or warning and how to fix it.",
 }

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, json_output, model_reading
+from lagcli.cli import completing, exits, json_output, model_reading
 from lagcli.cli.options import (
     AssembleOption,
     DebugOption,
@@ -24,7 +24,12 @@ from lagcli.model import settings
 @exits.command
 def check(
     models: Annotated[
-        list[str], typer.Argument(metavar="MODEL...", help="model files; - for standard input")
+        list[str],
+        typer.Argument(
+            metavar="MODEL...",
+            help="model files; - for standard input",
+            autocompletion=completing.model_files,
+        ),
     ],
     changes: SetOption = None,
     as_json: JsonOption = False,
@@ -33,7 +38,12 @@ def check(
     limit: LimitOption = settings.LIMIT,
     witness: Annotated[
         str | None,
-        typer.Option("--witness", metavar="NAME", help="a loop that shows a row to be nonholonomic"),
+        typer.Option(
+            "--witness",
+            metavar="NAME",
+            help="a loop that shows a row to be nonholonomic",
+            autocompletion=completing.differential,
+        ),
     ] = None,
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of that loop: png, svg, pdf")

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading
+from lagcli.cli import completing, exits, model_reading
 from lagcli.cli.options import (
     AssembleOption,
     DebugOption,
@@ -23,7 +23,12 @@ from lagcli.cli.options import (
 def compare(
     model: ModelArgument,
     other: Annotated[
-        str | None, typer.Argument(metavar="[OTHER]", help="a second model, compared on shared columns")
+        str | None,
+        typer.Argument(
+            metavar="[OTHER]",
+            help="a second model, compared on shared columns",
+            autocompletion=completing.model_files,
+        ),
     ] = None,
     duration: Annotated[float | None, typer.Option(help="length of the runs")] = None,
     output_step: OutputStepOption = None,
@@ -35,7 +40,12 @@ def compare(
     ] = None,
     assemble: AssembleOption = False,
     columns: Annotated[
-        str | None, typer.Option(metavar="PATTERNS", help="columns to compare, such as 'a.*,R.*'")
+        str | None,
+        typer.Option(
+            metavar="PATTERNS",
+            help="columns to compare, such as 'a.*,R.*'",
+            autocompletion=completing.columns,
+        ),
     ] = None,
     tolerance: Annotated[
         float | None,
@@ -46,7 +56,12 @@ def compare(
     ] = False,
     mu: Annotated[
         list[str] | None,
-        typer.Option("--mu", metavar="NAME=VALUE", help="initial μ of a differential row (0); repeatable"),
+        typer.Option(
+            "--mu",
+            metavar="NAME=VALUE",
+            help="initial μ of a differential row (0); repeatable",
+            autocompletion=completing.multipliers,
+        ),
     ] = None,
     output: Annotated[
         str | None,

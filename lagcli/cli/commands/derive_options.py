@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading
+from lagcli.cli import completing, exits, model_reading
 from lagcli.cli.options import DebugOption, LimitOption, ModelArgument, QuietOption, SetOption, VerboseOption
 from lagcli.model import settings
 
@@ -25,7 +25,12 @@ def derive(
         bool, typer.Option("--all", help="every member of families and every term of sums")
     ] = False,
     values: Annotated[
-        str, typer.Option(metavar="NAMES", help="parameters to put in as numbers, such as 'm,g'; all")
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="parameters to put in as numbers, such as 'm,g'; all",
+            autocompletion=completing.parameters,
+        ),
     ] = "",
     limit: LimitOption = settings.LIMIT,
     changes: SetOption = None,

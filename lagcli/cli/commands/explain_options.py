@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits
+from lagcli.cli import completing, exits
 from lagcli.cli.options import DebugOption
 from lagcli.errors import diagnostics
 
@@ -15,7 +15,10 @@ from lagcli.errors import diagnostics
 @exits.command
 def explain(
     code: Annotated[
-        str | None, typer.Argument(metavar="CODE", help="the word in brackets of a message, or D.24")
+        str | None,
+        typer.Argument(
+            metavar="CODE", help="the word in brackets of a message, or D.24", autocompletion=completing.codes
+        ),
     ] = None,
     debug: DebugOption = False,
 ) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading
+from lagcli.cli import completing, exits, model_reading
 from lagcli.cli.options import (
     AssembleOption,
     DebugOption,
@@ -23,7 +23,13 @@ from lagcli.cli.options import (
 def limit(
     model: ModelArgument,
     constraint: Annotated[
-        str, typer.Option("--constraint", metavar="NAME", help="the holonomic row that becomes a spring")
+        str,
+        typer.Option(
+            "--constraint",
+            metavar="NAME",
+            help="the holonomic row that becomes a spring",
+            autocompletion=completing.holonomic,
+        ),
     ],
     stiffness: Annotated[
         str | None,

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading
+from lagcli.cli import completing, exits, model_reading
 from lagcli.cli.options import (
     AssembleOption,
     CheckpointOption,
@@ -43,7 +43,14 @@ def simulate(
     max_step: Annotated[
         float | None, typer.Option("--max-step", help="no step is longer: for forces that steps may miss")
     ] = None,
-    method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=" or ".join(settings.METHODS),
+            autocompletion=completing.methods,
+        ),
+    ] = None,
     assemble: AssembleOption = False,
     columns: ColumnsOption = None,
     events: EventsOption = None,

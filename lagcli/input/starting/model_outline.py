@@ -70,14 +70,17 @@ class Outline:
                 yield f"lambda.{name}.*" if name in bodies else f"lambda.{name}"
 
 
-def read(data: bytes | str) -> Outline | None:
-    """The names in a document, or None where it is no document."""
+EMPTY = Outline({}, frozenset())
+
+
+def read(data: bytes | str) -> Outline:
+    """The names in a document; `EMPTY` where it is no document, or a very long one."""
     if len(data) > MAX_BYTES:
-        return None
+        return EMPTY
     try:
         root = yaml_tree.parse(data, "")
     except diagnostics.ModelError:
-        return None
+        return EMPTY
     sections = {key.name for key in keys.FORMAT.keys if key.entries}
     entries = {
         name.value: node
@@ -92,7 +95,7 @@ def read(data: bytes | str) -> Outline | None:
     laws = frozenset(
         _pattern(name)
         for section in ("holonomic", "differential")
-        for name, node in (entries[section] if section in entries else ())
+        for name, node in entries.get(section, ())
         if _is_vector(_tree(node), places)
     )
     return Outline(names, laws)

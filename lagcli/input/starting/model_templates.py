@@ -11,7 +11,7 @@ FOLDER = pathlib.Path(__file__).parent / "templates"
 # Name -> what it is a start for, in the order in which they are offered.
 TEMPLATES = {
     "particles": "point masses on rods, with a force and a multiplier: a pendulum",
-    "coordinates": "angles and other generalized coordinates, with a torque: a driven double pendulum",
+    "coordinates": "angles and other generalized coordinates: a double pendulum in the wind",
     "rolling": "rows of velocities that cannot be integrated: a disk that rolls",
     "mechanism": "a crank that is driven, a rod and a slider: the torque of a motor",
     "family": "many particles from a few lines: a chain",

@@ -1,0 +1,169 @@
+"""What a shell completes at a place of the command line: model files, names in them, and names of the program.
+
+A completion is asked for while somebody types: nothing is computed for it, a model that is broken has the names that
+can be read, and what cannot be read has none. It is never an error.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+import typer
+
+from lagcli.cli.commands import COMMANDS
+
+if TYPE_CHECKING:
+    from lagcli.input.starting.model_outline import Outline
+
+Described = list[tuple[str, str]]
+
+ENDINGS = (".yaml", ".yml")
+MOST_FILES = 2000  # entries of a folder that are looked at
+DEEPEST = 8  # folders that are gone down where each holds one folder only
+# Characters that mean something to a shell inside of quotes too, or end the line: no candidate holds them.
+_UNSAFE = re.compile(r"""['"\\$`;&|<>!\x00-\x1f\x7f]""")
+_SPECIAL = re.compile(r"[()\[\]{}*?#~ ]")
+# Where each shell leaves the words typed so far.
+_TYPED = ("COMP_WORDS", "_TYPER_COMPLETE_ARGS")
+
+
+def model_files(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Files of models and folders."""
+    found = list(_files(incomplete))
+    for _ in range(DEEPEST):
+        if len(found) != 1 or not found[0].endswith("/"):
+            break
+        # A shell takes a candidate that is alone for a whole word: it is the files in the folder that are meant.
+        found = list(_files(found[0])) or found
+        if found[0].endswith("/") and len(found) == 1 and found[0] == incomplete:
+            break
+    return _shown(found)
+
+
+def columns(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Columns of a table of the model, after the last comma."""
+    return _listed((*_outline(ctx).columns(), "lambda.*", "R.*"), incomplete)
+
+
+def constraints(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Names of the constraints of the model; a family has no name of its own to give."""
+    return _named(_outline(ctx).constraints(), incomplete)
+
+
+def differential(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Names of its differential constraints."""
+    return _named(_outline(ctx).of("differential"), incomplete)
+
+
+def holonomic(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Names of its holonomic constraints."""
+    return _named(_outline(ctx).of("holonomic"), incomplete)
+
+
+def multipliers(ctx: typer.Context, incomplete: str) -> list[str]:
+    """The begin of NAME=VALUE for each differential constraint."""
+    return _named([f"{name}=" for name in _outline(ctx).of("differential")], incomplete)
+
+
+def settings(ctx: typer.Context, incomplete: str) -> list[str]:
+    """The begin of NAME=EXPR for parameters and initial values."""
+    return _named([f"{name}=" for name in _outline(ctx).settable()], incomplete)
+
+
+def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Parameters of the model, after the last comma."""
+    return _listed(_outline(ctx).of("parameters"), incomplete)
+
+
+def gallery_names(ctx: typer.Context, incomplete: str) -> Described:
+    """The models of the gallery."""
+    from lagcli.input.starting import gallery_models
+
+    return [(m.name, m.teaches) for m in gallery_models.models() if m.name.startswith(incomplete)]
+
+
+def templates(ctx: typer.Context, incomplete: str) -> Described:
+    """The templates of `new`."""
+    from lagcli.input.starting import model_templates
+
+    return [item for item in model_templates.TEMPLATES.items() if item[0].startswith(incomplete)]
+
+
+def codes(ctx: typer.Context, incomplete: str) -> list[str]:
+    """The codes of messages."""
+    from lagcli.errors import catalogue
+
+    return [code for code in catalogue.codes() if code.startswith(incomplete)]
+
+
+def methods(ctx: typer.Context, incomplete: str) -> list[str]:
+    """The integration schemes."""
+    from lagcli.model import settings as schemes
+
+    return [name for name in schemes.METHODS if name.startswith(incomplete)]
+
+
+def commands(incomplete: str) -> Described:
+    """The commands."""
+    return [item for item in COMMANDS.items() if item[0].startswith(incomplete)]
+
+
+def _listed(names: Iterable[str], incomplete: str) -> list[str]:
+    before, comma, start = incomplete.rpartition(",")
+    return _shown(f"{before}{comma}{name}" for name in dict.fromkeys(names) if name.startswith(start))
+
+
+def _named(names: Iterable[str], incomplete: str) -> list[str]:
+    return _shown(name for name in names if name.startswith(incomplete) and "[" not in name)
+
+
+def _outline(ctx: typer.Context) -> Outline:
+    """The names in the model of the command line, no names where there is none to read."""
+    from lagcli.input.starting import model_outline
+
+    for path in _paths(ctx):
+        with contextlib.suppress(OSError, ValueError), open(path, "rb") as file:
+            # One byte more, by which a file that is too long is known.
+            return model_outline.read(file.read(model_outline.MAX_BYTES + 1))
+    return model_outline.EMPTY
+
+
+def _paths(ctx: typer.Context) -> Iterator[str]:
+    """The files that may be the model: what was taken for it, else what looks like one, before the cursor or after."""
+    for key in ("model", "models"):
+        given = ctx.params.get(key)
+        named = given if isinstance(given, (list, tuple)) else (given,)
+        yield from (str(name) for name in named if name and os.path.isfile(str(name)))
+    for variable in _TYPED:
+        for word in os.environ.get(variable, "").split():
+            if word.lower().endswith(ENDINGS) and os.path.isfile(word):
+                yield word
+
+
+def _files(incomplete: str) -> Iterator[str]:
+    """Models and folders whose names go on from what was typed, in the order of the alphabet."""
+    head = max(incomplete.rfind("/"), incomplete.rfind(os.sep)) + 1
+    folder, start = incomplete[:head], incomplete[head:]
+    found = []
+    with contextlib.suppress(OSError, ValueError), os.scandir(os.path.expanduser(folder) or ".") as entries:
+        for entry, _ in zip(entries, range(MOST_FILES), strict=False):
+            if not entry.name.startswith(start) or (entry.name.startswith(".") and not start):
+                continue
+            if entry.is_dir():
+                found.append(f"{folder}{entry.name}/")
+            elif entry.name.lower().endswith(ENDINGS):
+                found.append(f"{folder}{entry.name}")
+    return iter(sorted(found))
+
+
+def _shown(candidates: Iterable[str]) -> list[str]:
+    """Candidates as the shell takes them: bash inserts what it gets, so that its special characters are escaped."""
+    safe = [text for text in candidates if not _UNSAFE.search(text)]
+    typed = os.environ.get("COMP_WORDS", "").rsplit("\n", 1)[-1]
+    if os.environ.get("_LAGCLI_COMPLETE") == "complete_bash" and typed[:1] not in ("'", '"'):
+        return [_SPECIAL.sub(r"\\\g<0>", text) for text in safe]
+    return safe
