@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 
 from lagcli.errors import catalogue, equation_list
 from lagcli.expression import evaluate
-from lagcli.input import keys, namespace
+from lagcli.input import format_schema, keys, namespace
 
 ROOT = pathlib.Path(__file__).parent.parent
 HERE = ROOT / "docs" / "reference"
@@ -122,7 +122,8 @@ def made(text: str) -> str:
 
 
 def main() -> None:
-    """Write the pages that changed."""
+    """Write the pages that changed, and the schema beside the gallery."""
+    (ROOT / "models" / format_schema.FILE).write_text(format_schema.text(), encoding="utf-8", newline="\n")
     for page in pages():
         old = page.read_text(encoding="utf-8")
         new = made(old)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import importlib
 import os
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from lagcli.cli.commands import COMMANDS
 from lagcli.errors import diagnostics
@@ -28,14 +29,65 @@ _MEANT = {
     **dict.fromkeys(("count", "freedoms", "mobility"), "lagcli dof MODEL"),
     **dict.fromkeys(("validate", "lint", "classify", "verify", "analyze", "analyse"), "lagcli check MODEL"),
     **dict.fromkeys(("equations", "eom", "latex", "lagrange"), "lagcli derive MODEL"),
+    **dict.fromkeys(("init", "create", "template", "wizard"), "lagcli new NAME"),
+    **dict.fromkeys(("gallery", "examples", "example", "list", "demo", "samples"), "lagcli models"),
+    **dict.fromkeys(("completion", "completions"), "lagcli --install-completion"),
     **dict.fromkeys(("help",), "lagcli --help"),
     **dict.fromkeys(("version",), "lagcli --version"),
     **dict.fromkeys(("error", "why", "what", "codes"), "lagcli explain CODE"),
 }
+# Words for options in other programs, and those here.
+_MEANT_OPTIONS = {
+    **dict.fromkeys(("--out", "--outfile", "--output-file", "--save", "--to", "--file"), "--output"),
+    **dict.fromkeys(("--time", "--t-end", "--tend", "--tmax", "--end", "--until", "--length"), "--duration"),
+    **dict.fromkeys(("--steps", "--points", "--rows", "--n", "--num"), "--samples"),
+    **dict.fromkeys(("--dt", "--step", "--timestep", "--time-step"), "--output-step"),
+    **dict.fromkeys(("--tol", "--tolerance", "--reltol", "--precision"), "--rtol"),
+    **dict.fromkeys(("--abstol",), "--atol"),
+    **dict.fromkeys(("--param", "--parameter", "--define", "--with", "-p", "-D", "-P"), "--set"),
+    **dict.fromkeys(("--solver", "--integrator", "--scheme"), "--method"),
+    **dict.fromkeys(("--figure", "--fig", "--png", "--pdf", "--svg"), "--plot"),
+    **dict.fromkeys(("--cols", "--column", "--select", "--fields", "--y"), "--columns"),
+    **dict.fromkeys(("--silent", "-s"), "--quiet"),
+    **dict.fromkeys(("--traceback", "--trace"), "--debug"),
+    **dict.fromkeys(("-V", "-version"), "--version"),
+    **dict.fromkeys(("-help", "-?", "/?", "/h"), "--help"),
+    **dict.fromkeys(("--overwrite", "-f", "-y"), "--force"),
+    **dict.fromkeys(("--init", "--initial", "--restart"), "--from"),
+}
+# The error of a wrong command line, of the library that typer uses or of the one it holds, by its version.
+_UsageError: Any = typer.BadParameter.__base__
+
+
+def _parsed(parse: Callable[[Click, list[str]], list[str]], ctx: Click, args: list[str]) -> list[str]:
+    """The arguments that are left; ends with exit 2 and the nearest option where there is none of a name."""
+    try:
+        return parse(ctx, args)
+    except _UsageError as error:
+        name = getattr(error, "option_name", None)
+        if not isinstance(name, str) or not hasattr(error, "possibilities"):
+            raise
+    options = [option for one in ctx.command.get_params(ctx) for option in one.opts if option.startswith("-")]
+    shown = diagnostics.printable(name).replace("\n", " ")[:200]
+    meant = _MEANT_OPTIONS.get(name)
+    hint = f"did you mean `{meant}`?" if meant in options else diagnostics.nearest(name, options)
+    return ctx.fail(f"there is no option `{shown}`{f'; {hint}' if hint else ''}")  # type: ignore[no-any-return]
+
+
+class Command(TyperCommand):
+    """One command."""
+
+    def parse_args(self, ctx: Click, args: list[str]) -> list[str]:
+        """Options and arguments, an unknown option with a hint."""
+        return _parsed(super().parse_args, ctx, args)
 
 
 class CommandGroup(TyperGroup):
     """The group of all commands; the options of a command are read when it is asked for."""
+
+    def parse_args(self, ctx: Click, args: list[str]) -> list[str]:
+        """Options of the program, an unknown one with a hint."""
+        return _parsed(super().parse_args, ctx, args)
 
     def list_commands(self, ctx: Click) -> list[str]:
         """The names, in the order of the help."""
@@ -48,7 +100,7 @@ class CommandGroup(TyperGroup):
         if cmd_name not in self.commands:
             declared = importlib.import_module(f"lagcli.cli.commands.{cmd_name}_options")
             alone = typer.Typer(add_completion=False, **LOOKS)
-            alone.command(cmd_name, short_help=COMMANDS[cmd_name])(getattr(declared, cmd_name))
+            alone.command(cmd_name, cls=Command, short_help=COMMANDS[cmd_name])(getattr(declared, cmd_name))
             self.add_command(typer.main.get_command(alone), cmd_name)
         return self.commands[cmd_name]
 

@@ -35,6 +35,14 @@ def is_plain(stream: TextIO) -> bool:
     return not stream.isatty() or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
 
 
+def clear() -> None:
+    """Empty the screen, where stdout is one."""
+    if sys.stdout.isatty() and os.environ.get("TERM") != "dumb":
+        from rich.console import Console
+
+        Console(file=sys.stdout).clear()
+
+
 def width() -> int:
     """Columns of stdout."""
     return max(NARROWEST, shutil.get_terminal_size().columns) if sys.stdout.isatty() else UNCUT

@@ -76,7 +76,7 @@ def command(function: Callable[P, None]) -> Callable[P, None]:
 def guarded(run: Callable[[], None], debug: bool = False) -> int:
     """Run a command and return its exit code; say on stderr what went wrong."""
     try:
-        code = _outcome(run)
+        code = outcome(run)
         # What was printed is written now, while a failure still has an exit code.
         sys.stdout.flush()
         return code
@@ -102,7 +102,7 @@ def guarded(run: Callable[[], None], debug: bool = False) -> int:
     return code
 
 
-def _outcome(run: Callable[[], None]) -> int:
+def outcome(run: Callable[[], None]) -> int:
     """The code of a command that ended as commands may; any other exception passes."""
     try:
         run()

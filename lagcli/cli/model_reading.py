@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
@@ -12,6 +13,20 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
 
 T = TypeVar("T")
+
+
+def missing(path: str) -> exits.UsageError:
+    """The error of a MODEL that does not exist, with the file or the model of the gallery that may be meant."""
+    from lagcli.input.starting import gallery_models
+
+    for ending in (".yaml", ".yml"):
+        if os.path.isfile(path + ending):
+            return exits.UsageError(f"there is no file {path}; did you mean {path}{ending}?")
+    found = gallery_models.find(os.path.basename(path))
+    if found is None:
+        return exits.UsageError(f"there is no file {path}")
+    copy = f"lagcli models {found.name} -o {found.name}.yaml"
+    return exits.UsageError(f"there is no file {path}; the gallery has a model of this name: `{copy}`")
 
 
 def load(path: str, changes: list[str] | None) -> Model:
@@ -28,7 +43,7 @@ def load(path: str, changes: list[str] | None) -> Model:
     try:
         return reading.load(path, given)
     except FileNotFoundError:
-        raise exits.UsageError(f"there is no file {path}") from None
+        raise missing(path) from None
     except OSError as error:
         raise exits.UsageError(f"cannot read {path}: {error.strerror}") from None
 

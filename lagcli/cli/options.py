@@ -86,3 +86,6 @@ ForceOption = Annotated[bool, typer.Option("--force", help="write over a file th
 NoSchemaOption = Annotated[
     bool, typer.Option("--no-schema", help="no schema for editors beside it, and no line that names it")
 ]
+WatchOption = Annotated[
+    bool, typer.Option("--watch", help="run again at each change of the file, until Ctrl-C")
+]

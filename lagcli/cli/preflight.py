@@ -13,7 +13,7 @@ import pathlib
 from collections.abc import Iterable, Iterator
 from typing import TypedDict
 
-from lagcli.cli import exits, file_conflicts
+from lagcli.cli import exits, file_conflicts, model_reading
 from lagcli.model import settings
 from lagcli.output import atomic_file, endings
 
@@ -36,7 +36,7 @@ def require_models(paths: list[str]) -> None:
     """One MODEL that does not exist is told before the others are worked on. Raises `exits.UsageError`."""
     for path in paths:
         if path != "-" and not os.path.exists(path):
-            raise exits.UsageError(f"there is no file {path}")
+            raise model_reading.missing(path)
     if paths.count("-") > 1:
         raise exits.UsageError("standard input can be read once only")
 

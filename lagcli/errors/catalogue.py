@@ -67,10 +67,19 @@ def codes() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
-def lines() -> list[str]:
-    """All codes, each with its meaning on the same line."""
-    width = max(map(len, codes()))
-    return [f"{code:{width}}  {_read(code).meaning}" for code in codes()]
+def lines(columns: int | None = None) -> list[str]:
+    """All codes, each with its meaning on the same line, and with its severity where that is not an error.
+
+    columns: where lines are folded.
+    """
+    width = max(map(len, codes())) + 2
+    found = []
+    for code in codes():
+        one = _read(code)
+        told = f"{code:{width}}" + ("" if one.severity == "error" else f"({one.severity}) ") + one.meaning
+        whole = [told] if columns is None else textwrap.wrap(told, columns, subsequent_indent=" " * width)
+        found.append("\n".join(whole))
+    return found
 
 
 def render(page: Page) -> str:

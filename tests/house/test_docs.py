@@ -210,3 +210,32 @@ def test_the_tutorial_on_rest_prints_what_is_shown(
         printed = iter(in_process.run(*shlex.split(command)[1:])[0].splitlines())
         for shown in output.splitlines():
             assert shown == "..." or any(are_alike(shown, line) for line in printed), (command, shown)
+
+
+HOW_TO = [
+    page
+    for page in sorted((ROOT / "docs" / "how-to").glob("*.md"))
+    if "```console" in page.read_text("utf-8")
+]
+
+
+@pytest.mark.parametrize("page", HOW_TO, ids=lambda page: page.stem)
+def test_how_to_pages_print_what_is_shown(
+    page: pathlib.Path, tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The files a page shows under their names, then its commands one after the other in one folder."""
+    text = page.read_text(encoding="utf-8")
+    for body in blocks(text, "yaml"):
+        (tmp_path / body.split()[1]).write_text(body, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    sessions = [part for body in blocks(text, "console") for part in body.removeprefix("$ ").split("\n$ ")]
+    assert sessions
+    for session in sessions:
+        command, _, output = session.partition("\n")
+        program, *arguments = shlex.split(command)
+        assert program == "lagcli"
+        out, err, code = in_process.run(*arguments)
+        assert code == 0, (command, err)
+        printed = iter([*out.splitlines(), *err.splitlines()])
+        for shown in filter(None, output.splitlines()):
+            assert shown == "..." or any(are_alike(shown, line) for line in printed), (command, shown)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import textwrap
 from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits
-from lagcli.cli.options import DebugOption
+from lagcli.cli import completing, console, exits
+from lagcli.cli.options import DebugOption, QuietOption
 from lagcli.errors import diagnostics
 
 
@@ -20,13 +21,16 @@ def explain(
             metavar="CODE", help="the word in brackets of a message, or D.24", autocompletion=completing.codes
         ),
     ] = None,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Explain an error or warning and how to fix it, or an equation such as D.24; without CODE list all."""
     from lagcli.errors import catalogue, equation_list
 
     if code is None:
-        print("\n".join(catalogue.lines()))
+        print("\n".join(catalogue.lines(console.width() if sys.stdout.isatty() else None)))
+        if not quiet:
+            exits.say("`lagcli explain CODE` explains one at length, `lagcli explain D.24` an equation")
         return
     try:
         equation = equation_list.line(code)
