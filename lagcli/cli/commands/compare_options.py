@@ -18,18 +18,37 @@ from lagcli.cli.options import (
     VerboseOption,
 )
 
+OtherArgument = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[OTHER]",
+        help="a second model, compared on shared columns",
+        autocompletion=completing.model_files,
+    ),
+]
+MuOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mu",
+        metavar="NAME=VALUE",
+        help="initial μ of a differential row (0); repeatable",
+        autocompletion=completing.multipliers,
+    ),
+]
+ComparedOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PATTERNS",
+        help="columns to compare, such as 'a.*,R.*'",
+        autocompletion=completing.columns,
+    ),
+]
+
 
 @exits.command
 def compare(
     model: ModelArgument,
-    other: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[OTHER]",
-            help="a second model, compared on shared columns",
-            autocompletion=completing.model_files,
-        ),
-    ] = None,
+    other: OtherArgument = None,
     duration: Annotated[float | None, typer.Option(help="length of the runs")] = None,
     output_step: OutputStepOption = None,
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted (101)")] = None,
@@ -39,14 +58,7 @@ def compare(
         float | None, typer.Option("--max-step", help="no step of the runs is longer")
     ] = None,
     assemble: AssembleOption = False,
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PATTERNS",
-            help="columns to compare, such as 'a.*,R.*'",
-            autocompletion=completing.columns,
-        ),
-    ] = None,
+    columns: ComparedOption = None,
     tolerance: Annotated[
         float | None,
         typer.Option(help="largest difference that passes, as a part of the largest value (1e-8)"),
@@ -54,15 +66,7 @@ def compare(
     vakonomic: Annotated[
         bool, typer.Option("--vakonomic", help="also the motion of the other principle, with multipliers μ")
     ] = False,
-    mu: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--mu",
-            metavar="NAME=VALUE",
-            help="initial μ of a differential row (0); repeatable",
-            autocompletion=completing.multipliers,
-        ),
-    ] = None,
+    mu: MuOption = None,
     output: Annotated[
         str | None,
         typer.Option("-o", "--output", metavar="FILE", help="table of the vakonomic motion; - for stdout"),
