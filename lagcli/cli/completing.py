@@ -1,4 +1,4 @@
-"""What a shell completes at a place of the command line: model files, names in them, and names of the program.
+"""Candidates for a word of the command line: model files, names in them, and names of the program.
 
 A completion is asked for while somebody types: nothing is computed for it, a model that is broken has the names that
 can be read, and what cannot be read has none. It is never an error.

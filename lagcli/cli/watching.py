@@ -45,7 +45,7 @@ def follow(
 
 
 def stamps(paths: Sequence[str]) -> Stamp:
-    """What tells whether a file is the same: time of change, size and number; None for one that is not there."""
+    """The marks by which a file is known to be the same: time of change, size and number; None for one that is not there."""
     return tuple(map(_stamp, paths))
 
 

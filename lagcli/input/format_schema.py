@@ -69,7 +69,7 @@ def text() -> str:
 
 
 def plain(node: yaml_tree.AnyNode) -> Json:
-    """What an editor takes a node for, by the core types of YAML: numbers, true and false, nothing, else texts."""
+    """The value that an editor takes a node for, by the core types of YAML: numbers, true and false, nothing, else texts."""
     match node:
         case yaml_tree.Mapping():
             return {name.value: plain(value) for name, value in node}
@@ -107,7 +107,7 @@ def _mapping(key: keys.Key) -> Schema:
 
 
 def _described(key: keys.Key) -> Schema:
-    """What may stand under `key`, with what it means and an example."""
+    """The values that may stand under `key`, with its meaning and an example."""
     meaning = key.meaning[0].upper() + key.meaning[1:] + "."
     if key.default:
         meaning += f" Default: {key.default}."

@@ -52,7 +52,7 @@ class Outline:
         )
 
     def settable(self) -> tuple[str, ...]:
-        """What `--set` takes: parameters and initial values, but for those of families."""
+        """The names that `--set` takes: parameters and initial values, but for those of families."""
         particles = [name for name in self.of("particles") if "[" not in name]
         coordinates = [name for name in self.of("coordinates") if "[" not in name]
         return (
