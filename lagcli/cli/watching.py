@@ -45,7 +45,7 @@ def follow(
 
 
 def stamps(paths: Sequence[str]) -> Stamp:
-    """The marks by which a file is known to be the same: time of change, size and number; None for one that is not there."""
+    """Time of change, size and number of each, by which a file is known again; None for one that is not there."""
     return tuple(map(_stamp, paths))
 
 

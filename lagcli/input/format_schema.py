@@ -69,7 +69,7 @@ def text() -> str:
 
 
 def plain(node: yaml_tree.AnyNode) -> Json:
-    """The value that an editor takes a node for, by the core types of YAML: numbers, true and false, nothing, else texts."""
+    """The value that an editor takes a node for, by the core types of YAML: numbers, truths, nothing, else texts."""
     match node:
         case yaml_tree.Mapping():
             return {name.value: plain(value) for name, value in node}
