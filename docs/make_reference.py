@@ -6,11 +6,13 @@ A part stands between `<!-- generated: NAME -->` and `<!-- end -->`; the text ar
 from __future__ import annotations
 
 import ast
+import json
+import math
 import pathlib
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from lagcli.errors import catalogue, equation_list
 from lagcli.expression import evaluate
@@ -81,6 +83,38 @@ def equation_table() -> str:
     return "\n".join([equation_list.TEXT, "", "| number | says |", "| --- | --- |", *rows])
 
 
+def published_table() -> str:
+    """Numbers of other programs beside ours, and where they come from."""
+    cases = json.loads((ROOT / "tests" / "reference" / "published.json").read_text(encoding="utf-8"))
+    rows = ["| case | quantity | published | lagcli | agree |", "| --- | --- | --- | --- | --- |"]
+    sources = ["| case | source |", "| --- | --- |"]
+    for case in cases:
+        path = f"../../tests/reference/peers/{case['model']}"
+        for number, row in enumerate(case["rows"]):
+            name = "" if number else f"[{case['id']}]({path})"
+            rows.append(
+                f"| {name} | {row['quantity']} | {row['published']} | {row['lagcli']} | {agreement(row)} |"
+            )
+        sources.append(f"| {case['id']} | {case['source']} |")
+    return "\n".join([*rows, "", *sources])
+
+
+def agreement(row: Mapping[str, str]) -> str:
+    """Digits in which two numbers agree, of the ones that are printed; or their difference."""
+    published, ours = float(row["published"]), float(row["lagcli"])
+    difference = abs(published - ours)
+    if row.get("largest"):
+        return "zero to rounding"
+    if row.get("off"):
+        return f"off by {difference:.1e}"
+    printed = min(
+        len(text.lstrip("-0.").replace(".", "")) for text in (row["published"], f"{ours:.10e}"[:-4])
+    )
+    if not difference:
+        return "exact" if printed < 10 else f"{printed} digits"
+    return f"{min(printed, math.floor(-math.log10(difference / abs(published))))} digits"
+
+
 def package_table() -> str:
     """The packages, from their docstrings: first line, `In:` and `Out:`."""
     rows = []
@@ -106,6 +140,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "errors": error_pages,
     "equations": equation_table,
     "packages": package_table,
+    "published": published_table,
 }
 
 

@@ -100,6 +100,10 @@ def test_the_version_is_known_without_installation(tmp_path: pathlib.Path) -> No
     """In a folder with the package alone: no metadata, no history."""
     (tmp_path / "lagcli").symlink_to(ROOT / "lagcli", target_is_directory=True)
     done = subprocess.run(
-        [sys.executable, "-m", "lagcli", "--version"], cwd=tmp_path, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "lagcli", "--version"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.stdout == f"lagcli {lagcli.__version__}\n"
