@@ -1,0 +1,120 @@
+"""The scene of a motion, with what the rows of its model look like."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.model import model as nouns
+from lagcli.output.animation import links, row_pictures, viewpoint
+from lagcli.output.animation.links import PointTable
+from lagcli.output.animation.row_pictures import RowPictures
+from lagcli.output.animation.scene import Curve, Link, Scene, Surface, steady
+
+Floats = npt.NDArray[np.float64]
+
+# Radii of particles as parts of the size of the scene: of the heaviest, and of the lightest at least.
+LARGEST, LEAST = 0.022, 0.007
+BESIDE = 0.3  # of the shortest rod: no particle is larger
+ARROW = 0.25  # of the size of the scene: all but a few arrows are shorter
+USUAL = 0.99  # a part of all instants: the largest arrows of the others do not set the scale
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """The motion that is shown, in T instants: t (T,), particles (T, N, 3), forces R and F (T, N, 3) or None, and
+    curves beside it."""
+
+    t: Floats
+    names: tuple[str, ...]
+    particles: Floats
+    R: Floats | None = None
+    F: Floats | None = None
+    curves: tuple[Curve, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple[str, str]) -> Scene:
+    """The scene of a motion; without a model there are neither rods nor surfaces, and all particles are alike. units:
+    labels of time and force."""
+    points = PointTable(motion.particles)
+    found, surfaces = RowPictures(), list[Surface]()
+    if model is not None:
+        extent = viewpoint.size(points.tracks)
+        found = row_pictures.pictures(model, motion.t, motion.particles, points, extent)
+    hard = links.contact_radii(found.pairs, found.lines, len(motion.names))
+    tracks = [*points.tracks, *_reaches(found)]
+    view = viewpoint.view(tracks, _down(model))
+    if model is not None:
+        surfaces = row_pictures.surfaces(found, motion.particles, hard, view)
+        surfaces += row_pictures.curves(model, found, motion.particles, view)
+    size = viewpoint.size(tracks)
+    return Scene(
+        title=title,
+        t=motion.t,
+        names=motion.names,
+        points=tuple(points.tracks),
+        radii=_radii(_masses(model, len(motion.names)), found.links, hard, size),
+        view=view,
+        R=_tracks(motion.R),
+        F=_tracks(motion.F),
+        scale=_scale(motion, size),
+        links=tuple(found.links),
+        surfaces=tuple(surfaces),
+        curves=motion.curves,
+        units=units,
+        notes=motion.notes,
+    )
+
+
+def _reaches(found: RowPictures) -> list[Floats]:
+    """The outermost places of round surfaces that hold a particle."""
+    tracks = []
+    for _, ball in found.rounds:
+        half = np.linalg.norm(ball.frames[:, :3], axis=1)
+        if ball.kind == "sphere":
+            tracks += [ball.frames[:, 3] - half, ball.frames[:, 3] + half]
+    return tracks
+
+
+def _down(model: nouns.Model | None) -> Floats | None:
+    """The direction of the constant forces on all particles together, where that is numbers alone."""
+    if model is None:
+        return None
+    from lagcli.output.animation import quadratic_algebra
+
+    return quadratic_algebra.weight(model)
+
+
+def _masses(model: nouns.Model | None, count: int) -> Floats:
+    if model is None:
+        return np.ones(count)
+    return np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
+
+
+def _radii(masses: Floats, rods: list[Link], hard: Floats, size: float) -> Floats:
+    """Radii (N,): as the cube root of the mass, within bounds; of hard spheres their own."""
+    if not len(masses):
+        return np.zeros(0)
+    largest = LARGEST * size
+    lengths = [link.length for link in rods if link.length > 0]
+    if lengths:
+        largest = min(largest, BESIDE * min(lengths))
+    relative = np.cbrt(masses / (float(masses.max()) or 1.0))
+    usual = np.maximum(largest * relative, min(LEAST * size, largest))
+    return np.where(np.isnan(hard), usual, hard)
+
+
+def _tracks(forces: Floats | None) -> tuple[Floats, ...]:
+    return () if forces is None else tuple(steady(forces[:, k]) for k in range(forces.shape[1]))
+
+
+def _scale(motion: Motion, size: float) -> float:
+    """The length of an arrow of the unit of force, so that almost all are shorter than `ARROW` of the scene."""
+    forces = [np.linalg.norm(part, axis=-1).max(axis=1) for part in (motion.R, motion.F) if part is not None and part.size]
+    if not forces:
+        return 0.0
+    largest = float(np.quantile(np.max(forces, axis=0), USUAL))
+    return ARROW * size / largest if np.isfinite(largest) and largest > 0 else 0.0

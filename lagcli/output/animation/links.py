@@ -1,0 +1,135 @@
+"""Rods, strings and springs: what a model says about distances, as lines between points."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations import rigid
+from lagcli.model import model as nouns
+from lagcli.output.animation import scene, square_distance
+from lagcli.output.animation.quadratic_algebra import PicturedRow, SpringLength
+from lagcli.output.animation.scene import Link
+from lagcli.output.animation.square_distance import SquareDistance
+
+Floats = npt.NDArray[np.float64]
+HELD = 1e-5  # a part of the length: a rod that is off by more than this in a table is none there
+# A particle at a fixed distance from a point hangs on a rod or lies on a sphere: the name of the row says which.
+ROUND = re.compile(
+    r"(?i)(sphere|ball|bowl|dome|globe|shell|surface|hoop|ring|circle|wire|track|cylinder|pipe|drum)"
+)
+# All pairs of a rigid body of few particles are drawn, of more the nearest ones.
+MOST_WHOLE, NEAREST = 6, 3
+
+
+class PointTable:
+    """The points of a scene: the particles, then those that rods and strings end at."""
+
+    def __init__(self, particles: Floats) -> None:
+        self._places = particles  # (T, N, 3)
+        self.tracks: list[Floats] = [scene.steady(particles[:, k]) for k in range(particles.shape[1])]
+        self._known: dict[bytes, int] = {}
+
+    def ends(self, found: SquareDistance) -> tuple[int, int] | None:
+        """The points at both ends of u = sum weight_k r_k + shift, whose weights come to 0 or have one sign."""
+        total = sum(found.weights.values())
+        positive = {k: w for k, w in found.weights.items() if w > 0}
+        negative = {k: -w for k, w in found.weights.items() if w < 0}
+        heavy = sum(positive.values())
+        if not negative or not positive:
+            side = positive or negative
+            head = self._mean(side, np.zeros(3))
+            return head, self._fixed(-found.shift / total)
+        if abs(total) > square_distance.SAME * heavy:
+            return None
+        return self._mean(positive, np.zeros(3)), self._mean(negative, -found.shift / heavy)
+
+    def factor(self, found: SquareDistance) -> float:
+        """By how much |u| is larger than the distance of the ends."""
+        heavy = sum(w for w in found.weights.values() if w > 0)
+        return heavy or -sum(found.weights.values())
+
+    def _mean(self, weights: dict[int, float], shift: Floats) -> int:
+        if len(weights) == 1 and not np.any(shift):
+            return next(iter(weights))
+        total = sum(weights.values())
+        place = sum((w / total * self._places[:, k] for k, w in weights.items()), np.zeros(3))
+        return self._fixed(place + shift)
+
+    def _fixed(self, track: Floats) -> int:
+        track = scene.steady(np.atleast_2d(track))
+        key = (track + 0.0).tobytes()
+        if key not in self._known:
+            self._known[key] = len(self.tracks)
+            self.tracks.append(track)
+        return self._known[key]
+
+    def distance(self, ends: tuple[int, int]) -> Floats:
+        """The distance of two points over the instants."""
+        one, two = (self.tracks[end] for end in ends)
+        return np.asarray(np.linalg.norm(one - two, axis=-1))
+
+
+def of_row(row: PicturedRow, found: SquareDistance, points: PointTable) -> Link | None:
+    """The rod or string that a row of a distance is, or None where it is a surface, or not held in this run."""
+    if found.at_least:
+        return None
+    alone = len(found.weights) == 1
+    if alone and (ROUND.search(row.name) or len(found.axes) < 3):
+        return None
+    ends = points.ends(found)
+    if ends is None:
+        return None
+    length = found.length / points.factor(found)
+    off = points.distance(ends) - length
+    size = float(np.abs(length).max())
+    if size == 0.0 or float(off.max()) > HELD * size or (not found.at_most and float(off.min()) < -HELD * size):
+        return None
+    return Link("string" if found.at_most else "rod", row.name, ends, float(np.ravel(length)[0]))
+
+
+def of_bodies(model: nouns.Model, particles: Floats) -> Iterable[Link]:
+    """The rods of rigid bodies; particles (T, N, 3)."""
+    for body in model.rigid:
+        places = particles[0, list(body.particles)]
+        count = len(body.particles)
+        if count <= MOST_WHOLE:
+            pairs = set(itertools.combinations(range(count), 2))
+        else:
+            base = rigid.geometry(places)
+            pairs = {(min(a, b), max(a, b)) for a, b in ((base.base[i], base.base[j]) for i, j in base.pairs)}
+            for k in range(count):
+                near = np.argsort(np.linalg.norm(places - places[k], axis=1), kind="stable")[1 : NEAREST + 1]
+                pairs |= {(min(k, int(i)), max(k, int(i))) for i in near}
+        for i, j in sorted(pairs):
+            length = float(np.linalg.norm(places[i] - places[j]))
+            yield Link("rod", body.name, (body.particles[i], body.particles[j]), length)
+
+
+def of_springs(springs: Iterable[SpringLength], points: PointTable) -> Iterable[Link]:
+    """A spring for each distance that stands in a potential as a square."""
+    for spring in springs:
+        ends = points.ends(spring.distance)
+        if ends is not None and ends[0] != ends[1]:
+            yield Link("spring", spring.name, ends)
+
+
+def contact_radii(pairs: Iterable[SquareDistance], lines: Iterable[tuple[int, int, float]], count: int) -> Floats:
+    """The radius of each particle (count,) that keeps its distance from others like a hard sphere, nan for others.
+
+    lines: pairs of particles that keep a distance along one line.
+    """
+    radii = np.full(count, np.nan)
+    for a, b, distance in (*lines, *((*_two(pair), float(np.ravel(pair.length)[0])) for pair in pairs)):
+        for k in (a, b):
+            radii[k] = np.fmin(radii[k], distance / 2)
+    return radii
+
+
+def _two(pair: SquareDistance) -> tuple[int, int]:
+    a, b = pair.weights
+    return a, b

@@ -1,0 +1,242 @@
+"""The rows of a model as functions of the second degree in positions, over the instants of an animation."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.expression import evaluate, tree
+from lagcli.expression.operators import Operators
+from lagcli.model import model as nouns
+from lagcli.model.family import Whole
+from lagcli.model.resolve import ModelNames, Reference, Resolver
+from lagcli.output.animation import quadratic_form, square_distance
+from lagcli.output.animation.quadratic_form import OTHER, Quadratic
+from lagcli.output.animation.square_distance import SquareDistance
+
+Floats = npt.NDArray[np.float64]
+Value = evaluate.Value[Quadratic]
+
+_FUNCTIONS: dict[str, Callable[..., Floats]] = {
+    "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan,
+    "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "exp": np.exp, "log": np.log, "sqrt": np.sqrt,
+    "abs": np.abs, "sign": np.sign, "atan2": np.arctan2,
+}  # fmt: skip
+_MANY: dict[str, Callable[..., Floats]] = {"min": np.minimum, "max": np.maximum}
+# A page shows no more, and a family of all pairs of a thousand particles has half a million rows.
+MOST_ROWS = 20_000
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PicturedRow:
+    """A row and what its left side less its right is of the second degree, or `OTHER`; of an inequality `form` >= 0 is
+    allowed. law, row: where it stands in the model."""
+
+    name: str
+    kind: Literal["holonomic", "inequality"]
+    form: Quadratic
+    law: nouns.Holonomic | nouns.Inequality
+    row: int
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class SpringLength:
+    """A distance whose square, or that of how far it is off a length, stands in a potential."""
+
+    name: str
+    distance: SquareDistance
+
+
+class _QuadraticAlgebra(Operators[Quadratic]):
+    """See `evaluate.Algebra`; what is not of the second degree is `OTHER`."""
+
+    def __init__(
+        self, atom: Callable[[Reference], Value], special: Callable[[tree.Call, _QuadraticAlgebra], Value]
+    ) -> None:
+        self.atom, self._special = atom, special
+
+    def special(self, node: tree.Call) -> Value:
+        return self._special(node, self)
+
+    def number(self, node: tree.Number) -> Quadratic:
+        return quadratic_form.number(float(node.text))
+
+    def power(self, node: tree.Node, base: Quadratic, exponent: Quadratic) -> Quadratic:
+        if not exponent.is_constant:
+            return OTHER
+        if base.is_constant:
+            return quadratic_form.number(base.constant**exponent.constant)
+        if np.all(exponent.constant == 2.0):
+            return base * base
+        if np.all(exponent.constant == 1.0):
+            return base
+        return self.function(node, "sqrt", (base,)) if np.all(exponent.constant == 0.5) else OTHER
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[Quadratic, ...]) -> Quadratic:
+        if all(argument.is_constant for argument in arguments):
+            values = [argument.constant for argument in arguments]
+            if name in _MANY:
+                found = values[0]
+                for value in values[1:]:
+                    found = _MANY[name](found, value)
+                return quadratic_form.number(found)
+            return quadratic_form.number(_FUNCTIONS[name](*values))
+        if name == "sqrt" and arguments[0].is_polynomial:
+            return Quadratic(factor=np.float64(1.0), under=arguments[0])
+        return OTHER
+
+
+class _PlaceLeaves:
+    """What names stand for: times are numbers, places of particles variables; see `resolve.Leaves`."""
+
+    def __init__(
+        self, model: nouns.Model, t: Floats | None, fixed: Mapping[int, Floats] | None = None
+    ) -> None:
+        """t: None where no time is known; fixed: places (k, 3) of particles that are numbers and no variables."""
+        self._names, self._fixed = ModelNames(model), fixed or {}
+        self._constants: dict[str, Value] = {"t": OTHER if t is None else quadratic_form.number(t), "dt": OTHER}
+        self._constants |= {name: quadratic_form.number(value) for name, value in model.constants.items()}
+        for parameter in model.parameters:
+            if isinstance(parameter.value, tuple):
+                x, y, z = map(quadratic_form.number, parameter.value)
+                self._constants[parameter.name] = x, y, z
+            else:
+                self._constants[parameter.name] = quadratic_form.number(parameter.value)
+        self._definitions: dict[str, Value] = {}
+        for name in model.order:
+            if isinstance(name, str):
+                self.definition(name)
+
+    def algebra(
+        self, variables: Mapping[str, Whole], own: Mapping[str, Value] | None = None
+    ) -> _QuadraticAlgebra:
+        found = Resolver(self._names, self, variables, own or {}, lambda *_: OTHER)
+        return _QuadraticAlgebra(found.atom, found.special)
+
+    def constant(self, name: str) -> Value | None:
+        return self._constants.get(name)
+
+    def position(self, numbers: Whole) -> tuple[Quadratic, Quadratic, Quadratic]:
+        number = int(numbers[0])
+        if number in self._fixed:
+            x, y, z = map(quadratic_form.number, self._fixed[number].T)
+            return x, y, z
+        first = 3 * number
+        return quadratic_form.place(first), quadratic_form.place(first + 1), quadratic_form.place(first + 2)
+
+    def velocity(self, numbers: Whole) -> tuple[Quadratic, Quadratic, Quadratic]:
+        return OTHER, OTHER, OTHER
+
+    def generalized(self, numbers: Whole, rates: bool) -> Quadratic:
+        return OTHER
+
+    def variable(self, name: str, values: Whole) -> Quadratic:
+        return quadratic_form.number(float(values[0]))
+
+    def definition(self, name: str) -> Value:
+        if name not in self._definitions:
+            self._definitions[name] = evaluate.evaluate(self._names.definitions[name], self.algebra({}))
+        return self._definitions[name]
+
+    def differential(self, value: Quadratic) -> Quadratic:
+        return OTHER
+
+
+def rows(model: nouns.Model, t: Floats) -> Iterator[PicturedRow]:
+    """The rows over the instants t (T,), in the order of the model, `MOST_ROWS` at most."""
+    leaves, left = _PlaceLeaves(model, t), MOST_ROWS
+    laws: tuple[nouns.Holonomic | nouns.Inequality, ...] = (*model.holonomic, *model.inequality)
+    with np.errstate(all="ignore"):
+        for law in laws:
+            kind: Literal["holonomic", "inequality"] = (
+                "holonomic" if isinstance(law, nouns.Holonomic) else "inequality"
+            )
+            assert isinstance(law.equation.tree, tree.Relation)
+            width = len(law.rows) // max(1, law.members.count)
+            for k in range(min(law.members.count, left // width)):
+                variables = {name: values[k : k + 1] for name, values in law.members.variables.items()}
+                forms = evaluate.difference(law.equation.tree, leaves.algebra(variables))
+                names = law.rows[width * k : width * (k + 1)]
+                for row, (name, form) in enumerate(zip(names, forms, strict=True), width * k):
+                    simple = form.known and not form.is_constant and _is_finite(form)
+                    yield PicturedRow(name, kind, form if simple else OTHER, law, row)
+            left -= width * law.members.count
+            if left <= 0:
+                return
+
+
+def value_at(model: nouns.Model, law: nouns.Law, row: int, particle: int, places: Floats) -> Floats | None:
+    """The value of a row of a law, by its number, with one particle at places (k, 3): (k,) or (1,). None where it
+    depends on other particles, on coordinates or on t."""
+    leaves = _PlaceLeaves(model, None, {particle: places})
+    assert isinstance(law.equation.tree, tree.Relation)
+    width = len(law.rows) // max(1, law.members.count)
+    k = row // width
+    variables = {name: values[k : k + 1] for name, values in law.members.variables.items()}
+    with np.errstate(all="ignore"):
+        form = evaluate.difference(law.equation.tree, leaves.algebra(variables))[row % width]
+    return np.atleast_1d(form.constant) if form.is_constant else None
+
+
+def springs(model: nouns.Model, t: Floats) -> Iterator[SpringLength]:
+    """The distances between points whose squares stand in potentials, at the instants t (T,)."""
+    leaves, left = _PlaceLeaves(model, t), MOST_ROWS
+    for force in model.forces:
+        if not isinstance(force, nouns.Potential):
+            continue
+        squares = [node for node in tree.walk(force.expression.tree) if _is_square(node)]
+        calls = [call for square in squares for call in tree.walk(square) if _is_distance(call)]
+        for k in range(min(force.members.count, left)):
+            variables = {name: values[k : k + 1] for name, values in force.members.variables.items()}
+            for call in calls:
+                with np.errstate(all="ignore"):
+                    form = evaluate.scalar(call, leaves.algebra(variables))
+                if form.known and form.under is not None and _is_finite(form):
+                    found = square_distance.found(form.under, False)
+                    if found is not None:
+                        yield SpringLength(force.members.names[k], found)
+        left -= force.members.count
+
+
+def weight(model: nouns.Model) -> Floats | None:
+    """The constant force (3,) that acts on the most particles, on the first of them; None where there is none."""
+    leaves = _PlaceLeaves(model, None)
+    masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
+    constant = [one for one in model.forces if isinstance(one, nouns.ParticleForce) and one.constant]
+    constant = [one for one in constant if one.action.targets.size]
+    if not constant:
+        return None
+    force = max(constant, key=lambda one: one.action.targets.size)
+    target, acting = int(force.action.targets[0]), int(force.action.acting[0])
+    variables = {name: values[[acting]] for name, values in force.members.variables.items()}
+    algebra = leaves.algebra(variables, {"m": quadratic_form.number(masses[target])})
+    parts = force.force.parts
+    if len(parts) == 1:
+        found = evaluate.vector(parts[0].tree, algebra)
+    else:
+        x, y, z = (evaluate.scalar(part.tree, algebra) for part in parts)
+        found = x, y, z
+    if not all(part.is_constant for part in found):
+        return None
+    return np.array([float(part.constant) for part in found])
+
+
+def _is_square(node: tree.Node) -> bool:
+    if not isinstance(node, tree.Power) or not isinstance(node.exponent, tree.Number):
+        return False
+    return float(node.exponent.text) == 2.0
+
+
+def _is_distance(node: tree.Node) -> bool:
+    return isinstance(node, tree.Call) and node.function in ("distance", "norm")
+
+
+def _is_finite(form: Quadratic) -> bool:
+    parts = [form.constant, form.factor, *form.linear.values(), *form.quadratic.values()]
+    return all(bool(np.isfinite(part).all()) for part in parts) and (
+        form.under is None or _is_finite(form.under)
+    )

@@ -1,0 +1,150 @@
+"""Functions of positions up to the second degree, the root of one, and no others.
+
+The left sides of simple rows are such functions: planes, spheres, cylinders, distances. Coefficients are numbers, or
+arrays (T,) over the instants of an animation where they depend on t.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Mapping
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Coefficient = Floats | np.float64  # (T,) or a number
+ZERO = np.float64(0.0)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Quadratic:
+    """constant + sum linear_i x_i + sum quadratic_ij x_i x_j (i <= j) + factor sqrt(under).
+
+    x_3k, x_3k+1, x_3k+2 are the components of the place of particle k. known: False for every other function.
+    """
+
+    constant: Coefficient = ZERO
+    linear: Mapping[int, Coefficient] = dataclasses.field(default_factory=dict)
+    quadratic: Mapping[tuple[int, int], Coefficient] = dataclasses.field(default_factory=dict)
+    factor: Coefficient = ZERO
+    under: Quadratic | None = None
+    known: bool = True
+
+    @property
+    def is_constant(self) -> bool:
+        """True if no position is in it."""
+        return self.known and not (self.linear or self.quadratic or self.under)
+
+    @property
+    def is_polynomial(self) -> bool:
+        """True if there is no root in it."""
+        return self.known and self.under is None
+
+    def __neg__(self) -> Quadratic:
+        return self.scaled(np.float64(-1.0))
+
+    def __add__(self, other: Quadratic) -> Quadratic:
+        if not (self.known and other.known):
+            return OTHER
+        factor, under = self.factor, self.under or other.under
+        if self.under is None:
+            factor = other.factor
+        elif other.under is not None:
+            if other.under is not self.under:
+                return OTHER
+            factor = factor + other.factor
+        return Quadratic(
+            self.constant + other.constant,
+            _added(self.linear, other.linear),
+            _added(self.quadratic, other.quadratic),
+            factor,
+            under,
+        )
+
+    def __sub__(self, other: Quadratic) -> Quadratic:
+        return self + -other
+
+    def __mul__(self, other: Quadratic) -> Quadratic:
+        if other.is_constant:
+            return self.scaled(other.constant)
+        if self.is_constant:
+            return other.scaled(self.constant)
+        if self._is_bare_root and other._is_bare_root and self.under is other.under and self.under:
+            return self.under.scaled(self.factor * other.factor)
+        if not (self.is_polynomial and other.is_polynomial) or self.quadratic or other.quadratic:
+            return OTHER
+        square: dict[tuple[int, int], Coefficient] = {}
+        for (i, a), (j, b) in itertools.product(self.linear.items(), other.linear.items()):
+            key = (min(i, j), max(i, j))
+            square[key] = square.get(key, ZERO) + a * b
+        linear = _added(
+            {i: a * other.constant for i, a in self.linear.items()},
+            {j: b * self.constant for j, b in other.linear.items()},
+        )
+        return Quadratic(self.constant * other.constant, linear, _nonzero(square))
+
+    def __truediv__(self, other: Quadratic) -> Quadratic:
+        return self.scaled(1.0 / other.constant) if other.is_constant else OTHER
+
+    def scaled(self, by: Coefficient) -> Quadratic:
+        """This, times a number."""
+        if not self.known:
+            return OTHER
+        return Quadratic(
+            self.constant * by,
+            _nonzero({i: a * by for i, a in self.linear.items()}),
+            _nonzero({i: a * by for i, a in self.quadratic.items()}),
+            self.factor * by,
+            self.under,
+        )
+
+    @property
+    def is_at_rest(self) -> bool:
+        """True if no coefficient depends on t."""
+        parts = [self.constant, self.factor, *self.linear.values(), *self.quadratic.values()]
+        return not any(np.ndim(part) and np.ptp(part) for part in parts) and (
+            self.under is None or self.under.is_at_rest
+        )
+
+    def values(self, places: Floats) -> Floats:
+        """The values (k,) with the only particle in it at places (k, 3); for one that is at rest."""
+        found = np.full(len(places), np.ravel(self.constant)[0])
+        for i, a in self.linear.items():
+            found = found + np.ravel(a)[0] * places[:, i % 3]
+        for (i, j), a in self.quadratic.items():
+            found = found + np.ravel(a)[0] * places[:, i % 3] * places[:, j % 3]
+        if self.under is not None:
+            found = found + np.ravel(self.factor)[0] * np.sqrt(self.under.values(places))
+        return np.asarray(found)
+
+    @property
+    def _is_bare_root(self) -> bool:
+        return self.known and not (self.linear or self.quadratic) and not np.any(self.constant)
+
+
+OTHER = Quadratic(known=False)
+
+
+def number(value: float | Coefficient) -> Quadratic:
+    """A constant."""
+    return Quadratic(value if isinstance(value, np.ndarray) else np.float64(value))
+
+
+def place(component: int) -> Quadratic:
+    """The component x_i."""
+    return Quadratic(linear={component: np.float64(1.0)})
+
+
+K = TypeVar("K")
+
+
+def _added(one: Mapping[K, Coefficient], two: Mapping[K, Coefficient]) -> dict[K, Coefficient]:
+    keys = dict.fromkeys((*one, *two))
+    return _nonzero({key: one.get(key, ZERO) + two.get(key, ZERO) for key in keys})
+
+
+def _nonzero(terms: Mapping[K, Coefficient]) -> dict[K, Coefficient]:
+    return {key: value for key, value in terms.items() if np.any(value)}
