@@ -33,9 +33,11 @@ def run(model: Model, settings: find_modes.ModesSettings, options: ModesOptions)
         raise exits.Exit(exits.STOPPED) from None
     if options.plot is not None:
         _draw(found, model, options.plot)
+    if options.animate is not None:
+        _animate(found, model, options.animate)
     if options.as_json:
         print(json_output.text(found.as_json()))
-    elif options.plot is None:
+    elif options.plot is None and options.animate is None:
         _tell(found)
     if not options.quiet:
         exits.say_all(f"note: {note}" for note in found.notes)
@@ -47,6 +49,20 @@ def _draw(found: Modes, model: Model, path: str) -> None:
         from lagcli.output.figures import modes_figure
 
         modes_figure.draw(path, found, model.title or pathlib.Path(model.path).stem)
+
+
+def _animate(found: Modes, model: Model, path: str) -> None:
+    # Other answers draw no scene.
+    from lagcli.api import animate_modes
+    from lagcli.output.animation import page
+    from lagcli.output.animation.places import NothingToShow
+
+    try:
+        scene = animate_modes.of_modes(model, found)
+    except NothingToShow as error:
+        raise exits.UsageError(f"--animate: {error}") from None
+    with exits.writing(path):
+        page.write(pathlib.Path(path), scene)
 
 
 def _tell(found: Modes) -> None:

@@ -185,7 +185,7 @@ class CompareOptions:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ModesOptions:
-    """Options of `modes` besides its settings; `animate`: the file of a page that is refused."""
+    """Options of `modes` besides its settings; `animate`: the file of a page."""
 
     plot: str | None
     animate: str | None
@@ -194,12 +194,15 @@ class ModesOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done for this MODEL."""
-        if self.animate is not None:
-            raise exits.UsageError(
-                "--animate needs the pages of `animate`, which is not built yet; --plot draws shapes"
-            )
         require_models([model])
-        require_outputs(model, None, self.plot, self.as_json)
+        require_ending(self.animate, ("html",))
+        require_ending(self.plot, endings.FIGURES)
+        named = (("--plot", self.plot), ("--animate", self.animate))
+        files = [
+            file_conflicts.File(option, name, is_written=True) for option, name in named if name is not None
+        ]
+        if files:
+            require_writable(file_conflicts.model(model), files)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 TABLES = ("csv", "json", "npz", "parquet", "tsv")
 FIGURES = ("png", "svg", "pdf")
+ANIMATIONS = ("html", "gif", "mp4")
 
 
 class UnknownFormat(ValueError):

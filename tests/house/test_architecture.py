@@ -49,6 +49,7 @@ DOORS = {
         "lagcli.output.figures.principles_figure",
         "lagcli.output.figures.limit_figure",
         "lagcli.output.figures.modes_figure",
+        "lagcli.output.animation.film",
     ),
     "orjson": ("lagcli.output.tables.float_text",),
     "pyarrow": ("lagcli.output.tables.parquet_table", "lagcli.output.tables.read_table"),

@@ -37,7 +37,8 @@ def modes(
         typer.Option(metavar="N", help="how many modes of a model of more than 600 coordinates (20)"),
     ] = None,
     animate: Annotated[
-        str | None, typer.Option("--animate", metavar="FILE", help="not built yet: refused", hidden=True)
+        str | None,
+        typer.Option("--animate", metavar="FILE", help="the modes as a page (.html) that shows them swing"),
     ] = None,
     assemble: AssembleOption = False,
     limit: LimitOption = settings.LIMIT,

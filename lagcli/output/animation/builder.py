@@ -8,24 +8,26 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.model import model as nouns
-from lagcli.output.animation import links, row_pictures, viewpoint
+from lagcli.output.animation import links, quadratic_algebra, row_pictures, viewpoint
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.row_pictures import RowPictures
 from lagcli.output.animation.scene import Curve, Link, Scene, Surface, steady
+from lagcli.output.animation.tied import Tie
 
 Floats = npt.NDArray[np.float64]
 
 # Radii of particles as parts of the size of the scene: of the heaviest, and of the lightest at least.
 LARGEST, LEAST = 0.022, 0.007
 BESIDE = 0.3  # of the shortest rod: no particle is larger
-ARROW = 0.25  # of the size of the scene: all but a few arrows are shorter
+ARROW = 0.2  # of the size of the scene: all but a few arrows are shorter
 USUAL = 0.99  # a part of all instants: the largest arrows of the others do not set the scale
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """The motion that is shown, in T instants: t (T,), particles (T, N, 3), forces R and F (T, N, 3) or None, and
-    curves beside it."""
+    curves beside it. rails: lines that are drawn too; ties: distances that the coordinates keep; is_run: False for
+    ways to swing, in which rods may stretch a little."""
 
     t: Floats
     names: tuple[str, ...]
@@ -34,23 +36,33 @@ class Motion:
     F: Floats | None = None
     curves: tuple[Curve, ...] = ()
     notes: tuple[str, ...] = ()
+    rails: tuple[Surface, ...] = ()
+    ties: tuple[Tie, ...] = ()
+    is_run: bool = True
 
 
 def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple[str, str]) -> Scene:
     """The scene of a motion; without a model there are neither rods nor surfaces, and all particles are alike. units:
     labels of time and force."""
-    points = PointTable(motion.particles)
-    found, surfaces = RowPictures(), list[Surface]()
+    points = PointTable(motion.particles, motion.is_run)
+    found, surfaces = RowPictures(), list(motion.rails)
     if model is not None:
         extent = viewpoint.size(points.tracks)
         found = row_pictures.pictures(model, motion.t, motion.particles, points, extent)
+    found.links += [points.tie(tie) for tie in motion.ties]
     hard = links.contact_radii(found.pairs, found.lines, len(motion.names))
     tracks = [*points.tracks, *_reaches(found)]
     view = viewpoint.view(tracks, _down(model))
     if model is not None:
-        surfaces = row_pictures.surfaces(found, motion.particles, hard, view)
+        surfaces += row_pictures.surfaces(found, motion.particles, hard, view)
         surfaces += row_pictures.curves(model, found, motion.particles, view)
     size = viewpoint.size(tracks)
+    notes = motion.notes
+    if points.unheld:
+        notes = (
+            *notes,
+            f"{points.unheld} rods or strings are not drawn: their lengths are not those of the rows",
+        )
     return Scene(
         title=title,
         t=motion.t,
@@ -65,7 +77,7 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
         surfaces=tuple(surfaces),
         curves=motion.curves,
         units=units,
-        notes=motion.notes,
+        notes=notes,
     )
 
 
@@ -81,11 +93,7 @@ def _reaches(found: RowPictures) -> list[Floats]:
 
 def _down(model: nouns.Model | None) -> Floats | None:
     """The direction of the constant forces on all particles together, where that is numbers alone."""
-    if model is None:
-        return None
-    from lagcli.output.animation import quadratic_algebra
-
-    return quadratic_algebra.weight(model)
+    return None if model is None else quadratic_algebra.weight(model)
 
 
 def _masses(model: nouns.Model | None, count: int) -> Floats:
@@ -113,7 +121,11 @@ def _tracks(forces: Floats | None) -> tuple[Floats, ...]:
 
 def _scale(motion: Motion, size: float) -> float:
     """The length of an arrow of the unit of force, so that almost all are shorter than `ARROW` of the scene."""
-    forces = [np.linalg.norm(part, axis=-1).max(axis=1) for part in (motion.R, motion.F) if part is not None and part.size]
+    forces = [
+        np.linalg.norm(part, axis=-1).max(axis=1)
+        for part in (motion.R, motion.F)
+        if part is not None and part.size
+    ]
     if not forces:
         return 0.0
     largest = float(np.quantile(np.max(forces, axis=0), USUAL))

@@ -15,6 +15,7 @@ from lagcli.output.animation import scene, square_distance
 from lagcli.output.animation.quadratic_algebra import PicturedRow, SpringLength
 from lagcli.output.animation.scene import Link
 from lagcli.output.animation.square_distance import SquareDistance
+from lagcli.output.animation.tied import Tie
 
 Floats = npt.NDArray[np.float64]
 HELD = 1e-5  # a part of the length: a rod that is off by more than this in a table is none there
@@ -27,12 +28,13 @@ MOST_WHOLE, NEAREST = 6, 3
 
 
 class PointTable:
-    """The points of a scene: the particles, then those that rods and strings end at."""
+    """The points of a scene: the particles (T, N, 3), then those that rods and strings end at. is_run: rods keep their
+    lengths; unheld: the number of those that do not."""
 
-    def __init__(self, particles: Floats) -> None:
-        self._places = particles  # (T, N, 3)
+    def __init__(self, particles: Floats, is_run: bool = True) -> None:
+        self._places, self.is_run, self.unheld = particles, is_run, 0
         self.tracks: list[Floats] = [scene.steady(particles[:, k]) for k in range(particles.shape[1])]
-        self._known: dict[bytes, int] = {}
+        self._known: dict[tuple[tuple[tuple[int, float], ...], bytes], int] = {}
 
     def ends(self, found: SquareDistance) -> tuple[int, int] | None:
         """The points at both ends of u = sum weight_k r_k + shift, whose weights come to 0 or have one sign."""
@@ -40,38 +42,40 @@ class PointTable:
         positive = {k: w for k, w in found.weights.items() if w > 0}
         negative = {k: -w for k, w in found.weights.items() if w < 0}
         heavy = sum(positive.values())
+        nothing = np.zeros(3)
         if not negative or not positive:
-            side = positive or negative
-            head = self._mean(side, np.zeros(3))
-            return head, self._fixed(-found.shift / total)
+            return self._mean(positive or negative, nothing), self._mean({}, -found.shift / total)
         if abs(total) > square_distance.SAME * heavy:
             return None
-        return self._mean(positive, np.zeros(3)), self._mean(negative, -found.shift / heavy)
+        return self._mean(positive, nothing), self._mean(negative, -found.shift / heavy)
 
     def factor(self, found: SquareDistance) -> float:
         """By how much |u| is larger than the distance of the ends."""
         heavy = sum(w for w in found.weights.values() if w > 0)
         return heavy or -sum(found.weights.values())
 
-    def _mean(self, weights: dict[int, float], shift: Floats) -> int:
-        if len(weights) == 1 and not np.any(shift):
-            return next(iter(weights))
-        total = sum(weights.values())
-        place = sum((w / total * self._places[:, k] for k, w in weights.items()), np.zeros(3))
-        return self._fixed(place + shift)
-
-    def _fixed(self, track: Floats) -> int:
-        track = scene.steady(np.atleast_2d(track))
-        key = (track + 0.0).tobytes()
-        if key not in self._known:
-            self._known[key] = len(self.tracks)
-            self.tracks.append(track)
-        return self._known[key]
+    def tie(self, tie: Tie) -> Link:
+        """A kept distance as a thin line."""
+        other = tie.other if isinstance(tie.other, int) else self._mean({}, tie.other)
+        return Link("string", "", (tie.particle, other), tie.length)
 
     def distance(self, ends: tuple[int, int]) -> Floats:
         """The distance of two points over the instants."""
         one, two = (self.tracks[end] for end in ends)
         return np.asarray(np.linalg.norm(one - two, axis=-1))
+
+    def _mean(self, weights: dict[int, float], shift: Floats) -> int:
+        """The point at the weighted mean of particles, moved by a shift; without weights the shift alone."""
+        if len(weights) == 1 and not np.any(shift):
+            return next(iter(weights))
+        total = sum(weights.values())
+        place = sum((w / total * self._places[:, k] for k, w in weights.items()), np.zeros(3))
+        # What is the same by its making is one point, whatever the motion is.
+        key = tuple(sorted(weights.items())), (np.atleast_2d(shift) + 0.0).tobytes()
+        if key not in self._known:
+            self._known[key] = len(self.tracks)
+            self.tracks.append(scene.steady(np.atleast_2d(place + shift)))
+        return self._known[key]
 
 
 def of_row(row: PicturedRow, found: SquareDistance, points: PointTable) -> Link | None:
@@ -87,7 +91,10 @@ def of_row(row: PicturedRow, found: SquareDistance, points: PointTable) -> Link 
     length = found.length / points.factor(found)
     off = points.distance(ends) - length
     size = float(np.abs(length).max())
-    if size == 0.0 or float(off.max()) > HELD * size or (not found.at_most and float(off.min()) < -HELD * size):
+    if size == 0.0:
+        return None
+    if points.is_run and (off.max() > HELD * size or (not found.at_most and off.min() < -HELD * size)):
+        points.unheld += 1
         return None
     return Link("string" if found.at_most else "rod", row.name, ends, float(np.ravel(length)[0]))
 
@@ -118,7 +125,9 @@ def of_springs(springs: Iterable[SpringLength], points: PointTable) -> Iterable[
             yield Link("spring", spring.name, ends)
 
 
-def contact_radii(pairs: Iterable[SquareDistance], lines: Iterable[tuple[int, int, float]], count: int) -> Floats:
+def contact_radii(
+    pairs: Iterable[SquareDistance], lines: Iterable[tuple[int, int, float]], count: int
+) -> Floats:
     """The radius of each particle (count,) that keeps its distance from others like a hard sphere, nan for others.
 
     lines: pairs of particles that keep a distance along one line.

@@ -69,7 +69,7 @@ def packed(scene: Scene) -> tuple[str, str]:
         ],
         "notes": [labels.shortened(note, labels.TITLE) for note in scene.notes],
         "modes": [_mode(mode, block, size, centre) for mode in scene.modes],
-        "rate": _rate(scene),
+        "rate": rate(scene),
     }
     return json.dumps(found, allow_nan=False, separators=(",", ":")), block.text()
 
@@ -102,7 +102,7 @@ def _mode(mode: Mode, block: _Block, size: float, centre: Floats) -> dict[str, o
     }
 
 
-def _rate(scene: Scene) -> float:
+def rate(scene: Scene) -> float:
     """Units of the time of the run in a second of who watches."""
     span = float(scene.t[-1] - scene.t[0])
     if not scene.modes and scene.units[0].strip() == "s" and SHORT <= span <= WATCHABLE:

@@ -98,7 +98,10 @@ class _PlaceLeaves:
     ) -> None:
         """t: None where no time is known; fixed: places (k, 3) of particles that are numbers and no variables."""
         self._names, self._fixed = ModelNames(model), fixed or {}
-        self._constants: dict[str, Value] = {"t": OTHER if t is None else quadratic_form.number(t), "dt": OTHER}
+        self._constants: dict[str, Value] = {
+            "t": OTHER if t is None else quadratic_form.number(t),
+            "dt": OTHER,
+        }
         self._constants |= {name: quadratic_form.number(value) for name, value in model.constants.items()}
         for parameter in model.parameters:
             if isinstance(parameter.value, tuple):

@@ -65,7 +65,9 @@ def plane(row: PicturedRow, particle: int) -> HeldPlane | None:
     if not np.all(length > 0):
         return None
     offset = np.atleast_1d(-form.constant / length)
-    return HeldPlane(row.name, row.kind == "inequality", steady(normal / length[:, None]), steady(offset), {particle})
+    return HeldPlane(
+        row.name, row.kind == "inequality", steady(normal / length[:, None]), steady(offset), {particle}
+    )
 
 
 def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> Surface | None:
@@ -109,7 +111,9 @@ def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> Surf
     frames = [half[:, i, None] * vectors[:, i] for i in order]
     frame = np.stack([*frames, middle @ vectors.T], axis=1)
     kind = "sphere" if bent.all() else "cylinder"
-    return Surface("sphere" if kind == "sphere" else "cylinder", row.name, row.kind == "inequality", steady(frame))
+    return Surface(
+        "sphere" if kind == "sphere" else "cylinder", row.name, row.kind == "inequality", steady(frame)
+    )
 
 
 def merged(planes: Sequence[HeldPlane], size: float) -> list[HeldPlane]:

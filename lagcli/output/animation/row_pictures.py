@@ -1,4 +1,4 @@
-"""The rows of a model as what is drawn of them: rods, strings, planes, round surfaces, curves, radii of hard spheres."""
+"""The rows of a model as what is drawn of them: rods, planes, round surfaces, curves, radii of hard spheres."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ class RowPictures:
     others: list[PicturedRow] = dataclasses.field(default_factory=list)
 
 
-def pictures(model: nouns.Model, t: Floats, particles: Floats, points: PointTable, size: float) -> RowPictures:
+def pictures(
+    model: nouns.Model, t: Floats, particles: Floats, points: PointTable, size: float
+) -> RowPictures:
     """What is drawn of the rows of a model whose particles are at (T, N, 3) at t (T,)."""
     found = RowPictures()
     for row in quadratic_algebra.rows(model, t):
@@ -91,12 +93,15 @@ def _line_contact(row: PicturedRow, particles: Floats, size: float) -> tuple[int
     if row.kind != "inequality" or not form.is_polynomial or form.quadratic or len(form.linear) != 2:
         return None
     (i, a), (j, b) = form.linear.items()
-    if np.ndim(a) or np.ndim(b) or np.ndim(form.constant) or a != -b or i % 3 != j % 3 or form.constant >= 0:
+    if not form.is_at_rest or i % 3 != j % 3:
+        return None
+    factor, other, constant = (float(np.ravel(value)[0]) for value in (a, b, form.constant))
+    if factor != -other or constant >= 0:
         return None
     apart = np.delete(particles[:, i // 3] - particles[:, j // 3], i % 3, axis=1)
     if float(np.abs(apart).max()) > STILL * size:
         return None
-    return i // 3, j // 3, float(-form.constant / abs(a))
+    return i // 3, j // 3, -constant / abs(factor)
 
 
 def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: View) -> list[Surface]:

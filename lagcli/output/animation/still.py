@@ -27,8 +27,12 @@ class Projection:
         self._right = self._right / np.linalg.norm(self._right)
         self._above = np.cross(view.towards, self._right)
         everything = [track for track in scene.points if len(track)]
-        everything += [outline(one, 0) for one in scene.surfaces if one.kind in ("sphere", "circle", "cylinder")]
-        flat = np.concatenate([self._plane(track) for track in everything]) if everything else np.zeros((1, 2))
+        near = 3 * view.size  # a floor may reach far beyond what moves on it
+        rims = [outline(one, 0) for one in scene.surfaces]
+        everything += [rim for rim in rims if np.linalg.norm(rim - view.centre, axis=1).max() < near]
+        flat = (
+            np.concatenate([self._plane(track) for track in everything]) if everything else np.zeros((1, 2))
+        )
         low, high = flat.min(axis=0), flat.max(axis=0)
         extent = np.maximum(high - low, 1e-9 * max(view.size, 1e-300))
         pad = 0.05 * float(np.linalg.norm(extent))
@@ -38,7 +42,9 @@ class Projection:
 
     def __call__(self, places: Floats) -> Floats:
         """(k, 3) to (k, 2)."""
-        return self._centre + (self._plane(places) - self._middle) * self.scale * np.array([1.0, -1.0])
+        return np.asarray(
+            self._centre + (self._plane(places) - self._middle) * self.scale * np.array([1.0, -1.0])
+        )
 
     def _plane(self, places: Floats) -> Floats:
         return np.stack([places @ self._right, places @ self._above], axis=-1)
@@ -72,7 +78,10 @@ def svg(scene: Scene, frame: int = 0, width: int = 640, height: int = 480) -> st
         f' preserveAspectRatio="xMidYMid meet"><title>{html.escape(scene.title)}</title>'
     ]
     for one in scene.surfaces:
-        lines.append(_path(to(outline(one, frame)), 'fill="#6f9fcf" fill-opacity="0.15" stroke="#6c7885"'))
+        rim, filled = outline(one, frame), one.kind == "plane"
+        look = 'fill="#6f9fcf" fill-opacity="0.15"' if filled else 'fill="none"'
+        pieces = np.split(rim, len(rim) // (ROUND + 1)) if one.kind in ("sphere", "cylinder") else [rim]
+        lines += [_path(to(piece), f'{look} stroke="#6c7885"') for piece in pieces]
     for link in scene.links[:MOST_DRAWN]:
         ends = to(np.array([scene.at(link.ends[0], frame), scene.at(link.ends[1], frame)]))
         dash = "" if link.kind == "rod" else ' stroke-dasharray="4 3"'

@@ -56,10 +56,10 @@ def _spread(tracks: Sequence[Floats]) -> tuple[Floats, Floats]:
 def _turned(up: Floats) -> Floats:
     """The direction aside, for another direction that is up."""
     if abs(up[2]) > 1 - FLAT:
-        return ASIDE * np.array([1.0, 1.0, np.sign(up[2])])
+        return np.asarray(ASIDE * np.array([1.0, 1.0, np.sign(up[2])]))
     right = np.cross(up, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    return ASIDE[0] * right + ASIDE[1] * np.cross(right, up) * -1.0 + ASIDE[2] * up
+    return np.asarray(ASIDE[0] * right + ASIDE[1] * np.cross(up, right) + ASIDE[2] * up)
 
 
 def _face(axes: Floats, spread: Floats, up: Floats) -> tuple[Floats, Floats]:

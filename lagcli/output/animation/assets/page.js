@@ -16,6 +16,7 @@
   const PALETTE = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00", "#7b5ea7"];
   const MANY = "#3f7fb5";
   // Pieces of a string or a spring; the head and the thickness of an arrow, parts of the size of the scene.
+  const MANY_ARROWS = 24; // more are drawn thin, and F only where it is asked for
   const STRAND = 24, HEAD = 0.05, SHAFT = 0.0065;
   const still = matchMedia("(prefers-reduced-motion: reduce)");
   const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -49,18 +50,25 @@
   // ---- three.js
   const stage = byId("stage"), canvas = byId("view");
   let three = null;
-  try {
+  const renderer = renderers();
+  if (renderer) {
     three = begin();
     byId("poster").remove();
-  } catch (error) {
-    canvas.hidden = true; byId("labels").hidden = true;
+  } else {
+    canvas.hidden = true;
     byId("lost").hidden = false;
   }
 
+  function renderers() { // none where there is no WebGL
+    if (!document.createElement("canvas").getContext("webgl2")) return null;
+    try {
+      return new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+    } catch (error) {
+      return null;
+    }
+  }
+
   function begin() {
-    const probe = document.createElement("canvas");
-    if (!probe.getContext("webgl2")) throw new Error("no WebGL");
-    const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
     const world = new THREE.Scene(), view = scene.view;
     const up = new THREE.Vector3(...view.up), towards = new THREE.Vector3(...view.towards);
     const camera = new THREE.PerspectiveCamera(30, 1, 0.01, 200);
@@ -95,6 +103,10 @@
     }
     for (const one of scene.surfaces) {
       const m = part(one.frames);
+      for (const [a, b, c] of one.corners) {
+        for (let i = 0; i < 3; i++) place.setComponent(i, m[9 + i] + a * m[i] + b * m[3 + i] + c * m[6 + i]);
+        if (place.length() < 2) reach(place, 0.02);
+      }
       const rims = one.kind === "sphere" || one.kind === "cylinder" || one.kind === "circle"
         ? [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]] : [];
       for (const [a, b, c] of rims) {
@@ -239,6 +251,7 @@
   function update(k, w) {
     const { parts } = three, matrix = new THREE.Matrix4(), axis = new THREE.Vector3(), turn = new THREE.Quaternion();
     const y = new THREE.Vector3(0, 1, 0), middle = new THREE.Vector3(), size = new THREE.Vector3();
+    const fine = N > MANY_ARROWS ? 0.4 : 1;
     for (let i = 0; i < N; i++) {
       place(i, k, w, here);
       const r = scene.radii[i];
@@ -267,7 +280,7 @@
       forces[kind].forEach((track, i) => {
         place(i, k, w, here); vector(track, k, w, force);
         axis.set(...force).multiplyScalar(scene.scale);
-        const length = axis.length(), head = Math.min(HEAD, 0.45 * length), thin = Math.min(SHAFT, 0.1 * length);
+        const length = axis.length(), head = Math.min(fine * HEAD, 0.45 * length), thin = Math.min(fine * SHAFT, 0.1 * length);
         turn.setFromUnitVectors(y, length > 0 ? axis.clone().divideScalar(length) : y);
         const at = (share) => middle.set(...here).addScaledVector(axis, length > 0 ? share / length : 0);
         shafts.setMatrixAt(i, matrix.compose(at((length - head) / 2), turn, size.set(thin, Math.max(length - head, 0), thin)));
@@ -403,7 +416,9 @@
     cursor.setAttribute("x1", x); cursor.setAttribute("x2", x);
   }
   function legend() {
-    curves.forEach((one, i) => {
+    const first = [...curves.keys()].sort((a, b) => chosen.has(b) - chosen.has(a) || a - b);
+    first.forEach((i) => {
+      const one = curves[i];
       const button = document.createElement("button"), bar = document.createElement("i"), text = document.createElement("span");
       button.type = "button"; button.setAttribute("aria-pressed", chosen.has(i)); button.title = one.name;
       bar.style.background = tint(i);
@@ -524,6 +539,7 @@
     for (const kind of ["R", "F"]) {
       const box = byId(`show-${kind}`);
       box.parentElement.hidden = !forces[kind].length;
+      box.checked = kind === "R" || N <= MANY_ARROWS;
       box.addEventListener("change", arrows);
     }
     byId("show-trails").parentElement.hidden = !(three && three.parts.trails) || state.mode >= 0;

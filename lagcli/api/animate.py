@@ -1,0 +1,242 @@
+"""The scene of an animation: of a model that is simulated, or of a table."""
+
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.api.load import Path, as_model
+from lagcli.api.simulate import simulate
+from lagcli.model.model import Model
+from lagcli.output.animation import builder, packing, page, places, tied
+from lagcli.output.animation.builder import Motion
+from lagcli.output.animation.places import Places
+from lagcli.output.animation.scene import Curve, Scene
+from lagcli.output.figures import panels
+
+Floats = npt.NDArray[np.float64]
+Table = Mapping[str, Floats]
+
+MOST_FRAMES = 1201  # ten seconds of 120 a second
+FEWEST_FRAMES = 100  # fewer do not move smoothly: forces and multipliers are left out before
+LEAST_FRAMES = 12
+MOST_CURVES = 24  # of multipliers: more cannot be told apart
+MOST_PARTICLES = 5000
+ROUND_TRIPS = 6  # until a scene is small enough
+
+
+def of_model(model: Model | Path, settings: Mapping[str, object]) -> Scene:
+    """The scene of a run of a model; settings: keywords of `simulate`.
+
+    Raises what `simulate` raises, and `places.NothingToShow`.
+    """
+    model = as_model(model)
+    require_few(model)
+    return of_run(model, dict(simulate(model, **settings)))  # type: ignore[arg-type]
+
+
+def require_few(model: Model) -> None:
+    """Raise `places.NothingToShow` for more particles than a page shows."""
+    count = len(model.particle_names)
+    if count > MOST_PARTICLES:
+        raise places.NothingToShow(
+            f"the model has {count} particles; an animation shows up to {MOST_PARTICLES}"
+        )
+
+
+def of_run(model: Model, table: Table) -> Scene:
+    """The scene of the table of a run of a model."""
+    title = model.title or pathlib.Path(model.path).stem
+    unit = panels.force_unit(model.units)
+    return _fitting(table, model, title, (model.units.time, unit))
+
+
+def of_file(path: Path, model: Model | None) -> Scene:
+    """The scene of a table in a file; the model, if it is given, tells masses, forces, rods and surfaces.
+
+    Raises `endings.UnknownFormat`, `MissingExtra`, `UnreadableTable`, `places.NothingToShow`, OSError.
+    """
+    # Other runs read no tables.
+    from lagcli.output.tables import read_table
+
+    opened = read_table.opened(path)
+    if "t" not in opened.columns:
+        raise places.NothingToShow(f"{path} has no column `t`")
+    names = model.particle_names if model is not None else places.particles_in(opened.columns)
+    if model is not None and (lacking := places.missing(names, opened.columns)):
+        raise places.NothingToShow(f"{path}: {lacking}")
+    if model is None and not names:
+        raise places.NothingToShow(
+            f"{path} has no columns NAME.x, NAME.y, NAME.z, NAME.vx of particles; give its model with --model"
+        )
+    wanted = _wanted(opened.columns, names, model)
+    rows = opened.take(wanted)
+    table = dict(zip(wanted, rows.T, strict=True))
+    _require_rows(str(path), table)
+    if model is not None:
+        require_few(model)
+        return of_run(model, table)
+    return _fitting(table, None, pathlib.Path(path).stem, ("", ""))
+
+
+def _wanted(columns: Sequence[str], names: Sequence[str], model: Model | None) -> list[str]:
+    """The columns of a table that are shown: a table may have others of any number."""
+    own = {f"{name}.{part}" for name in names for part in ("x", "y", "z", "vx", "vy", "vz")} | {"t"}
+    own |= {f"R.{name}.{axis}" for name in names for axis in "xyz"}
+    if model is not None:
+        own |= {part.format(name) for name in model.generalized_names for part in ("{}", "rate({})", "R.{}")}
+    return [name for name in columns if name in own or name.startswith("lambda.")]
+
+
+def _require_rows(path: str, table: Table) -> None:
+    t = table["t"]
+    if not len(t):
+        raise places.NothingToShow(f"{path} has no rows")
+    bad = next(
+        (
+            name
+            for name, values in table.items()
+            if not name.startswith(("lambda.", "R.")) and not np.isfinite(values).all()
+        ),
+        None,
+    )
+    if bad is not None:
+        raise places.NothingToShow(f"{path}: the column `{bad}` holds what is no finite number")
+    if np.any(np.diff(t) < 0):
+        raise places.NothingToShow(f"{path}: its times do not increase")
+
+
+def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, str]) -> Scene:
+    """The scene with as many instants as a page has room for."""
+    plenty = len(table["t"])
+    frames, parts = min(plenty, MOST_FRAMES), {"R": True, "F": True}
+    room = (page.MOST_BYTES - page.fixed_bytes()) * 0.97
+    for _ in range(ROUND_TRIPS):
+        picked = np.unique(np.linspace(0, plenty - 1, frames).round().astype(np.int64))
+        scene = _scene({name: values[picked] for name, values in table.items()}, model, title, units, parts)
+        spent = sum(map(len, packing.packed(scene)))
+        if spent <= room:
+            return _told(scene, plenty, parts)
+        frames = max(LEAST_FRAMES, int(len(picked) * room / spent * 0.98))
+        if frames < FEWEST_FRAMES and (parts["F"] or parts["R"]):
+            parts["F" if parts["F"] else "R"] = False
+            frames = min(plenty, MOST_FRAMES)
+    raise places.NothingToShow(
+        f"{scene.count} particles need more than the {page.MOST_BYTES} bytes that a page has: show a part of them"
+    )
+
+
+def _told(scene: Scene, rows: int, parts: Mapping[str, bool]) -> Scene:
+    notes = [*scene.notes]
+    if len(scene.t) < rows:
+        notes.append(
+            f"{len(scene.t)} of {rows} rows are shown, evenly thinned; between them places are interpolated"
+        )
+    notes += [f"{kind} is left out: there is no room for it in a page" for kind in "FR" if not parts[kind]]
+    return dataclasses.replace(scene, notes=tuple(notes))
+
+
+def _scene(
+    table: Table, model: Model | None, title: str, units: tuple[str, str], parts: Mapping[str, bool]
+) -> Scene:
+    found = _places(table, model)
+    notes = [found.note] if found.note else []
+    held = [
+        (name.removeprefix("lambda."), values) for name, values in table.items() if name.startswith("lambda.")
+    ]
+    largest = sorted(held, key=lambda pair: -float(np.nan_to_num(np.abs(pair[1])).max(initial=0.0)))[
+        :MOST_CURVES
+    ]
+    kept = {name for name, _ in largest}
+    if len(held) > MOST_CURVES:
+        notes.append(f"the {MOST_CURVES} largest of {len(held)} multipliers are shown")
+    R = found.reactions(table) if parts["R"] else None
+    drawn = model if model is not None and model.particle_names else None
+    motion = Motion(
+        t=table["t"],
+        names=found.names,
+        particles=found.track,
+        R=None if R is None else np.nan_to_num(R),
+        F=forces(drawn, table) if drawn is not None and parts["F"] else None,
+        curves=tuple(Curve(name, values) for name, values in held if name in kept),
+        notes=tuple(notes),
+        rails=found.rails,
+        ties=tuple(ties(drawn)) if drawn is not None else (),
+    )
+    return builder.scene_of(motion, drawn, title, units)
+
+
+def _places(table: Table, model: Model | None) -> Places:
+    names = model.particle_names if model is not None else places.particles_in(tuple(table))
+    if model is None or names:
+        return places.of_particles(names, table)
+    return places.of_coordinates(model.generalized_names, table)
+
+
+def _state(model: Model, table: Table) -> tuple[Floats, Floats, Floats] | None:
+    """t (T,), q and v (T, n), or None where the table lacks a column."""
+    generalized = set(model.generalized_names)
+    names = model.coordinate_names
+    rates = [f"rate({name})" if name in generalized else f"{name[:-1]}v{name[-1]}" for name in names]
+    if not all(name in table for name in (*names, *rates)):
+        return None
+    t = table["t"]
+    q, v = (
+        np.stack([table[name] for name in some], axis=1) if some else np.zeros((len(t), 0))
+        for some in (names, rates)
+    )
+    return t, q, v
+
+
+def forces(model: Model, table: Table) -> Floats | None:
+    """F_k on all particles (T, N, 3), of forces and potentials; None where the table lacks a state."""
+    from lagcli.auditing.laws import ModelLaws
+
+    state = _state(model, table)
+    if state is None:
+        return None
+    laws = ModelLaws(model)
+    cast, own = laws.cast, laws.cast.first_generalized
+    with np.errstate(all="ignore"):
+        values = laws.values(*state, np.zeros((len(state[0]), laws.C)))
+    found = values.F.copy()
+    found[:, cast.cartesian] -= values.V_q[:, :own].reshape(len(found), -1, 3)
+    found[:, cast.dependent] -= values.V_x.reshape(len(found), -1, 3)
+    return np.nan_to_num(found, posinf=0.0, neginf=0.0)
+
+
+def positions(model: Model, t: Floats, q: Floats) -> Floats:
+    """The places of all particles (T, N, 3) at t (T,) and q (T, n)."""
+    from lagcli.auditing.model_values import ModelIndex, ModelOnTable
+
+    cast = ModelIndex(model)
+    found = np.zeros((len(t), len(cast.particles), 3))
+    found[:, cast.cartesian] = q[:, : cast.first_generalized].reshape(len(t), -1, 3)
+    if cast.dependent.size:
+        scene = ModelOnTable(cast, t[:, None], q, np.zeros_like(q))
+        with np.errstate(all="ignore"):
+            parts = scene.position(cast.dependent)
+            for axis, part in enumerate(parts):
+                found[:, cast.dependent, axis] = scene.wide(part, cast.dependent.size)
+    return found
+
+
+def ties(model: Model) -> list[tied.Tie]:
+    """Distances that are kept whatever the coordinates are, of particles whose places are functions of them."""
+    from lagcli.auditing.model_values import ModelIndex
+
+    cast = ModelIndex(model)
+    if not 0 < cast.dependent.size <= tied.MOST:
+        return []
+    random = np.random.default_rng(0)
+    values = np.concatenate([np.ravel(one.value) for one in model.coordinates])
+    q = np.zeros((tied.SAMPLES, cast.n))
+    q[:, cast.first_generalized :] = values + random.normal(0.0, 1.0, (tied.SAMPLES, values.size))
+    chosen = model.simulation
+    t = chosen.start + (chosen.duration or 1.0) * random.random(tied.SAMPLES)
+    samples = positions(model, t, q)[:, cast.dependent]
+    return tied.ties(samples, cast.dependent) if np.isfinite(samples).all() else []

@@ -1,0 +1,167 @@
+"""A scene as a film, GIF or MP4, drawn and written by matplotlib."""
+
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+import tempfile
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+from matplotlib import animation, axes, collections, figure, lines, quiver
+from matplotlib.backends import backend_agg
+
+from lagcli.output import atomic_file
+from lagcli.output.animation import packing, still
+from lagcli.output.animation.scene import Scene
+from lagcli.output.figures import labels
+
+Floats = npt.NDArray[np.float64]
+
+RATES = {"gif": 25.0, "mp4": 50.0}  # pictures a second: browsers show no GIF of a finer clock evenly
+WIDTH, HEIGHT, DPI = 8.0, 4.5, 120  # inches; 960 by 540 pixels, an even number of each for MP4
+MOST_PICTURES = 1500
+INK, GREY, REACTION, FORCE = "#1a1d21", "#6c7885", "#b3470a", "#007a5a"
+MOST_CURVES = 8
+
+
+class NoFilmWriter(ValueError):
+    """The program that writes this kind of film is not there."""
+
+
+def require(fmt: str) -> None:
+    """Raise `NoFilmWriter` where a film of this ending cannot be written."""
+    if fmt == "mp4" and not animation.FFMpegWriter.isAvailable():
+        raise NoFilmWriter("mp4 needs the program ffmpeg, which is not found; write .gif or .html")
+
+
+def write(path: pathlib.Path, scene: Scene, fmt: str) -> int:
+    """Write the film aside and move it into place; return how many pictures it has. Raises `NoFilmWriter`, OSError."""
+    require(fmt)
+    with tempfile.TemporaryDirectory() as folder:
+        made = pathlib.Path(folder) / f"film.{fmt}"  # the writers know the format by the ending
+        count = _made(made, scene, fmt)
+        file = atomic_file.Aside(path)
+        with atomic_file.undone_by(file.discard):
+            file.path.write_bytes(made.read_bytes())
+        file.commit()
+    return count
+
+
+def pictures(scene: Scene, fmt: str) -> npt.NDArray[np.int64]:
+    """The instants that are shown one after another."""
+    seconds = float(scene.t[-1] - scene.t[0]) / packing.rate(scene) if len(scene.t) > 1 else 0.0
+    count = int(min(MOST_PICTURES, max(1, round(seconds * RATES[fmt]) + 1)))
+    times = np.linspace(scene.t[0], scene.t[-1], count)
+    after = np.clip(np.searchsorted(scene.t, times), 1, max(1, len(scene.t) - 1))
+    if len(scene.t) < 2:
+        return np.zeros(1, dtype=np.int64)
+    nearer = np.abs(scene.t[after] - times) < np.abs(scene.t[after - 1] - times)
+    return np.where(nearer, after, after - 1).astype(np.int64)
+
+
+def _made(path: pathlib.Path, scene: Scene, fmt: str) -> int:
+    writer: animation.AbstractMovieWriter
+    if fmt == "gif":
+        writer = animation.PillowWriter(fps=int(RATES[fmt]))
+    else:
+        writer = animation.FFMpegWriter(fps=int(RATES[fmt]), codec="h264", extra_args=["-pix_fmt", "yuv420p"])
+    shown = pictures(scene, fmt)
+    with matplotlib.rc_context({"text.parse_math": False, "font.size": 8}):
+        drawing = _Drawing(scene)
+        with writer.saving(drawing.figure, str(path), DPI):
+            for frame in shown:
+                drawing.show(int(frame))
+                writer.grab_frame()
+    return len(shown)
+
+
+@dataclasses.dataclass(slots=True)
+class _Arrows:
+    forces: tuple[Floats, ...]
+    drawn: quiver.Quiver
+
+
+class _Drawing:
+    """The figure of a film, whose parts are moved from picture to picture."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self.figure = figure.Figure(figsize=(WIDTH, HEIGHT), dpi=DPI)
+        backend_agg.FigureCanvasAgg(self.figure)
+        self.figure.suptitle(labels.shortened(scene.title, labels.NAME), fontsize=10, x=0.02, ha="left")
+        share = 0.66 if scene.curves else 1.0
+        self._plot = self.figure.add_axes((0.0, 0.0, share, 0.92))
+        width, height = share * WIDTH * DPI, 0.92 * HEIGHT * DPI
+        self._plot.set_axis_off()
+        self._plot.set_xlim(0, width)
+        self._plot.set_ylim(height, 0)
+        self._to = still.Projection(scene, width, height)
+        self._rims = [self._plot.plot([], [], color=GREY, linewidth=0.8)[0] for _ in scene.surfaces]
+        self._links = collections.LineCollection([], colors=GREY, linewidths=1.6)
+        self._plot.add_collection(self._links)
+        colours = [still.colour(k, scene.count) for k in range(scene.count)]
+        sizes = (2 * np.maximum(2.0, scene.radii * self._to.scale) * 72 / DPI) ** 2
+        self._balls = self._plot.scatter(
+            np.zeros(scene.count), np.zeros(scene.count), s=sizes, c=colours, zorder=3
+        )
+        self._arrows = [
+            _Arrows(forces, self._quiver(colour))
+            for forces, colour in ((scene.R, REACTION), (scene.F, FORCE))
+            if forces and scene.scale
+        ]
+        self._clock = self._plot.text(8, height - 8, "", color=INK)
+        self._cursor = (
+            _curves(self.figure.add_axes((0.72, 0.12, 0.26, 0.76)), scene) if scene.curves else None
+        )
+
+    def _quiver(self, colour: str) -> quiver.Quiver:
+        zero = np.zeros(self._scene.count)
+        return self._plot.quiver(
+            zero,
+            zero,
+            zero,
+            zero,
+            color=colour,
+            angles="xy",
+            scale_units="xy",
+            scale=1.0,
+            width=0.005,
+            zorder=4,
+        )
+
+    def show(self, frame: int) -> None:
+        """Move everything to an instant."""
+        scene = self._scene
+        for rim, one in zip(self._rims, scene.surfaces, strict=True):
+            rim.set_data(*self._to(still.outline(one, frame)).T)
+        ends = [
+            np.stack([scene.at(a, frame), scene.at(b, frame)]) for a, b in (link.ends for link in scene.links)
+        ]
+        self._links.set_segments([self._to(pair) for pair in ends])
+        here = np.array([scene.at(k, frame) for k in range(scene.count)]).reshape(-1, 3)
+        flat = self._to(here)
+        self._balls.set_offsets(flat)
+        for arrows in self._arrows:
+            force = np.array([track[min(frame, len(track) - 1)] for track in arrows.forces])
+            tips = self._to(here + scene.scale * force) - flat
+            arrows.drawn.set_offsets(flat)
+            arrows.drawn.set_UVC(tips[:, 0], tips[:, 1])
+        self._clock.set_text(f"t = {scene.t[frame]:.4g} {labels.shortened(scene.units[0], labels.UNIT)}")
+        if self._cursor is not None:
+            self._cursor.set_xdata([scene.t[frame], scene.t[frame]])
+
+
+def _curves(plot: axes.Axes, scene: Scene) -> lines.Line2D:
+    """The multipliers, and the line that runs over them."""
+    largest = sorted(
+        scene.curves, key=lambda curve: -float(np.nan_to_num(np.abs(curve.values)).max(initial=0.0))
+    )
+    for k, curve in enumerate(largest[:MOST_CURVES]):
+        name = labels.shortened(curve.name, 24)
+        plot.plot(scene.t, curve.values, linewidth=1.0, color=still.PALETTE[k], label=name)
+    plot.set_title("λ over t", fontsize=8, loc="left")
+    plot.legend(fontsize=6, frameon=False, loc="upper right")
+    plot.spines[["top", "right"]].set_visible(False)
+    return plot.axvline(float(scene.t[0]), color=INK, linewidth=0.8)
