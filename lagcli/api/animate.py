@@ -15,7 +15,7 @@ from lagcli.model.model import Model
 from lagcli.output.animation import builder, packing, page, places, tied
 from lagcli.output.animation.builder import Motion
 from lagcli.output.animation.places import Places
-from lagcli.output.animation.scene import Curve, Scene
+from lagcli.output.animation.scene import Scene, TimeCurve
 from lagcli.output.figures import panels
 
 Floats = npt.NDArray[np.float64]
@@ -79,6 +79,7 @@ def of_file(path: Path, model: Model | None) -> Scene:
     _require_rows(str(path), table)
     if model is not None:
         require_few(model)
+        _require_own(str(path), model, table)
         return of_run(model, table)
     return _fitting(table, None, pathlib.Path(path).stem, ("", ""))
 
@@ -90,6 +91,19 @@ def _wanted(columns: Sequence[str], names: Sequence[str], model: Model | None) -
     if model is not None:
         own |= {part.format(name) for name in model.generalized_names for part in ("{}", "rate({})", "R.{}")}
     return [name for name in columns if name in own or name.startswith("lambda.")]
+
+
+def _require_own(path: str, model: Model, table: Table) -> None:
+    """Refuse a table with multipliers of rows that the model does not have: it is of another model."""
+    from lagcli.auditing.laws import ModelLaws
+
+    laws = ModelLaws(model)
+    known = {f"lambda.{row}" for row in (*laws.rows, *laws.contacts)}
+    other = next((name for name in table if name.startswith("lambda.") and name not in known), None)
+    if other is not None:
+        raise places.NothingToShow(
+            f"{path} has the column `{other}`, and {model.path} no such row: it is of another model"
+        )
 
 
 def _require_rows(path: str, table: Table) -> None:
@@ -162,7 +176,7 @@ def _scene(
         particles=found.track,
         R=None if R is None else np.nan_to_num(R),
         F=forces(drawn, table) if drawn is not None and parts["F"] else None,
-        curves=tuple(Curve(name, values) for name, values in held if name in kept),
+        curves=tuple(TimeCurve(name, values) for name, values in held if name in kept),
         notes=tuple(notes),
         rails=found.rails,
         ties=tuple(ties(drawn)) if drawn is not None else (),

@@ -37,11 +37,11 @@ def of_modes(model: Model, found: Modes) -> Scene:
     rest = _scene(model, t, _track(model, start, np.tile(q, (FRAMES, 1))), ())
     size = viewpoint.size(rest.points)
     modes = []
-    for name, note, shape in _told(found):
+    for name, note, swings, shape in _told(found):
         swung = q + _amplitude(model, q, shape, size) * np.imag(np.exp(2j * np.pi * t)[:, None] * shape)
         moved = _scene(model, t, _track(model, start, swung), rest.notes)
         wide = [np.broadcast_to(track, (FRAMES, 3)) for track in moved.points]
-        modes.append(Mode(name, note, np.stack(wide, axis=1)))
+        modes.append(Mode(name, note, swings, np.stack(wide, axis=1)))
     seen = viewpoint.view([mode.points.reshape(-1, 3) for mode in modes], -rest.view.up)
     return dataclasses.replace(rest, view=seen, modes=tuple(modes))
 
@@ -60,7 +60,8 @@ def _track(model: Model, t: Floats, q: Floats) -> places.Places:
         names = model.particle_names
         return places.Places(names, animate.positions(model, t, q), (("", "", ""),) * len(names))
     table = dict(zip(model.coordinate_names, q.T, strict=True))
-    return places.of_coordinates(model.generalized_names, table)
+    limits = {name: (values[0] - LARGEST, values[0] + LARGEST) for name, values in table.items()}
+    return places.of_coordinates(model.generalized_names, table, limits)
 
 
 def _amplitude(model: Model, q: Floats, shape: Complex, size: float) -> float:
@@ -81,16 +82,16 @@ def _amplitude(model: Model, q: Floats, shape: Complex, size: float) -> float:
     return float(min(wanted, limit))
 
 
-def _told(found: Modes) -> Iterator[tuple[str, str, Complex]]:
-    """The name of each mode, what is known of it, and its shape; of two that are conjugate one."""
+def _told(found: Modes) -> Iterator[tuple[str, str, bool, Complex]]:
+    """The name of each mode, what is known of it, if it swings, and its shape; of two that are conjugate one."""
     unit = found.units.time if found.units else "s"
     if found.frequencies is not None:
         for k, (w, shape) in enumerate(zip(found.frequencies[:MOST_MODES], found.shapes, strict=False)):
             period = f"period {2 * np.pi / w:.6g} {unit}" if w else "it drifts and does not come back"
-            yield f"{k + 1}: ω = {w:.6g}/{unit}", f"{period}; the swing is enlarged", shape
+            yield f"{k + 1}: ω = {w:.6g}/{unit}", f"{period}; the swing is enlarged", bool(w > 0), shape
         return
     for k, (z, shape) in enumerate(zip(found.eigenvalues[:MOST_MODES], found.shapes, strict=False)):
         if z.imag < 0:
             continue
         sign = f" ± {z.imag:.5g}i" if z.imag else ""
-        yield f"{k + 1}: s = {z.real:.5g}{sign}", "as exp(s t); its growth is not shown", shape
+        yield f"{k + 1}: s = {z.real:.5g}{sign}", "as exp(s t); its growth is not shown", bool(z.imag), shape

@@ -26,6 +26,9 @@ LOOKS: dict[str, Any] = {
 _MEANT = {
     **dict.fromkeys(("run", "sim", "solve", "integrate", "start", "exec"), "lagcli simulate MODEL"),
     **dict.fromkeys(("plot", "draw", "figure", "show"), "lagcli simulate MODEL --plot FILE"),
+    **dict.fromkeys(
+        ("animation", "movie", "film", "video", "gif", "view"), "lagcli animate MODEL -o FILE.html"
+    ),
     **dict.fromkeys(("count", "freedoms", "mobility"), "lagcli dof MODEL"),
     **dict.fromkeys(("validate", "lint", "classify", "verify", "analyze", "analyse"), "lagcli check MODEL"),
     **dict.fromkeys(("equations", "eom", "latex", "lagrange"), "lagcli derive MODEL"),

@@ -11,7 +11,7 @@ from lagcli.model import model as nouns
 from lagcli.output.animation import links, quadratic_algebra, row_pictures, viewpoint
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.row_pictures import RowPictures
-from lagcli.output.animation.scene import Curve, Link, Scene, Surface, steady
+from lagcli.output.animation.scene import DrawnSurface, Link, Scene, TimeCurve, steady
 from lagcli.output.animation.tied import Tie
 
 Floats = npt.NDArray[np.float64]
@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 # Radii of particles as parts of the size of the scene: of the heaviest, and of the lightest at least.
 LARGEST, LEAST = 0.022, 0.007
 BESIDE = 0.3  # of the shortest rod: no particle is larger
-ARROW = 0.2  # of the size of the scene: all but a few arrows are shorter
+ARROW = 0.15  # of the size of the scene: all but a few arrows are shorter
 USUAL = 0.99  # a part of all instants: the largest arrows of the others do not set the scale
 
 
@@ -34,9 +34,9 @@ class Motion:
     particles: Floats
     R: Floats | None = None
     F: Floats | None = None
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[TimeCurve, ...] = ()
     notes: tuple[str, ...] = ()
-    rails: tuple[Surface, ...] = ()
+    rails: tuple[DrawnSurface, ...] = ()
     ties: tuple[Tie, ...] = ()
     is_run: bool = True
 
@@ -116,7 +116,9 @@ def _radii(masses: Floats, rods: list[Link], hard: Floats, size: float) -> Float
 
 
 def _tracks(forces: Floats | None) -> tuple[Floats, ...]:
-    return () if forces is None else tuple(steady(forces[:, k]) for k in range(forces.shape[1]))
+    if forces is None or not np.any(forces):
+        return ()
+    return tuple(steady(forces[:, k]) for k in range(forces.shape[1]))
 
 
 def _scale(motion: Motion, size: float) -> float:

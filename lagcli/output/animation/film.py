@@ -12,6 +12,7 @@ import numpy.typing as npt
 from matplotlib import animation, axes, collections, figure, lines, quiver
 from matplotlib.backends import backend_agg
 
+from lagcli import progress
 from lagcli.output import atomic_file
 from lagcli.output.animation import packing, still
 from lagcli.output.animation.scene import Scene
@@ -19,7 +20,7 @@ from lagcli.output.figures import labels
 
 Floats = npt.NDArray[np.float64]
 
-RATES = {"gif": 25.0, "mp4": 50.0}  # pictures a second: browsers show no GIF of a finer clock evenly
+RATES = {"gif": 25.0, "mp4": 30.0}  # pictures a second at most
 WIDTH, HEIGHT, DPI = 8.0, 4.5, 120  # inches; 960 by 540 pixels, an even number of each for MP4
 MOST_PICTURES = 1500
 INK, GREY, REACTION, FORCE = "#1a1d21", "#6c7885", "#b3470a", "#007a5a"
@@ -36,6 +37,7 @@ def require(fmt: str) -> None:
         raise NoFilmWriter("mp4 needs the program ffmpeg, which is not found; write .gif or .html")
 
 
+@progress.phase("drawing the film")
 def write(path: pathlib.Path, scene: Scene, fmt: str) -> int:
     """Write the film aside and move it into place; return how many pictures it has. Raises `NoFilmWriter`, OSError."""
     require(fmt)
@@ -49,25 +51,26 @@ def write(path: pathlib.Path, scene: Scene, fmt: str) -> int:
     return count
 
 
-def pictures(scene: Scene, fmt: str) -> npt.NDArray[np.int64]:
-    """The instants that are shown one after another."""
-    seconds = float(scene.t[-1] - scene.t[0]) / packing.rate(scene) if len(scene.t) > 1 else 0.0
-    count = int(min(MOST_PICTURES, max(1, round(seconds * RATES[fmt]) + 1)))
-    times = np.linspace(scene.t[0], scene.t[-1], count)
-    after = np.clip(np.searchsorted(scene.t, times), 1, max(1, len(scene.t) - 1))
+def pictures(scene: Scene, fmt: str) -> tuple[npt.NDArray[np.int64], float]:
+    """The instants that are shown one after another, each a row of the run, and how many of them a second."""
     if len(scene.t) < 2:
-        return np.zeros(1, dtype=np.int64)
+        return np.zeros(1, dtype=np.int64), 1.0
+    seconds = float(scene.t[-1] - scene.t[0]) / packing.rate(scene)
+    count = int(min(MOST_PICTURES, len(scene.t), max(2, round(seconds * RATES[fmt]) + 1)))
+    times = np.linspace(scene.t[0], scene.t[-1], count)
+    after = np.clip(np.searchsorted(scene.t, times), 1, len(scene.t) - 1)
     nearer = np.abs(scene.t[after] - times) < np.abs(scene.t[after - 1] - times)
-    return np.where(nearer, after, after - 1).astype(np.int64)
+    shown = np.where(nearer, after, after - 1).astype(np.int64)
+    return shown, (count - 1) / seconds if seconds > 0 else 1.0
 
 
 def _made(path: pathlib.Path, scene: Scene, fmt: str) -> int:
+    shown, rate = pictures(scene, fmt)
     writer: animation.AbstractMovieWriter
     if fmt == "gif":
-        writer = animation.PillowWriter(fps=int(RATES[fmt]))
+        writer = animation.PillowWriter(fps=rate)  # type: ignore[arg-type] # a part of a second is fine
     else:
-        writer = animation.FFMpegWriter(fps=int(RATES[fmt]), codec="h264", extra_args=["-pix_fmt", "yuv420p"])
-    shown = pictures(scene, fmt)
+        writer = animation.FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # type: ignore[arg-type]
     with matplotlib.rc_context({"text.parse_math": False, "font.size": 8}):
         drawing = _Drawing(scene)
         with writer.saving(drawing.figure, str(path), DPI):

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.animation.scene import Mode, Scene, Surface
+from lagcli.output.animation.scene import DrawnSurface, Mode, Scene
 from lagcli.output.figures import labels
 
 Floats = npt.NDArray[np.float64]
@@ -74,7 +74,7 @@ def packed(scene: Scene) -> tuple[str, str]:
     return json.dumps(found, allow_nan=False, separators=(",", ":")), block.text()
 
 
-def _surface(one: Surface, block: _Block, size: float, centre: Floats) -> dict[str, object]:
+def _surface(one: DrawnSurface, block: _Block, size: float, centre: Floats) -> dict[str, object]:
     frames = np.array(one.frames, dtype=np.float64)
     corners = one.corners
     if one.kind == "line":  # its corners are places
@@ -98,6 +98,7 @@ def _mode(mode: Mode, block: _Block, size: float, centre: Floats) -> dict[str, o
     return {
         "name": labels.shortened(mode.name, labels.NAME),
         "note": labels.shortened(mode.note, labels.TITLE),
+        "swings": mode.swings,
         "points": block.add((mode.points - centre) / size),
     }
 

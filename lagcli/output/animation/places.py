@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.errors import diagnostics
-from lagcli.output.animation.scene import Surface
+from lagcli.output.animation.scene import DrawnSurface
 
 Floats = npt.NDArray[np.float64]
 AXES = ("x", "y", "z")
@@ -29,7 +29,7 @@ class Places:
     names: tuple[str, ...]
     track: Floats
     columns: tuple[tuple[str, str, str], ...]
-    rails: tuple[Surface, ...] = ()
+    rails: tuple[DrawnSurface, ...] = ()
     note: str = ""
 
     def reactions(self, table: Mapping[str, Floats]) -> Floats | None:
@@ -59,9 +59,12 @@ def of_particles(names: Sequence[str], table: Mapping[str, Floats]) -> Places:
     return Places(tuple(names), track, tuple((f"R.{n}.x", f"R.{n}.y", f"R.{n}.z") for n in names))
 
 
-def of_coordinates(names: Sequence[str], table: Mapping[str, Floats]) -> Places:
+def of_coordinates(
+    names: Sequence[str], table: Mapping[str, Floats], limits: Mapping[str, tuple[float, float]] | None = None
+) -> Places:
     """Coordinates as places: `x` and `y` (and `z`) as the place of one point, others as beads on scales side by side.
-    Raises `NothingToShow`."""
+    limits: the lower and upper ends of the scales, by default the least and the greatest values. Raises
+    `NothingToShow`."""
     if not names:
         raise NothingToShow("there are no particles and no coordinates: there is nothing to draw")
     zero = np.zeros(len(next(iter(table.values()))))
@@ -79,14 +82,15 @@ def of_coordinates(names: Sequence[str], table: Mapping[str, Floats]) -> Places:
     tracks, rails = [], []
     for k, name in enumerate(names):
         values = table[name]
-        low, high = float(values.min()), float(values.max())
+        low, high = limits[name] if limits is not None else (float(values.min()), float(values.max()))
         height = (values - low) / (high - low) if high > low else zero + 0.5
         tracks.append(np.stack([zero + APART * k, zero, height], axis=-1))
         corners = np.array([[APART * k, 0.0, 0.0], [APART * k, 0.0, 1.0]])
         rails.append(
-            Surface("line", name, False, np.concatenate([np.eye(3), np.zeros((1, 3))])[None], corners)
+            DrawnSurface("line", name, False, np.concatenate([np.eye(3), np.zeros((1, 3))])[None], corners)
         )
-    note = "there are no particles: each coordinate is a bead on a scale, from its least value up to its greatest"
+    ends = "of one length for all" if limits is not None else "from its least value up to its greatest"
+    note = f"there are no particles: each coordinate is a bead on a scale, {ends}"
     return Places(tuple(names), np.stack(tracks, axis=1), (("", "", ""),) * len(names), tuple(rails), note)
 
 

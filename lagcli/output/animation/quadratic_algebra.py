@@ -91,7 +91,7 @@ class _QuadraticAlgebra(Operators[Quadratic]):
 
 
 class _PlaceLeaves:
-    """What names stand for: times are numbers, places of particles variables; see `resolve.Leaves`."""
+    """The values of names: times are numbers, places of particles variables; see `resolve.Leaves`."""
 
     def __init__(
         self, model: nouns.Model, t: Floats | None, fixed: Mapping[int, Floats] | None = None

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lagcli.output.animation import square_distance
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import Quadratic
-from lagcli.output.animation.scene import Surface, steady
+from lagcli.output.animation.scene import DrawnSurface, steady
 
 Floats = npt.NDArray[np.float64]
 SAME = 1e-9  # eigenvalues closer than this part of the largest are one
@@ -70,7 +70,7 @@ def plane(row: PicturedRow, particle: int) -> HeldPlane | None:
     )
 
 
-def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> Surface | None:
+def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> DrawnSurface | None:
     """The sphere, ellipsoid or cylinder of a row of the second degree; track (k, 3) of the particle."""
     pair = square_distance.squared(row.form, row.kind == "inequality")
     if pair is None or not pair[0].quadratic:
@@ -111,7 +111,7 @@ def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> Surf
     frames = [half[:, i, None] * vectors[:, i] for i in order]
     frame = np.stack([*frames, middle @ vectors.T], axis=1)
     kind = "sphere" if bent.all() else "cylinder"
-    return Surface(
+    return DrawnSurface(
         "sphere" if kind == "sphere" else "cylinder", row.name, row.kind == "inequality", steady(frame)
     )
 
@@ -128,7 +128,9 @@ def merged(planes: Sequence[HeldPlane], size: float) -> list[HeldPlane]:
     return found
 
 
-def polygons(planes: Sequence[HeldPlane], particles: Floats, radii: Floats, size: float) -> list[Surface]:
+def polygons(
+    planes: Sequence[HeldPlane], particles: Floats, radii: Floats, size: float
+) -> list[DrawnSurface]:
     """The parts of planes that are drawn: around what moves on them, cut by walls that meet. particles (T, N, 3); radii
     (N,): of what touches them."""
     found = []
@@ -156,7 +158,7 @@ def _radius(one: HeldPlane, radii: Floats) -> float:
     return float(own[0]) if known else 0.0
 
 
-def _polygon(one: HeldPlane, tracks: Floats, cut: tuple[list[HeldPlane], float], size: float) -> Surface:
+def _polygon(one: HeldPlane, tracks: Floats, cut: tuple[list[HeldPlane], float], size: float) -> DrawnSurface:
     walls, shift = cut
     low, high = tracks.min(axis=0), tracks.max(axis=0)
     middle = (low + high) / 2
@@ -177,7 +179,7 @@ def _polygon(one: HeldPlane, tracks: Floats, cut: tuple[list[HeldPlane], float],
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(first)
     shape = np.column_stack([corners, np.zeros(len(corners))])
     parts = np.broadcast_arrays(u, v, one.normal, origin)
-    return Surface("plane", one.name, one.one_sided, steady(np.stack(parts, axis=1)), shape)
+    return DrawnSurface("plane", one.name, one.one_sided, steady(np.stack(parts, axis=1)), shape)
 
 
 def basis(normal: Floats) -> tuple[Floats, Floats]:

@@ -14,7 +14,7 @@ from lagcli.output.animation import links, quadratic_algebra, rounds, square_dis
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.rounds import HeldPlane
-from lagcli.output.animation.scene import Link, Surface, View
+from lagcli.output.animation.scene import DrawnSurface, Link, Viewpoint
 from lagcli.output.animation.square_distance import SquareDistance
 
 Floats = npt.NDArray[np.float64]
@@ -41,7 +41,7 @@ class RowPictures:
 
     links: list[Link] = dataclasses.field(default_factory=list)
     planes: list[HeldPlane] = dataclasses.field(default_factory=list)
-    rounds: list[tuple[int, Surface]] = dataclasses.field(default_factory=list)
+    rounds: list[tuple[int, DrawnSurface]] = dataclasses.field(default_factory=list)
     pairs: list[SquareDistance] = dataclasses.field(default_factory=list)
     lines: list[tuple[int, int, float]] = dataclasses.field(default_factory=list)
     lone: dict[int, list[LoneRow]] = dataclasses.field(default_factory=dict)
@@ -51,7 +51,7 @@ class RowPictures:
 def pictures(
     model: nouns.Model, t: Floats, particles: Floats, points: PointTable, size: float
 ) -> RowPictures:
-    """What is drawn of the rows of a model whose particles are at (T, N, 3) at t (T,)."""
+    """The pictures of the rows of a model whose particles are at (T, N, 3) at t (T,)."""
     found = RowPictures()
     for row in quadratic_algebra.rows(model, t):
         if not row.form.known:
@@ -104,9 +104,9 @@ def _line_contact(row: PicturedRow, particles: Floats, size: float) -> tuple[int
     return i // 3, j // 3, -constant / abs(factor)
 
 
-def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: View) -> list[Surface]:
+def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: Viewpoint) -> list[DrawnSurface]:
     """The surfaces and curves that are drawn; particles (T, N, 3), radii (N,) of hard spheres."""
-    size, drawn = 2 * view.size, list[Surface]()
+    size, drawn = 2 * view.size, list[DrawnSurface]()
     free = [one for one in found.planes if not (view.flat and _is_face(one, view))]
     equal = [k for one in free if not one.one_sided for k in one.particles]
     equal += [k for k, ball in found.rounds if not ball.one_sided]
@@ -121,12 +121,12 @@ def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: View) -
     return drawn + rounds.polygons(rounds.merged(planes, size), particles, radii, size)
 
 
-def _is_face(one: HeldPlane, view: View) -> bool:
+def _is_face(one: HeldPlane, view: Viewpoint) -> bool:
     """True for the plane in which the whole motion lies."""
     return not one.one_sided and bool(np.all(np.abs(np.abs(one.normal @ view.towards) - 1.0) <= STILL))
 
 
-def _flat_circle(ball: Surface, view: View) -> Surface | None:
+def _flat_circle(ball: DrawnSurface, view: Viewpoint) -> DrawnSurface | None:
     """The circle in which a sphere meets the plane of the motion."""
     if ball.kind != "sphere":
         return None
@@ -135,7 +135,7 @@ def _flat_circle(ball: Surface, view: View) -> Surface | None:
     return _circle(ball, HeldPlane(ball.name, ball.one_sided, normal, offset, set()))
 
 
-def _circle(ball: Surface, one: HeldPlane) -> Surface | None:
+def _circle(ball: DrawnSurface, one: HeldPlane) -> DrawnSurface | None:
     """The circle in which a sphere and a plane meet."""
     lengths = np.linalg.norm(ball.frames[:, :3], axis=-1)
     if np.ptp(lengths, axis=1).max() > rounds.SAME * lengths.max():
@@ -150,10 +150,12 @@ def _circle(ball: Surface, one: HeldPlane) -> Surface | None:
     u, v = rounds.basis(normal)
     radius = np.sqrt(square)[:, None]
     frames = np.stack([radius * u, radius * v, normal * radius, centre + height[:, None] * normal], axis=1)
-    return Surface("circle", ball.name, ball.one_sided, frames)
+    return DrawnSurface("circle", ball.name, ball.one_sided, frames)
 
 
-def curves(model: nouns.Model, found: RowPictures, particles: Floats, view: View) -> Iterator[Surface]:
+def curves(
+    model: nouns.Model, found: RowPictures, particles: Floats, view: Viewpoint
+) -> Iterator[DrawnSurface]:
     """The curves that two rows leave a particle, and the lines of walls in the plane of a motion, where they do not
     move and are nothing simpler."""
     if particles.shape[1] > MOST_TRIED:
@@ -179,7 +181,7 @@ def _is_circle(found: RowPictures, number: int) -> bool:
     return any(k == number and ball.kind == "sphere" for k, ball in found.rounds)
 
 
-def _is_level(one: LoneRow, track: Floats, view: View) -> bool:
+def _is_level(one: LoneRow, track: Floats, view: Viewpoint) -> bool:
     """True for an equation that only says in which plane the motion is."""
     if one.one_sided or not one.simple:
         return False
@@ -196,15 +198,17 @@ def _others(model: nouns.Model, found: RowPictures, number: int, place: Floats) 
             yield LoneRow(row.name, row.kind == "inequality", False, _numbers(function))
 
 
-def _line(functions: list[wires.Function], row: LoneRow, start: Floats, size: float) -> Iterator[Surface]:
+def _line(
+    functions: list[wires.Function], row: LoneRow, start: Floats, size: float
+) -> Iterator[DrawnSurface]:
     with np.errstate(all="ignore"):
         points = wires.followed(functions, start, size)
     if len(points) > 2:
         frames = np.concatenate([np.eye(3), np.zeros((1, 3))])[None]
-        yield Surface("line", row.name, row.one_sided, frames, points)
+        yield DrawnSurface("line", row.name, row.one_sided, frames, points)
 
 
-def _face(view: View) -> wires.Function:
+def _face(view: Viewpoint) -> wires.Function:
     return lambda places: (places - view.centre) @ view.towards
 
 

@@ -28,7 +28,7 @@ class Link:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Surface:
+class DrawnSurface:
     """A surface or curve that a row holds a particle on, or on one side of.
 
     frames (1 or T, 4, 3): three vectors u, v, w and an origin o. A point (a, b, c) of the shape stands at
@@ -44,7 +44,7 @@ class Surface:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class View:
+class Viewpoint:
     """The direction from which a scene is seen, and the one that points up in the picture; centre and size (the radius
     of what is to be seen). flat: the motion stays in a plane, which is seen face on."""
 
@@ -56,7 +56,7 @@ class View:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Curve:
+class TimeCurve:
     """A quantity over time, (T,), such as lambda of a constraint."""
 
     name: str
@@ -65,10 +65,12 @@ class Curve:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Mode:
-    """A way to swing: a name, what is known of it, and the places of the points over one period, (T, P, 3)."""
+    """A way to move: a name, what is known of it, if it swings, and the places of the points over one period,
+    (T, P, 3)."""
 
     name: str
     note: str
+    swings: bool
     points: Floats
 
 
@@ -83,13 +85,13 @@ class Scene:
     names: tuple[str, ...]
     points: tuple[Floats, ...]
     radii: Floats
-    view: View
+    view: Viewpoint
     R: tuple[Floats, ...] = ()
     F: tuple[Floats, ...] = ()
     scale: float = 0.0
     links: tuple[Link, ...] = ()
-    surfaces: tuple[Surface, ...] = ()
-    curves: tuple[Curve, ...] = ()
+    surfaces: tuple[DrawnSurface, ...] = ()
+    curves: tuple[TimeCurve, ...] = ()
     units: tuple[str, str] = ("", "")
     notes: tuple[str, ...] = ()
     modes: tuple[Mode, ...] = ()

@@ -7,7 +7,7 @@ import html
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.animation.scene import Scene, Surface
+from lagcli.output.animation.scene import DrawnSurface, Scene
 
 Floats = npt.NDArray[np.float64]
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00", "#7b5ea7")
@@ -50,7 +50,7 @@ class Projection:
         return np.stack([places @ self._right, places @ self._above], axis=-1)
 
 
-def outline(one: Surface, frame: int) -> Floats:
+def outline(one: DrawnSurface, frame: int) -> Floats:
     """Places (k, 3) of the outline of a surface at an instant."""
     u, v, w, origin = one.frames[min(frame, len(one.frames) - 1)]
     if one.kind in ("plane", "line"):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.animation.scene import View
+from lagcli.output.animation.scene import Viewpoint
 
 Floats = npt.NDArray[np.float64]
 FLAT = 1e-6  # a part of the extent: points closer than this to a plane lie in it
@@ -28,7 +28,7 @@ def size(tracks: Sequence[Floats]) -> float:
     return float(np.linalg.norm(high - low)) or 1.0
 
 
-def view(tracks: Sequence[Floats], down: Floats | None) -> View:
+def view(tracks: Sequence[Floats], down: Floats | None) -> Viewpoint:
     """The view of points with tracks (k, 3). down: the direction of gravity, where there is one."""
     low, high = bounds(tracks)
     centre, extent = (low + high) / 2, float(np.linalg.norm(high - low))
@@ -39,9 +39,9 @@ def view(tracks: Sequence[Floats], down: Floats | None) -> View:
     flat = spread[2] <= FLAT * max(spread[0], LEAST) and extent > 0
     if not flat:
         towards = _turned(up)
-        return View(towards / np.linalg.norm(towards), up, centre, extent / 2 or 1.0, False)
+        return Viewpoint(towards / np.linalg.norm(towards), up, centre, extent / 2 or 1.0, False)
     normal, up = _face(axes, spread, up)
-    return View(normal, up, centre, extent / 2, True)
+    return Viewpoint(normal, up, centre, extent / 2, True)
 
 
 def _spread(tracks: Sequence[Floats]) -> tuple[Floats, Floats]:

@@ -13,15 +13,20 @@
   const points = scene.points.map(part);
   const forces = { R: scene.R.map(part), F: scene.F.map(part) };
   const curves = scene.curves.map((one) => ({ name: one.name, values: part(one.values) }));
-  const PALETTE = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00", "#7b5ea7"];
-  const MANY = "#3f7fb5";
+  // Okabe and Ito's colours, darker or lighter by what they stand on; those of many particles are all one.
+  const PALETTES = {
+    light: ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00", "#7b5ea7"],
+    dark: ["#4ea8e8", "#ff8540", "#2fc79a", "#e79bc6", "#f0b429", "#9ad6ff", "#cdb33a", "#b7a0e0"],
+  };
+  const MANY = { light: "#3f7fb5", dark: "#6fa9db" };
   // Pieces of a string or a spring; the head and the thickness of an arrow, parts of the size of the scene.
   const MANY_ARROWS = 24; // more are drawn thin, and F only where it is asked for
   const STRAND = 24, HEAD = 0.05, SHAFT = 0.0065;
   const still = matchMedia("(prefers-reduced-motion: reduce)");
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const state = { time: start, playing: false, speed: 1, mode: scene.modes.length ? 0 : -1, dirty: true };
-  const colour = (k, count) => (count > PALETTE.length ? MANY : PALETTE[k % PALETTE.length]);
+  const state = { time: start, playing: false, speed: 1, mode: scene.modes.length ? Math.max(0, scene.modes.findIndex((mode) => mode.swings)) : -1, dirty: true };
+  const scheme = () => (dark.matches && !state.printing ? "dark" : "light");
+  const colour = (k, count) => (count > PALETTES.light.length ? MANY[scheme()] : PALETTES[scheme()][k % PALETTES.light.length]);
   const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const shown = (value) => {
     if (!Number.isFinite(value)) return "–";
@@ -99,7 +104,16 @@
         depth + (Math.abs(p.dot(right)) + pad) / (half * camera.aspect), depth + (Math.abs(p.dot(above)) + pad) / half);
     };
     for (const track of [...points, ...scene.modes.map((mode) => part(mode.points))]) {
-      for (let i = 0; i < track.length; i += 3) reach(place.set(track[i], track[i + 1], track[i + 2]), 0.12);
+      for (let i = 0; i < track.length; i += 3) reach(place.set(track[i], track[i + 1], track[i + 2]), 0.1);
+    }
+    for (const track of Object.values(forces).flatMap((all) => all.map((force, i) => [force, points[i]]))) {
+      const [force, at] = track, frames = force.length > 3 || at.length > 3 ? T : 1;
+      for (let k = 0; k < frames; k++) {
+        const f = force.length > 3 ? 3 * k : 0, p = at.length > 3 ? 3 * k : 0;
+        const size = scene.scale * Math.hypot(force[f], force[f + 1], force[f + 2]);
+        if (size > 0.6) continue; // a rare blow runs out of the picture
+        reach(place.set(...[0, 1, 2].map((i) => at[p + i] + scene.scale * force[f + i])), 0.03);
+      }
     }
     for (const one of scene.surfaces) {
       const m = part(one.frames);
@@ -141,7 +155,6 @@
     const parts = { surfaces: [], trails: null };
     parts.balls = many(ball, Math.max(N, 1), solid("#ffffff"));
     parts.balls.count = N;
-    for (let k = 0; k < N; k++) parts.balls.setColorAt(k, new THREE.Color(colour(k, N)));
     const rods = scene.links.filter((link) => link.kind === "rod");
     parts.rods = { links: rods, mesh: many(cylinder, Math.max(rods.length, 1), solid("#888888")) };
     parts.rods.mesh.count = rods.length;
@@ -208,14 +221,12 @@
     // Segments in the order of time, those of all particles one after another: a window of time is one range.
     const moving = [...Array(N).keys()].filter((k) => points[k].length > 3);
     const place = new Float32Array((T - 1) * moving.length * 6), tint = new Float32Array(place.length);
-    const colours = moving.map((k) => new THREE.Color(colour(k, N)));
     let at = 0;
     for (let f = 0; f + 1 < T; f++) {
-      moving.forEach((k, i) => {
+      for (const k of moving) {
         for (let j = 0; j < 6; j++) place[at + j] = points[k][3 * f + j];
-        for (let j = 0; j < 6; j += 3) colours[i].toArray(tint, at + j);
         at += 6;
-      });
+      }
     }
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(place, 3));
@@ -227,13 +238,12 @@
     // The way from the last frame to the place now.
     const rest = new THREE.BufferGeometry();
     rest.setAttribute("position", new THREE.BufferAttribute(new Float32Array(moving.length * 6), 3));
-    const tints = new Float32Array(moving.length * 6);
-    colours.forEach((one, i) => { one.toArray(tints, 6 * i); one.toArray(tints, 6 * i + 3); });
-    rest.setAttribute("color", new THREE.BufferAttribute(tints, 3));
+    rest.setAttribute("color", new THREE.BufferAttribute(new Float32Array(moving.length * 6), 3));
     const last = new THREE.LineSegments(rest, mesh.material);
     last.frustumCulled = false;
     mesh.add(last);
-    return { mesh, last: rest.attributes.position, moving, each: 2 * moving.length };
+    const tints = [geometry.attributes.color, rest.attributes.color];
+    return { mesh, last: rest.attributes.position, moving, each: 2 * moving.length, tints };
   }
 
   // ---- one instant into the meshes
@@ -409,7 +419,7 @@
     moveCursor();
   }
   const order = new Map([...chosen].sort((a, b) => a - b).map((i, k) => [i, k]));
-  const tint = (i) => PALETTE[(order.get(i) ?? i) % PALETTE.length];
+  const tint = (i) => PALETTES[scheme()][(order.get(i) ?? i) % PALETTES.light.length];
   function moveCursor() {
     if (!cursor) return;
     const x = along(Math.min(end, Math.max(start, state.time)));
@@ -422,6 +432,7 @@
       const button = document.createElement("button"), bar = document.createElement("i"), text = document.createElement("span");
       button.type = "button"; button.setAttribute("aria-pressed", chosen.has(i)); button.title = one.name;
       bar.style.background = tint(i);
+      one.bar = bar; one.number = i;
       button.append(bar, text);
       one.text = text;
       text.textContent = one.name;
@@ -515,9 +526,25 @@
     for (const mesh of [parts.rods.mesh, parts.anchors.mesh, parts.soft.mesh]) mesh.material.color.copy(mesh === parts.soft.mesh ? soft : line);
     for (const one of parts.surfaces) { one.face.color.set(dark.matches ? "#8fb8de" : "#6f9fcf"); one.edge.color.copy(soft); }
     for (const kind of ["R", "F"]) for (const mesh of [parts[kind].shafts, parts[kind].heads]) mesh.material.color.set(style(`--${kind}`));
+    const tint = new THREE.Color();
+    for (let k = 0; k < N; k++) parts.balls.setColorAt(k, tint.set(colour(k, N)));
+    if (N) parts.balls.instanceColor.needsUpdate = true;
+    if (parts.trails) {
+      const { moving, tints } = parts.trails;
+      const all = moving.map((k) => new THREE.Color(colour(k, N)));
+      for (const buffer of tints) {
+        for (let i = 0; i < buffer.count; i++) all[(i >> 1) % all.length].toArray(buffer.array, 3 * i);
+        buffer.needsUpdate = true;
+      }
+    }
     state.dirty = true;
   }
 
+  function repaint() {
+    paint();
+    for (const one of curves) one.bar.style.background = tint(one.number);
+    drawChart();
+  }
   function resize() {
     drawChart();
     if (!three) return;
@@ -562,13 +589,16 @@
     document.addEventListener("keydown", key);
     addEventListener("resize", resize);
     new ResizeObserver(resize).observe(stage);
-    dark.addEventListener("change", paint);
+    dark.addEventListener("change", repaint);
     still.addEventListener("change", () => { if (still.matches) play(false); });
-    addEventListener("beforeprint", () => {
+    addEventListener("beforeprint", () => { // on paper everything is light
+      state.printing = true;
+      repaint();
       if (!three) return;
       draw();
       byId("still").src = canvas.toDataURL("image/png");
     });
+    addEventListener("afterprint", () => { state.printing = false; repaint(); });
   }
   function arrows() {
     if (three) {
@@ -605,11 +635,14 @@
       option.value = i; option.textContent = mode.name;
       select.append(option);
     });
+    if (state.mode >= 0) select.value = state.mode;
     const tell = () => { byId("about").textContent = state.mode >= 0 ? scene.modes[state.mode].note : ""; };
     select.addEventListener("change", () => { state.mode = Number(select.value); tell(); state.dirty = true; });
     tell();
   }
 
+  byId("head").hidden = !curves.length && !scene.modes.length;
+  document.body.classList.toggle("wide", !curves.length && !scene.modes.length && !scene.notes.length);
   byId("curves").hidden = !curves.length;
   byId("chart").toggleAttribute("hidden", !curves.length);
   byId("head").textContent = scene.modes.length ? "Modes" : "Multipliers λ over t";

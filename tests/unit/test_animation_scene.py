@@ -1,0 +1,340 @@
+"""The scene of an animation: what the rows of a model look like, and what is held against its run."""
+
+from __future__ import annotations
+
+import pathlib
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.api import animate, animate_modes
+from lagcli.model.model import Model
+from lagcli.output.animation import places, quadratic_algebra, square_distance, tied
+from lagcli.output.animation.scene import DrawnSurface, Scene
+
+MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
+
+
+def scene_of(text: str, **settings: object) -> Scene:
+    return animate.of_model(lagcli.loads("lagcli: 1\n" + text), settings)
+
+
+def gallery(name: str, **settings: object) -> Scene:
+    return animate.of_model(MODELS / f"{name}.yaml", settings)
+
+
+def surface(scene: Scene, kind: str) -> DrawnSurface:
+    (found,) = [one for one in scene.surfaces if one.kind == kind]
+    return found
+
+
+FALLING = """
+forces:
+  weight: {to: all, force: [0, 0, -9.81*m]}
+simulation: {duration: 1, samples: 21}
+"""
+
+
+# ---- rods
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "distance(a, b) = 2",
+        "2 = norm(a - b)",
+        "dot(a - b, a - b) = 4",
+        "(a.x - b.x)**2 + (a.y - b.y)**2 + (a.z - b.z)**2 - 4 = 0",
+        "norm(3*a - 3*b)/3 = 2",
+        "sqrt(dot(b - a, b - a)) = 2",
+        "norm(a - b)**2/2 = 2",
+    ],
+)
+def test_a_distance_is_a_rod_however_it_is_written(row: str) -> None:
+    text = (
+        "particles: {a: {mass: 1, position: [0, 0, 0]}, b: {mass: 1, position: [2, 0, 0], velocity: [0, 1, 0]}}\n"
+        f"holonomic: {{rod: '{row}'}}"
+    )
+    (link,) = scene_of(text + FALLING).links
+    assert link.kind == "rod"
+    assert set(link.ends) == {0, 1}
+    assert link.length == pytest.approx(2, rel=1e-12)
+
+
+def test_rods_hang_on_fixed_moving_and_middle_points() -> None:
+    text = """
+definitions: {pivot: "[sin(t)/10, 0, 1]"}
+particles:
+  a: {mass: 1, position: [0, 0, 0], velocity: [0.1, 0, 0]}
+  b: {mass: 1, position: [0, 1, 0], velocity: [0.1, 0, 0]}
+  c: {mass: 1, position: [0, 0.5, -1], velocity: [0.1, 0, 0]}
+holonomic:
+  hook: distance(a, pivot) = 1
+  bar: distance(a, b) = 1
+  low: norm((a + b)/2 - c) = 1
+"""
+    scene = scene_of(text + FALLING)
+    assert [link.kind for link in scene.links] == ["rod"] * 3
+    for link in scene.links:
+        for frame in range(len(scene.t)):
+            apart = np.linalg.norm(scene.at(link.ends[0], frame) - scene.at(link.ends[1], frame))
+            assert apart == pytest.approx(link.length, rel=1e-8)
+    anchor = scene.points[scene.links[0].ends[1]]
+    np.testing.assert_allclose(anchor[:, 0], np.sin(scene.t) / 10, atol=1e-15)
+
+
+def test_a_rope_is_a_string_with_its_length() -> None:
+    (link,) = gallery("rope-slack-and-taut").links
+    assert (link.kind, link.name, link.length) == ("string", "rope", 1.0)
+
+
+def test_a_rod_that_a_table_does_not_keep_is_not_drawn_and_that_is_said(tmp_path: pathlib.Path) -> None:
+    table = tmp_path / "run.csv"
+    table.write_text("t,a.x,a.y,a.z,a.vx,a.vy,a.vz\n0,1,0,0,0,0,0\n1,1.5,0,0,0,0,0\n")
+    model = lagcli.loads(
+        "lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0, 0]}}\nholonomic: {rod: norm(a) = 1}"
+    )
+    scene = animate.of_file(table, model)
+    assert scene.links == ()
+    assert any("1 rods or strings are not drawn" in note for note in scene.notes)
+
+
+def test_rigid_bodies_springs_and_families_are_joined() -> None:
+    assert len(gallery("rigid-plate", samples=5).links) == 10
+    assert {link.kind for link in gallery("spring-triangle", samples=5).links} == {"spring"}
+    chain = gallery("chain", samples=3, duration=0.01)
+    assert [link.ends for link in chain.links[1:]] == [(k, k + 1) for k in range(99)]
+
+
+def test_distances_that_coordinates_keep_are_lines() -> None:
+    scene = gallery("double-pendulum-angles", samples=11)
+    joined = {link.ends for link in scene.links}
+    pivot = next(b for a, b in joined if b >= 2)
+    assert joined == {(0, 1), (0, pivot)}
+    np.testing.assert_allclose(scene.points[pivot], [[0, 0, 0]], atol=1e-12)
+
+
+def test_kept_distances_are_those_of_all_samples() -> None:
+    random = np.random.default_rng(1)
+    angle = random.normal(size=12)
+    circle = np.stack([3 + np.cos(angle), np.full(12, 2.0), np.sin(angle)], axis=-1)
+    loose = random.normal(size=(12, 3))
+    (tie,) = tied.ties(np.stack([circle, loose], axis=1), np.array([4, 7]))
+    assert tie.particle == 4
+    np.testing.assert_allclose(tie.other, [3, 2, 0], atol=1e-12)
+    assert tie.length == pytest.approx(1)
+
+
+# ---- surfaces and curves
+
+
+def on_plane(one: DrawnSurface, place: np.ndarray, frame: int) -> float:
+    _u, _v, w, origin = one.frames[min(frame, len(one.frames) - 1)]
+    return float((place - origin) @ w / np.linalg.norm(w))
+
+
+def test_a_ramp_that_moves_is_a_plane_on_which_the_blocks_stay() -> None:
+    scene = gallery("moving-ramp-stick")
+    one = surface(scene, "plane")
+    assert len(one.frames) == len(scene.t)
+    for frame in range(len(scene.t)):
+        assert on_plane(one, scene.at(0, frame), frame) == pytest.approx(0, abs=1e-9)
+        assert on_plane(one, scene.at(1, frame), frame) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_sphere_has_its_centre_and_radius() -> None:
+    one = surface(gallery("triangle-on-sphere", samples=5), "sphere")
+    np.testing.assert_allclose(np.linalg.norm(one.frames[0, :3], axis=1), 5)
+    np.testing.assert_allclose(one.frames[0, 3], 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["sphere", "bowl", "wire"])
+def test_the_name_of_a_row_tells_a_sphere_from_a_rod(name: str) -> None:
+    text = (
+        "particles: {a: {mass: 1, position: [1, 0, 0], velocity: [0, 1, 0]}}\nholonomic: {ROW: norm(a) = 1}"
+    )
+    assert scene_of(text.replace("ROW", name) + FALLING).links == ()
+    (link,) = scene_of(text.replace("ROW", "arm") + FALLING).links
+    assert link.kind == "rod"
+
+
+def test_a_slanting_cylinder_has_its_axis_and_radius() -> None:
+    one = surface(gallery("water-slide", samples=11), "cylinder")
+    u, v, w, _ = one.frames[0]
+    assert np.linalg.norm(u) == pytest.approx(1.5)
+    assert np.linalg.norm(v) == pytest.approx(1.5)
+    axis = w / np.linalg.norm(w)
+    assert abs(axis @ [np.cos(np.pi / 12), 0, -np.sin(np.pi / 12)]) == pytest.approx(1)
+
+
+def test_an_ellipsoid_has_its_three_axes() -> None:
+    text = """
+particles: {a: {mass: 1, position: [2, 0, 0], velocity: [0, 1, 1]}}
+holonomic: {egg: a.x**2/4 + a.y**2 + a.z**2/9 = 1}
+"""
+    one = surface(scene_of(text + FALLING), "sphere")
+    assert sorted(np.linalg.norm(one.frames[0, :3], axis=1)) == pytest.approx([1, 2, 3])
+
+
+def test_the_walls_of_a_box_meet_in_its_corners() -> None:
+    scene = gallery("particle-in-a-box", samples=21)
+    corners = {
+        tuple((np.round(one.frames[0, 3] + one.corners @ one.frames[0, :3], 9) + 0.0)[k])
+        for one in scene.surfaces
+        for k in range(4)
+    }
+    assert [one.kind for one in scene.surfaces] == ["plane"] * 6
+    assert corners == {(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.2) for z in (0.0, 0.8)}
+
+
+def test_one_plane_of_many_rows_is_drawn_once_and_hard_spheres_lie_on_it() -> None:
+    scene = gallery("sphere-pile", samples=3)
+    assert [one.name for one in scene.surfaces] == ["floor[1]", "left[1]", "right[1]"]
+    np.testing.assert_allclose(scene.radii, 0.05)
+    floor = scene.surfaces[0].frames[0]
+    assert floor[3, 2] == pytest.approx(0, abs=1e-12)  # D/2 below the least height of the centres
+
+
+def test_a_sphere_and_a_plane_that_turns_are_a_circle_that_turns() -> None:
+    scene = gallery("bead-on-rotating-hoop-cartesian", samples=21)
+    one = surface(scene, "circle")
+    assert len(one.frames) == 21
+    for frame in range(21):
+        u, _v, w, origin = one.frames[frame]
+        off = scene.at(0, frame) - origin
+        assert np.linalg.norm(off) == pytest.approx(np.linalg.norm(u), rel=1e-8)
+        assert off @ w == pytest.approx(0, abs=1e-8)
+
+
+def test_two_rows_that_are_not_simple_leave_a_curve() -> None:
+    text = """
+particles: {bead: {mass: 1, position: [1, 0, 0]}}
+holonomic:
+  across: bead.x = cos(bead.z/0.2)
+  aside: bead.y = sin(bead.z/0.2)
+"""
+    scene = scene_of(text + FALLING)
+    points = surface(scene, "line").corners
+    assert len(points) > 100
+    np.testing.assert_allclose(points[:, 0], np.cos(points[:, 2] / 0.2), atol=1e-6)
+    np.testing.assert_allclose(points[:, 1], np.sin(points[:, 2] / 0.2), atol=1e-6)
+
+
+def test_the_wall_of_a_stadium_is_a_closed_line_in_the_plane_of_the_motion() -> None:
+    points = surface(gallery("stadium", samples=51), "line").corners
+    np.testing.assert_allclose(points[0], points[-1])
+    off = np.hypot(np.maximum(np.abs(points[:, 0]) - 0.5, 0), points[:, 2])
+    np.testing.assert_allclose(off, 1, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "row", ["a.z = t*a.x*a.y*a.z", "sin(a.x) = a.z", "abs(a.x) = 1", "norm(a) = a.x + 1", "a.x*a.y*a.z = 1"]
+)
+def test_what_is_not_simple_is_not_taken_for_it(row: str) -> None:
+    model = lagcli.loads(
+        f"lagcli: 1\nparticles: {{a: {{mass: 1, position: [1, 1, 1]}}}}\nholonomic: {{row: {row}}}"
+    )
+    (found,) = quadratic_algebra.rows(model, np.linspace(0, 1, 3))
+    assert square_distance.found(found.form, False) is None
+
+
+# ---- forces, view, sizes
+
+
+@pytest.mark.parametrize(
+    "name", ["double-pendulum", "double-pendulum-angles", "moving-ramp-stick", "spring-triangle"]
+)
+def test_r_is_that_of_the_table_and_m_a_is_f_and_r(name: str) -> None:
+    model = lagcli.load(MODELS / f"{name}.yaml")
+    run = lagcli.simulate(model, samples=4001)
+    table = dict(run)
+    F = animate.forces(model, table)
+    assert F is not None
+    masses = np.concatenate([np.ravel(p.mass_values) for p in model.particles])
+    for k, particle in enumerate(model.particle_names):
+        v = np.stack([run[f"{particle}.v{axis}"] for axis in "xyz"], axis=1)
+        a = np.gradient(v, run.t, axis=0)
+        R = run.reaction(particle)
+        size = np.abs(F[:, k]).max() + np.abs(R).max()
+        np.testing.assert_allclose(masses[k] * a[2:-2], (F[:, k] + R)[2:-2], atol=2e-3 * size)
+    scene = animate.of_run(model, table)
+    for k, particle in enumerate(model.particle_names):
+        if scene.R:
+            drawn = np.broadcast_to(scene.R[k], (len(scene.t), 3))
+            wanted = np.stack([np.interp(scene.t, run.t, part) for part in run.reaction(particle).T], axis=1)
+            np.testing.assert_allclose(drawn, wanted, atol=1e-9 * max(1.0, np.abs(wanted).max()))
+
+
+@pytest.mark.parametrize("plane", ["xy", "yz", "xz"])
+def test_planar_motion_is_seen_face_on_and_up_is_against_the_weight(plane: str) -> None:
+    first, second = plane
+    position = {"x": "0", "y": "0", "z": "0"} | {second: "-1"}
+    velocity = {"x": "0", "y": "0", "z": "0"} | {first: "1"}
+    force = {"x": "0", "y": "0", "z": "0"} | {second: "-9.81*m"}
+    text = f"""
+particles: {{a: {{mass: 1, position: [{", ".join(position.values())}], velocity: [{", ".join(velocity.values())}]}}}}
+forces: {{weight: {{to: all, force: [{", ".join(force.values())}]}}}}
+holonomic: {{rod: norm(a) = 1}}
+simulation: {{duration: 1, samples: 21}}
+"""
+    view = scene_of(text).view
+    assert view.flat
+    assert view.up["xyz".index(second)] == pytest.approx(1)
+    assert abs(view.towards["xyz".index(first)]) < 1e-9
+    right = np.cross(view.up, view.towards)
+    assert right["xyz".index(first)] == pytest.approx(1)
+
+
+def test_masses_give_sizes_and_rods_bound_them() -> None:
+    scene = gallery("double-pendulum", samples=5)
+    assert scene.radii[0] > scene.radii[1] > 0
+    chain = gallery("chain", samples=3, duration=0.01)
+    assert chain.radii.max() < 0.01 / 2
+
+
+# ---- coordinates, tables, modes
+
+
+def test_coordinates_without_particles_are_places_or_beads() -> None:
+    disk = gallery("rolling-disk", samples=21)
+    assert disk.names == ("(x, y)",)
+    assert disk.points[0].shape == (21, 3)
+    assert disk.R[0].shape == (21, 3)
+    hoop = gallery("hoop-on-ramp", samples=21)
+    assert hoop.names == ("x", "phi")
+    assert [one.kind for one in hoop.surfaces] == ["line", "line"]
+    assert hoop.points[0][:, 2].min() == 0
+    assert hoop.points[0][:, 2].max() == 1
+
+
+def test_a_model_of_too_many_particles_is_refused() -> None:
+    text = "lagcli: 1\nparticles:\n  p[i]: {for: 'i = 1..5001', mass: 1, position: '[i, 0, 0]'}"
+    with pytest.raises(places.NothingToShow, match="5001 particles"):
+        animate.of_model(lagcli.loads(text), {})
+
+
+def shapes_of(name: str) -> tuple[Model, Scene]:
+    model = lagcli.load(MODELS / f"{name}.yaml")
+    return model, animate_modes.of_modes(model, lagcli.modes(model))
+
+
+def test_modes_swing_along_their_shapes() -> None:
+    model, scene = shapes_of("double-pendulum")
+    found = lagcli.modes(model)
+    assert len(scene.modes) == 2
+    for mode, shape in zip(scene.modes, found.shapes, strict=True):
+        away = (mode.points - mode.points[0])[:, :2].reshape(len(scene.t), -1)
+        quarter = away[(len(scene.t) - 1) // 4]
+        np.testing.assert_allclose(
+            quarter / np.abs(quarter).max(), shape.real / np.abs(shape).max(), atol=1e-9
+        )
+        np.testing.assert_allclose(away[-1], 0, atol=1e-12)
+
+
+def test_modes_of_coordinates_move_the_particles_on_their_circles() -> None:
+    _, scene = shapes_of("double-pendulum-angles")
+    for mode in scene.modes:
+        np.testing.assert_allclose(np.linalg.norm(mode.points[:, 0], axis=1), 1, rtol=1e-12)
+        assert np.ptp(mode.points[:, 0, 0]) > 0.01
+        assert mode.swings
