@@ -98,7 +98,7 @@ def _grouped(size: Array, e: Evidence) -> Array:
     return found
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Balance:
     """m a - F on coordinates (T, n) and on dependent particles (T, 3 Nd), with limits and what can be judged."""
 
@@ -198,7 +198,7 @@ class RecordedMotion:
         return judge(DALEMBERT, e.names.q, e.record.t[rows], found, limit, judged)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Energies:
     """E (T,) = T + V + (q' dL/dq' - L), and of the moved states; work (T,) of the constraints, of all that changes E,
     and their limits."""

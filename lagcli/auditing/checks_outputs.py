@@ -25,7 +25,7 @@ COLUMNS = CheckedLaw(
 )
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class RecomputedResults:
     """The results a run was solved for at T rows: lambda (T, C), R and a of all particles, (T, 3 N); a is nan where
     it does not follow from the row: `lagrangian` of a velocity."""

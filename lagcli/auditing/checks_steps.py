@@ -36,7 +36,7 @@ SUDDEN = 2.0  # times how the forces of the rows bend: a push that is larger was
 OPEN = 0.1  # of the largest step of a quantity: a bound beyond that judges nothing
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Quantity:
     """Columns y (T, k) with their rates, by how much both may be off, (T, k), and which cannot be shown, (k,).
 
@@ -109,7 +109,7 @@ def quantities(e: Evidence) -> list[Quantity]:
     return found
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Particles:
     """Places and velocities of particles, (T, 3 K), with the forces on them, and by how much all may be off."""
 

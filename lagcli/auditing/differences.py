@@ -38,7 +38,7 @@ EPS = float(np.finfo(float).eps)
 CLOCK = 8 * EPS  # of the largest time: how well the times are known
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
     """A value (T, k) with the bounds of its noise and of its truncation, (T, k) each."""
 

@@ -18,7 +18,7 @@ SAMPLES = 48
 SYMMETRIC = 1e-9  # of the size of the terms that would have to cancel
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Symmetry:
     """A displacement xi (T, n) that L does not feel, with its rate along the motion."""
 

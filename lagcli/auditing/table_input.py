@@ -19,7 +19,7 @@ class TableError(ValueError):
     """The table cannot be audited: columns are missing, or its times do not increase."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Record:
     """t (T,); q and v (T, n); x and u (T, 3 Nd) of the dependent particles; lam (T, C); R_q (T, n) on the coordinates
     and R_x (T, 3 Nd) on the dependent particles."""

@@ -41,7 +41,7 @@ def require_models(paths: list[str]) -> None:
         raise exits.UsageError("standard input can be read once only")
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class CheckOptions:
     """Options of `check`; `witness`: the row whose loop is asked for, `plot`: the file of its figure."""
 
@@ -66,7 +66,7 @@ class CheckOptions:
         require_outputs(models[0], None, self.plot, as_json=False)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SimulateOptions:
     """Options of `simulate` besides the settings of the run."""
 
@@ -151,7 +151,7 @@ class SimulateOptions:
                 yield file_conflicts.File(option, os.fspath(path), is_written=True, is_derived=True)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class PrinciplesOptions:
     """Options of `compare --vakonomic`: initial multipliers as they were given, and files for table and figure."""
 
@@ -172,7 +172,7 @@ class PrinciplesOptions:
         require_outputs(models[0], self.output, self.plot, as_json)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class CompareOptions:
     """Options of `compare` besides the settings of the runs."""
 
@@ -183,7 +183,7 @@ class CompareOptions:
     principles: PrinciplesOptions = PrinciplesOptions()
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ModesOptions:
     """Options of `modes` besides its settings; `animate`: the file of a page."""
 
@@ -205,7 +205,7 @@ class ModesOptions:
             require_writable(file_conflicts.model(model), files)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class LimitOptions:
     """Options of `limit` besides the settings of the runs."""
 
@@ -223,7 +223,7 @@ class LimitOptions:
         require_outputs(model, self.output, self.plot, self.as_json)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class AuditOptions:
     """Options of `audit` besides the settings of the run; `has_rows`: --duration or --samples is given."""
 
@@ -258,7 +258,7 @@ class AuditOptions:
             )
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class PointOptions:
     """Options of `stationary` and `equilibrium`."""
 
@@ -274,7 +274,7 @@ class PointOptions:
         require_outputs(model, self.output, None, self.as_json)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class DeriveOptions:
     """Options of `derive`; `form`: one of `DERIVE_FORMATS`, `values`: names of parameters to put in as numbers."""
 

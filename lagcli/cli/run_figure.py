@@ -11,7 +11,6 @@ import numpy.typing as npt
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import exits
 from lagcli.cli.preflight import SimulateOptions
-from lagcli.model import dimension_facts
 from lagcli.output import column_choice
 from lagcli.output.figures import decimate
 
@@ -33,6 +32,7 @@ def draw(ready: SimulationRun, options: SimulateOptions, kept: decimate.Thinned)
     rows = kept.rows()
     if options.plot is not None and len(rows):
         # matplotlib takes a third of a second to load: only where a figure is asked for.
+        from lagcli.model import dimension_facts
         from lagcli.output.figures import panels
 
         names, drawn = _drawn(ready.columns, rows, options, ready.by_name)

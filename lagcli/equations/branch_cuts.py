@@ -35,7 +35,7 @@ ON_CUT = 1e-9
 SAME, PASSED, JUMPS = range(3)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Cuts:
     """The angles of J calls of `atan2` and `atan` in holonomic rows, and f (s,) continued across their cuts.
 

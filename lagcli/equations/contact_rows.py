@@ -12,7 +12,7 @@ from lagcli.equations.environment import Environment
 from lagcli.model import model as nouns
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ContactRows:
     """g (K,) with its gradient G (K, n), dg/dt = G v + g_t and d2g/dt2 = G a - gamma; g_t, gamma (K,)."""
 

@@ -15,7 +15,7 @@ from lagcli.model import model as nouns
 from lagcli.model.family import Whole
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Dynamics:
     """The terms of M a = h + B^T lambda, with the energies that certify it.
 

@@ -40,7 +40,7 @@ MEMBERS, SWITCHES = 16, 32
 HINT = "write a force that is steep but finite, as from `tanh(x/w)`, or the torque of an angle as a force"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Subject:
     """A thing that jumps, in words, and where it is declared; value: that of the members in these places, (1, 1)."""
 
@@ -74,7 +74,7 @@ class Way(Protocol):
         """`Crossings.values` there, (J,), until the next call."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Crossings:
     """The K switches of J subjects: words (K,) and owners (K,) by number.
 

@@ -40,7 +40,7 @@ def entries(matrix: ca.SX, row: Whole, column: Whole) -> ca.SX:
     return values
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Gradient:
     """df/dr of the rows of one law by the dependent particles, (rows, 3 D), x of all before y and z."""
 

@@ -46,7 +46,7 @@ class NotAlike(Exception):
     """The members cannot be mapped: what they touch is a function of many coordinates, or differs in form."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class FamilyBlock:
     """Rows of one law, those of one member after another: f (C,) or nothing, B (C, n), b (C,), gamma (C,)."""
 

@@ -30,7 +30,7 @@ def is_abrupt(values: Floats) -> npt.NDArray[np.bool_]:
     return np.asarray(abs(c - b) > least)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Starts:
     """The points that places are sought from: q (n, S) at one t, v and p; size: of q."""
 

@@ -21,7 +21,7 @@ _WORDS = {
 }
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Switch:
     """A function that may jump where its `argument`, an SX (1, 1), changes its sign.
 

@@ -29,7 +29,7 @@ ASIDE, FURTHER, JUMP = 1e-9, 1e-5, 1e-6
 HALVINGS = 60
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Kinks:
     """The switches of all rows: `switches` gives (t, q, p) -> u (K,), each zero where it switches.
 

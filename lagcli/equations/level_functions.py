@@ -16,7 +16,7 @@ from lagcli.expression import evaluate, integers, parser, tree
 from lagcli.model import family, invariant
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class LevelExpression:
     """A chart of `conserved`, as scalar SX of `System.symbols`; period None where there is none."""
 

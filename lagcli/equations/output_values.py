@@ -23,7 +23,7 @@ from lagcli.model.family import MemberIndex, Whole
 from lagcli.model.resolve import Reference, is_second
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SolvedValues:
     """The rows of a system and what is solved for: lam (C + K,), a (n,), a_k and R_k of all particles."""
 

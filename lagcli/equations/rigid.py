@@ -30,7 +30,7 @@ class DegenerateBody(ValueError):
     """All particles of the body stand at one point."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Geometry:
     """Places in the body's list: `base`, the `pairs` of the base with their `distances` (length), and for each
     of the `further` places its coefficients `alpha` (len(further), len(base)) and, where the body is a little off

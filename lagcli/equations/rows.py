@@ -23,7 +23,7 @@ class Row:
     location: diagnostics.Location
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ConstraintRows:
     """f (s): holonomic and rigid rows; w (C): all rows as B v + b (D.6), the holonomic ones differentiated."""
 

@@ -11,7 +11,7 @@ from lagcli.expression import evaluate
 from lagcli.model import model as nouns
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Symbols:
     """t, q (n), v (n) and the parameters p, with those that belong to names."""
 

@@ -37,7 +37,7 @@ from lagcli.model import model as nouns
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class System:
     """Symbols and expressions, all CasADi SX.
 

@@ -17,7 +17,7 @@ from lagcli.simulation.angle_turns import Turns
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class DensePoint:
     """The values that depend on t and q: f (s,), B (C, n) and b (C,); the arrays are the caller's own."""
 
@@ -26,7 +26,7 @@ class DensePoint:
     b: Floats
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class DenseForces:
     """The values that depend on the velocities too: M (n, n), h (n,), gamma (C,)."""
 

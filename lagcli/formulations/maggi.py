@@ -37,7 +37,7 @@ class ChartError(Exception):
     """The chart ends here: no configuration is found, or the rows are dependent."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ReducedMotion:
     """A point of the chart in full: q, v, a (n,), with (xi', u'), and how far the null space has turned (1: not)."""
 

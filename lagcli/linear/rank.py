@@ -24,7 +24,7 @@ LARGE, SMALL = 3e-6, 1e-7
 WEIGHT = 1e-6
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Rank:
     """The rank lies between `low` and `high`; `dependences` are the left null vectors beyond `low` (d, C).
 

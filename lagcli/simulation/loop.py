@@ -20,7 +20,6 @@ from lagcli.simulation import grid as grids
 from lagcli.simulation import line_functions, run_start
 from lagcli.simulation.angle_turns import Turns
 from lagcli.simulation.checkpoint import CheckpointError, RunState
-from lagcli.simulation.contact_event import ContactEvent
 from lagcli.simulation.event import Event
 from lagcli.simulation.impulse_event import ImpulseEvent
 from lagcli.simulation.incident import Incident
@@ -39,8 +38,25 @@ Floats = npt.NDArray[np.float64]
 BLOCK_VALUES = 2**16  # numbers in a block of rows
 NEARLY = 1.001  # a step of so many times the length proposed, that ends before the run, is not its last
 PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed out: for progress and interrupts
+
+
+def _contacts(stepper: Stepper) -> Event | None:
+    """One-sided constraints and declared events, whose modules other models do not load."""
+    system = stepper.bound.held.integrals.system
+    if not (system.contacts.count or system.event_values.numel()):
+        return None
+    from lagcli.simulation.contact_event import ContactEvent
+
+    return ContactEvent.of(stepper)
+
+
 # In the order in which they are asked; the first that finds a step leaves none to the others.
-EVENTS: tuple[type[Event], ...] = (SwitchEvent, SingularEvent, ImpulseEvent, ContactEvent)
+EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (
+    SwitchEvent.of,
+    SingularEvent.of,
+    ImpulseEvent.of,
+    _contacts,
+)
 
 
 def start(
@@ -117,7 +133,7 @@ class Run:
     ) -> None:
         self._stepper, self._writer, self._begin = stepper, writer, begin
         self._row, self.passed_over = row, passed_over
-        found = (kind.of(stepper) for kind in EVENTS)
+        found = (of(stepper) for of in EVENTS)
         self._events = tuple(event for event in found if event is not None)
         self._looks_ahead = any(event.looks_ahead for event in self._events)
         held = stepper.bound.held

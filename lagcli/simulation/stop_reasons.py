@@ -42,7 +42,7 @@ PHRASES = {
 }
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Sides:
     """Values (k,) at four places on the way through an instant: far before, near before, near after and far after;
     rounding (k,): a difference below this is none."""

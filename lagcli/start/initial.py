@@ -29,7 +29,7 @@ PROBES, ROUNDINGS = 12, 64
 MOST_TOLD = 20
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class State:
     """t, q (n,), v (n,) and the parameters p that go with them."""
 
@@ -39,7 +39,7 @@ class State:
     p: Floats
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Residuals:
     """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed.
 

@@ -41,7 +41,7 @@ class NoConfiguration(Exception):
         self.q, self.worst = q, worst
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Reached:
     """The end of a descent: q (n,), and |f_i| / |B_i| of each row there; whether it is on the surface."""
 

@@ -24,7 +24,7 @@ LEAST, ROUNDING, SMALL = 1e-13, 3e-16, 1e-12
 FLAT = 1e-14  # a slope of the squares below which damped steps have come to the bottom of a valley
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class NewtonEnd:
     """The end of a search: x, the norm of the residual, and the length of the last Newton step, as a part of x."""
 

@@ -33,7 +33,7 @@ MOST_VAIN = 12
 MOST_POINTS = 400
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SearchOptions:
     """pushes: contacts push (rest), or pull too (stationary points); angles (n,): periodic coordinates."""
 

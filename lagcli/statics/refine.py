@@ -22,7 +22,7 @@ CLOSED = 1e-9
 CHANGES, ASIDE = 12, (0.003, 0.03, 0.1, 0.3)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class EquilibriumPoint:
     """A point of rest: q (n,), lambda of all rows at the start time (C + K,), the closed contacts by their numbers, and
     the largest |F + B^T lambda|, |c|, |g of a closed contact|."""
@@ -33,7 +33,7 @@ class EquilibriumPoint:
     residual: float
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class NoEquilibrium:
     """No point was found; the least residual, and where it is."""
 

@@ -20,7 +20,7 @@ TINY = 1e-300
 ZERO = 1e-9
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Scales:
     """Units: of force, of length, and the gradients of conditions (k,) and of contacts (K,)."""
 

@@ -17,7 +17,7 @@ from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class StaticLaws:
     """Expressions of t, q (n,) and p: F (n,), B (C, n), c (k,), g (K,), G (K, n), and the function that is stationary.
 

@@ -22,7 +22,7 @@ ASKED, PROVED = (0.0, 0.37, 0.81), (0.113, 0.291, 0.523, 0.697, 0.977)
 STEADY = 1e-11
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Values:
     """At one t and q: F (n,), B (C, n), c (k,) with its gradient (k, n), g (K,), G (K, n), and K (n, n), the gradient
     of F + B^T lambda by q."""

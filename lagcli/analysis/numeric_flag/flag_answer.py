@@ -13,7 +13,7 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class NumericFlag:
     """The derived flag of `rows` (m,), differential rows of the system, on the surface of those they came with.
 

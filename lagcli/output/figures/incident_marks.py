@@ -12,7 +12,7 @@ MOST = 300  # lines of one kind across a figure; closer ones cannot be told apar
 DENSE = 60  # from so many on lines are thinner
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class IncidentMarks:
     """The marks of one kind; count: incidents of it; number: the place of the kind in `KINDS`; times: (k,), thinned."""
 

@@ -59,7 +59,7 @@ class PanelFacts:
 NOTHING = PanelFacts()
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Curve:
     """One quantity against time; ``t`` and ``values`` have one shape (k,)."""
 
@@ -87,7 +87,7 @@ class Band:
     note: str = ""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Table:
     places: dict[str, int]
     rows: NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lagcli import requirements
 from lagcli.output import atomic_file, endings
-from lagcli.output.tables import csv_table, json_table, npz_table, text_cells
+from lagcli.output.tables import csv_table, text_cells
 
 
 class MissingExtra(RuntimeError):
@@ -244,13 +244,15 @@ def needing_pyarrow(path: Path) -> Iterator[None]:
 
 def _writer(path: Path, fmt: str, provenance: Mapping[str, object] | None) -> Make:
     match fmt:
-        case "csv":
-            return csv_table.CsvWriter
-        case "tsv":
-            return functools.partial(csv_table.CsvWriter, delimiter="\t")
+        case "csv" | "tsv":
+            return functools.partial(csv_table.CsvWriter, delimiter="\t" if fmt == "tsv" else ",")
         case "json":
+            from lagcli.output.tables import json_table
+
             return functools.partial(json_table.JsonWriter, provenance=provenance)
         case "npz":
+            from lagcli.output.tables import npz_table
+
             return functools.partial(npz_table.NpzWriter, provenance=provenance)
         case "parquet":
             with needing_pyarrow(path):

@@ -96,7 +96,7 @@ def alphabet(
     return Alphabet(tuple(letters), tuple(letters.values()))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Numbers:
     """Values of N functions at points: along (rows, N) the defects of each, terms (rows, N) the size of the terms
     that add up to them, slopes (N, C, near) the derivatives for the pivots at a few of the points.
