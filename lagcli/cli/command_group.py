@@ -32,6 +32,7 @@ _MEANT = {
     **dict.fromkeys(("count", "freedoms", "mobility"), "lagcli dof MODEL"),
     **dict.fromkeys(("validate", "lint", "classify", "verify", "analyze", "analyse"), "lagcli check MODEL"),
     **dict.fromkeys(("equations", "eom", "latex", "lagrange"), "lagcli derive MODEL"),
+    **dict.fromkeys(("animation", "movie", "film", "video", "view", "viewer"), "lagcli animate MODEL"),
     **dict.fromkeys(("init", "create", "template", "wizard"), "lagcli new NAME"),
     **dict.fromkeys(("gallery", "examples", "example", "list", "demo", "samples"), "lagcli models"),
     **dict.fromkeys(("completion", "completions"), "lagcli --install-completion"),

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 Described = list[tuple[str, str]]
 
 ENDINGS = (".yaml", ".yml")
+TABLES = (".csv", ".tsv", ".json", ".npz", ".parquet")
+# Tables whose names of columns stand in the first line, with what is between them.
+_PLAIN_TABLES = {".csv": ",", ".tsv": "\t"}
+MOST_HEADER = 2**18  # characters of a first line that are read
 MOST_FILES = 2000  # entries of a folder that are looked at
 DEEPEST = 8  # folders that are gone down where each holds one folder only
 # Characters that mean something to a shell inside of quotes too, or end the line: no candidate holds them.
@@ -33,20 +37,17 @@ _TYPED = ("COMP_WORDS", "_TYPER_COMPLETE_ARGS")
 
 def model_files(ctx: typer.Context, incomplete: str) -> list[str]:
     """Files of models and folders."""
-    found = list(_files(incomplete))
-    for _ in range(DEEPEST):
-        if len(found) != 1 or not found[0].endswith("/"):
-            break
-        # A shell takes a candidate that is alone for a whole word: it is the files in the folder that are meant.
-        found = list(_files(found[0])) or found
-        if found[0].endswith("/") and len(found) == 1 and found[0] == incomplete:
-            break
-    return _shown(found)
+    return _shown(_reached(incomplete, ENDINGS))
+
+
+def run_files(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Files of models, tables and folders."""
+    return _shown(_reached(incomplete, (*ENDINGS, *TABLES)))
 
 
 def columns(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Columns of a table of the model, after the last comma."""
-    return _listed((*_outline(ctx).columns(), "lambda.*", "R.*"), incomplete)
+    """Columns of the table that is named, or of a table of the model, after the last comma."""
+    return _listed(_header(ctx) or (*_outline(ctx).columns(), "lambda.*", "R.*"), incomplete)
 
 
 def constraints(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -121,31 +122,61 @@ def _named(names: Iterable[str], incomplete: str) -> list[str]:
     return _shown(name for name in names if name.startswith(incomplete) and "[" not in name)
 
 
+def _header(ctx: typer.Context) -> tuple[str, ...]:
+    """The columns in the first line of the first table among the files, where it is one of text."""
+    for path in _paths(ctx, tuple(_PLAIN_TABLES)):
+        with contextlib.suppress(OSError, ValueError), open(path, encoding="utf-8", newline="") as file:
+            line = file.readline(MOST_HEADER).strip()
+            return tuple(
+                name.strip('"') for name in line.split(_PLAIN_TABLES[os.path.splitext(path)[1].lower()])
+            )
+    return ()
+
+
 def _outline(ctx: typer.Context) -> Outline:
     """The names in the model of the command line, no names where there is none to read."""
     from lagcli.input.starting import model_outline
 
-    for path in _paths(ctx):
+    for path in _paths(ctx, ENDINGS):
         with contextlib.suppress(OSError, ValueError), open(path, "rb") as file:
             # One byte more, by which a file that is too long is known.
             return model_outline.read(file.read(model_outline.MAX_BYTES + 1))
     return model_outline.EMPTY
 
 
-def _paths(ctx: typer.Context) -> Iterator[str]:
-    """The files that may be the model: what was taken for it, else what looks like one, before the cursor or after."""
-    for key in ("model", "models"):
+def _paths(ctx: typer.Context, endings: tuple[str, ...]) -> Iterator[str]:
+    """The files that may be meant: those that were taken for it, else what looks like one, also after the cursor."""
+    for key in ("model", "models", "files", "source"):
         given = ctx.params.get(key)
         named = given if isinstance(given, (list, tuple)) else (given,)
-        yield from (str(name) for name in named if name and os.path.isfile(str(name)))
+        words = [str(name) for name in named if name]
+        # A model may have any ending, a table is known by its own.
+        yield from (word for word in words if os.path.isfile(word) and _fits(word, endings))
     for variable in _TYPED:
         for word in os.environ.get(variable, "").split():
-            if word.lower().endswith(ENDINGS) and os.path.isfile(word):
+            if word.lower().endswith(endings) and os.path.isfile(word):
                 yield word
 
 
-def _files(incomplete: str) -> Iterator[str]:
-    """Models and folders whose names go on from what was typed, in the order of the alphabet."""
+def _fits(path: str, endings: tuple[str, ...]) -> bool:
+    return path.lower().endswith(endings) or (endings == ENDINGS and not path.lower().endswith(TABLES))
+
+
+def _reached(incomplete: str, endings: tuple[str, ...]) -> list[str]:
+    """Files with these endings and folders; in place of a folder that is alone what is in it."""
+    found = list(_files(incomplete, endings))
+    for _ in range(DEEPEST):
+        if len(found) != 1 or not found[0].endswith("/"):
+            break
+        # A shell takes a candidate that is alone for a whole word: it is the files in the folder that are meant.
+        found = list(_files(found[0], endings)) or found
+        if found[0].endswith("/") and len(found) == 1 and found[0] == incomplete:
+            break
+    return found
+
+
+def _files(incomplete: str, endings: tuple[str, ...]) -> Iterator[str]:
+    """Files and folders whose names go on from what was typed, in the order of the alphabet."""
     head = max(incomplete.rfind("/"), incomplete.rfind(os.sep)) + 1
     folder, start = incomplete[:head], incomplete[head:]
     found = []
@@ -155,7 +186,7 @@ def _files(incomplete: str) -> Iterator[str]:
                 continue
             if entry.is_dir():
                 found.append(f"{folder}{entry.name}/")
-            elif entry.name.lower().endswith(ENDINGS):
+            elif entry.name.lower().endswith(endings):
                 found.append(f"{folder}{entry.name}")
     return iter(sorted(found))
 

@@ -5,9 +5,11 @@ import pathlib
 import shutil
 import subprocess
 import sys
+import types
 
 import pytest
 
+from lagcli.cli import completing
 from lagcli.cli.commands import COMMANDS
 from lagcli.errors import catalogue
 from lagcli.input.starting import gallery_models, model_outline, model_templates
@@ -120,6 +122,20 @@ def test_columns_of_a_model_that_stands_after_the_cursor() -> None:
         patch.setenv("COMP_CWORD", "3")
         out, _, code = in_process.run()
     assert (out, code) == ("lambda.rod\n", 0)
+
+
+def test_tables_and_their_columns(folder: pathlib.Path) -> None:
+    (folder / "run.csv").write_text('t,ball.x,"lambda.floor",energy\n0,1,2,3\n', encoding="utf-8")
+    (folder / "run.npz").touch()
+    assert completed("animate", "") == ["m.yaml", "run.csv", "run.npz"]
+    assert completed("dof", "") == ["m.yaml"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("_TYPER_COMPLETE_ARGS", "lagcli plot run.csv")
+        context = types.SimpleNamespace(params={"files": ["run.csv"]})
+        assert completing.columns(context, "t,l") == ["t,lambda.floor"]  # type: ignore[arg-type]
+        context = types.SimpleNamespace(params={"files": ["run.npz"]})
+        (folder / "run.csv").unlink()
+        assert completing.columns(context, "ener") == ["energy"]  # type: ignore[arg-type]
 
 
 def test_names_of_constraints_and_what_can_be_set() -> None:

@@ -3,6 +3,7 @@
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 
@@ -39,6 +40,26 @@ def test_the_gallery_is_listed_by_subject_with_a_line_each(command: Command) -> 
     assert len(subjects) == len(set(subjects)) > 4
     assert "-o FILE" in err
     assert command("models", "-q")[1] == ""
+
+
+def test_the_gallery_of_a_wheel_is_found_and_none_is_told(
+    command: Command, folder: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = folder / "place" / "lagcli"
+    shutil.copytree(ROOT / "models", package / "gallery")
+    monkeypatch.setattr(gallery_models, "_PACKAGE", package)
+    gallery_models.models.cache_clear()
+    try:
+        assert gallery_models.find("pendulum").path == package / "gallery" / "pendulum.yaml"  # type: ignore[union-attr]
+        # What another project has beside the package is no gallery.
+        shutil.rmtree(package / "gallery")
+        shutil.copytree(ROOT / "models", package.parent / "models")
+        gallery_models.models.cache_clear()
+        out, err, code = command("models")
+        assert (out, code) == ("", 2)
+        assert "no gallery" in err
+    finally:
+        gallery_models.models.cache_clear()
 
 
 def test_the_gallery_as_json(command: Command) -> None:

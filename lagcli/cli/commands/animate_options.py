@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits
+from lagcli.cli import completing, exits
 from lagcli.cli.options import (
     AssembleOption,
     DebugOption,
@@ -22,7 +22,12 @@ from lagcli.model import settings
 @exits.command
 def animate(
     source: Annotated[
-        str, typer.Argument(metavar="MODEL|FILE", help="a model, which is simulated, or a table of a run")
+        str,
+        typer.Argument(
+            metavar="MODEL|FILE",
+            help="a model, which is simulated, or a table of a run",
+            autocompletion=completing.run_files,
+        ),
     ],
     output: Annotated[
         str | None,
@@ -30,7 +35,12 @@ def animate(
     ] = None,
     model: Annotated[
         str | None,
-        typer.Option("--model", metavar="MODEL", help="of a table: for masses, forces, rods and surfaces"),
+        typer.Option(
+            "--model",
+            metavar="MODEL",
+            help="of a table: for masses, forces, rods and surfaces",
+            autocompletion=completing.model_files,
+        ),
     ] = None,
     duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
     output_step: OutputStepOption = None,
