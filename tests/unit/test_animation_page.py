@@ -140,8 +140,35 @@ def test_numbers_are_those_of_the_scene() -> None:
     np.testing.assert_allclose(
         part(data["points"][0]) * data["size"] + data["centre"], scene.points[0], atol=1e-6
     )
-    np.testing.assert_allclose(part(data["R"][0]), scene.R[0], rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(part(data["F"][0]), [[0, 0, -9.81]], rtol=1e-6)
+    np.testing.assert_allclose(part(data["R"][0]) / data["scale"], scene.R[0], rtol=1e-6, atol=1e-5)
+    np.testing.assert_allclose(part(data["F"][0]) / data["scale"], [[0, 0, -9.81]], rtol=1e-6)
+
+
+def test_numbers_of_any_unit_keep_their_digits() -> None:
+    text = """
+lagcli: 1
+parameters: {L: 1e-30, m: 1e-25, T: 1e-20}
+particles: {a: {mass: m, position: [L, 0, 0]}}
+forces: {weight: {to: all, force: [0, 0, -9.81*m*L/T**2]}}
+holonomic: {rod: norm(a) = L}
+simulation: {start: 1e9*T, duration: T, samples: 11}
+"""
+    scene = animate.of_model(lagcli.loads(text), {})
+    found = Tags(page.text(scene)).texts["script"]
+    data = json.loads(found[0])
+    numbers = np.frombuffer(base64.b64decode(found[1]), dtype="<f4").astype(float)
+
+    def part(place: list[int]) -> np.ndarray:
+        return numbers[place[0] : place[0] + place[1]]
+
+    np.testing.assert_allclose(np.diff(part(data["t"])), 1e-21, rtol=1e-5)
+    curve = data["curves"][0]
+    np.testing.assert_allclose(
+        part(curve["values"]) * curve["unit"], scene.curves[0].values, rtol=1e-6, atol=1e-20
+    )
+    np.testing.assert_allclose(part(data["F"][0])[2] / data["scale"], -9.81e-15, rtol=1e-6)
+    track = part(data["points"][0]).reshape(-1, 3) * data["size"] + data["centre"]
+    np.testing.assert_allclose(np.linalg.norm(track, axis=1), 1e-30, rtol=1e-5)
 
 
 MANY = """

@@ -18,6 +18,7 @@ Floats = npt.NDArray[np.float64]
 
 # Radii of particles as parts of the size of the scene: of the heaviest, and of the lightest at least.
 LARGEST, LEAST = 0.022, 0.007
+FEW = 20  # more particles are drawn smaller, so that together they cover no more of the picture
 BESIDE = 0.3  # of the shortest rod: no particle is larger
 ARROW = 0.15  # of the size of the scene: all but a few arrows are shorter
 USUAL = 0.99  # a part of all instants: the largest arrows of the others do not set the scale
@@ -106,7 +107,7 @@ def _radii(masses: Floats, rods: list[Link], hard: Floats, size: float) -> Float
     """Radii (N,): as the cube root of the mass, within bounds; of hard spheres their own."""
     if not len(masses):
         return np.zeros(0)
-    largest = LARGEST * size
+    largest = LARGEST * size * min(1.0, (FEW / len(masses)) ** 0.5)
     lengths = [link.length for link in rods if link.length > 0]
     if lengths:
         largest = min(largest, BESIDE * min(lengths))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.animation.scene import DrawnSurface, Mode, Scene
+from lagcli.output.animation.scene import DrawnSurface, Mode, Scene, TimeCurve
 from lagcli.output.figures import labels
 
 Floats = npt.NDArray[np.float64]
@@ -46,7 +46,9 @@ def packed(scene: Scene) -> tuple[str, str]:
     block, view = _Block(), scene.view
     size, centre = view.size or 1.0, view.centre
     found: dict[str, object] = {
-        "t": block.add(scene.t),
+        # From the start on: 32 bits tell no seconds from a start of years.
+        "t": block.add(scene.t - scene.t[0]),
+        "start": float(scene.t[0]),
         "count": scene.count,
         "names": [labels.shortened(name, labels.NAME) for name in scene.names],
         "units": [labels.shortened(unit, labels.UNIT) for unit in scene.units],
@@ -55,18 +57,16 @@ def packed(scene: Scene) -> tuple[str, str]:
         "view": {"towards": _list(view.towards), "up": _list(view.up), "flat": view.flat},
         "points": [block.add((track - centre) / size) for track in scene.points],
         "radii": _list(scene.radii / size),
-        "R": [block.add(track) for track in scene.R],
-        "F": [block.add(track) for track in scene.F],
+        # As arrows: forces of any unit are no larger than 32 bits hold.
+        "R": [block.add(track * (scene.scale / size)) for track in scene.R],
+        "F": [block.add(track * (scene.scale / size)) for track in scene.F],
         "scale": scene.scale / size,
         "links": [
             {"kind": link.kind, "a": link.ends[0], "b": link.ends[1], "length": link.length / size}
             for link in scene.links
         ],
         "surfaces": [_surface(one, block, size, centre) for one in scene.surfaces],
-        "curves": [
-            {"name": labels.shortened(curve.name, labels.NAME), "values": block.add(curve.values)}
-            for curve in scene.curves
-        ],
+        "curves": [_curve(curve, block) for curve in scene.curves],
         "notes": [labels.shortened(note, labels.TITLE) for note in scene.notes],
         "modes": [_mode(mode, block, size, centre) for mode in scene.modes],
         "rate": rate(scene),
@@ -92,6 +92,14 @@ def _surface(one: DrawnSurface, block: _Block, size: float, centre: Floats) -> d
         "frames": block.add(frames),
         "corners": np.round(corners, 6).tolist(),
     }
+
+
+def _curve(curve: TimeCurve, block: _Block) -> dict[str, object]:
+    """A curve as parts of its largest value; what is no number stays none."""
+    known = np.abs(curve.values[np.isfinite(curve.values)])
+    largest = float(known.max(initial=0.0)) or 1.0
+    name = labels.shortened(curve.name, labels.NAME)
+    return {"name": name, "unit": largest, "values": block.add(curve.values / largest)}
 
 
 def _mode(mode: Mode, block: _Block, size: float, centre: Floats) -> dict[str, object]:

@@ -9,10 +9,11 @@
   const part = ([from, count]) => numbers.subarray(from, from + count);
 
   const t = part(scene.t), T = t.length, N = scene.count;
+  // Times count from the first instant, which is at scene.start.
   const start = t[0], end = t[T - 1], span = end - start;
   const points = scene.points.map(part);
   const forces = { R: scene.R.map(part), F: scene.F.map(part) };
-  const curves = scene.curves.map((one) => ({ name: one.name, values: part(one.values) }));
+  const curves = scene.curves.map((one) => ({ name: one.name, values: Float64Array.from(part(one.values), (x) => x * one.unit) }));
   // Okabe and Ito's colours, darker or lighter by what they stand on; those of many particles are all one.
   const PALETTES = {
     light: ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00", "#7b5ea7"],
@@ -110,9 +111,9 @@
       const [force, at] = track, frames = force.length > 3 || at.length > 3 ? T : 1;
       for (let k = 0; k < frames; k++) {
         const f = force.length > 3 ? 3 * k : 0, p = at.length > 3 ? 3 * k : 0;
-        const size = scene.scale * Math.hypot(force[f], force[f + 1], force[f + 2]);
+        const size = Math.hypot(force[f], force[f + 1], force[f + 2]);
         if (size > 0.6) continue; // a rare blow runs out of the picture
-        reach(place.set(...[0, 1, 2].map((i) => at[p + i] + scene.scale * force[f + i])), 0.03);
+        reach(place.set(...[0, 1, 2].map((i) => at[p + i] + force[f + i])), 0.03);
       }
     }
     for (const one of scene.surfaces) {
@@ -289,7 +290,7 @@
       const { shafts, heads } = parts[kind];
       forces[kind].forEach((track, i) => {
         place(i, k, w, here); vector(track, k, w, force);
-        axis.set(...force).multiplyScalar(scene.scale);
+        axis.set(...force);
         const length = axis.length(), head = Math.min(fine * HEAD, 0.45 * length), thin = Math.min(fine * SHAFT, 0.1 * length);
         turn.setFromUnitVectors(y, length > 0 ? axis.clone().divideScalar(length) : y);
         const at = (share) => middle.set(...here).addScaledVector(axis, length > 0 ? share / length : 0);
@@ -403,8 +404,8 @@
       element("text", { x: box.left - 5, y: upwards(x) + 4, "text-anchor": "end" }, tick(x));
     }
     if (span > 0) {
-      for (const x of ticks(start, end, Math.max(2, box.width / 80))) {
-        element("text", { x: along(x), y: box.height - 6, "text-anchor": "middle" }, tick(x));
+      for (const x of ticks(scene.start, scene.start + end, Math.max(2, box.width / 80))) {
+        element("text", { x: along(x - scene.start), y: box.height - 6, "text-anchor": "middle" }, tick(x));
       }
     }
     for (const i of chosen) {
@@ -475,8 +476,8 @@
   function draw() {
     const [k, w] = instant(state.time);
     slider.value = span ? (state.time - start) / span : 0;
-    slider.setAttribute("aria-valuetext", `t = ${shown(state.time)}`);
-    clock.textContent = state.mode >= 0 ? "" : `t = ${shown(state.time)}${scene.units[0] ? " " + scene.units[0] : ""}`;
+    slider.setAttribute("aria-valuetext", `t = ${shown(scene.start + state.time)}`);
+    clock.textContent = state.mode >= 0 ? "" : `t = ${shown(scene.start + state.time)}${scene.units[0] ? " " + scene.units[0] : ""}`;
     moveCursor(); readings(k, w);
     if (three) {
       update(k, w);
@@ -596,6 +597,7 @@
       repaint();
       if (!three) return;
       draw();
+      byId("instant").textContent = byId("clock").textContent;
       byId("still").src = canvas.toDataURL("image/png");
     });
     addEventListener("afterprint", () => { state.printing = false; repaint(); });
@@ -653,6 +655,10 @@
   }
   // A run is shown in its own time if that is watchable, else within ten seconds.
   state.rate = scene.rate;
+  if (scene.rate !== 1 && state.mode < 0) {
+    const usual = [...byId("speed").options].find((one) => one.value === "1");
+    usual.textContent = `1× (${shown(scene.rate)}${scene.units[0] ? " " + scene.units[0] : ""} a second)`;
+  }
   legend(); modes(); connect(); paint(); resize(); arrows();
   byId("loop").checked = true;
   seek(start); draw();
@@ -661,8 +667,9 @@
 
   // For tests: what stands on the screen, read back from the meshes.
   window.animation = {
-    ready: true, webgl: Boolean(three), frames: T, times: t, play, seek: (time) => { play(false); seek(time); draw(); },
-    time: () => state.time, playing: () => state.playing, size: scene.size,
+    ready: true, firstFrame: performance.now(), webgl: Boolean(three), frames: T, times: Float64Array.from(t, (x) => scene.start + x), play,
+    seek: (time) => { play(false); seek(time - scene.start); draw(); },
+    time: () => scene.start + state.time, playing: () => state.playing, size: scene.size,
     force: (kind, k) => {
       const matrix = new THREE.Matrix4(), at = new THREE.Vector3(), turn = new THREE.Quaternion(), size = new THREE.Vector3();
       let length = 0;
