@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pathlib
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -226,6 +227,24 @@ def test_the_wall_of_a_stadium_is_a_closed_line_in_the_plane_of_the_motion() -> 
     np.testing.assert_allclose(points[0], points[-1])
     off = np.hypot(np.maximum(np.abs(points[:, 0]) - 0.5, 0), points[:, 2])
     np.testing.assert_allclose(off, 1, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("row", "off"),
+    [
+        ("a.z = a.x**2 + a.y**2", lambda p: p[:, 2] - p[:, 0] ** 2 - p[:, 1] ** 2),
+        ("a.z = 1 + sin(a.x - 1) + a.y/2", lambda p: p[:, 2] - 1 - np.sin(p[:, 0] - 1) - p[:, 1] / 2),
+    ],
+)
+def test_a_surface_that_is_not_simple_is_a_net_on_it(
+    row: str, off: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    text = f"particles: {{a: {{mass: 1, position: [1, 0, 1], velocity: [0, 1, VZ]}}}}\nholonomic: {{ground: {row}}}"
+    scene = scene_of(text.replace("VZ", "0.5" if "sin" in row else "0") + FALLING)
+    corners = surface(scene, "net").corners
+    assert len(corners) > 600
+    assert len(corners) % 3 == 0
+    np.testing.assert_allclose(off(corners), 0, atol=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -55,8 +55,8 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
     tracks = [*points.tracks, *_reaches(found)]
     view = viewpoint.view(tracks, _down(model))
     if model is not None:
-        surfaces += row_pictures.surfaces(found, motion.particles, hard, view)
-        surfaces += row_pictures.curves(model, found, motion.particles, view)
+        curves = list(row_pictures.curves(model, found, motion.particles, view))
+        surfaces += row_pictures.surfaces(found, motion.particles, hard, view) + curves
     size = viewpoint.size(tracks)
     notes = motion.notes
     if points.unheld:

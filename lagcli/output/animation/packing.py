@@ -77,7 +77,7 @@ def packed(scene: Scene) -> tuple[str, str]:
 def _surface(one: DrawnSurface, block: _Block, size: float, centre: Floats) -> dict[str, object]:
     frames = np.array(one.frames, dtype=np.float64)
     corners = one.corners
-    if one.kind == "line":  # its corners are places
+    if one.kind in ("line", "net"):  # their corners are places
         corners = (corners - centre) / size
     else:
         frames[:, 3] -= centre

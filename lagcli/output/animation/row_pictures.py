@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.model import model as nouns
-from lagcli.output.animation import links, quadratic_algebra, rounds, square_distance, wires
+from lagcli.output.animation import links, quadratic_algebra, rounds, sheets, square_distance, wires
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.rounds import HeldPlane
@@ -21,6 +21,8 @@ Floats = npt.NDArray[np.float64]
 STILL = 1e-6  # a part of the size: what moves less along a line does not move there
 # Rows of models of more particles are not tried one by one for curves.
 MOST_TRIED = 60
+# The directions of space, for shapes whose corners are places.
+STANDING = np.concatenate([np.eye(3), np.zeros((1, 3))])[None]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +39,7 @@ class LoneRow:
 class RowPictures:
     """links: rods and strings; planes and rounds of single particles, rounds with the particle; pairs, lines: of
     contacts between two particles; lone: the rows of each particle alone, but for rods; others: rows that are not of
-    the second degree."""
+    the second degree; curved: particles whose curve is drawn."""
 
     links: list[Link] = dataclasses.field(default_factory=list)
     planes: list[HeldPlane] = dataclasses.field(default_factory=list)
@@ -46,6 +48,7 @@ class RowPictures:
     lines: list[tuple[int, int, float]] = dataclasses.field(default_factory=list)
     lone: dict[int, list[LoneRow]] = dataclasses.field(default_factory=dict)
     others: list[PicturedRow] = dataclasses.field(default_factory=list)
+    curved: set[int] = dataclasses.field(default_factory=set)
 
 
 def pictures(
@@ -117,7 +120,11 @@ def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: Viewpoi
             continue  # its curve is drawn
         drawn.append(circle or (_flat_circle(ball, view) if view.flat else None) or ball)
     # Of a particle that two rows hold, the curve is drawn and not the planes.
-    planes = [one for one in free if one.one_sided or all(equal.count(k) == 1 for k in one.particles)]
+    planes = [
+        one
+        for one in free
+        if one.one_sided or all(equal.count(k) == 1 and k not in found.curved for k in one.particles)
+    ]
     return drawn + rounds.polygons(rounds.merged(planes, size), particles, radii, size)
 
 
@@ -168,12 +175,15 @@ def curves(
         equal = [one for one in own if not one.one_sided]
         if len(equal) == 2:
             if not _is_circle(found, number):
-                yield from _line([one.function for one in equal], equal[0], track[0], size)
+                found.curved.add(number)
+                yield from _line([one.function for one in equal], equal[0], track[0], view)
         elif view.flat and len(equal) == 1 and not equal[0].simple:
-            yield from _line([equal[0].function, _face(view)], equal[0], track[0], size)
+            yield from _line([equal[0].function, _face(view)], equal[0], track[0], view)
         for one in own:
-            if one.one_sided and not one.simple and view.flat:
-                yield from _line([one.function, _face(view)], one, _touched(one.function, track), size)
+            if not view.flat and not one.simple and (one.one_sided or len(equal) == 1):
+                yield from _sheet(one, track, size)
+            elif one.one_sided and not one.simple:
+                yield from _line([one.function, _face(view)], one, _touched(one.function, track), view)
 
 
 def _is_circle(found: RowPictures, number: int) -> bool:
@@ -199,13 +209,19 @@ def _others(model: nouns.Model, found: RowPictures, number: int, place: Floats) 
 
 
 def _line(
-    functions: list[wires.Function], row: LoneRow, start: Floats, size: float
+    functions: list[wires.Function], row: LoneRow, start: Floats, view: Viewpoint
 ) -> Iterator[DrawnSurface]:
     with np.errstate(all="ignore"):
-        points = wires.followed(functions, start, size)
+        points = wires.followed(functions, start, 2 * view.size, view.centre)
     if len(points) > 2:
-        frames = np.concatenate([np.eye(3), np.zeros((1, 3))])[None]
-        yield DrawnSurface("line", row.name, row.one_sided, frames, points)
+        yield DrawnSurface("line", row.name, row.one_sided, STANDING, points)
+
+
+def _sheet(row: LoneRow, track: Floats, size: float) -> Iterator[DrawnSurface]:
+    with np.errstate(all="ignore"):
+        corners = sheets.triangles(row.function, track, size)
+    if len(corners):
+        yield DrawnSurface("net", row.name, row.one_sided, STANDING, corners)
 
 
 def _face(view: Viewpoint) -> wires.Function:

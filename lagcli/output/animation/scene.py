@@ -33,10 +33,11 @@ class DrawnSurface:
 
     frames (1 or T, 4, 3): three vectors u, v, w and an origin o. A point (a, b, c) of the shape stands at
     o + a u + b v + c w. The shapes: the polygon `corners` (k, 3) with c = 0; the unit sphere; the round side of the
-    cylinder a^2 + b^2 = 1, |c| <= 1; the circle a^2 + b^2 = 1, c = 0; the line through `corners`.
+    cylinder a^2 + b^2 = 1, |c| <= 1; the circle a^2 + b^2 = 1, c = 0; the line through `corners`;
+    triangles of three `corners` each.
     """
 
-    kind: Literal["plane", "sphere", "cylinder", "circle", "line"]
+    kind: Literal["plane", "sphere", "cylinder", "circle", "line", "net"]
     name: str
     one_sided: bool
     frames: Floats

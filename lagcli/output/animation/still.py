@@ -53,9 +53,9 @@ class Projection:
 def outline(one: DrawnSurface, frame: int) -> Floats:
     """Places (k, 3) of the outline of a surface at an instant."""
     u, v, w, origin = one.frames[min(frame, len(one.frames) - 1)]
-    if one.kind in ("plane", "line"):
+    if one.kind in ("plane", "line", "net"):
         corners = one.corners
-        closed = corners if one.kind == "line" else np.concatenate([corners, corners[:1]])
+        closed = corners if one.kind != "plane" else np.concatenate([corners, corners[:1]])
         return np.asarray(origin + closed @ np.array([u, v, w]))
     angle = np.linspace(0, 2 * np.pi, ROUND + 1)[:, None]
     turns = {"circle": ((u, v),), "cylinder": ((u, v),), "sphere": ((u, v), (v, w), (w, u))}[one.kind]
@@ -80,6 +80,10 @@ def svg(scene: Scene, frame: int = 0, width: int = 640, height: int = 480) -> st
     for one in scene.surfaces:
         rim, filled = outline(one, frame), one.kind == "plane"
         look = 'fill="#6f9fcf" fill-opacity="0.15"' if filled else 'fill="none"'
+        if one.kind == "net":
+            pieces = list(rim.reshape(-1, 3, 3))
+            lines += [_path(to(piece), 'fill="#6f9fcf" fill-opacity="0.15"') for piece in pieces]
+            continue
         pieces = np.split(rim, len(rim) // (ROUND + 1)) if one.kind in ("sphere", "cylinder") else [rim]
         lines += [_path(to(piece), f'{look} stroke="#6c7885"') for piece in pieces]
     for link in scene.links[:MOST_DRAWN]:

@@ -12,7 +12,7 @@ Function = Callable[[Floats], Floats]  # of places (k, 3) to values (k,)
 
 STEPS = 400  # of a curve, each way
 FINE = 240.0  # steps to the size of what is seen
-REACH = 1.3  # sizes of the scene from the start of a curve at which it is broken off
+REACH = 0.6  # sizes of the scene from its centre at which a curve is broken off
 CORRECTIONS, EXACT = 8, 1e-9
 DIFFERENCE = 1e-6  # of the size: the step of differences, whose rounding and truncation are both 1e-10
 
@@ -44,22 +44,23 @@ def nearest(functions: Sequence[Function], place: Floats, size: float) -> Floats
     return None
 
 
-def followed(functions: Sequence[Function], start: Floats, size: float) -> Floats:
+def followed(functions: Sequence[Function], start: Floats, size: float, centre: Floats) -> Floats:
     """The curve on which two functions are zero, as points (k, 3), both ways from a start near it; closed curves end
-    where they begin. Empty where there is none."""
+    where they begin, others where they leave what is seen. Empty where there is none."""
     first = nearest(functions, start, size)
     if first is None:
         return np.zeros((0, 3))
-    ahead, closed = _one_way(functions, first, size, 1.0)
+    ahead, closed = _one_way(functions, first, (size, 1.0), centre)
     if closed:
         return np.array([first, *ahead, first])
-    back, _ = _one_way(functions, first, size, -1.0)
+    back, _ = _one_way(functions, first, (size, -1.0), centre)
     return np.array([*reversed(back), first, *ahead])
 
 
 def _one_way(
-    functions: Sequence[Function], first: Floats, size: float, sign: float
+    functions: Sequence[Function], first: Floats, scale: tuple[float, float], centre: Floats
 ) -> tuple[list[Floats], bool]:
+    size, sign = scale
     step, place, last = size / FINE, first, None
     found: list[Floats] = []
     for count in range(4 * STEPS):
@@ -77,6 +78,6 @@ def _one_way(
         if count > 2 and np.linalg.norm(place - first) < 0.8 * step:
             return found, True
         found.append(place)
-        if np.linalg.norm(place - first) > REACH * size:
+        if np.linalg.norm(place - centre) > REACH * size:
             return found, False
     return found, False

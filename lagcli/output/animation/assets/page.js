@@ -207,6 +207,18 @@
       tube.rotation.x = Math.PI / 2;
       group.add(tube);
       for (const z of [-1, 1]) line(ring.map((p) => new THREE.Vector3(p.x, p.y, z)));
+    } else if (one.kind === "net") {
+      const geometry = new THREE.BufferGeometry().setFromPoints(corners);
+      geometry.computeVertexNormals();
+      group.add(new THREE.Mesh(geometry, face));
+      const edges = [];
+      for (let i = 0; i + 2 < corners.length; i += 3) {
+        // The sides of the net: each square is two triangles, a b c and a c d.
+        if ((i / 3) % 2) edges.push(corners[i + 1], corners[i + 2], corners[i + 2], corners[i]);
+        else edges.push(corners[i], corners[i + 1], corners[i + 1], corners[i + 2]);
+      }
+      group.add(new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(edges), edge));
+      edge.opacity = 0.25;
     } else if (one.kind === "circle") {
       line(ring);
     } else {
