@@ -48,6 +48,14 @@ def load(path: str, changes: list[str] | None) -> Model:
         raise exits.UsageError(f"cannot read {path}: {error.strerror}") from None
 
 
+def read(path: str, changes: list[str] | None, as_json: bool, verbose: bool = False) -> Model:
+    """The model as `load` gives it; its errors are reported as by `reported`, its warnings where `verbose`."""
+    found = reported(lambda: load(path, changes), as_json)
+    if verbose:
+        exits.say_all(warning.render() for warning in found.warnings)
+    return found
+
+
 def reported(compute: Callable[[], T], as_json: bool) -> T:
     """The value of `compute`; an invalid model is reported on stdout where JSON was asked for."""
     try:

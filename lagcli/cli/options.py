@@ -43,6 +43,11 @@ AssembleOption = Annotated[
     bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
 ]
 OutputStepOption = Annotated[float | None, typer.Option("--output-step", help="time between rows")]
+# Of runs that a command makes several of.
+RunsDurationOption = Annotated[float | None, typer.Option(help="length of the runs")]
+RunsRtolOption = Annotated[float | None, typer.Option(help="relative tolerance of the runs")]
+RunsAtolOption = Annotated[float | None, typer.Option(help="absolute tolerance of the runs")]
+RunsMaxStepOption = Annotated[float | None, typer.Option("--max-step", help="no step of the runs is longer")]
 # Those of `simulate` alone, at some length.
 OutputOption = Annotated[
     str | None,

@@ -6,21 +6,12 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading
-from lagcli.cli.options import (
-    AssembleOption,
-    DebugOption,
-    JsonOption,
-    ModelArgument,
-    QuietOption,
-    SetOption,
-    VerboseOption,
-)
+from lagcli.cli import exits, model_reading, options
 
 
 @exits.command
 def audit(
-    model: ModelArgument,
+    model: options.ModelArgument,
     run: Annotated[
         str | None,
         typer.Option(
@@ -41,15 +32,15 @@ def audit(
     max_step: Annotated[
         float | None, typer.Option("--max-step", help="no step of the new run is longer")
     ] = None,
-    assemble: AssembleOption = False,
+    assemble: options.AssembleOption = False,
     digits: Annotated[
         bool, typer.Option("--digits", help="how many digits of the table are right, from the run repeated")
     ] = False,
-    changes: SetOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-    debug: DebugOption = False,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Check a table of t, r, v, lambda, R against the laws of the model, without the functions of the solver.
 
@@ -58,11 +49,11 @@ def audit(
     from lagcli.cli import audit_command, preflight
 
     has_rows = duration is not None or samples is not None
-    options = preflight.AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)
-    options.require(model)
-    read = model_reading.reported(lambda: model_reading.load(model, changes), as_json)
+    asked = preflight.AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)
+    asked.require(model)
+    read = model_reading.read(model, changes, as_json)
     given: audit_command.AuditedRun = {
         "duration": duration, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
-    model_reading.reported(lambda: audit_command.run(read, given, options), as_json)
+    model_reading.reported(lambda: audit_command.run(read, given, asked), as_json)

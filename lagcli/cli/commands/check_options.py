@@ -6,17 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits
-from lagcli.cli.options import (
-    AssembleOption,
-    DebugOption,
-    JsonOption,
-    LimitOption,
-    QuietOption,
-    SetOption,
-    VerboseOption,
-    WatchOption,
-)
+from lagcli.cli import completing, exits, options
 from lagcli.model import settings
 
 
@@ -30,11 +20,11 @@ def check(
             autocompletion=completing.model_files,
         ),
     ],
-    changes: SetOption = None,
-    as_json: JsonOption = False,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
     strict: Annotated[bool, typer.Option("--strict", help="exit 1 on warnings")] = False,
-    assemble: AssembleOption = False,
-    limit: LimitOption = settings.LIMIT,
+    assemble: options.AssembleOption = False,
+    limit: options.LimitOption = settings.LIMIT,
     witness: Annotated[
         str | None,
         typer.Option(
@@ -47,10 +37,10 @@ def check(
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of that loop: png, svg, pdf")
     ] = None,
-    watch: WatchOption = False,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-    debug: DebugOption = False,
+    watch: options.WatchOption = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Classify the constraints, count the degrees of freedom, check the initial values.
 
@@ -58,8 +48,8 @@ def check(
     """
     from lagcli.cli import check_command, preflight, watching
 
-    options = preflight.CheckOptions(strict, assemble, limit, witness, plot, as_json, quiet, verbose)
-    options.require(models)
+    asked = preflight.CheckOptions(strict, assemble, limit, witness, plot, as_json, quiet, verbose)
+    asked.require(models)
     if watch:
-        watching.follow(models, lambda: check_command.run(models, changes, options), quiet)
-    check_command.run(models, changes, options)
+        watching.follow(models, lambda: check_command.run(models, changes, asked), quiet)
+    check_command.run(models, changes, asked)

@@ -6,17 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, model_reading
-from lagcli.cli.options import (
-    AssembleOption,
-    DebugOption,
-    JsonOption,
-    ModelArgument,
-    OutputStepOption,
-    QuietOption,
-    SetOption,
-    VerboseOption,
-)
+from lagcli.cli import completing, exits, model_reading, options
 
 OtherArgument = Annotated[
     str | None,
@@ -47,17 +37,15 @@ ComparedOption = Annotated[
 
 @exits.command
 def compare(
-    model: ModelArgument,
+    model: options.ModelArgument,
     other: OtherArgument = None,
-    duration: Annotated[float | None, typer.Option(help="length of the runs")] = None,
-    output_step: OutputStepOption = None,
+    duration: options.RunsDurationOption = None,
+    output_step: options.OutputStepOption = None,
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted (101)")] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance of the runs")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance of the runs")] = None,
-    max_step: Annotated[
-        float | None, typer.Option("--max-step", help="no step of the runs is longer")
-    ] = None,
-    assemble: AssembleOption = False,
+    rtol: options.RunsRtolOption = None,
+    atol: options.RunsAtolOption = None,
+    max_step: options.RunsMaxStepOption = None,
+    assemble: options.AssembleOption = False,
     columns: ComparedOption = None,
     tolerance: Annotated[
         float | None,
@@ -74,11 +62,11 @@ def compare(
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of the two motions: png, svg, pdf")
     ] = None,
-    changes: SetOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-    debug: DebugOption = False,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Run a model in every formulation that fits, or two models, and show to how many digits they agree.
 
@@ -97,8 +85,8 @@ def compare(
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
-    options = preflight.CompareOptions(columns, tolerance, as_json, quiet, principles)
+    asked = preflight.CompareOptions(columns, tolerance, as_json, quiet, principles)
     if verbose:
         exits.say_all(warning.render() for one in read for warning in one.warnings)
     second = read[1] if other is not None else None
-    model_reading.reported(lambda: compare_command.run(read[0], second, given, options), as_json)
+    model_reading.reported(lambda: compare_command.run(read[0], second, given, asked), as_json)

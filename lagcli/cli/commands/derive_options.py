@@ -7,14 +7,13 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, model_reading
-from lagcli.cli.options import DebugOption, LimitOption, ModelArgument, QuietOption, SetOption, VerboseOption
+from lagcli.cli import completing, exits, model_reading, options
 from lagcli.model import settings
 
 
 @exits.command
 def derive(
-    model: ModelArgument,
+    model: options.ModelArgument,
     form: Annotated[
         str, typer.Option("--format", metavar="FORMAT", help="text, latex, markdown, html or json")
     ] = "text",
@@ -32,12 +31,12 @@ def derive(
             autocompletion=completing.parameters,
         ),
     ] = "",
-    limit: LimitOption = settings.LIMIT,
-    changes: SetOption = None,
+    limit: options.LimitOption = settings.LIMIT,
+    changes: options.SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="as --format json")] = False,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-    debug: DebugOption = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Print the equations of motion as they are written on paper, each line with its number in the text.
 
@@ -47,11 +46,11 @@ def derive(
     from lagcli.cli import derive_command, preflight
 
     form = "json" if as_json else form
-    options = preflight.DeriveOptions(form, solve, everything, values, limit)
-    options.require()
-    read = model_reading.reported(lambda: model_reading.load(model, changes), form == "json")
+    asked = preflight.DeriveOptions(form, solve, everything, values, limit)
+    asked.require()
+    read = model_reading.read(model, changes, form == "json")
     began = time.perf_counter()
-    page = model_reading.reported(lambda: derive_command.derived(read, options), form == "json")
+    page = model_reading.reported(lambda: derive_command.derived(read, asked), form == "json")
     derive_command.write(page, form)
     if not quiet:
         exits.say_all(warning.render() for warning in (read.warnings if verbose else ()))

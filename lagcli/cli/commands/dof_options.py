@@ -6,29 +6,20 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, json_output, model_reading
-from lagcli.cli.options import (
-    DebugOption,
-    JsonOption,
-    LimitOption,
-    ModelArgument,
-    QuietOption,
-    SetOption,
-    VerboseOption,
-)
+from lagcli.cli import exits, json_output, model_reading, options
 from lagcli.model import settings
 
 
 @exits.command
 def dof(
-    model: ModelArgument,
-    changes: SetOption = None,
-    as_json: JsonOption = False,
+    model: options.ModelArgument,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
     explain: Annotated[bool, typer.Option("--explain", help="show the count line by line")] = False,
-    limit: LimitOption = settings.LIMIT,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-    debug: DebugOption = False,
+    limit: options.LimitOption = settings.LIMIT,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Print the number of degrees of freedom, 3N - s (n - s with generalized coordinates).
 
@@ -37,7 +28,7 @@ def dof(
     from lagcli.api import count_dof
     from lagcli.cli import check_text
 
-    read = model_reading.reported(lambda: model_reading.load(model, changes), as_json)
+    read = model_reading.read(model, changes, as_json)
     counted = model_reading.reported(lambda: count_dof.dof(read, limit=limit), as_json)
     if as_json:
         print(json_output.text(counted.as_json()))

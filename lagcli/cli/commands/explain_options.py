@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, console, exits
-from lagcli.cli.options import DebugOption, QuietOption
+from lagcli.cli import completing, console, exits, options
 from lagcli.errors import diagnostics
 
 
@@ -21,8 +20,8 @@ def explain(
             metavar="CODE", help="the word in brackets of a message, or D.24", autocompletion=completing.codes
         ),
     ] = None,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
+    quiet: options.QuietOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Explain an error or warning and how to fix it, or an equation such as D.24; without CODE list all."""
     from lagcli.errors import catalogue, equation_list

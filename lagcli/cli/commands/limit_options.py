@@ -6,22 +6,12 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, model_reading
-from lagcli.cli.options import (
-    AssembleOption,
-    DebugOption,
-    JsonOption,
-    ModelArgument,
-    OutputStepOption,
-    QuietOption,
-    SetOption,
-    VerboseOption,
-)
+from lagcli.cli import completing, exits, model_reading, options
 
 
 @exits.command
 def limit(
-    model: ModelArgument,
+    model: options.ModelArgument,
     constraint: Annotated[
         str,
         typer.Option(
@@ -48,20 +38,18 @@ def limit(
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of forces and errors: png, svg, pdf")
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="length of the runs")] = None,
-    output_step: OutputStepOption = None,
+    duration: options.RunsDurationOption = None,
+    output_step: options.OutputStepOption = None,
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance of the runs")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance of the runs")] = None,
-    max_step: Annotated[
-        float | None, typer.Option("--max-step", help="no step of the runs is longer")
-    ] = None,
-    assemble: AssembleOption = False,
-    changes: SetOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-    debug: DebugOption = False,
+    rtol: options.RunsRtolOption = None,
+    atol: options.RunsAtolOption = None,
+    max_step: options.RunsMaxStepOption = None,
+    assemble: options.AssembleOption = False,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Replace a holonomic row f = 0 by the potential k f^2/2 for growing k, and set its force -k f against lambda.
 
@@ -71,13 +59,11 @@ def limit(
     from lagcli.cli import limit_command, preflight
 
     preflight.require_models([model])
-    options = preflight.LimitOptions(constraint, stiffness, unprestressed, ramp, output, plot, as_json, quiet)
-    options.require(model)
-    read = model_reading.reported(lambda: model_reading.load(model, changes), as_json)
+    asked = preflight.LimitOptions(constraint, stiffness, unprestressed, ramp, output, plot, as_json, quiet)
+    asked.require(model)
+    read = model_reading.read(model, changes, as_json, verbose)
     given: preflight.RepeatedRuns = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
-    if verbose:
-        exits.say_all(warning.render() for warning in read.warnings)
-    model_reading.reported(lambda: limit_command.run(read, given, options), as_json)
+    model_reading.reported(lambda: limit_command.run(read, given, asked), as_json)

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits
-from lagcli.cli.options import DebugOption, ForceOption, NoSchemaOption, QuietOption
+from lagcli.cli import completing, exits, options
 
 
 @exits.command
@@ -22,11 +21,11 @@ def models(
         str | None,
         typer.Option("-o", "--output", metavar="FILE", help="copy it to this file, or into this folder"),
     ] = None,
-    force: ForceOption = False,
-    no_schema: NoSchemaOption = False,
+    force: options.ForceOption = False,
+    no_schema: options.NoSchemaOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="JSON on standard output")] = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
+    quiet: options.QuietOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """List the models of the gallery by subject, print one, or copy it with -o."""
     from lagcli.cli import models_command

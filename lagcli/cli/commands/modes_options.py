@@ -6,17 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading
-from lagcli.cli.options import (
-    AssembleOption,
-    DebugOption,
-    JsonOption,
-    LimitOption,
-    ModelArgument,
-    QuietOption,
-    SetOption,
-    VerboseOption,
-)
+from lagcli.cli import exits, model_reading, options
 from lagcli.model import settings
 
 if TYPE_CHECKING:
@@ -25,7 +15,7 @@ if TYPE_CHECKING:
 
 @exits.command
 def modes(
-    model: ModelArgument,
+    model: options.ModelArgument,
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of the shapes: png, svg, pdf")
     ] = None,
@@ -40,13 +30,13 @@ def modes(
         str | None,
         typer.Option("--animate", metavar="FILE", help="the modes as a page (.html) that shows them swing"),
     ] = None,
-    assemble: AssembleOption = False,
-    limit: LimitOption = settings.LIMIT,
-    changes: SetOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-    debug: DebugOption = False,
+    assemble: options.AssembleOption = False,
+    limit: options.LimitOption = settings.LIMIT,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Linearize about the start, if that is an equilibrium or a steady motion, else about the nearest equilibrium, and
     print frequencies, shapes and whether it is stable.
@@ -55,13 +45,11 @@ def modes(
     """
     from lagcli.cli import modes_command, preflight
 
-    options = preflight.ModesOptions(plot, animate, as_json, quiet)
-    options.require(model)
-    read = model_reading.reported(lambda: model_reading.load(model, changes), as_json)
-    if verbose:
-        exits.say_all(warning.render() for warning in read.warnings)
+    asked = preflight.ModesOptions(plot, animate, as_json, quiet)
+    asked.require(model)
+    read = model_reading.read(model, changes, as_json, verbose)
     given: find_modes.ModesSettings = {
         "about": about, "assemble": True if assemble else None, "limit": limit,
         "lowest": lowest,
     }  # fmt: skip
-    model_reading.reported(lambda: modes_command.run(read, given, options), as_json)
+    model_reading.reported(lambda: modes_command.run(read, given, asked), as_json)

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits
-from lagcli.cli.options import DebugOption, ForceOption, NoSchemaOption, QuietOption
+from lagcli.cli import completing, exits, options
 
 
 @exits.command
@@ -26,13 +25,13 @@ def new(
             autocompletion=completing.templates,
         ),
     ] = None,
-    force: ForceOption = False,
-    no_schema: NoSchemaOption = False,
+    force: options.ForceOption = False,
+    no_schema: options.NoSchemaOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="what was written, as JSON on standard output")
     ] = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
+    quiet: options.QuietOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Write a model with comments, to change into one's own.
 

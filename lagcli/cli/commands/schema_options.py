@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits
-from lagcli.cli.options import DebugOption, ForceOption, QuietOption
+from lagcli.cli import exits, options
 
 
 @exits.command
@@ -18,9 +17,9 @@ def schema(
             "-o", "--output", metavar="FILE", help="write it to this file, lagcli.schema.json as a rule"
         ),
     ] = None,
-    force: ForceOption = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
+    force: options.ForceOption = False,
+    quiet: options.QuietOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Print the JSON Schema of model files (draft 7), by which editors complete, explain and check keys.
 

@@ -6,37 +6,19 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, model_reading
-from lagcli.cli.options import (
-    AssembleOption,
-    CheckpointOption,
-    ColumnsOption,
-    DebugOption,
-    DigitsOption,
-    EventRowsOption,
-    EventsOption,
-    FromOption,
-    LimitOption,
-    ModelArgument,
-    OutputOption,
-    OutputStepOption,
-    QuietOption,
-    ResumeOption,
-    SetOption,
-    VerboseOption,
-)
+from lagcli.cli import completing, exits, model_reading, options
 from lagcli.model import settings
 
 
 @exits.command
 def simulate(
-    model: ModelArgument,
-    output: OutputOption = None,
+    model: options.ModelArgument,
+    output: options.OutputOption = None,
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
     ] = None,
     duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
-    output_step: OutputStepOption = None,
+    output_step: options.OutputStepOption = None,
     samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
     rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
     atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
@@ -51,23 +33,23 @@ def simulate(
             autocompletion=completing.methods,
         ),
     ] = None,
-    assemble: AssembleOption = False,
-    columns: ColumnsOption = None,
-    events: EventsOption = None,
-    event_rows: EventRowsOption = False,
+    assemble: options.AssembleOption = False,
+    columns: options.ColumnsOption = None,
+    events: options.EventsOption = None,
+    event_rows: options.EventRowsOption = False,
     stats: Annotated[str | None, typer.Option(metavar="FILE", help="the account of the run as JSON")] = None,
-    checkpoint: CheckpointOption = None,
-    resume: ResumeOption = None,
-    begin: FromOption = None,
-    digits: DigitsOption = False,
-    limit: LimitOption = settings.LIMIT,
-    changes: SetOption = None,
+    checkpoint: options.CheckpointOption = None,
+    resume: options.ResumeOption = None,
+    begin: options.FromOption = None,
+    digits: options.DigitsOption = False,
+    limit: options.LimitOption = settings.LIMIT,
+    changes: options.SetOption = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="errors, and the account if stdout is free, as JSON on stdout")
     ] = False,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-    debug: DebugOption = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Integrate m a = F + sum lambda_i B_i and write t, r, v, lambda, R, energy as a table.
 
@@ -77,12 +59,12 @@ def simulate(
     from lagcli.api import run_settings
     from lagcli.cli import preflight, simulate_command
 
-    options = preflight.SimulateOptions(
+    asked = preflight.SimulateOptions(
         output, plot, stats, columns, as_json, quiet, verbose,
         checkpoint, resume, limit, digits, events, event_rows,
     )  # fmt: skip
-    options.require(model)
-    read = model_reading.reported(lambda: model_reading.load(model, changes), as_json)
+    asked.require(model)
+    read = model_reading.read(model, changes, as_json)
     if begin is not None:
         read = simulate_command.from_row(read, begin, resume)
     given = {
@@ -94,5 +76,5 @@ def simulate(
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
     simulate_command.run(
-        model_reading.reported(lambda: simulate_command.ready(read, chosen, options), as_json), options
+        model_reading.reported(lambda: simulate_command.ready(read, chosen, asked), as_json), asked
     )
