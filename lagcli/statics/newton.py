@@ -21,6 +21,8 @@ RANK = 1e-12
 NEAR = 1e-6
 # The least damping, so that the normal equations have a solution; and steps that are rounding.
 LEAST, ROUNDING, SMALL = 1e-13, 3e-16, 1e-12
+# Of more unknowns the normal equations are solved by sparse algebra.
+DENSE = 120
 FLAT = 1e-14  # a slope of the squares below which damped steps have come to the bottom of a valley
 
 
@@ -75,10 +77,22 @@ def _lowered(residual: Residual, x: Floats, r: Floats, J: Floats, damped: int) -
 
 def _damped(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
     """The step that is shortest in the scaled norm for its gain."""
+    if unit.size > DENSE:
+        return _damped_sparse(J, slope, damping, unit)
     scaled = J / unit
     normal = scaled.T @ scaled
     normal[np.diag_indices_from(normal)] += max(damping, LEAST)
     return np.asarray(-np.linalg.solve(normal, slope / unit) / unit)
+
+
+def _damped_sparse(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
+    """The same where most entries of J are zero, as in a large model."""
+    from scipy import sparse
+    from scipy.sparse import linalg
+
+    scaled = sparse.csc_array(J / unit)
+    normal = sparse.csc_matrix(scaled.T @ scaled + max(damping, LEAST) * sparse.eye(unit.size))
+    return np.asarray(-linalg.splu(normal).solve(slope / unit) / unit)
 
 
 def refined(residual: Residual, x: Floats) -> NewtonEnd:

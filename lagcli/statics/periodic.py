@@ -8,10 +8,14 @@ from lagcli.compiled.program import Program
 
 # Of a value as a function of one coordinate: it has the period, or grows by a whole multiple of the coordinate.
 NOT_PERIODIC: Final = None
+# Functions without which nothing is periodic.
+WAVES = frozenset(("sin", "cos", "tan"))
 
 
 def angles(programs: list[Program], n: int) -> tuple[bool, ...]:
     """For each of the n entries of argument 0 of all functions, whether each function has the period 2 pi in it."""
+    if not any(name in WAVES for program in programs for name, *_ in program.steps):
+        return (False,) * n
     return tuple(
         all(_is_periodic(program, k) for program in programs)
         and any(_occurs(program, k) for program in programs)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import program
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.program import Program
 from lagcli.statics.static_laws import StaticLaws
 
@@ -74,6 +75,17 @@ class StaticProblem:
         outputs = [laws.F, laws.B, laws.c, ca.jacobian(laws.c, laws.q), laws.g, laws.G, K]
         return ca.Function("statics", [laws.t, laws.q, lam, self.p_symbols], [ca.densify(o) for o in outputs])
 
+    @cached_property
+    def _bound(self) -> BoundFunction:
+        """The function on arrays of its own: to convert what it returns would take longer than to compute it."""
+        arguments = [
+            np.zeros(1),
+            np.zeros(self.n),
+            np.zeros(self.C + self.K),
+            np.array(self.p, dtype=float).ravel(),
+        ]
+        return BoundFunction(self._function, arguments)
+
     @property
     def p_symbols(self) -> ca.SX:
         """The symbols of p."""
@@ -88,21 +100,39 @@ class StaticProblem:
     def at(self, t: float, q: Floats, lam: Floats) -> Values:
         """All values; lam (C + K,)."""
         self.evaluations += 1
-        F, B, c, dc, g, G, K = (part.full() for part in self._function(t, q, lam, self.p))
+        bound = self._bound
+        for argument, value in zip(bound.arguments, (t, q, lam), strict=False):
+            argument[:] = value
+        bound.trigger()
+        n, k = self.n, self.laws.c.numel()
+        shapes = ((n,), (self.C, n), (k,), (k, n), (self.K,), (self.K, n), (n, n))
+        F, B, c, dc, g, G, K = (
+            np.array(part.reshape(shape, order="F"))
+            for part, shape in zip(bound.results, shapes, strict=True)
+        )
         if self.K and not np.isfinite(K).all() and np.isfinite(G[lam[self.C :] != 0]).all():
             # The gradient of an open contact may have no value.
             K = self._without(t, q, lam)
-        return Values(F.ravel(), B, c.ravel(), dc, g.ravel(), G, K)
+        return Values(F, B, c, dc, g, G, K)
 
     def _without(self, t: float, q: Floats, lam: Floats) -> Floats:
         closed = np.flatnonzero(lam[self.C :]).tolist()
         laws = self.laws
         some = ca.SX.sym("lam", self.C + len(closed))
-        acting = laws.F + laws.B.T @ some[: self.C] + laws.G[closed, :].T @ some[self.C :]
+        acting = self._acting(closed, some)
         function = ca.Function("K", [laws.t, laws.q, some, laws.p], [ca.densify(ca.jacobian(acting, laws.q))])
         picked = np.concatenate([lam[: self.C], lam[self.C :][closed]])
         found: Floats = function(t, q, picked, self.p).full()
         return found
+
+    def _acting(self, closed: list[int], lam: ca.SX) -> ca.SX:
+        """F + B^T lambda with the lambda of all rows and of these contacts; CasADi has no product with nothing."""
+        acting = self.laws.F
+        if self.C:
+            acting = acting + self.laws.B.T @ lam[: self.C]
+        if closed:
+            acting = acting + self.laws.G[closed, :].T @ lam[self.C :]
+        return acting
 
     def value(self, q: Floats) -> float:
         """f, or the declared part of the effective potential, at the start time."""
@@ -124,12 +154,8 @@ class StaticProblem:
         """All equations with these contacts closed, as a function of (q, lambda) and of (t, p)."""
         laws = self.laws
         lam = ca.SX.sym("lam", self.C + len(closed))
-        G, g = laws.G[list(closed), :], laws.g[list(closed)]
-        acting = laws.F
-        if self.C:
-            acting = acting + laws.B.T @ lam[: self.C]
-        if closed:
-            acting = acting + G.T @ lam[self.C :]
+        g = laws.g[list(closed)]
+        acting = self._acting(list(closed), lam)
         inputs = [ca.vertcat(laws.q, lam), ca.vertcat(laws.t, laws.p)]
         return program.written_out(ca.Function("exact", inputs, [_stacked([acting, laws.c, g])]))
 
