@@ -44,14 +44,17 @@ def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
     return ca.vertcat(ca.SX(0, 1), *found)
 
 
-def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) -> None:
-    """Looks at the operations of a column (k, 1) of the `inputs`, operands before results; none is built again."""
+def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) -> list[T]:
+    """What is found for each entry of a column (k, 1) of the `inputs`: its operations are looked at, operands before
+    results; none is built again."""
     function = ca.Function("folded", list(inputs), [ca.densify(value)])
     expressions = function.instructions_sx()
     work: dict[int, T] = {}
+    found: dict[int, T] = {}
     for k in range(function.n_instructions()):
         op = function.instruction_id(k)
         if op == ca.OP_OUTPUT:
+            found[function.instruction_output(k)[1]] = work[function.instruction_input(k)[0]]
             continue
         taken, (given,) = function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_INPUT:
@@ -61,3 +64,4 @@ def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) 
         else:
             parts = [work[place] for place in taken]
             work[given] = look(op, parts, functools.partial(expressions.__getitem__, k))
+    return [found[k] for k in range(value.numel())]

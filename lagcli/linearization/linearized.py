@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import level_functions, system
+from lagcli.equations import level_functions, system, term_sizes
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral
 
@@ -99,7 +99,9 @@ class LinearizedFunctions:
             _chart_slopes(built, level_functions.charts(built, each.charts).charts) for each in integrals
         ]
         self._inputs = [s.t, q, v, a, built.lam, built.p]
-        load = ca.fabs(ca.densify(M @ a)) + ca.fabs(h) + ca.fabs(reaction)
+        # Where forces cancel within h, or reactions within their sum, what is left does not tell how large they are.
+        terms = term_sizes.term_sizes(h, [s.t, q, v, built.p])
+        load = ca.fabs(ca.densify(M @ a)) + terms + ca.mtimes(ca.fabs(every).T, ca.fabs(built.lam[loaded]))
         self._at = ca.Function(
             "linearized", self._inputs, [M, damping, K, B, A, D, D_whole, ca.densify(residual), load]
         )

@@ -246,3 +246,19 @@ inequality: {floor: a.z >= 0, ceiling: a.z <= 1}
     found = modes(text)
     np.testing.assert_allclose(found.frequencies, np.sqrt([2.5, 10]), rtol=1e-13)
     assert any("`floor`" in note and "ceiling" not in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("k", "m", "w"), [(3.3, 1.37, 0.9), (37.1, 0.61, 2.3), (1234.5, 0.07, 17.0)])
+def test_a_steady_motion_whose_forces_cancel_within_h_is_steady(k: float, m: float, w: float) -> None:
+    """A mass on a spring that turns: k (r - L) = m r w^2 leaves of h its rounding, beside which nothing balances."""
+    found = lagcli.modes(
+        lagcli.loads(f"""
+lagcli: 1
+parameters: {{k: {k}, L: 0.71, m: {m}, w: {w}}}
+coordinates: {{r: {{value: k*L/(k - m*w**2)}}, phi: {{rate: w}}}}
+lagrangian: m/2*(rate(r)**2 + r**2*rate(phi)**2) - k/2*(r - L)**2
+""")
+    )
+    assert found.about == "steady"
+    assert found.frequencies is not None
+    np.testing.assert_allclose(found.frequencies[-1], np.sqrt(k / m + 3 * w**2), rtol=1e-12)
