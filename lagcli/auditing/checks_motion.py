@@ -37,7 +37,7 @@ def rates(e: Evidence) -> Check:
 def path(e: Evidence) -> Check:
     """The recorded places against the integrals of the recorded rates: a slow drift adds up."""
     r = e.record
-    return _integrated(e, PATH, (e.names.q, e.names.x), (r.q, r.x), (r.v, r.u), SAFETY * e.off_q)
+    return _integrated(e, PATH, (e.names.q, e.names.x), (r.q, r.x), (r.v, r.u), (SAFETY * e.off_q, 0.0))
 
 
 def impulse(e: Evidence) -> Check:
@@ -52,7 +52,8 @@ def impulse(e: Evidence) -> Check:
     if r.x.size:  # their inertia belongs to the coordinates
         p, force, off = p[:, :own], force[:, :own], off[:own]
     names = (e.names.R_q[: p.shape[1]], e.names.R_x)
-    return _integrated(e, IMPULSE, names, (p, e.masses_x * r.u), (force, force_x), off)
+    rounded = np.concatenate([e.force_rounding.q[: p.shape[1]], e.force_rounding.x])
+    return _integrated(e, IMPULSE, names, (p, e.masses_x * r.u), (force, force_x), (off, rounded))
 
 
 def _integrated(
@@ -61,9 +62,10 @@ def _integrated(
     names: tuple[tuple[str, ...], tuple[str, ...]],
     y: tuple[Array, Array],
     rate: tuple[Array, Array],
-    off: Array,
+    off: tuple[Array, Array | float],
 ) -> Check:
-    """y(t) - y(0) against the integral of its rate, of coordinates and of dependent particles."""
+    """y(t) - y(0) against the integral of its rate, of coordinates and of dependent particles; off: by how much y of
+    coordinates may be off, and the rounding of the rates."""
     rows = len(e.record.t)
     whole, moving = np.concatenate(y, axis=1), np.concatenate(rate, axis=1)
     size_x = np.abs(y[1]).max(initial=0.0)
@@ -72,10 +74,10 @@ def _integrated(
     own = e.laws.cast.first_generalized
     for part in (largest[:own], largest[y[0].shape[1] :]):  # the components of a particle have one size
         part[:] = np.repeat(part.reshape(-1, 3).max(axis=1, initial=0.0), 3)
-    small = SAFETY * e.tolerance.rtol * largest + e.tolerance.atol
+    small = SAFETY * e.tolerance.rtol * largest + e.tolerance.atol + off[1]
     total = e.grid.integral(moving, small)
     span = np.abs(e.record.t - e.record.t[0])[:, None]
-    limit = np.concatenate([off, off_x]) * (1 + np.arange(rows) / SAFETY)[:, None] + small * span
+    limit = np.concatenate([off[0], off_x]) * (1 + np.arange(rows) / SAFETY)[:, None] + small * span
     limit = limit + total.noise
     residual = whole - whole[0] - total.value
     size = np.maximum(np.abs(whole - whole[0]).max(axis=0), np.abs(total.value).max(axis=0))
@@ -142,10 +144,10 @@ class RecordedMotion:
             truncation = truncation + self._pushed_truncation(truncation_x)
             size = np.maximum(size, e.pushed_limit(size_x))
         largest = _grouped(np.maximum(size, np.abs(r.R_q)).max(axis=0), e)
-        limit = limit + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_q)
+        limit = limit + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.force_rounding.q
         judged = self._resolved() & (truncation <= np.maximum(RESOLVED * largest, limit))
         top_x = np.repeat(np.maximum(size_x, np.abs(r.R_x)).max(axis=0).reshape(-1, 3).max(axis=1), 3)
-        limit_x = limit_x + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_x)
+        limit_x = limit_x + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_x) + e.force_rounding.x
         judged_x = e.is_resolved[1] & (truncation_x <= np.maximum(RESOLVED * top_x, limit_x))
         return Balance(
             inertia, _sum(limit, truncation), judged, inertia_x, _sum(limit_x, truncation_x), judged_x

@@ -137,7 +137,9 @@ def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
     total = window.grid.integral(sums, np.array([small, np.inf, np.inf, np.inf]))
     scale = float(total.value[-1, 1])
     truncation = float(total.truncation[-1, 0]) + abs(float(total.value[-1, 2]))
+    rounded = (e.force_rounding.q * np.abs(dq)).sum(axis=1) + (e.force_rounding.x * np.abs(dx)).sum(axis=1)
     noise = SAFETY * (e.tolerance.rtol + 1e-15) * scale * float(window.space.condition.max())
+    noise += float(rounded.max(initial=0.0)) * float(np.ptp(r.t))
     noise += e.tolerance.atol + float(total.noise[-1, 0]) + abs(float(total.value[-1, 3]))
     found = float(total.value[-1, 0])
     judged = truncation <= max(RESOLVED * scale, noise) and e.is_slow

@@ -333,7 +333,7 @@ class ModelLaws:
                 algebra = scene.algebra(force.action.variables(force.members))
                 found = scene.wide(evaluate.scalar(force.force.tree, algebra), force.action.targets.size)
                 _scatter(Q, cast.first_generalized + force.action.targets, found)
-        return F.reshape(scene.rows, -1, 3), Q
+        return F.reshape(scene.rows, len(cast.particles), 3), Q
 
     def _geometries(self) -> tuple[rigid.Geometry, ...]:
         """The geometry of each rigid body at the declared start."""

@@ -106,12 +106,14 @@ def momenta(e: Evidence) -> Check:
         spread = (np.abs(r.R_q) + np.abs(force)) * np.abs(one.xi)
         impulse = np.stack([by_rows + by_forces, spread.sum(axis=1)], axis=1)
         small = SAFETY * e.tolerance.rtol * float(impulse[:, 1].max(initial=0.0)) + e.tolerance.atol
+        rounded = float((e.force_rounding.q * np.abs(one.xi)).sum(axis=1).max(initial=0.0))
         total = e.grid.integral(impulse, np.array([small, np.inf]))
         # A force that rows do not show may stand where xi is small.
         open_ = total.truncation[:, 0] + (unknown * np.abs(one.xi).max(axis=0)).sum(axis=1)
         off = (p_off * np.abs(one.xi)).sum(axis=1) + (np.abs(p) * SAFETY * e.off_q).sum(axis=1)
         limit = off.max(initial=0.0) * (1 + np.arange(rows) / SAFETY)
         limit += SAFETY * e.tolerance.rtol * total.value[:, 1] + e.tolerance.atol + total.noise[:, 0]
+        limit += rounded * np.abs(r.t - r.t[0])
         limit += np.where(np.isfinite(open_), open_, 0.0)
         size = max(float(np.abs(J).max()), float(total.value[-1, 1]))
         names.append(one.name)

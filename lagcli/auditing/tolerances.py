@@ -13,8 +13,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lagcli.auditing import differences, table_input
+from lagcli.auditing import balanced_forces, differences, table_input
 from lagcli.auditing.autodiff import Array
+from lagcli.auditing.balanced_forces import ForceRounding
 from lagcli.auditing.differences import DifferenceGrid, Estimate, widest
 from lagcli.auditing.laws import LawValues, ModelLaws
 from lagcli.auditing.table_input import Record, TableNames
@@ -25,7 +26,7 @@ SAFETY = 30.0
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
 COARSE = 1.0  # a row to the next may change a velocity by that part of itself
 LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
-ROUNDING = 64 * differences.EPS
+ROUNDING = balanced_forces.ROUNDING
 OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
 FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
 NEARLY = 2.0  # times a limit is no certain fault where a fast motion may be sampled slowly
@@ -72,12 +73,22 @@ class Evidence:
     @functools.cached_property
     def off_q(self) -> Array:
         """By how much the coordinates may be off, (n,)."""
-        return self._off(self._whole.q, self._whole.x)
+        return self._off(self._whole.q, self._whole.x) + self.force_rounding.a * self._apart**2
 
     @functools.cached_property
     def off_v(self) -> Array:
         """By how much their rates may be off, (n,)."""
-        return self._off(self._whole.v, self._whole.u)
+        return self._off(self._whole.v, self._whole.u) + self.force_rounding.a * self._apart
+
+    @functools.cached_property
+    def force_rounding(self) -> ForceRounding:
+        """What rounding leaves of forces that balance each other."""
+        return balanced_forces.rounding(self.laws, self.record, self.values)
+
+    @property
+    def _apart(self) -> float:
+        """The longest time between two rows."""
+        return float(np.abs(np.diff(self.record.t)).max(initial=0.0))
 
     def _off(self, y: Array, beside: Array) -> Array:
         """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""
@@ -100,7 +111,9 @@ class Evidence:
     def moved_values(self) -> LawValues:
         """The values of the model at those states, at times moved by their rounding: a force may jump at a row."""
         t = self.record.t
-        return self.laws.values(t + differences.CLOCK * np.abs(t).max(), *self.moved, self.record.lam)
+        return self.laws.values(
+            t + differences.CLOCK * np.abs(t).max(initial=0.0), *self.moved, self.record.lam
+        )
 
     def noise(self, name: str) -> Array:
         """The noise of one of the `Values`, of its own shape, time first."""
