@@ -23,6 +23,7 @@ from lagcli.compiled import parts as shared
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.factored import Factored
 from lagcli.compiled.selection import Selection
+from lagcli.equations import term_sizes
 from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
@@ -214,8 +215,15 @@ class NumericSystem:
         """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
         parts = self._parts
         packed = shared.sizes(parts, parts.v, parts.h, parts.M).packed
-        q = parts.y[: self.n]
-        return ca.Function("sizes", [parts.t, q, parts.v, parts.p], [packed])
+        return ca.Function("sizes", self._inputs, [packed])
+
+    @cached_property
+    def term_sizes(self) -> ca.Function:
+        """term_sizes(t, q, v, p) -> what `sizes` gives with the terms of h in its place, which may cancel."""
+        parts = self._parts
+        terms = term_sizes.term_sizes(ca.densify(parts.h), self._inputs)
+        packed = shared.sizes(parts, parts.v, terms, parts.M).packed
+        return ca.Function("terms", self._inputs, [packed])
 
     @property
     def force(self) -> ca.Function:

@@ -22,20 +22,22 @@ ROUNDINGS = 256
 LOOK = 1e-3
 # Speeds that are less than this part of those that the accelerations make of rest are rounding.
 SLOW = 1e-8
+# Accelerations that are this part of what the forces alone would make are the rounding of forces that balance.
+BALANCED = 1e-13
 # The error of a step of this part of the shortest time, to the power of its order, is about as large as it may be.
 PART = 0.01
 
 
-def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, rtol: float, order: int) -> float:
+def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, order: int) -> float:
     """The length of the first step from where `rhs` stands on its arrays (t, y, p), with k = y'(t, y) (2n + 1,),
-    `parts.Sizes.packed` there (n + 3,) the relative tolerance of a step and the
-    order of the method.
+    `parts.Sizes.packed` there (n + 3,), `step_tolerance.of_steps` (5,) and the order of the method.
 
     One evaluation of `rhs` is used, whose arguments are left as they were. The end of the run plays no part in it.
     """
     t = float(rhs.arguments[0][0])
     n = k.size // 2
-    units, (q, v, _) = sizes[:n], sizes[n:].tolist()
+    units, (q, v, forced) = sizes[:n], sizes[n:].tolist()
+    rtol, resting = float(tolerance[0]), float(tolerance[4])
 
     def size(accelerations: Floats) -> float:
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is asked for below
@@ -43,6 +45,8 @@ def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, rtol: float, order:
 
     a = size(k[n : 2 * n])
     v = v if v > SLOW * math.sqrt(q * a) else 0.0
+    if not v and a <= BALANCED * max(forced, resting):
+        a = max(forced, resting)
     times = [_ratio(q, v), _ratio(v, a), math.sqrt(_ratio(q, a))]
     known = min((time for time in times if 0.0 < time < math.inf), default=0.0)
     step = max(REST, REST_OF_TIME * abs(t))

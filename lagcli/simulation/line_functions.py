@@ -62,7 +62,7 @@ def defect(numeric: NumericSystem, method: Interpolation) -> ca.Function:
     size, parameters = step_end.sizes_of(numeric)
     t, x, h = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("h")
     y, coefficients = ca.MX.sym("y", size), ca.MX.sym("coefficients", size, method.dense_rows)
-    tolerance, p = ca.MX.sym("tolerance", 4), ca.MX.sym("p", parameters)
+    tolerance, p = ca.MX.sym("tolerance", 5), ca.MX.sym("p", parameters)
     state = method.interpolated(y, coefficients, x)
     rate = numeric.rhs(t, state, p)
     off = ca.fabs(ca.jtimes(state, x, ca.MX(1)) - h * rate)

@@ -48,8 +48,9 @@ def begin(run: Stepper, start: RunStart) -> None:
     if not np.isfinite(bound.k).all():
         raise StepFailure(stop_diagnosis.START_NOT_FINITE, NOT_FINITE)
     run.account.evaluations += 1
-    rtol = float(run.tolerance[0])
-    control.step = start.part * first_step.first_step(bound.rhs, bound.k, sizes, rtol, run.method.order)
+    control.step = start.part * first_step.first_step(
+        bound.rhs, bound.k, sizes, run.tolerance, run.method.order
+    )
     if clearance < CLOSE_START**2:
         # No step is wasted towards a singular configuration so near: each amplifies rounding more.
         _look_back(run, BACK * control.step)

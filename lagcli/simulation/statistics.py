@@ -67,9 +67,10 @@ class RunStatistics:
 
     steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time; notes: what there
     is to say about integrals that are not held all the time; crossings: singular configurations that were passed;
-    deepest: the largest -g_j at the ends of steps, in units of g_j; ended_by: the name of the event that has ended
-    the run; tally: of incidents up to the state, told: of those handed out before or standing in `incidents`, which may
-    be more where the run was resumed from before them; is_balanced: whether the work W is known up to here.
+    deepest: the largest -g_j at the ends of steps, in units of g_j; resting: the energy of `RestingForces`; ended_by:
+    the name of the event that has ended the run; tally: of incidents up to the state, told: of those handed out before
+    or standing in `incidents`, which may be more where the run was resumed from before them; is_balanced: whether the
+    work W is known up to here.
     """
 
     steps: int = 0
@@ -83,6 +84,7 @@ class RunStatistics:
     told: Tally = NONE
     incidents: list[Incident] = dataclasses.field(default_factory=list)
     deepest: float = 0.0
+    resting: float = 0.0
     ended_by: str | None = None
     is_balanced: bool = dataclasses.field(default=True, init=False)
 
@@ -113,7 +115,7 @@ class RunStatistics:
             return None
         if found is None:
             return 0.0
-        exchanged = found.moving + found.resting + ROUNDING * found.largest
+        exchanged = found.moving + found.resting + ROUNDING * max(found.largest, self.resting)
         return found.imbalance / exchanged if exchanged else found.imbalance
 
     @property

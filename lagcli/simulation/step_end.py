@@ -18,12 +18,15 @@ from lagcli.simulation import step_tolerance as tolerances
 # The projection may move a state by this many tolerances, and by this part of its size.
 MOVED, MOVED_ROUNDING = 100.0, 1e-10
 # Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its change over the
-# step, divided by the step, in each of them.
+# step, divided by the step, in each of them. The same part of energies is rounding.
 TIME_ROUNDING = 2**-52
 # A step of so many roundings of the time may hold a jump; the part of a speed that is nothing there.
 JUMP, NEGLIGIBLE = 1024, 1e-9
 # Positions that are this part of what the forces would make of them in a step are none; rounding of such forces.
 HELD, BALANCED = 1e-6, 1e-14
+# A speed below this part of the one that the forces would give over the size of q, were they not balanced, is made by
+# their rounding.
+RESTING = 1e-12
 WRITTEN_OUT = 1000  # numbers of a state
 
 # Short states are written out, in SX.
@@ -34,7 +37,7 @@ Compiled = ca.Function
 
 
 class StepInputs(NamedTuple):
-    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (4,), p."""
+    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (5,), p."""
 
     t: ca.MX
     h: ca.MX
@@ -64,7 +67,7 @@ def inputs(numeric: NumericSystem) -> StepInputs:
     size, parameters = sizes_of(numeric)
     t, h = ca.MX.sym("t"), ca.MX.sym("h")
     y, k = ca.MX.sym("y", size), ca.MX.sym("k", size)
-    return StepInputs(t, h, y, k, ca.MX.sym("tolerance", 4), ca.MX.sym("p", parameters))
+    return StepInputs(t, h, y, k, ca.MX.sym("tolerance", 5), ca.MX.sym("p", parameters))
 
 
 def sizes_of(numeric: NumericSystem) -> tuple[int, int]:
@@ -112,13 +115,14 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     n = size // 2
     y, new, landed, noise, blur = (sort.sym(name, size) for name in ("y", "new", "landed", "noise", "blur"))
     estimates: list[Expression] = [sort.sym(f"e{i}", size) for i in range(count)]
-    h, sizes, tolerance = sort.sym("h"), sort.sym("sizes", n + 3), sort.sym("tolerance", 4)
+    h, sizes, tolerance = sort.sym("h"), sort.sym("sizes", n + 3), sort.sym("tolerance", 5)
     scale = scales((y, new), h, sizes, tolerance)
     moved = _moved(landed - new, scale + blur[: 2 * n], sizes)
-    # The energy at hand: what has been done up to here, or that of the motion.
+    # The energy at hand: what has been done up to here, or that of the motion; and what rounding makes of rest.
     energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
+    rounded = TIME_ROUNDING * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
     of_work = combined(h, *(ca.fabs(estimate[2 * n]) for estimate in estimates)) / (
-        tolerance[0] * energy + tolerances.TINY
+        tolerance[0] * energy + rounded + tolerances.TINY
     )
     error = combined(h, *(_largest(estimate, scale + noise[: 2 * n]) for estimate in estimates))
     inputs: list[Expression] = [y, new, landed, h, sizes, tolerance, noise, blur]
@@ -132,14 +136,21 @@ def scales(
     """The sizes that errors of (q, v) are compared with (2n,): expressions of the states (2n + 1,) at both ends of a
     step of length h, of `parts.Sizes.packed` at its end, and of `step_tolerance.of_steps`."""
     n = (states[0].numel() - 1) // 2
-    rtol, atol, part, rounding = (tolerance[i] for i in range(4))
+    rtol, atol, part, rounding, resting = (tolerance[i] for i in range(5))
     units, (q, v, a) = sizes[:n], (sizes[n + i] for i in range(3))
     speed = ca.fmax(v, h * a)
     largest = ca.fmax(*(ca.fabs(y[: 2 * n]) for y in states))
-    # Of what the rows hold at the origin no size of q covers the rounding of forces that balance.
-    balanced = ca.if_else(q < HELD * h * h * a, BALANCED * h * a, 0)
+    # The rounding of forces that balance is no error of the step, whether the rows hold the system at the origin, where
+    # no size of q covers it, or at rest elsewhere, where no speed does.
+    forced = ca.fmax(a, resting)
+    is_held, is_resting = q < HELD * h * h * a, v * v < RESTING**2 * forced * q
+    # What rounding pushes comes back in the time in which the forces would have moved it by its size.
+    lasting = ca.if_else(
+        is_held, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.TINY))), 0)
+    )
+    balanced = BALANCED * lasting * forced
     floors = ca.vertcat(
-        units * (part * h * speed + rounding * q + h * balanced),
+        units * (part * h * speed + rounding * q + lasting * balanced),
         units * (part * speed + rounding * q / h + balanced),
     )
     return rtol * largest + atol + floors + tolerances.TINY

@@ -26,16 +26,16 @@ ROUNDING = 1e-17
 TINY = 1e-300
 
 
-def of_steps(settings: Simulation) -> Floats:
-    """(rtol, atol, part, rounding): the error of a step is compared with rtol |y| + atol, plus these parts of sizes.
-
-    Either atol or the parts are zero.
+def of_steps(settings: Simulation, balanced: float = 0.0) -> Floats:
+    """(rtol, atol, part, rounding, balanced): the error of a step is compared with rtol |y| + atol, plus these parts of
+    sizes. Either atol or the parts are zero. balanced: the acceleration of `RestingForces`, the rounding of which is
+    allowed.
     """
     rtol = max(settings.rtol / TIGHTENING, min(settings.rtol, FINEST))
     tightened = rtol / settings.rtol
     if settings.atol is not None:
-        return np.array([rtol, settings.atol * tightened, 0.0, 0.0])
-    return np.array([rtol, 0.0, max(LEAST, min(DEFAULT * tightened, BELOW * rtol)), ROUNDING])
+        return np.array([rtol, settings.atol * tightened, 0.0, 0.0, balanced])
+    return np.array([rtol, 0.0, max(LEAST, min(DEFAULT * tightened, BELOW * rtol)), ROUNDING, balanced])
 
 
 def absolute(settings: Simulation, size: float) -> float:

@@ -12,7 +12,14 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.energy_jumps import Jump
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
-from lagcli.simulation import invariants, method, step_tolerance, stop_diagnosis, switch_states
+from lagcli.simulation import (
+    invariants,
+    method,
+    resting_forces,
+    step_tolerance,
+    stop_diagnosis,
+    switch_states,
+)
 from lagcli.simulation.angle_turns import Turns
 from lagcli.simulation.bound_scheme import BoundRows, BoundStep
 from lagcli.simulation.checkpoint import RunState
@@ -86,7 +93,8 @@ class Stepper:
         is_again: bool = False,
     ) -> None:
         self.origin, self.grid = state.origin, grid
-        self.tolerance = step_tolerance.of_steps(settings)
+        resting = resting_forces.of_start(held.integrals.system, held.functions.numeric)
+        self.tolerance = step_tolerance.of_steps(settings, resting.acceleration)
         self.method = method.of(settings)
         longest = settings.max_step or math.inf
         self.timetable = Timetable(timed, grid.start, grid.step, longest, 0 if is_again else 1)
@@ -105,7 +113,7 @@ class Stepper:
             *counted, 0.0, figures, state.notes, state.crossings, state.tally, state.told
         )
         self.contacts = state.contacts
-        self.account.deepest = state.contacts.deepest
+        self.account.deepest, self.account.resting = state.contacts.deepest, resting.energy
         self.watch = SingularityMonitor(state.watch)
         self.foreseen = self.watch.again()
         # The state before the last step that is what a longer run would have taken; None where that is the last.

@@ -1,0 +1,45 @@
+"""The size of forces that balance each other at the start of a run, where the system stays at rest.
+
+Nothing in such a motion has a size but these forces, and where they cancel within an entry of h not even h has. Their
+rounding is what is left, and no error of a step.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from lagcli.compiled import NumericSystem
+from lagcli.equations.system import System
+from lagcli.start import initial
+
+# Places are moved by this part of their size, and h is balanced where it is this part of what it is beside.
+BESIDE, BALANCED = 1e-3, 1e-9
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RestingForces:
+    """acceleration: that the largest term of h would make, in the units of `parts.Sizes`, 0 where the forces do not
+    balance within h; energy: of the forces over the size of q. Both are 0 where the start moves."""
+
+    acceleration: float
+    energy: float
+
+
+def of_start(system: System, numeric: NumericSystem) -> RestingForces:
+    """The forces at the declared start."""
+    state = initial.declared(system)
+    t, q, v, p = state.t, state.q, state.v, state.p
+    if not q.size or np.any(v):
+        return RestingForces(0.0, 0.0)
+    reach = BESIDE * (np.abs(q) + np.abs(q).max() + (not np.any(q)))
+    aside = q + reach * np.random.default_rng(0).choice((-1.0, 1.0), size=q.size)
+    (length, here), (_, beside) = (
+        np.array(numeric.sizes(t, place, v, p)).ravel()[[q.size, -1]].tolist() for place in (q, aside)
+    )
+    if not here <= BALANCED * beside:
+        return RestingForces(0.0, here * length if np.isfinite(here) else 0.0)
+    found = float(numeric.term_sizes(t, q, v, p)[-1])
+    found = found if np.isfinite(found) else 0.0
+    return RestingForces(found, found * length)
