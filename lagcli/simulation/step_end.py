@@ -81,6 +81,11 @@ def ended(
     """The end of a step that has come to `new`, with estimates of its error over h, (2n + 1,) each."""
     t, h, y, k, tolerance, p = step
     landed, k_new, outcome, sizes = numeric.land(t + h, new, p)
+    # Rows are left by a part of the velocities; where these are the rounding of forces that hold all at the origin, by
+    # no more than that.
+    q, v, a = (sizes[numeric.n + i] for i in range(3))
+    part = ca.if_else(q < HELD * h * h * a, v / (v + HELD * h * a + tolerances.TINY), 1)
+    outcome = ca.vertcat(part * outcome[0], outcome[1:])
     # The doubles around t may be so far apart that the state is not known better.
     near_t = TIME_ROUNDING * ca.fabs(t + h) if numeric.has_time else 0.0
     noise = near_t * _within(near_t, h, (y, k, k_new)) * ca.fabs(k_new - k) if numeric.has_time else 0.0 * k

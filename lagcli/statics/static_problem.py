@@ -101,8 +101,8 @@ class StaticProblem:
         """All values; lam (C + K,)."""
         self.evaluations += 1
         bound = self._bound
-        for argument, value in zip(bound.arguments, (t, q, lam), strict=False):
-            argument[:] = value
+        of_t, of_q, of_lam, _ = bound.arguments
+        of_t[0], of_q[:], of_lam[:] = t, q, lam
         bound.trigger()
         n, k = self.n, self.laws.c.numel()
         shapes = ((n,), (self.C, n), (k,), (k, n), (self.K,), (self.K, n), (n, n))

@@ -78,3 +78,23 @@ def test_sizes_of_terms_are_those_that_cancel() -> None:
     least = [9.81 * 3, 1.0, 3e6, 1.0, 2 * np.pi, np.pi**2]
     assert (found >= np.array(least) * (1 - 1e-12)).all()
     assert (found <= 10 * np.array(least)).all()
+
+
+def test_contacts_that_share_a_load_at_the_origin_do_not_contradict_each_other() -> None:
+    """Nothing has a size there but the weight: the velocities of four legs were rounding beside rounding."""
+    run = lagcli.simulate(
+        lagcli.loads("""
+lagcli: 1
+coordinates: {z: {}, a: {}, b: {}}
+lagrangian: (rate(z)**2 + rate(a)**2 + rate(b)**2)/2 - 10*z
+inequality:
+  ne: z + a + b >= 0
+  nw: z - a + b >= 0
+  sw: z - a - b >= 0
+  se: z + a - b >= 0
+simulation: {duration: 1, samples: 3}
+""")
+    )
+    assert run.stats.stopped is None
+    for name in ("ne", "nw", "sw", "se"):
+        np.testing.assert_allclose(run[f"lambda.{name}"], 2.5, rtol=1e-12)
