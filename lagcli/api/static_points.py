@@ -67,10 +67,11 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
             whole = all_zeros.complete(search)
     if not whole.proved and problem.n == 1 and not problem.C and not problem.K:
         whole = one_unknown.complete(search, angles[0])
-    notes = [*asked.start.notes, *asked.notes, *_remarks(search, asked, source)]
-    notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
     columns = PointColumns(ready.system, problem.t, problem.p)
     points = [_point(ready, asked, columns, source, found) for found in search.points]
+    are_unique = all(point.unique_multipliers for point in points)
+    notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, are_unique)]
+    notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
     points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
     best = search.best.residual if not points else None
     told = tuple(dict.fromkeys(notes))
@@ -81,7 +82,7 @@ def _point(
     ready: CompiledModel, asked: StaticQuestion, columns: PointColumns, source: Origin, found: FoundPoint
 ) -> StaticPoint:
     system, q = ready.system, found.point.q
-    lam = _multipliers(ready, asked, found)
+    lam, unique = _multipliers(ready, asked, found)
     names = [row.name for row in system.multiplier_rows]
     count = len(system.rows.rows)
     shown = [*asked.rows, *range(count, len(names))]
@@ -96,14 +97,14 @@ def _point(
         found.type.kind,
         found.type.index,
         found.point.residual,
-        found.type.unique,
+        unique,
         found.dimension,
     )
 
 
-def _multipliers(ready: CompiledModel, asked: StaticQuestion, found: FoundPoint) -> Floats:
+def _multipliers(ready: CompiledModel, asked: StaticQuestion, found: FoundPoint) -> tuple[Floats, bool]:
     """lambda of all rows of the system (C + K,): as found, or where they are not unique those of least norm, as in a
-    run."""
+    run; and whether they are."""
     problem, point, t = asked.problem, found.point, asked.problem.t
     system, numeric = ready.system, ready.numeric
     count, s = len(system.rows.rows), system.holonomic_count
@@ -112,20 +113,26 @@ def _multipliers(ready: CompiledModel, asked: StaticQuestion, found: FoundPoint)
     if is_own and found.type.unique:
         lam[list(asked.rows)] = point.lam[: problem.C]
         lam[count:] = point.lam[problem.C :]
-        return lam
+        if found.touching == point.closed:
+            return lam, True
     values = problem.at(t, point.q, point.lam)
     v = np.zeros(problem.n)
     B = numeric.rows(t, point.q, v, problem.p)[0].full()[list(asked.rows)]
-    closed = list(point.closed)
+    closed = list(found.touching if asked.called == "potential" else point.closed)
     rows = np.vstack([B, values.G[closed]])
     M = numeric.inertia(t, point.q, v, problem.p).full()
-    shared = shared_multipliers.least(rows, -values.F, shared_multipliers.lengths(rows, M))
+    if asked.called == "potential" and closed:
+        given = point.lam[[*range(problem.C), *(problem.C + k for k in closed)]]
+        shared, unique = shared_multipliers.pushing(rows, given, M, len(B))
+    else:
+        unique = found.type.unique
+        shared = shared_multipliers.least(rows, -values.F, shared_multipliers.lengths(rows, M))
     lam[list(asked.rows)] = shared[: len(B)]
     lam[[count + k for k in closed]] = shared[len(B) :]
-    return lam
+    return lam, unique
 
 
-def _remarks(search: PointSearch, asked: StaticQuestion, source: Origin) -> Iterator[str]:
+def _remarks(search: PointSearch, source: Origin, are_unique: bool) -> Iterator[str]:
     """Notes on what was found and what was not looked for."""
     if source == "integrated":
         yield "forces that are declared without a potential have one; it is counted from the start"
@@ -136,7 +143,7 @@ def _remarks(search: PointSearch, asked: StaticQuestion, source: Origin) -> Iter
         count = sum(one.dimension == size for one in search.points)
         what = "one point stands for a continuum" if count == 1 else f"{count} points stand for continua"
         yield f"{what} of dimension {size}"
-    if any(not one.type.unique for one in search.points):
+    if not are_unique:
         yield "multipliers that are not unique are those of least norm, as in a run"
     if len(search.problem.times) > 1:
         t = search.problem.t

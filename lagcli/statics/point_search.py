@@ -46,11 +46,13 @@ class SearchOptions:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class FoundPoint:
-    """A point with its type, and the dimension of the continuum it stands for."""
+    """A point with its type, the dimension of the continuum it stands for, and the contacts that touch there, those
+    that carry nothing included."""
 
     point: EquilibriumPoint
     type: PointType
     dimension: int
+    touching: tuple[int, ...]
 
 
 class PointSearch:
@@ -120,11 +122,23 @@ class PointSearch:
         size = continuum.dimension(equations, x) if kind.freedom else 0
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
+        if size and any(self._is_on(known, found.closed, found.q, size) for known in self.points):
+            return False
+        self.points = [
+            known
+            for known in self.points
+            if not (known.dimension and self._holds(equations, x, found, size, known))
+        ]
         if not size:
             limit = SAME_OF_FLAT if kind.kind == "degenerate" else ROUNDING
             found = self._tidied(equations, found, limit * self.scales.length)
-        self.points.append(FoundPoint(found, kind, size))
+        self.points.append(FoundPoint(found, kind, size, self._touching(found)))
         return True
+
+    def _touching(self, found: EquilibriumPoint) -> tuple[int, ...]:
+        g = self.problem.at(self.problem.t, found.q, found.lam).g
+        near = np.flatnonzero(g <= refine.CLOSED * self.scales.contacts * self.scales.length)
+        return tuple(sorted({*found.closed, *near.tolist()}))
 
     def wound(self, q: Floats) -> Floats:
         """q with angles between -pi and pi."""
@@ -161,6 +175,23 @@ class PointSearch:
         return continuum.connected(equations, x, goal) or continuum.connected(
             equations, other, self._nearer_turn(found.q, known.point.q)
         )
+
+    def _is_on(self, known: FoundPoint, closed: tuple[int, ...], q: Floats, size: int) -> bool:
+        """True if a configuration of a smaller continuum lies on this larger one, of which it is an edge where more
+        contacts are closed."""
+        if known.dimension <= size or not set(known.point.closed) <= set(closed):
+            return False
+        equations = RestEquations(self.problem, known.point.closed, self.scales)
+        x = self._unknowns(equations, known.point)
+        return continuum.connected(equations, x, self._nearer_turn(q, known.point.q))
+
+    def _holds(
+        self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
+    ) -> bool:
+        """True if a known continuum lies on the larger one of a new point."""
+        if size <= known.dimension or not set(found.closed) <= set(known.point.closed):
+            return False
+        return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))
 
     def _nearer_turn(self, goal: Floats, place: Floats) -> Floats:
         """The goal with its angles within half a turn of a place."""

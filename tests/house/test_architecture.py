@@ -90,7 +90,12 @@ DOORS = {
         "lagcli.statics.static_laws",
         "lagcli.statics.static_problem",
     ),
-    "scipy": ("lagcli.contact.", "lagcli.linearization.", "lagcli.statics.effective_potential"),
+    "scipy": (
+        "lagcli.contact.",
+        "lagcli.linearization.",
+        "lagcli.statics.effective_potential",
+        "lagcli.statics.newton",
+    ),
 }
 
 LINES, PARAMETERS = 70, 6
