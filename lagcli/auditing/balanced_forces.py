@@ -1,4 +1,4 @@
-"""What rounding leaves of forces that balance each other: of a body at rest that is all there is of its motion.
+"""The rounding of forces that balance each other: of a body at rest that is all there is of its motion.
 
 A tolerance follows the size of the motion, and of a motion that is none it is nothing; forces that cancel are known to
 a part of themselves, and push by that much.

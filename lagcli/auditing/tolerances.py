@@ -82,7 +82,7 @@ class Evidence:
 
     @functools.cached_property
     def force_rounding(self) -> ForceRounding:
-        """What rounding leaves of forces that balance each other."""
+        """The rounding of forces that balance each other."""
         return balanced_forces.rounding(self.laws, self.record, self.values)
 
     @property

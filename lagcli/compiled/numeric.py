@@ -23,7 +23,7 @@ from lagcli.compiled import parts as shared
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.factored import Factored
 from lagcli.compiled.selection import Selection
-from lagcli.equations import term_sizes
+from lagcli.equations import cancelling_terms
 from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
@@ -221,7 +221,7 @@ class NumericSystem:
     def term_sizes(self) -> ca.Function:
         """term_sizes(t, q, v, p) -> what `sizes` gives with the terms of h in its place, which may cancel."""
         parts = self._parts
-        terms = term_sizes.term_sizes(ca.densify(parts.h), self._inputs)
+        terms = cancelling_terms.term_sizes(ca.densify(parts.h), self._inputs)
         packed = shared.sizes(parts, parts.v, terms, parts.M).packed
         return ca.Function("terms", self._inputs, [packed])
 

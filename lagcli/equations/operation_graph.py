@@ -45,7 +45,7 @@ def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
 
 
 def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) -> list[T]:
-    """What is found for each entry of a column (k, 1) of the `inputs`: its operations are looked at, operands before
+    """Found for each entry of a column (k, 1) of the `inputs`: its operations are looked at, operands before
     results; none is built again."""
     function = ca.Function("folded", list(inputs), [ca.densify(value)])
     expressions = function.instructions_sx()

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import level_functions, system, term_sizes
+from lagcli.equations import cancelling_terms, level_functions, system
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral
 
@@ -100,7 +100,7 @@ class LinearizedFunctions:
         ]
         self._inputs = [s.t, q, v, a, built.lam, built.p]
         # Where forces cancel within h, or reactions within their sum, what is left does not tell how large they are.
-        terms = term_sizes.term_sizes(h, [s.t, q, v, built.p])
+        terms = cancelling_terms.term_sizes(h, [s.t, q, v, built.p])
         load = ca.fabs(ca.densify(M @ a)) + terms + ca.mtimes(ca.fabs(every).T, ca.fabs(built.lam[loaded]))
         self._at = ca.Function(
             "linearized", self._inputs, [M, damping, K, B, A, D, D_whole, ca.densify(residual), load]

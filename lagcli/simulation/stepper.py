@@ -96,8 +96,7 @@ class Stepper:
         resting = resting_forces.of_start(held.integrals.system, held.functions.numeric)
         self.tolerance = step_tolerance.of_steps(settings, resting.acceleration)
         self.method = method.of(settings)
-        longest = settings.max_step or math.inf
-        self.timetable = Timetable(timed, grid.start, grid.step, longest, 0 if is_again else 1)
+        self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
         self._witnesses = Witnesses(grid, timed, is_again)
         # A run counts its turns in numbers of its own.
         held = dataclasses.replace(held, p=held.p.copy())

@@ -86,7 +86,7 @@ def _damped(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
 
 
 def _damped_sparse(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
-    """The same where most entries of J are zero, as in a large model."""
+    """The step where most entries of J are zero, as in a large model."""
     from scipy import sparse
     from scipy.sparse import linalg
 

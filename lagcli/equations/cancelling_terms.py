@@ -1,4 +1,4 @@
-"""How large the terms are that a value is made of: where they cancel, its rounding is a part of them and not of it.
+"""Sizes of the terms that a value is made of: where they cancel, its rounding is a part of them and not of it.
 
 A running error analysis in units of rounding (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section
 3.3): of a sum the sizes of its parts, of a product and a quotient what those of its factors make of it.
