@@ -36,6 +36,15 @@ class Vakonomic:
         return bool(self._rows) and not self._system.contacts.rows and not self._is_driven
 
     @property
+    def _why_not(self) -> str:
+        if self._system.contacts.rows:
+            return "one-sided constraints push without being equations of the paths"
+        return (
+            "a force that is declared without a potential depends on more than time, and may be in no action;"
+            " `compare --vakonomic` tells whether it has a potential"
+        )
+
+    @property
     def _is_driven(self) -> bool:
         """True if a force without a declared potential depends on more than time, so that it may have none."""
         system = self._system
@@ -46,6 +55,8 @@ class Vakonomic:
     def lines(self) -> Iterator[Line]:
         """L + sum mu_i phi_i and its equations, coordinate by coordinate."""
         if not self.is_asked:
+            if self._rows:
+                yield Line(note=f"Not written out: {self._why_not}.")
             return
         signs = self._signs
         for row in self._rows:

@@ -50,3 +50,15 @@ def test_no_section_without_differential_rows_or_with_forces_that_are_in_no_acti
     assert lines(ball + row + "forces: {push: {to: a, force: '[sin(t), 0, 0]'}}\n")
     assert not lines(ball + row + "forces: {drag: {to: a, force: -v}}\n")
     assert not lines(ball + row + "inequality: {floor: a.z >= -9}\n")
+
+
+def test_where_the_section_is_left_out_it_says_why() -> None:
+    ball = "lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0, 0], velocity: [0, 1, 0]}}\n"
+    row = "differential: {row: a.vz = a.y*a.vx}\n"
+    for more, why in (
+        ("forces: {drag: {to: a, force: -v}}\n", "may be in no action"),
+        ("inequality: {floor: a.z >= -9}\n", "one-sided constraints push"),
+    ):
+        assert why in " ".join(lagcli.derive(lagcli.loads(ball + row + more)).text().split())
+    assert "Not written out" not in lagcli.derive(lagcli.loads(ball + row)).text().split(TITLE)[1]
+    assert TITLE not in lagcli.derive(lagcli.loads(ball + "forces: {drag: {to: a, force: -v}}\n")).text()
