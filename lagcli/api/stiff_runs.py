@@ -27,6 +27,7 @@ Floats = npt.NDArray[np.float64]
 LOOSER, LARGER = 100.0, 2.0
 # Steps of a swing at the usual tolerance: an estimate until the first run has been made.
 STEPS_IN_A_SWING = 12.0
+NO_RATE = "of a ramp no rate is fitted: its errors are swings that the soft spring began, and they keep their action"
 ROUNDINGS = 4.0 * 2.0**-52
 
 
@@ -129,12 +130,11 @@ class _StiffRuns:
             middle = math.sqrt(least * most)
             largest = float(np.abs(error[inside]).max())
             rungs.append(Rung(middle, largest, abs(mean), apart, None, own, followed.force[inside]))
-        means = [one.mean_error for one in rungs if one.mean_error is not None]
-        rate = ladder.fitted([one.stiffness for one in rungs], means)
+        # The mean of a stretch is that of the swings which the soft spring began: no power of k fits it.
         return StiffLimit(
-            held.run.model.path, self._row, kind, t[rows], multiplier[rows], tuple(rungs), rate, "mean_error",
+            held.run.model.path, self._row, kind, t[rows], multiplier[rows], tuple(rungs), None, "mean_error",
             ramp={"seconds": seconds, "from": low, "to": high, "steps": float(followed.steps)},
-            stiffness=stiffness[rows], force=followed.force[rows], steps=followed.steps,
+            stiffness=stiffness[rows], force=followed.force[rows], steps=followed.steps, notes=(NO_RATE,),
         )  # fmt: skip
 
     def _rung(self, k: float, followed: _Followed) -> Rung:

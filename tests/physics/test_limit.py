@@ -199,6 +199,10 @@ def test_swings_of_a_ramp_grow_as_their_action_is_kept() -> None:
     assert np.polyfit(np.log(ends), np.log(largest), 1)[0] == pytest.approx(0.75, abs=0.02)
     assert found.rungs[-1].mean_error is not None
     assert found.rungs[-1].mean_error < 0.01 * largest[-1]
+    # The means of its stretches go with no power of k, and none is told.
+    assert found.rate is None
+    assert found.as_json()["rate"] is None
+    assert any("no rate is fitted" in note for note in found.notes)
 
 
 def test_ladder_ends_where_tolerance_takes_over() -> None:
