@@ -22,7 +22,11 @@ from lagcli.simulation import run_stop
 if TYPE_CHECKING:
     from lagcli.formulations.comparison import Comparison, Formulation
 
+# With the vakonomic motion the reduction by the null space, which solves for a basis in every stage, is made of models
+# of up to so many coordinates.
+MOST_REDUCED = 24
 COMPARED_ROWS = 101  # of tables that are compared, where no number of samples is given
+SPARED = f"the reduction by the null space is left out beside the vakonomic motion above {MOST_REDUCED} coordinates"
 
 
 @progress.phase("comparing")
@@ -73,7 +77,11 @@ def compare(
     kinds = comparison.kinds(model, [first.columns[i] for i in column_choice.select(first.columns, columns)])
     left_out: list[str] = []
     if second is None:
-        others = [(one, formulation_plan.comparable(model, one, kinds)) for one in _reformulated(run, first)]
+        is_spared = vakonomic and len(model.coordinate_names) > MOST_REDUCED
+        others = [
+            (one, formulation_plan.comparable(model, one, kinds))
+            for one in _reformulated(run, first, is_spared)
+        ]
     else:
         beside, shared, left_out = _beside(run, second, kinds)
         others = [(beside, shared)]
@@ -84,6 +92,12 @@ def compare(
     found = formulation_plan.compared(model, first, others, tolerance, near)
     if vakonomic and len(first.table):
         found = _with_principles(found, run, kinds, mu or {})
+        if (
+            other is None
+            and is_spared
+            and formulation_plan.is_reducible(model, first.rows, first.coordinates)
+        ):
+            found = dataclasses.replace(found, notes=(*found.notes, SPARED))
     if not left_out:
         return found
     note = f"not compared, for they are not unique in one of the models: {', '.join(left_out)}"
@@ -159,8 +173,9 @@ def _beside(
     return second, unique, [name for name in shared if name in loose]
 
 
-def _reformulated(run: SimulationRun, first: Formulation) -> Iterator[Formulation]:
-    """The model of a run in the other formulations that fit it, from the same start."""
+def _reformulated(run: SimulationRun, first: Formulation, is_spared: bool) -> Iterator[Formulation]:
+    """The model of a run in the other formulations that fit it, from the same start; is_spared: but for the null
+    space."""
     from lagcli.formulations import formulation_plan, reduced_run
 
     if not len(first.table):
@@ -171,7 +186,7 @@ def _reformulated(run: SimulationRun, first: Formulation) -> Iterator[Formulatio
         size_limits.require_built(freed)
         ready = CompiledModel(particle_form.build(run.built, freed))
         yield _table("freed", prepare_run.start_compiled(ready, KnownIntegrals()))
-    if formulation_plan.is_reducible(run.model, first.rows, first.coordinates):
+    if not is_spared and formulation_plan.is_reducible(run.model, first.rows, first.coordinates):
         chosen = dataclasses.replace(run.model.simulation, start=float(t), assemble=False, keep=())
         table, account, stop = reduced_run.run(run.built, run.grid, (q, v, run.parameters), chosen)
         yield dataclasses.replace(

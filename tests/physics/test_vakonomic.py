@@ -328,3 +328,22 @@ def test_command_writes_table_and_figure_and_says_where_they_part(tmp_path: path
     ]
     for options in [*wrong, ["--vakonomic", "-o", "v.doc"], ["--vakonomic", "--json", "-o", "-"]]:
         assert in_process.run("compare", path, *options)[2] == 2, options
+
+
+def test_the_reduction_is_left_out_beside_the_vakonomic_motion_of_many_coordinates() -> None:
+    """Nine particles with a row each: the reduction of so many coordinates takes longer than both motions."""
+    text = """
+lagcli: 1
+particles:
+  p[i]: {for: "i = 1..9", mass: 1, position: "[i, 0, 0]", velocity: "[1, 0, 0]"}
+forces:
+  well[i]: {for: "i = 1..9", potential: "p[i].y**2"}
+differential:
+  blade[i]: {for: "i = 1..9", equation: "p[i].vz = p[i].y*p[i].vx"}
+simulation: {duration: 0.2, samples: 3}
+"""
+    found = both(text)
+    assert [one.name for one in found.formulations] == ["newton", "vakonomic"]
+    assert any("left out" in note and "24 coordinates" in note for note in found.notes)
+    alone = lagcli.compare(lagcli.loads(KNIFE), vakonomic=True, duration=0.2)
+    assert [one.name for one in alone.formulations] == ["lagrange-multipliers", "reduced", "vakonomic"]
