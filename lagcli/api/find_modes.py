@@ -81,6 +81,11 @@ def modes(
     if found is not None:
         return found
     if about == "start":
+        if here.q.size > MOST_FOLLOWED:
+            raise NoEquilibriumError(
+                "the start is no equilibrium and no steady motion, and whether it comes back is followed in models of"
+                f" up to {MOST_FOLLOWED} coordinates: this one has {here.q.size}"
+            )
         raise NoEquilibriumError("the start is no equilibrium and no steady motion, and does not come back")
     here, closed = _nearest(ready)
     functions = _functions(ready, closed, seconds)

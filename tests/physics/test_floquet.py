@@ -108,5 +108,14 @@ lagrangian: >-
 def test_what_does_not_come_back_is_refused() -> None:
     with pytest.raises(NoEquilibriumError, match="does not come back"):
         modes("lagcli: 1\ncoordinates: {x: {value: 1}}\nlagrangian: rate(x)**2/2 - exp(x)\n", "start")
+    many = """
+lagcli: 1
+particles:
+  p[i]: {for: "i = 1..21", mass: 1, position: "[i, 0, 0]"}
+forces:
+  fall[i]: {for: "i = 1..21", potential: "exp(p[i].x)"}
+"""
+    with pytest.raises(NoEquilibriumError, match="up to 60 coordinates: this one has 63"):
+        modes(many, "start")
     with pytest.raises(ValueError, match="about: "):
         modes(SWING, "somewhere")
