@@ -77,11 +77,8 @@ def compare(
     kinds = comparison.kinds(model, [first.columns[i] for i in column_choice.select(first.columns, columns)])
     left_out: list[str] = []
     if second is None:
-        is_spared = vakonomic and len(model.coordinate_names) > MOST_REDUCED
-        others = [
-            (one, formulation_plan.comparable(model, one, kinds))
-            for one in _reformulated(run, first, is_spared)
-        ]
+        formulations = _reformulated(run, first, vakonomic)
+        others = [(one, formulation_plan.comparable(model, one, kinds)) for one in formulations]
     else:
         beside, shared, left_out = _beside(run, second, kinds)
         others = [(beside, shared)]
@@ -92,12 +89,6 @@ def compare(
     found = formulation_plan.compared(model, first, others, tolerance, near)
     if vakonomic and len(first.table):
         found = _with_principles(found, run, kinds, mu or {})
-        if (
-            other is None
-            and is_spared
-            and formulation_plan.is_reducible(model, first.rows, first.coordinates)
-        ):
-            found = dataclasses.replace(found, notes=(*found.notes, SPARED))
     if not left_out:
         return found
     note = f"not compared, for they are not unique in one of the models: {', '.join(left_out)}"
@@ -109,7 +100,7 @@ def _with_principles(
 ) -> Comparison:
     """The comparison with the vakonomic motion after the others."""
     from lagcli.api import compare_principles
-    from lagcli.formulations import comparison
+    from lagcli.formulations import comparison, formulation_plan
     from lagcli.formulations.vakonomic import two_principles
 
     first = found.formulations[0]
@@ -129,11 +120,13 @@ def _with_principles(
         parting=two_principles.parting(shared, first, other.run, found.tolerance),
     )
     stops = [f"the vakonomic motion {other.run.stopped}"] if other.run.stopped else []
+    reducible = formulation_plan.is_reducible(run.model, first.rows, first.coordinates)
+    spared = [SPARED] if reducible and first.coordinates > MOST_REDUCED else []
     return dataclasses.replace(
         found,
         formulations=(*found.formulations, other.run),
         agreements=(*found.agreements, agreement),
-        notes=(*found.notes, *other.notes, *stops),
+        notes=(*found.notes, *other.notes, *stops, *spared),
         principles=principles,
     )
 
@@ -173,9 +166,9 @@ def _beside(
     return second, unique, [name for name in shared if name in loose]
 
 
-def _reformulated(run: SimulationRun, first: Formulation, is_spared: bool) -> Iterator[Formulation]:
-    """The model of a run in the other formulations that fit it, from the same start; is_spared: but for the null
-    space."""
+def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> Iterator[Formulation]:
+    """The model of a run in the other formulations that fit it, from the same start; vakonomic: without the
+    reduction of many coordinates."""
     from lagcli.formulations import formulation_plan, reduced_run
 
     if not len(first.table):
@@ -186,6 +179,7 @@ def _reformulated(run: SimulationRun, first: Formulation, is_spared: bool) -> It
         size_limits.require_built(freed)
         ready = CompiledModel(particle_form.build(run.built, freed))
         yield _table("freed", prepare_run.start_compiled(ready, KnownIntegrals()))
+    is_spared = vakonomic and first.coordinates > MOST_REDUCED
     if not is_spared and formulation_plan.is_reducible(run.model, first.rows, first.coordinates):
         chosen = dataclasses.replace(run.model.simulation, start=float(t), assemble=False, keep=())
         table, account, stop = reduced_run.run(run.built, run.grid, (q, v, run.parameters), chosen)
