@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from lagcli.api.find_modes import modes
     from lagcli.api.limit import limit
     from lagcli.api.load import load, loads
+    from lagcli.api.plot import plot
     from lagcli.api.simulate import simulate
     from lagcli.api.stationary import stationary
     from lagcli.auditing.audit_report import Audit
@@ -71,6 +72,7 @@ __all__ = [
     "load",
     "loads",
     "modes",
+    "plot",
     "simulate",
     "stationary",
 ]
@@ -104,6 +106,7 @@ _FUNCTIONS = {
     "load": "load",
     "loads": "load",
     "modes": "find_modes",
+    "plot": "plot",
     "simulate": "simulate",
     "stationary": "stationary",
 }

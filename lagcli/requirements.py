@@ -18,6 +18,7 @@ OLDEST = {
     "mpmath": "1.3",
     "numpy": "1.26",
     "orjson": "3.10",
+    "plotille": "5.0",
     "pyarrow": "15",
     "pyyaml": "6.0.1",
     "rich": "13.7",

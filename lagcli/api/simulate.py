@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
 import time
 from collections.abc import Sequence
@@ -16,6 +17,7 @@ from lagcli.api.load import Path, as_model
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.model.model import Model
 from lagcli.output import checkpoint_file, column_choice, incident_table
+from lagcli.output.figures import decimate
 from lagcli.output.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation import run_stop
 
@@ -101,11 +103,16 @@ class _GatheredTable:
         self._picked = column_choice.select(run.columns, columns, run.by_name)
         self._blocks = [np.zeros((0, len(self._picked)))]
         self._incidents = [run.incident_columns.table([])]
+        # What is zero to rounding is known from all columns.
+        self._is_whole = self._picked[: len(run.columns)] == list(range(len(run.columns)))
+        self._thinned = decimate.Thinned()
 
     def add(self, block: Floats) -> None:
         """A block of rows, and the incidents that came with it."""
         run = self._run
         self._blocks.append(run.taken(block, self._picked))
+        if not self._is_whole:
+            self._thinned.add(block)
         if run.incidents:
             self._incidents.append(run.incident_columns.table(run.incidents))
 
@@ -120,4 +127,13 @@ class _GatheredTable:
         seconds = time.perf_counter() - began - stats.compile_seconds
         stats = dataclasses.replace(stats, solve_seconds=seconds)
         names = tuple(everything[i] for i in self._picked)
-        return Trajectory(names, rows, stats, run.notes, incident_table.joined(self._incidents))
+        floors, looked_at = (
+            run.floors(),
+            rows[:, : len(run.columns)] if self._is_whole else self._thinned.rows(),
+        )
+
+        def zeros() -> frozenset[str]:
+            floors.take(looked_at)
+            return frozenset(itertools.compress(run.columns, floors.zeros()))
+
+        return Trajectory(names, rows, stats, run.notes, incident_table.joined(self._incidents), zeros)

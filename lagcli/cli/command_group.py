@@ -25,10 +25,10 @@ LOOKS: dict[str, Any] = {
 # Words for commands in other programs, and what to type here.
 _MEANT = {
     **dict.fromkeys(("run", "sim", "solve", "integrate", "start", "exec"), "lagcli simulate MODEL"),
-    **dict.fromkeys(("plot", "draw", "figure", "show"), "lagcli simulate MODEL --plot FILE"),
     **dict.fromkeys(
         ("animation", "movie", "film", "video", "gif", "view"), "lagcli animate MODEL -o FILE.html"
     ),
+    **dict.fromkeys(("draw", "figure", "show", "chart"), "lagcli plot FILE"),
     **dict.fromkeys(("count", "freedoms", "mobility"), "lagcli dof MODEL"),
     **dict.fromkeys(("validate", "lint", "classify", "verify", "analyze", "analyse"), "lagcli check MODEL"),
     **dict.fromkeys(("equations", "eom", "latex", "lagrange"), "lagcli derive MODEL"),

@@ -10,7 +10,8 @@ import dataclasses
 import errno
 import os
 import pathlib
-from collections.abc import Iterable, Iterator
+import sys
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TypedDict
 
 from lagcli.cli import exits, file_conflicts, model_reading
@@ -149,6 +150,58 @@ class SimulateOptions:
             derived += [row_file.path_of(table)] if self.checkpoint is not None else []
             for path in derived:
                 yield file_conflicts.File(option, os.fspath(path), is_written=True, is_derived=True)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class PlotOptions:
+    """Options of `plot`: what is drawn, and where; `changes` and `run`: of models, `--set` and settings of the run."""
+
+    files: tuple[str, ...]
+    y: tuple[str, ...] = ()
+    x: str | None = None
+    xy: tuple[str, ...] = ()
+    events: str | None = None
+    log: bool = False
+    title: str | None = None
+    output: str | None = None
+    show: bool = False
+    changes: tuple[str, ...] = ()
+    run: Mapping[str, float | int | str | bool | None] = dataclasses.field(default_factory=dict)
+    quiet: bool = False
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """The files that are models, by their endings."""
+        return tuple(name for name in self.files if name != "-" and not is_table(name))
+
+    @property
+    def is_shown(self) -> bool:
+        """True if the terminal is drawn on."""
+        return self.show or self.output is None
+
+    def require(self) -> None:
+        """Refuse what cannot be done for these files."""
+        require_models(list(self.files))
+        require_ending(self.output, endings.FIGURES)
+        if self.output is None and not self.show and not sys.stdout.isatty():
+            raise exits.UsageError("nothing to draw on: give -o FILE.png (svg, pdf), or --show for text")
+        if self.events is not None:
+            require_ending(self.events, endings.TABLES)
+            if not os.path.exists(self.events):
+                raise exits.UsageError(f"--events: there is no file {self.events}")
+        given = [name for name, value in self.run.items() if value is not None]
+        if not self.models and (given or self.changes):
+            option = f"--{given[0].replace('_', '-')}" if given else "--set"
+            raise exits.UsageError(f"{option} is for a MODEL that is simulated, and there are tables alone")
+        if self.output is not None:
+            read = [file for name in self.files for file in file_conflicts.model(name)]
+            read += [file_conflicts.File("--events", self.events)] if self.events is not None else []
+            require_writable(read, [file_conflicts.File("--output", self.output, is_written=True)])
+
+
+def is_table(name: str) -> bool:
+    """True for the name of a table, by its ending."""
+    return pathlib.PurePath(name).suffix.lower().removeprefix(".") in endings.TABLES
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +14,15 @@ from lagcli import __version__
 from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation, Vector3
-from lagcli.output import incident_table
+from lagcli.output import incident_table, table_facts
 from lagcli.output.incident_table import IncidentTable
+from lagcli.output.table_facts import TableFacts
 from lagcli.simulation import run_stop
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.start.assembly_moves import Moves
+
+if TYPE_CHECKING:
+    from lagcli.output.figures.sheet import NotebookFigure
 
 Floats = npt.NDArray[np.float64]
 
@@ -28,7 +34,8 @@ class Provenance:
     """The origin of a table; equal runs have equal ones.
 
     version: of lagcli; sha256: of the bytes of the model file; parameters: all values; set: the changes of `--set`
-    as they were given; method, rtol, atol: of the run, atol None where it follows the sizes of the motion.
+    as they were given; method, rtol, atol: of the run, atol None where it follows the sizes of the motion; facts:
+    title, units and dimensions of the model.
     """
 
     version: str
@@ -38,10 +45,13 @@ class Provenance:
     method: str
     rtol: float
     atol: float | None
+    facts: TableFacts = table_facts.NOTHING
 
     def as_json(self) -> dict[str, Any]:
         """The object `provenance` of `--stats` and of tables."""
-        return dataclasses.asdict(self)
+        plain = dataclasses.asdict(dataclasses.replace(self, facts=table_facts.NOTHING))
+        del plain["facts"]
+        return plain | self.facts.as_json()
 
 
 def provenance(model: Model) -> Provenance:
@@ -55,6 +65,7 @@ def provenance(model: Model) -> Provenance:
         method=settings.method_name(chosen),
         rtol=chosen.rtol,
         atol=chosen.atol,
+        facts=table_facts.of_model(model),
     )
 
 
@@ -134,8 +145,12 @@ class Stats:
 
     def as_json(self) -> dict[str, Any]:
         """The object written by `--stats`."""
-        account = dataclasses.asdict(dataclasses.replace(self, accuracy=None, assembled=None))
+        account = dataclasses.asdict(
+            dataclasses.replace(self, accuracy=None, assembled=None, provenance=None)
+        )
         del account["accuracy"], account["assembled"]
+        if self.provenance is not None:
+            account["provenance"] = self.provenance.as_json()
         if self.assembled is not None:
             account["assembled"] = self.assembled.as_json()
         return account if self.accuracy is None else {**account, **self.accuracy.as_json()}
@@ -146,7 +161,8 @@ class Trajectory(dict[str, Floats]):
 
     columns: their names; rows: all as one array (T, len(columns)), the first column `t`; stats: the account of the
     run; notes: sentences about first integrals that were not enforced all the time; events: its incidents, impacts,
-    contacts, releases and declared events, a sequence that is a mapping of columns too. It is not to be changed.
+    contacts, releases and declared events, a sequence that is a mapping of columns too; zeros: those that are zero to
+    rounding, or how to find them. It is not to be changed.
     """
 
     def __init__(
@@ -156,10 +172,11 @@ class Trajectory(dict[str, Floats]):
         stats: Stats,
         notes: tuple[str, ...] = (),
         events: IncidentTable = incident_table.NONE,
+        zeros: Callable[[], frozenset[str]] | frozenset[str] | None = None,
     ) -> None:
         super().__init__(zip(columns, rows.T, strict=True))
         self.columns, self.rows, self.stats, self.notes = columns, rows, stats, notes
-        self.events = events
+        self.events, self._zeros = events, zeros
 
     def __missing__(self, column: str) -> Floats:
         hint = diagnostics.nearest(column, self.columns)
@@ -176,7 +193,7 @@ class Trajectory(dict[str, Floats]):
     __hash__ = object.__hash__  # type: ignore[assignment] # it is not to be changed
 
     def __reduce__(self) -> tuple[type[Trajectory], tuple[object, ...]]:
-        return Trajectory, (self.columns, self.rows, self.stats, self.notes, self.events)
+        return Trajectory, (self.columns, self.rows, self.stats, self.notes, self.events, self.zeros)
 
     def __repr__(self) -> str:
         count = len(self.rows)
@@ -210,6 +227,56 @@ class Trajectory(dict[str, Floats]):
     def t(self) -> Floats:
         """The times (T,)."""
         return self["t"]
+
+    @property
+    def zeros(self) -> frozenset[str] | None:
+        """The columns that are zero to rounding, but not exactly; None where nobody has looked."""
+        if callable(self._zeros):
+            self._zeros = self._zeros()
+        return self._zeros
+
+    @property
+    def facts(self) -> TableFacts:
+        """The title, the units and the dimensions of the model, as far as they are known."""
+        told = self.stats.provenance.facts if self.stats.provenance is not None else table_facts.NOTHING
+        zeros = self.zeros
+        return dataclasses.replace(told, zeros=zeros or frozenset(), is_judged=zeros is not None)
+
+    @property
+    def origin(self) -> dict[str, object] | None:
+        """The provenance as tables hold it; None where it is not known."""
+        return self.stats.provenance.as_json() if self.stats.provenance is not None else None
+
+    @property
+    def incident_times(self) -> list[tuple[float, str]]:
+        """The times of the incidents with their kinds."""
+        return [(float(t), kind) for t, kind in zip(self.events.t, self.events.kinds, strict=True)]
+
+    def plot(
+        self,
+        y: str | Sequence[str] = (),
+        *,
+        x: str | None = None,
+        xy: str | Sequence[str] = (),
+        log: bool = False,
+        title: str | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> NotebookFigure:
+        """Draw columns as `lagcli plot` does and return a `matplotlib.figure.Figure`, which a notebook shows.
+
+        `y`: patterns separated by commas, `"lambda.*,R.a.z"`, each text of a list on axes of its own, the multipliers
+        where nothing is said; `x`: the column of the other axis, `t` where nothing is said; `xy`: pairs `"a.x,a.z"`
+        with one scale; `log`: sizes on a logarithmic scale; `path`: a file to write too, png, svg or pdf.
+        Raises `ValueError` for columns there are not, `OSError`.
+        """
+        # matplotlib is loaded where a figure is drawn.
+        from lagcli.output.charts import chart_figure, chart_table, compose
+
+        choice = compose.chosen(y, x=x, xy=xy, is_log=log, title=title)
+        drawn = compose.chart([chart_table.of_run(self)], choice)
+        if path is not None:
+            chart_figure.draw(path, drawn)
+        return chart_figure.compose(drawn)
 
     @property
     def digits(self) -> dict[str, float | None]:

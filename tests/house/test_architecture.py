@@ -44,6 +44,7 @@ DOORS = {
     "matplotlib": (
         "lagcli.output.figures.figure",
         "lagcli.output.figures.sheet",
+        "lagcli.output.charts.chart_figure",
         "lagcli.output.figures.loop_figure",
         "lagcli.output.figures.audit_figure",
         "lagcli.output.figures.principles_figure",
@@ -51,6 +52,7 @@ DOORS = {
         "lagcli.output.figures.modes_figure",
         "lagcli.output.animation.film",
     ),
+    "plotille": ("lagcli.output.charts.chart_terminal",),
     "orjson": ("lagcli.output.tables.float_text",),
     "pyarrow": ("lagcli.output.tables.parquet_table", "lagcli.output.tables.read_table"),
     "sympy": (

@@ -154,8 +154,10 @@ def thinned(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
     none = np.isnan(values)
     lowest = index[stretch, np.where(none, np.inf, values)[index].argmin(axis=1)]
     highest = index[stretch, np.where(none, -np.inf, values)[index].argmax(axis=1)]
-    # A curve is broken where it has no value.
-    return np.unique(np.concatenate([lowest, highest, np.flatnonzero(none), [0, count - 1]]))
+    # A curve is broken where it has no value; where that is so too often to be seen, it is by stretches of none.
+    breaks = np.flatnonzero(none)
+    breaks = breaks[: len(breaks) if len(breaks) <= most else 0]
+    return np.unique(np.concatenate([lowest, highest, breaks, [0, count - 1]]))
 
 
 def force_unit(units: PanelUnits, length_power: int = 1) -> str:
@@ -275,7 +277,11 @@ def _listed(idle: list[str]) -> str:
 
 
 def _of_like_size(curves: Iterable[Curve]) -> bool:
-    sizes = [size for size in (_size(curve.values) for curve in curves) if size > 0]
+    return are_of_like_size([size for size in (_size(curve.values) for curve in curves) if size > 0])
+
+
+def are_of_like_size(sizes: Sequence[float]) -> bool:
+    """True if curves of these sizes, none of them zero, can be read on common axes."""
     return not sizes or max(sizes) <= _LIKE_SIZE * min(sizes)
 
 

@@ -8,6 +8,7 @@ are the user's.
 import bisect
 import contextlib
 import dataclasses
+import io
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack
@@ -46,6 +47,7 @@ class LineStyle(TypedDict, total=False):
 WIDTH = 7.2
 MARGIN = 0.12
 DPI = 200
+SCREEN_DPI = 100  # in a notebook
 INK = "#222222"
 GREY = "#888888"
 # Okabe and Ito's colours, which the colour-blind can tell apart; dashes tell apart curves that coincide.
@@ -130,11 +132,21 @@ def style() -> Iterator[None]:
         yield
 
 
+class NotebookFigure(figure.Figure):
+    """A figure that a notebook shows, though no window and no state of pyplot belongs to it."""
+
+    def _repr_png_(self) -> bytes:
+        file = io.BytesIO()
+        with style():
+            self.savefig(file, format="png", metadata=METADATA["png"], dpi=SCREEN_DPI)
+        return file.getvalue()
+
+
 class FigurePage:
     """A figure on which things are placed in inches from its left and upper edge."""
 
     def __init__(self, height: float) -> None:
-        self.figure = figure.Figure(figsize=(WIDTH, height), dpi=DPI)
+        self.figure = NotebookFigure(figsize=(WIDTH, height), dpi=DPI)
         self._height = height
         backend_agg.FigureCanvasAgg(self.figure)
 
@@ -222,7 +234,7 @@ class FigureBlock:
     draw: Callable[[FigurePage, float], None]
 
 
-def stacked(blocks: Sequence[FigureBlock]) -> figure.Figure:
+def stacked(blocks: Sequence[FigureBlock]) -> NotebookFigure:
     """The page that holds the blocks from top to bottom."""
     page = FigurePage(sum(block.height for block in blocks) + 2 * MARGIN)
     top = MARGIN

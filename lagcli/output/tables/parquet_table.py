@@ -11,6 +11,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from lagcli.output.tables import row_buffer, text_cells
+from lagcli.output.tables.unreadable import provenance
 
 _BATCH = 1 << 15  # rows read at a time
 
@@ -65,8 +66,12 @@ class Damaged(ValueError):
     """A file that pyarrow cannot read as a table of numbers."""
 
 
-def outline(path: Path) -> tuple[tuple[str, ...], int, dict[str, str]]:
-    """The names of the columns of a file, its number of rows, and the types of columns that hold no plain numbers.
+Outline = tuple[tuple[str, ...], int, dict[str, str], dict[str, object] | None]
+
+
+def outline(path: Path) -> Outline:
+    """The names of the columns of a file, its number of rows, the types of columns that hold no plain numbers, and the
+    provenance, where there is one.
 
     Nothing but the end of the file is read. Raises `Damaged`.
     """
@@ -74,11 +79,12 @@ def outline(path: Path) -> tuple[tuple[str, ...], int, dict[str, str]]:
         with pyarrow.parquet.ParquetFile(str(path)) as file:
             fields = [(field.name, field.type) for field in file.schema_arrow]
             length = file.metadata.num_rows
+            origin = provenance((file.schema_arrow.metadata or {}).get(b"provenance"))
     except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:  # the last of a name
         raise Damaged(_reason(error)) from None
     plain = (pyarrow.types.is_floating, pyarrow.types.is_integer)
     odd = {name: str(kind) for name, kind in fields if not any(test(kind) for test in plain)}
-    return tuple(name for name, _ in fields), length, odd
+    return tuple(name for name, _ in fields), length, odd, origin
 
 
 def numbers(path: Path, names: Sequence[str], length: int) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import zipfile
 import zlib
@@ -12,7 +13,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output.tables.unreadable import SHOWN, bad
+from lagcli.output.tables.unreadable import SHOWN, UnreadableTable, bad, provenance
 
 MOST_HEADER = 4096  # bytes of the header of an array
 NUMBERS, TEXTS = "[<>|=]?[fiu][1248]", r"[<>=]U\d{1,4}"
@@ -28,6 +29,16 @@ class NpzTable:
         with path.open("rb") as file, self._archive(file) as archive:
             self._members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
             self.columns = tuple(info.filename.removesuffix(".npy") for info in archive.infolist())
+            self.provenance = provenance(archive.comment)
+
+    @functools.cached_property
+    def length(self) -> int | None:
+        """See `ReadTable`: that of the first column, where it holds numbers."""
+        with self._path.open("rb") as file, self._archive(file) as archive:
+            try:
+                return self._header(archive, self.columns[0])[1] if self.columns else 0
+            except UnreadableTable:
+                return None
 
     def take(self, names: Sequence[str]) -> Floats:
         """See `ReadTable`."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import array
 import csv
+import functools
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -35,6 +36,11 @@ class ReadTable(Protocol):
     """An open table: the names of its columns, and the columns themselves when they are asked for."""
 
     columns: tuple[str, ...]
+    provenance: dict[str, object] | None  # where the file holds one
+
+    @property
+    def length(self) -> int | None:
+        """The number of rows, where it is known before they are read. Raises OSError."""
 
     def take(self, names: Sequence[str]) -> Floats:
         """The rows (T, len(names)) of columns; what has no value is nan. Raises `UnreadableTable`, OSError."""
@@ -108,6 +114,7 @@ class _Csv:
     """A file of lines with commas, UTF-8 with or without a mark at its beginning; any line ends."""
 
     separator, called, others = ",", "commas", r"[;\t]"
+    provenance: dict[str, object] | None = None
 
     def __init__(self, path: Path, check_size: CheckSize) -> None:
         self._path, self._check_size = path, check_size
@@ -118,7 +125,7 @@ class _Csv:
     def take(self, names: Sequence[str]) -> Floats:
         """See `ReadTable`."""
         places = _places(self.columns, names)
-        plain = plain_csv.rows(self._path, self.separator, len(self.columns))
+        plain = self.length
         if plain is not None:
             self._check_size(self._path, plain, len(names))
             found = plain_csv.numbers(self._path, self.separator, len(self.columns), places, plain)
@@ -128,6 +135,11 @@ class _Csv:
         for count, row in self._whole(len(names)):
             numbers.extend([self._number(row[k], count, self.columns[k]) for k in places])
         return np.array(numbers, dtype=np.float64).reshape(count, len(names))
+
+    @functools.cached_property
+    def length(self) -> int | None:
+        """See `ReadTable`."""
+        return plain_csv.rows(self._path, self.separator, len(self.columns))
 
     def words(self, name: str) -> list[str]:
         """See `ReadTable`."""
@@ -201,7 +213,9 @@ class _Json:
             raise bad(path, "it is no object with the lists `columns` and `rows`")
         if not all(isinstance(name, str) for name in names):
             raise bad(path, "a name of a column is no text")
-        self.columns, self._rows = tuple(names), rows
+        self.columns, self._rows, self.length = tuple(names), rows, len(rows)
+        origin = found.get("provenance")
+        self.provenance = origin if isinstance(origin, dict) else None
 
     def take(self, names: Sequence[str]) -> Floats:
         """See `ReadTable`."""
@@ -246,24 +260,24 @@ class _Parquet:
             pass
         self._path, self._table = path, parquet_table
         try:
-            self.columns, self._length, self._odd = parquet_table.outline(path)
+            self.columns, self.length, self._odd, self.provenance = parquet_table.outline(path)
         except parquet_table.Damaged as error:
             raise bad(path, error) from None
 
     def take(self, names: Sequence[str]) -> Floats:
         """See `ReadTable`."""
-        self._check_size(self._path, self._length, len(names))
+        self._check_size(self._path, self.length, len(names))
         for name in names:
             if name in self._odd:
                 raise bad(self._path, f"`{name}` holds {self._odd[name]}, no plain numbers")
         try:
-            return self._table.numbers(self._path, names, self._length)
+            return self._table.numbers(self._path, names, self.length)
         except self._table.Damaged as error:
             raise bad(self._path, error) from None
 
     def words(self, name: str) -> list[str]:
         """See `ReadTable`."""
-        self._check_size(self._path, self._length, 1)
+        self._check_size(self._path, self.length, 1)
         if name not in self._odd:
             raise bad(self._path, f"`{name}` holds numbers and no text")
         try:

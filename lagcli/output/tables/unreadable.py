@@ -1,5 +1,6 @@
 """The refusal of a file that is no table, and of a cell that is no text."""
 
+import json
 from pathlib import Path
 
 SHOWN = 60  # characters of what is no number
@@ -20,3 +21,12 @@ def as_text(path: Path, cell: object, row: int, name: str) -> str:
     if not isinstance(cell, str) or len(cell) > MOST_TEXT:
         raise bad(path, f"row {row}: {name[:SHOWN]!r} holds {str(cell)[:SHOWN]!r}, which is no word")
     return cell
+
+
+def provenance(text: bytes | None) -> dict[str, object] | None:
+    """The provenance in the comment or the metadata of a file; None where there is none, or another text."""
+    try:
+        found = json.loads(text) if text else None
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None

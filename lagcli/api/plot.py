@@ -1,0 +1,76 @@
+"""`lagcli.plot`: columns of runs, tables and models, overlaid in one figure."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from lagcli.api.load import Path
+from lagcli.api.simulate import simulate
+from lagcli.model.model import Model
+from lagcli.output import endings
+from lagcli.output.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from lagcli.output.charts.chart_table import ChartTable
+    from lagcli.output.figures.sheet import NotebookFigure
+
+
+def plot(
+    *runs: Trajectory | Model | Path,
+    y: str | Sequence[str] = (),
+    x: str | None = None,
+    xy: str | Sequence[str] = (),
+    log: bool = False,
+    events: Path | None = None,
+    title: str | None = None,
+    path: Path | None = None,
+) -> NotebookFigure:
+    """Draw columns of runs, of tables in files, or of models, which are simulated with their own settings.
+
+    `y`: patterns separated by commas, `"lambda.*,R.a.z"`, each text of a list on axes of its own, the multipliers where
+    nothing is said; `x`: the column of the other axis, `t` where nothing is said; `xy`: pairs `"a.x,a.z"` with one
+    scale; `log`: sizes on a logarithmic scale; `events`: the table of incidents that are marked; `path`: a file to
+    write, png, svg or pdf. Returns a `matplotlib.figure.Figure`, which a notebook shows.
+    Raises `ModelError`, `ValueError` for columns and tables that cannot be drawn, `OSError`, `SimulationStopped`.
+    """
+    # Other functions draw no charts.
+    from lagcli.output.charts import chart_figure, compose
+
+    if not runs:
+        raise ValueError("there is nothing to plot: give a run, a table or a model")
+    choice = compose.chosen(y, x=x, xy=xy, is_log=log, title=title)
+    drawn = compose.chart(marked([_table(run) for run in runs], events), choice)
+    if path is not None:
+        chart_figure.draw(path, drawn)
+    return chart_figure.compose(drawn)
+
+
+def is_table(path: Path) -> bool:
+    """True for the file of a table, by its ending; other files are models."""
+    return os.path.splitext(os.fspath(path))[1].lower().removeprefix(".") in endings.TABLES
+
+
+def marked(tables: Sequence[ChartTable], events: Path | None) -> Sequence[ChartTable]:
+    """The tables with the incidents of a file in place of their own. Raises as `read_events.read_events`."""
+    if events is None:
+        return tables
+    from lagcli.output.tables import read_events
+
+    found = read_events.read_events(events)
+    incidents = [(float(t), kind) for t, kind in zip(found.t, found.kinds, strict=True)]
+    return [dataclasses.replace(table, incidents=incidents) for table in tables]
+
+
+def _table(run: Trajectory | Model | Path) -> ChartTable:
+    from lagcli.output.charts import chart_table
+
+    if isinstance(run, Trajectory):
+        return chart_table.of_run(run)
+    if isinstance(run, Model):
+        return chart_table.of_run(simulate(run, event_rows=True), run.path)
+    if is_table(run):
+        return chart_table.of_file(run)
+    return chart_table.of_run(simulate(run, event_rows=True), os.fspath(run))

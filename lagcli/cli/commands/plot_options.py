@@ -1,0 +1,83 @@
+"""`lagcli plot`: its options."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from lagcli.cli import exits
+from lagcli.cli.options import (
+    AssembleOption,
+    DebugOption,
+    OutputStepOption,
+    QuietOption,
+    SetOption,
+)
+from lagcli.model import settings
+
+
+@exits.command
+def plot(
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FILE...",
+            help="tables (.csv, .tsv, .json, .npz, .parquet; - for CSV on standard input), or models, to be simulated",
+        ),
+    ],
+    y: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--y", metavar="PATTERNS", help="columns, such as 'lambda.*,R.a.z'; again for more axes"
+        ),
+    ] = None,
+    x: Annotated[
+        str | None, typer.Option("--x", metavar="COLUMN", help="the column of the other axis (t)")
+    ] = None,
+    xy: Annotated[
+        list[str] | None,
+        typer.Option("--xy", metavar="X,Y", help="a path with one scale, such as a.x,a.z; repeatable"),
+    ] = None,
+    events: Annotated[
+        str | None,
+        typer.Option("--events", metavar="FILE", help="mark the events of `simulate --events`"),
+    ] = None,
+    log: Annotated[bool, typer.Option("--log", help="sizes on a logarithmic scale")] = False,
+    title: Annotated[
+        str | None, typer.Option("--title", metavar="TEXT", help="in place of the model's")
+    ] = None,
+    output: Annotated[
+        str | None, typer.Option("-o", "--output", metavar="FILE", help="the figure: png, svg, pdf")
+    ] = None,
+    show: Annotated[
+        bool, typer.Option("--show", help="draw in the terminal, which is usual without -o")
+    ] = False,
+    duration: Annotated[float | None, typer.Option(help="length of the run of a model")] = None,
+    output_step: OutputStepOption = None,
+    samples: Annotated[int | None, typer.Option(help="number of its rows, both ends counted")] = None,
+    rtol: Annotated[float | None, typer.Option(help="its relative tolerance")] = None,
+    atol: Annotated[float | None, typer.Option(help="its absolute tolerance")] = None,
+    method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
+    assemble: AssembleOption = False,
+    changes: SetOption = None,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Draw columns of tables and models: over t or another column, as paths, several runs overlaid.
+
+    Without --y and --xy the multipliers. Exit 3 where the run of a model stops before its end: the rows so far are
+    drawn.
+    """
+    from lagcli.cli import plot_command, preflight
+
+    run = {
+        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
+        "method": method, "assemble": True if assemble else None,
+    }  # fmt: skip
+    options = preflight.PlotOptions(
+        tuple(files), tuple(y or ()), x, tuple(xy or ()), events, log, title, output, show,
+        tuple(changes or ()), run, quiet,
+    )  # fmt: skip
+    options.require()
+    plot_command.run(options)

@@ -1,0 +1,107 @@
+"""A chart as data: panels of curves with the words of their axes and legends, whatever they are drawn with."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# Curves of one panel that a legend can tell apart; more have the colours of a sequence.
+MOST_KEYS = 12
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ChartCurve:
+    """A curve: x and y (k,), thinned, broken where one is nan; colour and dash by their places in a sequence."""
+
+    label: str
+    x: Floats
+    y: Floats
+    colour: int
+    dash: int
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class LegendKey:
+    """An entry of a legend; colour is None where it explains dashes alone."""
+
+    label: str
+    colour: int | None
+    dash: int
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class IncidentDots:
+    """The places of incidents of one kind, by its number, in a plane: x and y (k,)."""
+
+    number: int
+    x: Floats
+    y: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ChartPanel:
+    """Curves on common axes.
+
+    shape: `time` for values over a common axis that rises, `plane` for one column against another, `equal` for such
+    with one scale; keys: of the legend, empty where the axis names the one curve; is_family: coloured by a sequence;
+    is_log: sizes on a logarithmic scale; limits: of x where it is common to all panels.
+    """
+
+    shape: Literal["time", "plane", "equal"]
+    x_label: str
+    y_label: str
+    curves: tuple[ChartCurve, ...]
+    keys: tuple[LegendKey, ...] = ()
+    is_family: bool = False
+    is_log: bool = False
+    limits: tuple[float, float] | None = None
+    dots: tuple[IncidentDots, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The smallest and largest finite values of x and of y; (0, 0) where there are none."""
+        found = []
+        for values in ([curve.x for curve in self.curves], [curve.y for curve in self.curves]):
+            whole = np.concatenate([*values, np.zeros(0)])
+            whole = whole[np.isfinite(whole)]
+            found.append((float(whole.min()), float(whole.max())) if whole.size else (0.0, 0.0))
+        return found[0], found[1]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ChartData:
+    """Panels from top to bottom under a title; incidents: times and kinds, marked on axes of time."""
+
+    title: str
+    panels: tuple[ChartPanel, ...]
+    incidents: Sequence[tuple[float, str]] = ()
+
+
+def squared(
+    x: tuple[float, float], y: tuple[float, float], width: float, height: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The limits of axes of that size on which both directions have one scale, with some room around x and y."""
+    spans = max(x[1] - x[0], 0.0), max(y[1] - y[0], 0.0)
+    scale = 1.08 * max(spans[0] / width, spans[1] / height)
+    scale = scale or 1.08 * max(abs(x[0]), abs(y[0]), 1.0) / max(width, height)
+    middles = x[0] / 2 + x[1] / 2, y[0] / 2 + y[1] / 2
+    halves = scale * width / 2, scale * height / 2
+    (a, b), (c, d) = ((m - h, m + h) for m, h in zip(middles, halves, strict=True))
+    return (a, b), (c, d)
+
+
+def decades(low: float, high: float) -> tuple[int, int]:
+    """The powers of ten from below the smallest to above the largest positive value; no more than MOST_DECADES."""
+    top = int(np.ceil(np.log10(high))) if high > 0 else 0
+    bottom = int(np.floor(np.log10(low))) if low > 0 else top - 1
+    return max(min(bottom, top - 1), top - MOST_DECADES), top
+
+
+# Of a logarithmic axis: from the largest forces to what is left of them after rounding, and then some.
+MOST_DECADES = 40

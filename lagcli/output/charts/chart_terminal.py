@@ -1,0 +1,279 @@
+"""A chart as text for a terminal: curves of braille dots between axes of plain characters."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import unicodedata
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import diagnostics
+from lagcli.output.charts import path_thinning, plain_ticks
+from lagcli.output.charts.chart import ChartCurve, ChartData, ChartPanel, decades, squared
+from lagcli.output.figures import incident_marks, panels
+from lagcli.output.figures.incident_marks import IncidentMarks
+
+Floats = NDArray[np.float64]
+Span = tuple[float, float]
+
+NARROWEST = 30  # columns: narrower terminals wrap the lines
+ROWS = {1: 16, 2: 11}  # lines of axes, by the number of panels
+FEWEST_ROWS = 7
+MOST_LABEL = 30  # characters of a name in a legend
+# Numbers of the colours of 256 that come next to those of figures, and of the sequence for many curves.
+COLOURS = (25, 166, 36, 175, 178, 74)
+SEQUENCE = (54, 60, 24, 30, 29, 35, 71, 77, 112, 148)
+EMPTY = "\u2800"  # the character of no dots
+MARK, MARK_COLOUR = "┆", 245
+LETTERS = "abcdefghijkl"
+SPOTS = 3  # letters on a curve where there are no colours
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class TerminalLook:
+    """The columns of a terminal, and whether it has colours."""
+
+    columns: int = 80
+    has_colours: bool = False
+
+
+def lines(chart: ChartData, look: TerminalLook) -> Iterator[str]:
+    """The chart as lines of at most so many columns."""
+    columns = max(NARROWEST, look.columns)
+    if chart.title.strip():
+        yield _cut(chart.title, columns)
+    for panel in chart.panels:
+        yield from _panel(
+            panel, chart.incidents, dataclasses.replace(look, columns=columns), len(chart.panels)
+        )
+
+
+def _panel(
+    panel: ChartPanel, incidents: Sequence[tuple[float, str]], look: TerminalLook, count: int
+) -> Iterator[str]:
+    yield ""
+    yield _cut(panel.y_label, look.columns)
+    area = _Area(panel, look, ROWS.get(count, FEWEST_ROWS))
+    marks = incident_marks.of(incidents, area.x) if panel.shape == "time" and incidents else []
+    yield from area.drawn(marks)
+    yield _cut(f"{' ' * (area.left + 1)}{panel.x_label.center(area.width)}".rstrip(), look.columns)
+    for mark in marks:
+        yield _cut(f"{MARK} {mark.label}", look.columns)
+    yield from _legend(panel, look)
+    for note in panel.notes:
+        yield from _wrapped(note, look.columns)
+
+
+def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
+    if panel.is_family:
+        first, last = panel.curves[0].label, panel.curves[-1].label
+        yield _cut(f"{len(panel.curves)} curves, {_short(first)} to {_short(last)}", look.columns)
+        return
+    if len(panel.curves) < 2 and not panel.keys:
+        return
+    line, used = "", 0
+    for place, curve in enumerate(panel.curves):
+        name = _name(panel, curve)
+        sample = "──" if look.has_colours else LETTERS[place % len(LETTERS)]
+        width = _columns(sample) + 1 + _columns(name) + 3
+        if line and used + width > look.columns:
+            yield line.rstrip()
+            line, used = "", 0
+        line += f"{_coloured(sample, _colour(panel, place), look)} {name}   "
+        used += width
+    yield line.rstrip()
+
+
+def _name(panel: ChartPanel, curve: ChartCurve) -> str:
+    """The name of a curve; of columns of several runs both of the legend's entries."""
+    column = next((key.label for key in panel.keys if key.colour == curve.colour and key.dash == 0), "")
+    is_both = any(key.colour is None for key in panel.keys)
+    return _short(f"{column}, {curve.label}" if is_both else curve.label)
+
+
+def _short(name: str) -> str:
+    return _cut(name, MOST_LABEL)
+
+
+def _colour(panel: ChartPanel, place: int) -> int:
+    if panel.is_family:
+        return SEQUENCE[place * len(SEQUENCE) // len(panel.curves)]
+    return COLOURS[place % len(COLOURS)]
+
+
+def _coloured(text: str, colour: int, look: TerminalLook) -> str:
+    return f"\x1b[38;5;{colour}m{text}\x1b[0m" if look.has_colours else text
+
+
+class _Canvas(Protocol):
+    """The part of `plotille.Canvas` that is used."""
+
+    def line(self, x0: float, y0: float, x1: float, y1: float, *, color: int | None) -> None: ...
+
+    def point(self, x: float, y: float, *, color: int | None = None, marker: str | None = None) -> None: ...
+
+    def plot(self) -> str: ...
+
+
+class _Area:
+    """The axes of a panel: a canvas of dots, four high and two wide in a character, with ticks beside it."""
+
+    def __init__(self, panel: ChartPanel, look: TerminalLook, rows: int) -> None:
+        self._panel, self._look, self.rows = panel, look, rows
+        self.x, self._y = _limits(panel)
+        texts = self._texts()
+        self.left = max(map(len, texts.values()), default=0)
+        self.width = max(10, look.columns - self.left - 2)
+        if panel.shape == "equal":
+            (low, high), (bottom, top) = panel.extent()
+            ratio = (top - bottom) / (high - low) if high > low else 1.0
+            self.rows = int(np.clip(round(self.width * ratio / 2), FEWEST_ROWS, 2 * rows))
+            self.x, self._y = squared(*panel.extent(), 2 * self.width, 4 * self.rows)
+            texts = self._texts()
+            self.left = max(map(len, texts.values()), default=0)
+            self.width = max(10, look.columns - self.left - 2)
+            self.x, self._y = squared(*panel.extent(), 2 * self.width, 4 * self.rows)
+        self._ticks = self._texts()
+
+    def _texts(self) -> dict[int, str]:
+        """The texts of ticks on the left by the number of the line from above."""
+        low, high = self._y
+        found: dict[int, str] = {}
+        pairs = plain_ticks.ticks(low, high, max(3, self.rows // 3))
+        if self._panel.is_log:
+            every = max(1, -(-round(high - low) // max(1, self.rows // 2)))
+            pairs = [(float(p), f"1e{p}") for p in range(round(low), round(high) + 1, every)]
+        for value, text in pairs:
+            line = self.rows - 1 - int((value - low) / (high - low) * self.rows - 1e-9)
+            found[min(max(line, 0), self.rows - 1)] = text
+        return found
+
+    def drawn(self, marks: Sequence[IncidentMarks]) -> Iterator[str]:
+        """The lines of the axes with their ticks."""
+        # Loaded by --show alone.
+        import plotille
+
+        canvas = plotille.Canvas(self.width, self.rows, 0.0, 0.0, 1.0, 1.0, mode="byte")
+        for place, curve in enumerate(self._panel.curves):
+            self._put(canvas, place, curve)
+        if not self._look.has_colours and 1 < len(self._panel.curves) <= len(LETTERS):
+            for place, curve in enumerate(self._panel.curves):
+                self._put_letters(canvas, place, curve)
+        for mark in marks:
+            for t in mark.times:
+                self._mark(canvas, float(t))
+        for number, line in enumerate(canvas.plot().split("\n")):
+            line = line.replace(EMPTY, " ")
+            text = self._ticks.get(number, "")
+            yield f"{text:>{self.left}}{'┤' if text else '│'}{line}".rstrip()
+        yield from self._below()
+
+    def _put(self, canvas: _Canvas, place: int, curve: ChartCurve) -> None:
+        colour = _colour(self._panel, place) if self._look.has_colours else None
+        x, y = self._thin(curve)
+        points = np.column_stack([x, y]).tolist()
+        alone = [k for k, point in enumerate(points) if np.isfinite(point).all()]
+        for before, after in itertools.pairwise(alone):
+            if after == before + 1:
+                canvas.line(*points[before], *points[after], color=colour)
+        if len(alone) == 1:
+            canvas.point(*points[alone[0]], color=colour)
+
+    def _thin(self, curve: ChartCurve) -> tuple[Floats, Floats]:
+        y = np.log10(curve.y) if self._panel.is_log else curve.y
+        if self._panel.shape == "time":
+            kept = panels.thinned(y, 4 * self.width)
+            x, y = curve.x[kept], y[kept]
+        else:
+            x, y = path_thinning.traced(curve.x, y, most=8 * self.width, cells=4 * self.width)
+        return _part(x, self.x), _part(y, self._y)
+
+    def _put_letters(self, canvas: _Canvas, place: int, curve: ChartCurve) -> None:
+        """A letter on a curve, at some of its points that no other curve has."""
+        x, y = self._thin(curve)
+        known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+        for spot in range(SPOTS if known.size else 0):
+            part = (spot + (place + 1) / (len(self._panel.curves) + 1)) / SPOTS
+            k = known[min(int(part * known.size), known.size - 1)]
+            canvas.point(float(x[k]), float(y[k]), marker=LETTERS[place])
+
+    def _mark(self, canvas: _Canvas, t: float) -> None:
+        colour = MARK_COLOUR if self._look.has_colours else None
+        (place,) = _part(np.array([t]), self.x)
+        for row in (0, self.rows - 1) if np.isfinite(place) else ():  # at the edges: it would hide the curve
+            canvas.point(float(place), (row + 0.5) / self.rows, color=colour, marker=MARK)
+
+    def _below(self) -> Iterator[str]:
+        axis, names = ["─"] * self.width, [" "] * (self.width + 1)
+        free = 0
+        for value, text in plain_ticks.ticks(*self.x, max(2, self.width // 12)):
+            at = min(int((value - self.x[0]) / (self.x[1] - self.x[0]) * self.width), self.width - 1)
+            axis[at] = "┬"
+            start = min(max(at - len(text) // 2, 0), self.width - len(text))
+            if start >= free:
+                names[start : start + len(text)] = text
+                free = start + len(text) + 1
+        yield f"{' ' * self.left}└{''.join(axis)}"
+        yield f"{' ' * self.left} {''.join(names)}".rstrip()
+
+
+def _limits(panel: ChartPanel) -> tuple[Span, Span]:
+    """The limits of the axes, of the powers of ten where sizes are logarithmic."""
+    x, y = panel.extent()
+    if panel.limits is not None:
+        x = panel.limits
+    if panel.is_log:
+        bottom, top = decades(*y)
+        return _room(x, 0.0), (float(bottom), float(top))
+    flat = max(1e-3 * max(abs(y[0]), abs(y[1])), 0.0) or 1.0
+    if y[1] - y[0] < flat:  # round-off about a constant is no motion
+        middle = y[0] / 2 + y[1] / 2
+        y = middle - flat / 2, middle + flat / 2
+    return _room(x, 0.0 if panel.shape == "time" else 0.03), _room(y, 0.04)
+
+
+def _part(values: Floats, limits: Span) -> Floats:
+    """The places of values on an axis, 0 at its beginning and just below 1 at its end; nan outside."""
+    half = limits[1] / 2 - limits[0] / 2  # twice the largest double is none
+    if not half:  # of the smallest numbers there are no halves
+        return np.where(values == limits[0], 0.0, 1 - 1e-9)
+    part = (values / 2 - limits[0] / 2) / half
+    return np.where((part >= 0) & (part <= 1), np.minimum(part, 1 - 1e-9), np.nan)
+
+
+def _room(span: Span, part: float) -> Span:
+    low, high = span
+    if low == high:
+        return low - 0.5, high + 0.5
+    more = part * (high / 2 - low / 2) * 2
+    return low - more, high + more
+
+
+def _columns(text: str) -> int:
+    return sum(
+        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text
+    )
+
+
+def _cut(text: str, columns: int) -> str:
+    """The text as far as it goes in so many columns, without what a terminal would act on."""
+    plain = diagnostics.printable(text).replace("\n", " ").replace("  (", " (")
+    if _columns(plain) <= columns:
+        return plain
+    while _columns(plain) > columns - 1:
+        plain = plain[: min(len(plain) - 1, columns)]
+    return plain + "…"
+
+
+def _wrapped(text: str, columns: int) -> Iterator[str]:
+    line = ""
+    for word in diagnostics.printable(text).split():
+        if line and _columns(line) + 1 + _columns(word) > columns:
+            yield line
+            line = ""
+        line = f"{line} {word}" if line else _cut(word, columns)
+    yield line
