@@ -22,7 +22,7 @@ Span = tuple[float, float]
 
 NARROWEST = 30  # columns: narrower terminals wrap the lines
 ROWS = {1: 16, 2: 11}  # lines of axes, by the number of panels
-FEWEST_ROWS = 7
+FEWEST_ROWS = 7  # lines of axes of any panel: three ticks
 MOST_LABEL = 30  # characters of a name in a legend
 # Numbers of the colours of 256 that come next to those of figures, and of the sequence for many curves.
 COLOURS = (25, 166, 36, 175, 178, 74)

@@ -21,7 +21,7 @@ from lagcli.output.figures import incident_marks, panels
 
 Floats = NDArray[np.float64]
 
-MOST_PANELS = 24
+MOST_PANELS = 24  # on one page, an inch each
 # Columns that share axes only while their values are of like size: their units may differ.
 MOST_APART = 8
 MOST_LISTED = 6  # names in a note

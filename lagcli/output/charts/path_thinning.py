@@ -9,7 +9,7 @@ Floats = NDArray[np.float64]
 
 MOST = 20_000  # points of one curve: an orbit that never closes, drawn with a pen of a thousandth of the page
 CELLS = 4000  # places that a page tells apart in one direction
-FEWEST_CELLS = 250
+FEWEST_CELLS = 250  # coarser, and it looks like steps
 
 
 def traced(x: Floats, y: Floats, most: int = MOST, cells: int = CELLS) -> tuple[Floats, Floats]:

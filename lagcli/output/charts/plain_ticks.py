@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
 
 
 def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:

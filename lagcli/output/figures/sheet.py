@@ -44,9 +44,9 @@ class LineStyle(TypedDict, total=False):
     linewidth: float
 
 
-WIDTH = 7.2
-MARGIN = 0.12
-DPI = 200
+WIDTH = 7.2  # inches, of a page of text
+MARGIN = 0.12  # inches
+DPI = 200  # of pictures that are printed
 SCREEN_DPI = 100  # in a notebook
 INK = "#222222"
 GREY = "#888888"
