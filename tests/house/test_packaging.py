@@ -107,3 +107,9 @@ def test_the_version_is_known_without_installation(tmp_path: pathlib.Path) -> No
         check=False,
     )
     assert done.stdout == f"lagcli {lagcli.__version__}\n"
+
+
+def test_the_first_session_runs_every_command_that_makes_pictures_or_pages() -> None:
+    script = (ROOT / ".ci" / "first-session").read_text(encoding="utf-8")
+    for command in ("plot", "animate", "report"):
+        assert f"lagcli {command} " in script
