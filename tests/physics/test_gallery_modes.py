@@ -15,9 +15,10 @@ from lagcli.output import table_columns
 pytestmark = pytest.mark.numeric
 
 MODELS = pathlib.Path(__file__).parents[2] / "models"
-# The models that have an equilibrium with a mode that is not zero, and no clock in their forces.
+# The models that have an equilibrium with a mode that is not zero, and linear equations that do not depend on t.
 RESTING = [
-    "bicycle", "braced-square", "breaking-rod", "cloth", "co2-vibrations",
+    "bead-on-rotating-hoop", "bicycle", "braced-square", "breaking-rod", "bricard", "buckling-column", "chain", "cloth",
+    "co2-vibrations", "hanging-chain", "sphere-fall-off",
     "conical-pendulum", "double-four-bar", "double-pendulum", "double-pendulum-angles", "pendulum", "pendulum-angle",
     "poincare-section", "rope-slack-and-taut", "spherical-pendulum", "spring-lattice", "triangle-on-sphere",
     "twin-rod", "water-vibrations",
@@ -29,15 +30,17 @@ def modes(name: str, about: str = "auto", **parameters: float) -> lagcli.Modes:
     return lagcli.modes(lagcli.load(MODELS / f"{name}.yaml", parameters), about=about)
 
 
-def pushed(name: str, found: lagcli.Modes, shape: np.ndarray, duration: float) -> np.ndarray:
+def pushed(
+    name: str, found: lagcli.Modes, shape: np.ndarray, duration: float, **parameters: float
+) -> np.ndarray:
     """Deviations (n,) of places a time after a push of velocities, to first order: of two pushes, forth and back."""
-    forth, back = (away(name, found, sign * shape, duration) for sign in (1.0, -1.0))
+    model = lagcli.load(MODELS / f"{name}.yaml", parameters)
+    forth, back = (away(model, found, sign * shape, duration) for sign in (1.0, -1.0))
     return (forth - back) / 2
 
 
-def away(name: str, found: lagcli.Modes, shape: np.ndarray, duration: float) -> np.ndarray:
+def away(model: lagcli.Model, found: lagcli.Modes, shape: np.ndarray, duration: float) -> np.ndarray:
     """Deviations (n,) of places a time after a push from the equilibrium."""
-    model = lagcli.load(MODELS / f"{name}.yaml")
     q = np.array([found.at[column] for column in found.coordinates])
     settings = dataclasses.replace(
         model.simulation,
@@ -81,6 +84,40 @@ def test_a_small_push_moves_as_its_mode_says(name: str) -> None:
             # Where -s has the same shape, as without damping, q = u sinh(s t).
             if has_opposite(found, s):
                 np.testing.assert_allclose(end, np.sinh(1.0) * u, atol=1e-6)
+
+
+@pytest.mark.parametrize("v", [3.0, 5.0])
+def test_a_pushed_bicycle_moves_as_the_sum_of_its_modes(v: float) -> None:
+    """Capsize, castering and weave together: complex, damped and growing, q(t) = sum c_j u_j exp(s_j t)."""
+    found = modes("bicycle", "equilibrium", v=v)
+    n, s, U = len(found.coordinates), found.eigenvalues, found.shapes.T
+    assert np.abs(s.imag).max() > 1
+    push = PUSH * np.linspace(1.0, -0.4, n)
+    c = np.linalg.lstsq(np.vstack([U, U * s]), np.concatenate([0 * push, push]), rcond=None)[0]
+    for t in (0.4, 1.3):
+        wanted = (U @ (c * np.exp(s * t))).real
+        end = pushed("bicycle", found, push, t, v=v)
+        np.testing.assert_allclose(end, wanted, atol=1e-6 * np.abs(wanted).max())
+
+
+def test_a_damped_swing_dies_away_as_its_mode_says() -> None:
+    """A complex pair: with a push of the real part, q(t) = Re(c u exp(s t)), to six digits of both parts of s."""
+    model = lagcli.loads("""
+lagcli: 1
+coordinates: {x: {}, y: {}}
+lagrangian: (rate(x)**2 + 2*rate(y)**2)/2 - 5*x**2 - 3*(1 - cos(y - x))
+forces: {drag: {to: x, force: -0.3*rate(x)}}
+""")
+    found = lagcli.modes(model)
+    s, U = found.eigenvalues, found.shapes.T
+    assert (s.real < 0).all()
+    assert (s.imag != 0).all()
+    push = PUSH * np.array([1.0, -0.4])
+    c = np.linalg.lstsq(np.vstack([U, U * s]), np.concatenate([0 * push, push]), rcond=None)[0]
+    for t in (0.7, 6.1):
+        wanted = (U @ (c * np.exp(s * t))).real
+        end = (away(model, found, push, t) - away(model, found, -push, t)) / 2
+        np.testing.assert_allclose(end, wanted, atol=1e-6 * np.abs(wanted).max())
 
 
 def has_opposite(found: lagcli.Modes, s: complex) -> bool:
