@@ -131,10 +131,21 @@ def require_smooth(kinks: Kinks | None, t: float, q: Floats, p: Floats) -> None:
 def _speaks_of_switches(model: nouns.Model) -> bool:
     """True if an expression that constraints are made of has a function that switches."""
     laws: tuple[nouns.Holonomic | nouns.Differential, ...] = (*model.holonomic, *model.differential)
-    texts = [law.equation.text for law in laws]
-    texts += [definition.expression.text for definition in model.definitions]
-    texts += [part.text for p in model.particles if p.is_dependent for part in p.position.parts]
+    texts = [*(law.equation.text for law in laws), *_shared(model)]
     return any(_WORDS.search(text) for text in texts)
+
+
+def _shared(model: nouns.Model) -> list[str]:
+    """The expressions that may stand in those of rows."""
+    texts = [definition.expression.text for definition in model.definitions]
+    return texts + [part.text for p in model.particles if p.is_dependent for part in p.position.parts]
+
+
+def of_contacts(model: nouns.Model) -> npt.NDArray[np.bool_]:
+    """True for inequalities (K,) in whose expressions a function switches, or in what all may be made of."""
+    shared = any(_WORDS.search(text) for text in _shared(model))
+    found = [shared or bool(_WORDS.search(law.equation.text)) for law in model.inequality]
+    return np.repeat(np.array(found, dtype=bool), [law.members.count for law in model.inequality])
 
 
 def _arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:

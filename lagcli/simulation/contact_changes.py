@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
-from lagcli.simulation import contact_change, contact_mode, line_functions, run_stop
+from lagcli.equations import kinks
+from lagcli.simulation import contact_change, contact_gradient, contact_mode, line_functions, run_stop
 from lagcli.simulation.contact_change import Blow, ContactsUndecided
 from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues
 from lagcli.simulation.contact_mode import ContactMode
@@ -49,6 +50,9 @@ class ContactChanges:
         self.sizes = np.zeros(0)
         e = [law.restitution for law in system.model.inequality if law.members.count]
         self._restitution = np.concatenate(e) if e else np.zeros(0)
+        self._kinked = kinks.of_contacts(system.model)
+        # Extents of gaps, as `ContactInstant.lowest`, in the step behind (K,).
+        self._lowest = np.full(self._count, np.inf)
 
     @property
     def closed(self) -> tuple[int, ...]:
@@ -72,7 +76,7 @@ class ContactChanges:
     def noises(self) -> tuple[Floats, Floats]:
         """Of gaps and of multipliers (K,) at the state: what is zero there."""
         here = self.here()
-        gaps = here.noise.copy()
+        gaps, self._lowest = here.noise.copy(), here.lowest
         touching = list(self._run.contacts.touching)
         gaps[touching] = here.nearness[touching]
         if self._run.contacts.again == 0:
@@ -112,6 +116,7 @@ class ContactChanges:
         """Decide the contacts at the start; an impact there is an incident."""
         here = self.here()
         if here.near.any():
+            self._require_directions(here, np.flatnonzero(here.near).tolist())
             self._change(here, None, is_start=True)
 
     def at(self, hits: tuple[int, ...], ahead: Ahead | None) -> None:
@@ -130,10 +135,17 @@ class ContactChanges:
             self.tell_events(events)
         if any(i < first for i in hits):
             here = self.here()
+            self._require_directions(here, [i - self._rows for i in hits if self._rows <= i < first])
             self._require_apart(here, LANDED)
             self._change(here, ahead, hits=hits)
         else:
             run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
+
+    def _require_directions(self, here: ContactInstant, contacts: list[int]) -> None:
+        """Raise `StepFailure` where a contact that may have closed has no gradient to push along."""
+        fallen = contact_gradient.fallen(here, self._lowest, contacts)
+        if fallen.any() or self._kinked.any():
+            self._decided(lambda: contact_gradient.require(here, fallen, self._kinked))
 
     def tell_events(self, numbers: Iterable[int]) -> None:
         """Tell of declared events where the run stands; one that stops ends it."""

@@ -146,6 +146,26 @@ class ContactInstant:
         moved = np.abs(self._entries * self._units[0][values.column]) * way
         return np.asarray(np.bincount(values.row, moved, minlength=values.count))
 
+    @property
+    def units(self) -> Floats:
+        """Units (n,) of `parts.Sizes`."""
+        return self._units[0]
+
+    def entries(self, contact: int) -> Floats:
+        """The entries of the gradient of one contact."""
+        return self._entries[self._values.places(contact)]
+
+    def direction(self, contact: int) -> tuple[Floats, float]:
+        """The displacement (n,) along the gradient of a contact that counts as 1 in units, and dg/ds along it."""
+        values = self._values
+        places = values.places(contact)
+        columns = values.column[places]
+        steepness, way = self._entries[places] * self.units[columns], np.zeros(self.state.q.size)
+        slope = float(np.linalg.norm(steepness))
+        if slope > 0:
+            way[columns] = steepness / slope * self.units[columns]
+        return way, slope
+
     @cached_property
     def _units(self) -> tuple[Floats, float]:
         """Units (n,) of `parts.Sizes`, and the largest acceleration in them."""

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lagcli.equations import kinks
 from lagcli.equations.system import System
-from lagcli.simulation import singular_point, stop_reasons, switch_states
+from lagcli.simulation import contact_gradient, singular_point, stop_reasons, switch_states
 from lagcli.simulation.invariants import EnforcedInvariants
 from lagcli.simulation.run_stop import CONTACT, NO_SOLUTION, NOT_FINITE, SINGULAR, TOO_SMALL, StepFailure
 from lagcli.start import initial
@@ -59,6 +60,14 @@ def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepF
     jump = _jump(held, here)
     if jump:
         return StepFailure(jump, NO_SOLUTION)
+    kinked, span = kinks.of_contacts(system.model), stop_reasons.time_scale(system, here)
+    if edges := contact_gradient.edges(numeric, here, kinked, span):
+        return StepFailure(
+            f"the gradient of the closed contact {_named(system, edges)} jumps there, and so would the velocity: where"
+            " a contact slides over an edge or into a corner, one condition has no single direction of the push (make"
+            " the edge round, as `sqrt(x**2 + w**2)` in place of `abs(x)`)",
+            CONTACT,
+        )
     if apart is not None and tried.nearness < WEIGHED:
         told = f"inertias that differ by a factor of {apart:.0e} amplify rounding"
         return StepFailure(f"{BELOW_ROUNDING}: {told}", TOO_SMALL)

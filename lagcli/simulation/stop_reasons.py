@@ -74,7 +74,7 @@ def reason(system: System, numeric: NumericSystem, state: State) -> str:
     """Why rows do not lead on from a state along its velocity, as a sentence; empty where none of them jumps there."""
     if not system.rows.rows:
         return ""
-    seen = [(reach, _along(state, reach, _length(system, state))) for reach in REACHES]
+    seen = [(reach, _along(state, reach, time_scale(system, state))) for reach in REACHES]
     found_sides = [
         (reach, places, Sides(tuple(_rows(numeric, x) for x in places), _rounding(numeric, places[1])))
         for reach, places in seen
@@ -110,7 +110,7 @@ def _sentence(system: System, row: int, kind: str, in_value: bool, call: str) ->
     return f"the {what} `{name}` jumps there{why}, and the velocity would have to jump"
 
 
-def _length(system: System, state: State) -> float:
+def time_scale(system: System, state: State) -> float:
     """The time the run has gone on, or should, where it has not begun: a duration that is asked for is no scale."""
     settings = system.model.simulation
     gone = abs(state.t - settings.start)

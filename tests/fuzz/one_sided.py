@@ -184,6 +184,8 @@ def main() -> int:
             bad += 1
             kind = one_sided_models.scene(seed).kind
             print(f"{seed} {kind}: {len(faults)} faults; {'; '.join(map(str, faults[:2]))}", flush=True)
+        elif answer["outcome"] != "done":
+            print(f"{seed} {one_sided_models.scene(seed).kind}: {answer['outcome']}", flush=True)
     worker.end()
     print(json.dumps({"models": chosen.models, "faulty": bad, **figures, "outcomes": outcomes}))
     return int(bad > 0)
