@@ -61,6 +61,11 @@ def charts(system: System, written: Iterable[invariant.LevelFunction]) -> Charts
     return Charts(found, fixed.used())
 
 
+def events_have_time(system: System) -> bool:
+    """True if t occurs in a declared event."""
+    return bool(ca.depends_on(ca.densify(system.event_values), system.symbols.t))
+
+
 def has_time(system: System, chart: LevelExpression) -> bool:
     """True if t occurs in a chart."""
     return any(ca.depends_on(ca.SX(each), system.symbols.t) for each in (chart.above, chart.below))

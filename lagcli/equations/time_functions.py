@@ -143,7 +143,8 @@ class _Timed:
 
 
 def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, Whole]]]:
-    """Every expression that enters the equations of motion, but for definitions, positions and forces on particles."""
+    """Every expression that enters the equations of motion or the events, but for definitions, positions and forces on
+    particles."""
     if model.lagrangian is not None:
         yield model.lagrangian, {}
     for force in model.forces:
@@ -153,6 +154,7 @@ def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, W
     laws: tuple[nouns.Holonomic | nouns.Differential | nouns.Inequality, ...]
     laws = (*model.holonomic, *model.differential, *model.inequality)
     yield from ((law.equation, law.members.variables) for law in laws)
+    yield from ((event.when, {}) for event in model.events)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -306,7 +308,7 @@ class _Leaves:
             value = self._known[name]
             return value["xyz".index(member)] if member and isinstance(value, tuple) else value
         motion = _MOTION_AND_TIME if name in self._timed else _MOTION
-        is_vector = member in ("", "v") if name in self._particles or name in self._own else False
+        is_vector = member in ("", "v", "a") if name in self._particles or name in self._own else False
         return (motion,) * 3 if is_vector else motion
 
 

@@ -46,8 +46,8 @@ class ContactChanges:
         # A run that is resumed may stand with contacts closed.
         self._base = plain if plain.selection == self._open else plain.keeping(self._open)
         self._values = ContactRowValues(self._base, self._rows)
-        # Sizes of the values of declared events in the step behind (E,).
-        self.sizes = np.zeros(0)
+        # Sizes of the values of declared events in the step behind, and their rounding (E,).
+        self.sizes = self.rounding = np.zeros(0)
         e = [law.restitution for law in system.model.inequality if law.members.count]
         self._restitution = np.concatenate(e) if e else np.zeros(0)
         self._kinked = kinks.of_contacts(system.model)
@@ -171,7 +171,8 @@ class ContactChanges:
     def jumped(self, before: Floats, after: Floats) -> list[int]:
         """Declared events that jump over zero in their direction, by their values before and after (E,)."""
         least = JUMPED * np.maximum(np.abs(before), np.abs(after))
-        least = np.maximum(least, JUMPED * self.sizes) if self.sizes.size else least
+        if self.sizes.size:
+            least = np.maximum(least, np.maximum(JUMPED * self.sizes, self.rounding))
         ways = np.where((before < -least) & (after > least), 1, 0) - ((before > least) & (after < -least))
         wanted = [DIRECTIONS[event.direction] for event in self._system.model.events]
         return [i for i, (way, one) in enumerate(zip(ways, wanted, strict=True)) if way and one in (0, way)]

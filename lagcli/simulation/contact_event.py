@@ -41,6 +41,9 @@ LONGER = 16.0
 BEYOND, FARTHER = 1e-5, 4.0
 # Newton steps for the instant; rounding of a declared function, as a part of its values at the ends of a step.
 REFINED, NOISE = 4, 64 * float(np.finfo(float).eps)
+# So many times its rounding from zero on both sides of a switch a declared function is at zero there; whether it
+# crosses, values tell by this part of a step farther off.
+TOUCHED, ASIDE = 4.0, 1e-5
 # A step is shortened to this part at the least; roundings of time within which an incident is at the end of the run.
 LEAST, AT_END = 1e-3, 8.0
 
@@ -63,6 +66,8 @@ class ContactEvent(Event):
         self._ahead: Ahead | None = None
         # Numbers of declared events at the end of it, where no search ends it.
         self._at_end: list[int] = []
+        # Numbers of declared events that are at zero at a switch, where they are decided.
+        self._touched: list[int] = []
         self._current()
 
     @classmethod
@@ -120,6 +125,24 @@ class ContactEvent(Event):
         E = self._system.event_values.numel()
         if E:
             self._at_end = self._changes.jumped(before[-E:], after[-E:])
+            self._decide_touching(watch, before, after)
+
+    def _decide_touching(self, watch: StepWatch, before: Floats, after: Floats) -> None:
+        """Decide declared events that are at zero on both sides of a switch by values a little farther off: the next
+        step would see no more than on which side rounding has put them."""
+        run, first = self._stepper, self._kinds(watch).first_event
+        E = self._system.event_values.numel()
+        rounding, values = watch.rounding()[-E:], np.maximum(np.abs(before), np.abs(after))[-E:]
+        at_zero = (values <= TOUCHED * rounding).nonzero()[0]
+        if not at_zero.size:
+            return
+        aside = ASIDE * min(run.control.step, run.grid.end - run.grid.start)
+        beside = watch.beside(run.found.reached, aside)[:, -E:]
+        # At a pole there is nothing but rounding, and it shrinks with the distance.
+        at_zero = at_zero[(values <= np.abs(beside).max(axis=0))[at_zero]]
+        crosses = self._changes.jumped(*np.where(np.abs(beside) <= TOUCHED * rounding, 0.0, beside))
+        self._at_end = sorted({*self._at_end, *(e for e in crosses if e in at_zero)})
+        self._touched = (first + at_zero).tolist()
 
     def _end_series_at(self, t: float) -> None:
         """End the step at a time at which rebounds of a contact come to their end."""
@@ -141,8 +164,9 @@ class ContactEvent(Event):
             self._changes.at(hits, self._ahead)
         elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:
             self._changes.end_series()
-        elif run.contacts.again or run.contacts.unarmed:
-            run.contacts = dataclasses.replace(run.contacts, again=0, unarmed=())
+        elif run.contacts.again or run.contacts.unarmed or self._touched:
+            run.contacts = dataclasses.replace(run.contacts, again=0, unarmed=tuple(self._touched))
+            self._touched = []
         else:
             return
         run.settle()
@@ -156,8 +180,9 @@ class ContactEvent(Event):
         are_watched[: len(watch.functions.open_)] = True
         places = np.flatnonzero(are_watched)
         noise = self._noise(watch, kinds)[places]
-        sizes = np.maximum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
-        noise[kinds.is_event[places]] = NOISE * sizes[places][kinds.is_event[places]]
+        sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
+        rounding = np.maximum(NOISE * sizes, watch.rounding())[places]
+        noise[kinds.is_event[places]] = rounding[kinds.is_event[places]]
         x, armed = 0.0, ~np.isin(kinds.numbers[places], run.contacts.unarmed)
         while x < 1.0 and places.size:
             crossing = self._crossing(curve, places, (x, 1.0), (noise, kinds.direction[places], armed))
@@ -208,8 +233,10 @@ class ContactEvent(Event):
         if kinds.has_events:
             begin, end = (np.abs(watch.inside(x)[0]) for x in (0.0, limit))
             sizes, is_event = np.maximum(begin, end), kinds.is_event[places]
-            noise[is_event] = NOISE * sizes[places][is_event]
-            self._changes.sizes = sizes[kinds.is_event]
+            # A function may grow beyond all bounds within the step, whose rounding says nothing of its zeros.
+            rounding = np.maximum(NOISE * np.minimum(begin, end), watch.rounding())
+            noise[is_event] = rounding[places][is_event]
+            self._changes.sizes, self._changes.rounding = sizes[kinds.is_event], rounding[kinds.is_event]
         turned = kinds.direction[places] if kinds.has_events else zero_search.DOWN
         unarmed = run.contacts.unarmed
         armed: npt.NDArray[np.bool_] | bool = ~np.isin(numbers, unarmed) if unarmed else True
@@ -227,6 +254,9 @@ class ContactEvent(Event):
             rows = list(crossing.rows)
             if not kinds.records[places[rows]].all():
                 self._end_at(watch, x, places[rows], kinds)
+                return
+            if run.t + x * found.taken > run.grid.end + AT_END * math.ulp(run.grid.end):
+                # Of a look beyond the end: what is recorded there is nothing to this run, however much it is.
                 return
             armed = np.ones(places.size, dtype=bool)
             armed[rows] = False

@@ -116,10 +116,12 @@ class Integrals:
 
     @cached_property
     def has_time(self) -> bool:
-        """True if t occurs in what moves the system, or in a chart of an integral."""
-        charts = self._charts.charts
-        return self._plain.numeric.has_time or any(
-            level_functions.has_time(self._system, each) for each in charts
+        """True if t occurs in what moves the system, in a chart of an integral, or in a declared event."""
+        charts, system = self._charts.charts, self._system
+        return (
+            self._plain.numeric.has_time
+            or any(level_functions.has_time(system, each) for each in charts)
+            or level_functions.events_have_time(system)
         )
 
     def functions(self, levels: Levels) -> RunFunctions:
@@ -243,7 +245,7 @@ class EnforcedInvariants:
 
     @property
     def has_time(self) -> bool:
-        """True if t occurs in what moves the system; it does not depend on what is held."""
+        """True if t occurs in what moves the system or in an event; it does not depend on what is held."""
         return self.integrals.has_time
 
     @property

@@ -16,6 +16,10 @@ Numbers = npt.NDArray[np.intp]
 
 # Of more functions than these no look is taken at all where some come near.
 MANY = 256
+# Rounding of the state: of each of its numbers so many times EPS, and of the size of the motion; of what it makes of
+# a function, the largest of some random samples, as many times.
+OF_EACH, OF_ALL, SAMPLES, TIMES = 16.0, 4.0, 4, 4.0
+EPS = float(np.finfo(float).eps)
 
 
 class StepWatch:
@@ -56,6 +60,11 @@ class StepWatch:
     @cached_property
     def _end(self) -> BoundFunction:
         return BoundFunction(self.functions.watched, [self._at, self._bound.new, self._bound.p])
+
+    @cached_property
+    def _aside(self) -> BoundFunction:
+        arguments = [np.zeros(1), self._bound.y.copy(), self._bound.p]
+        return BoundFunction(self.functions.watched, arguments)
 
     def is_of(self, run: Stepper) -> bool:
         """True as long as the run steps with the functions it did."""
@@ -102,6 +111,43 @@ class StepWatch:
         self._t[0] = self._run.origin + self._run.t
         self._begin.trigger()
         return self._begin.results[0].copy()
+
+    def beside(self, t: float, aside: float) -> Floats:
+        """w (2, W) on the tangents of the motion: before where the run stands, and after the end of a step at t."""
+        run, bound, at = self._run, self._bound, self._aside
+        found = []
+        for sign, when, y, k in ((-1, run.t, bound.y, bound.k), (1, t, bound.new, bound.k_new)):
+            at.arguments[0][0], at.arguments[1][:] = run.origin + when + sign * aside, y + sign * aside * k
+            at.trigger()
+            found.append(at.results[0].copy())
+        return np.array(found)
+
+    def rounding(self) -> Floats:
+        """What rounding of the state makes of w (W,) in the step that was found: the middle one of what it makes at its
+        ends and between them, for it may be nothing at one place and grow beyond all bounds at another."""
+        run, bound = self._run, self._bound
+        begin, end = (run.t, bound.y), (run.found.reached, bound.new)
+        middle = (run.t + run.found.reached) / 2, (bound.y + bound.new) / 2
+        return np.median([self._rounding_at(*place) for place in (begin, middle, end)], axis=0)
+
+    def _rounding_at(self, when: float, y: Floats) -> Floats:
+        run, n = self._run, (y.size - 1) // 2
+        h, t = run.found.reached - run.t, run.origin + when
+        sizes = np.array(self._bound.numeric.sizes(t, y[:n], y[n : 2 * n], self._bound.held.p)).ravel()
+        units, (q, v, a) = sizes[:n], sizes[n:].tolist()
+        speed = max(v, h * a)
+        room = EPS * OF_EACH * np.abs(y)
+        room[:n] += EPS * OF_ALL * units * max(q, h * speed)
+        room[n : 2 * n] += EPS * OF_ALL * units * speed
+        at, place, _ = self._aside.arguments
+        place[:], at[0] = y, t
+        self._aside.trigger()
+        here, found = self._aside.results[0].copy(), np.zeros(self._aside.results[0].size)
+        for signs in np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, y.size + 1)):
+            at[0], place[:] = t * (1.0 + EPS * OF_ALL * signs[-1]), y + room * signs[:-1]
+            self._aside.trigger()
+            found = np.fmax(found, np.abs(self._aside.results[0] - here))
+        return TIMES * found
 
     def end(self, t: float) -> Floats:
         """w at the end of the step, which is at t, in memory that the next call overwrites."""

@@ -10,6 +10,7 @@ from lagcli.simulation import stop_diagnosis, switch_states
 from lagcli.simulation.event import Event
 from lagcli.simulation.run_stop import NOT_FINITE, StepFailure
 from lagcli.simulation.stepper import Stepper
+from lagcli.start.initial import State
 
 
 class SwitchEvent(Event):
@@ -35,8 +36,9 @@ class SwitchEvent(Event):
         landed, rate, *_ = bound.landed_at(after, y)
         if self._is_pole(run.t, -dt) or self._is_pole(after, dt):
             raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
-        if not switch_states.is_same((y, k), (landed, rate), dt):
-            here, beyond = run.state_at(run.t, y), run.state_at(after, y)
+        here = run.state_at(run.t, y)
+        if not switch_states.is_same((y, k), (landed, rate), dt, self._acceleration(here)):
+            beyond = run.state_at(after, y)
             raise stop_diagnosis.impact(bound.held, here, beyond)
         bound.landed_at(after, y + (middle - run.t) * k + (after - middle) * rate)
         bound.new[:], bound.k_new[:] = landed, rate
@@ -44,6 +46,11 @@ class SwitchEvent(Event):
         step.is_open = step.is_still = True
         step.reached, step.taken, step.proposed = after, dt, run.control.step
         return True
+
+    def _acceleration(self, here: State) -> float:
+        """The largest that forces alone make of a coordinate."""
+        sizes = np.array(self._stepper.bound.numeric.sizes(here.t, here.q, here.v, here.p)).ravel()
+        return float(sizes[: here.q.size].max(initial=0.0) * sizes[-1])
 
     def _is_pole(self, t: float, away: float) -> bool:
         """True if y' at the state grows without bound towards a switch, half of `away` behind a time."""

@@ -22,13 +22,16 @@ ORDER = 0.25
 POLE = 3.0**-ORDER
 
 
-def is_same(before: tuple[Floats, Floats], after: tuple[Floats, Floats], dt: float) -> bool:
-    """True if y (2n + 1,) of two pairs y, y' is the same on both sides but for the time dt between them."""
+def is_same(
+    before: tuple[Floats, Floats], after: tuple[Floats, Floats], dt: float, acceleration: float
+) -> bool:
+    """True if y (2n + 1,) of two pairs y, y' is the same on both sides but for the time dt between them; acceleration:
+    the largest of the forces alone, for where these balance velocities are rounding."""
     (y, k), (new, k_new) = before, after
     n = y.size // 2
-    for part in (slice(0, n), slice(n, 2 * n)):
+    for part, least in ((slice(0, n), 0.0), (slice(n, 2 * n), acceleration)):
         size = np.abs(y[part]).max(initial=0.0)
-        rate = np.maximum(np.abs(k[part]), np.abs(k_new[part])).max(initial=0.0)
+        rate = np.maximum(np.abs(k[part]), np.abs(k_new[part])).max(initial=least)
         if not np.abs(new[part] - y[part]).max(initial=0.0) <= SAME * size + LONGER * dt * rate:
             return False
     return True

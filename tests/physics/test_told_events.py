@@ -149,3 +149,70 @@ inequality:
     with pytest.raises(lagcli.SimulationStopped, match=r"wall of `floor` jumps there, by 0\.2 onto") as stop:
         lagcli.simulate(lagcli.loads(text), duration=1.0, samples=2)
     assert stop.value.t == pytest.approx(x, abs=1e-12)
+
+
+TRUSS = """lagcli: 1
+parameters: {one: [0.75, 0, 0], two: "[-0.375, 0.375*sqrt(3), 0]", three: "[-0.375, -0.375*sqrt(3), 0]"}
+particles:
+  joint: {mass: 2, position: [0, 0, -1]}
+forces: {weight: {to: all, force: "[0, 0, -m*9.81]"}}
+holonomic:
+  bar1: distance(joint, one) = 1.25
+  bar2: distance(joint, two) = 1.25
+  bar3: distance(joint, three) = 1.25
+simulation: {duration: 1, samples: 3, atol: 1e-12}
+events: {e: {when: "WHEN"}}
+"""
+
+
+@pytest.mark.parametrize(
+    "when",
+    [
+        "joint.z + 1",
+        "joint.y",
+        "joint.vz",
+        "joint.az",
+        "norm(joint) - 1",
+        "multiplier(bar1) - multiplier(bar2)",
+        "sin(joint.z)**2 + cos(joint.z)**2 - 1",
+    ],
+)
+def test_what_is_zero_to_rounding_all_along_has_no_crossings(when):
+    # Rounding crosses zero so often that such a run did not end.
+    found = lagcli.simulate(lagcli.loads(TRUSS.replace("WHEN", when)))
+    assert told(found) == []
+    assert found.stats.steps < 10
+
+
+@pytest.mark.parametrize(
+    ("when", "times"),
+    [
+        ("sin(20*t)", [np.pi / 20 * k for k in range(1, 7)]),
+        ("multiplier(bar1) + 8.175*(1 + sin(9*t))", [np.pi / 9, 2 * np.pi / 9]),
+        ("norm(joint.a) + t - 0.25", [0.25]),
+        ("exp(-1e6*(t - 0.3)**2) - 0.5", [0.3 - 1e-3 * np.log(2) ** 0.5, 0.3 + 1e-3 * np.log(2) ** 0.5]),
+        ("1/(t - 0.7) - 10", [0.7, 0.8]),
+    ],
+)
+def test_functions_of_time_alone_are_watched_where_nothing_moves(when, times):
+    # One step leads over the whole run, and far beyond it.
+    found = lagcli.simulate(lagcli.loads(TRUSS.replace("WHEN", when)))
+    assert list(found.events["t"]) == pytest.approx(times, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("when", "times"),
+    [
+        ("abs(t - 0.7)", []),
+        ("abs(t - 0.7) - 0.1", [0.6, 0.8]),
+        ("sign(t - 0.7)", [0.7]),
+        ("(t - 0.7)*abs(t - 0.7)", [0.7]),
+        ("t - 0.7 + 0*abs(t - 0.7)", [0.7]),
+        ("1/(t - 0.7)", [0.7]),
+    ],
+)
+@pytest.mark.parametrize("is_moving", [False, True])
+def test_events_cross_or_touch_zero_at_their_own_switches(when, times, is_moving):
+    text = THROW.split("events:")[0] + 'events: {e: {when: "WHEN"}}\n' if is_moving else TRUSS
+    found = lagcli.simulate(lagcli.loads(text.replace("WHEN", when)), duration=1.0, samples=3)
+    assert list(found.events["t"]) == pytest.approx(times, abs=1e-12)
