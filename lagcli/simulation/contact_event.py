@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
-from lagcli.simulation import run_stop, step_again
+from lagcli.simulation import event_zeros, run_stop, step_again
 from lagcli.simulation.contact_changes import ContactChanges
 from lagcli.simulation.event import Event
 from lagcli.simulation.incident import Incident
@@ -41,11 +41,8 @@ LONGER = 16.0
 BEYOND, FARTHER = 1e-5, 4.0
 # Newton steps for the instant; rounding of a declared function, as a part of its values at the ends of a step.
 REFINED, NOISE = 4, 64 * float(np.finfo(float).eps)
-# So many times its rounding from zero on both sides of a switch a declared function is at zero there; whether it
-# crosses, values tell by this part of a step farther off.
-TOUCHED, ASIDE = 4.0, 1e-5
-# A step is shortened to this part at the least; roundings of time within which an incident is at the end of the run.
-LEAST, AT_END = 1e-3, 8.0
+# A step is shortened to this part at the least.
+LEAST = 1e-3
 
 
 class ContactEvent(Event):
@@ -124,25 +121,10 @@ class ContactEvent(Event):
             self._changes.require_open(watch.functions.open_, after)
         E = self._system.event_values.numel()
         if E:
-            self._at_end = self._changes.jumped(before[-E:], after[-E:])
-            self._decide_touching(watch, before, after)
-
-    def _decide_touching(self, watch: StepWatch, before: Floats, after: Floats) -> None:
-        """Decide declared events that are at zero on both sides of a switch by values a little farther off: the next
-        step would see no more than on which side rounding has put them."""
-        run, first = self._stepper, self._kinds(watch).first_event
-        E = self._system.event_values.numel()
-        rounding, values = watch.rounding()[-E:], np.maximum(np.abs(before), np.abs(after))[-E:]
-        at_zero = (values <= TOUCHED * rounding).nonzero()[0]
-        if not at_zero.size:
-            return
-        aside = ASIDE * min(run.control.step, run.grid.end - run.grid.start)
-        beside = watch.beside(run.found.reached, aside)[:, -E:]
-        # At a pole there is nothing but rounding, and it shrinks with the distance.
-        at_zero = at_zero[(values <= np.abs(beside).max(axis=0))[at_zero]]
-        crosses = self._changes.jumped(*np.where(np.abs(beside) <= TOUCHED * rounding, 0.0, beside))
-        self._at_end = sorted({*self._at_end, *(e for e in crosses if e in at_zero)})
-        self._touched = (first + at_zero).tolist()
+            sides = before[-E:], after[-E:]
+            crossed, touched = event_zeros.at_switch(watch, run, sides, self._changes.jumped)
+            self._at_end = sorted({*self._changes.jumped(*sides), *crossed})
+            self._touched = [self._kinds(watch).first_event + number for number in touched]
 
     def _end_series_at(self, t: float) -> None:
         """End the step at a time at which rebounds of a contact come to their end."""
@@ -248,14 +230,14 @@ class ContactEvent(Event):
                 return
             if crossing.x is None:
                 if limit == 1.0 and is_last:
-                    self._at_end = self._arriving(watch, kinds)
+                    self._at_end = event_zeros.arriving(watch, run, kinds, self._system.model.events)
                 return
             x += crossing.x * (limit - x)
             rows = list(crossing.rows)
             if not kinds.records[places[rows]].all():
                 self._end_at(watch, x, places[rows], kinds)
                 return
-            if run.t + x * found.taken > run.grid.end + AT_END * math.ulp(run.grid.end):
+            if run.t + x * found.taken > run.grid.end + event_zeros.AT_END * math.ulp(run.grid.end):
                 # Of a look beyond the end: what is recorded there is nothing to this run, however much it is.
                 return
             armed = np.ones(places.size, dtype=bool)
@@ -287,20 +269,6 @@ class ContactEvent(Event):
             raise StepFailure(self._changes.unresolved(), run_stop.CONTACT)
         step_again.up_to(run, run.t + x * found.taken)
         found.barrier, found.proposed = None, min(found.proposed, found.taken)
-
-    def _arriving(self, watch: StepWatch, kinds: WatchKinds) -> list[int]:
-        """Declared events that go through zero at the end of the run, to rounding of its time."""
-        run, found = self._stepper, self._stepper.found
-        begin = watch.inside(0.0)[0].copy()
-        end, slope = watch.inside(1.0)
-        room = np.abs(slope) / found.taken * AT_END * math.ulp(found.reached)
-        arrives = (np.abs(end) <= room) & (begin * slope < 0) & (np.abs(begin) > room)
-        arrives &= (kinds.direction == zero_search.BOTH) | (np.sign(slope) == kinds.direction)
-        last = run.origin + found.reached - AT_END * math.ulp(found.reached)
-        told = {incident.name for incident in found.within if incident.t >= last}
-        events = self._system.model.events
-        numbers = kinds.numbers - kinds.first_event
-        return [int(e) for e in numbers[arrives] if e >= 0 and events[e].name not in told]
 
     def _noise(self, watch: StepWatch, kinds: WatchKinds) -> Floats:
         """Of gaps and multipliers that are watched, and room for that of events (W,)."""
@@ -365,7 +333,7 @@ class ContactEvent(Event):
                 break
             tau -= correction
         end = run.grid.end
-        if found.reached != end and abs(found.reached - end) <= AT_END * math.ulp(end):
+        if found.reached != end and abs(found.reached - end) <= event_zeros.AT_END * math.ulp(end):
             # It is at the end of the run, to rounding.
             step_again.up_to(run, end)
         if bound.outcome[7] > COARSE and run.account.is_balanced:

@@ -123,7 +123,7 @@ class StepWatch:
         return np.array(found)
 
     def rounding(self) -> Floats:
-        """What rounding of the state makes of w (W,) in the step that was found: the middle one of what it makes at its
+        """Rounding of w (W,) by that of the state, in the step that was found: the middle one of what it is at its
         ends and between them, for it may be nothing at one place and grow beyond all bounds at another."""
         run, bound = self._run, self._bound
         begin, end = (run.t, bound.y), (run.found.reached, bound.new)
