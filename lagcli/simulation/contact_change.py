@@ -130,10 +130,10 @@ class Pressing:
     closed: tuple[int, ...]
 
 
-def pressing(here: ContactInstant, among: Flags) -> Pressing:
+def pressing(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> Pressing:
     """The forces of contacts that are closed and neither approach nor part: 0 <= lambda ⊥ d2g/dt2 >= 0.
 
-    Raises `ContactsUndecided`.
+    sunk (K,): contacts that creep in, and press with any force. Raises `ContactsUndecided`.
     """
     numbers = np.flatnonzero(among)
     _require_gradients(here, numbers)
@@ -144,5 +144,6 @@ def pressing(here: ContactInstant, among: Flags) -> Pressing:
         )
     except impact_law.LawError as error:
         raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
-    presses = found.of_contacts > here.least_forces(numbers)
+    least = here.least_forces(numbers)
+    presses = found.of_contacts > (least if sunk is None else np.where(sunk[numbers], 0.0, least))
     return Pressing(found.x, here.changes(found.x) - here.gamma, tuple(numbers[presses].tolist()))

@@ -13,7 +13,7 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations import kinks
 from lagcli.simulation import contact_change, contact_gradient, contact_mode, line_functions, run_stop
 from lagcli.simulation.contact_change import Blow, ContactsUndecided
-from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues
+from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues, Flags
 from lagcli.simulation.contact_mode import ContactMode
 from lagcli.simulation.incident import Kind
 from lagcli.simulation.incident_log import IncidentLog, InstantLines
@@ -112,6 +112,27 @@ class ContactChanges:
         """The reason to stop where the zeros of a gap cannot be told apart."""
         return "a gap of an inequality, or a declared event, crosses zero so often that its zeros cannot be told apart"
 
+    def _sunk(self, here: ContactInstant) -> Flags:
+        """Contacts that touch without a push worth mentioning and creep in all the same, (K,): as slowly as something
+        that falls over."""
+        sunk = (here.g < -here.nearness) & (here.speeds < 0.0) & (here.speeds >= -here.slow)
+        touching = np.zeros(self._count, dtype=bool)
+        touching[list(self._run.contacts.touching)] = True
+        return np.asarray(sunk & touching)
+
+    def sinking(self) -> tuple[int, ...]:
+        """The rows of contacts that have to be closed where the run stands, for they creep in and would press."""
+        touching = list(self._run.contacts.touching)
+        if not touching:
+            return ()
+        here = self.here()
+        sunk = self._sunk(here)
+        if not sunk.any():
+            return ()
+        level = here.near & (np.abs(here.speeds) <= here.slow)
+        closed = self._decided(lambda: contact_change.pressing(here, level, sunk)).closed
+        return tuple(self._rows + j for j in closed if sunk[j])
+
     def begin(self) -> None:
         """Decide the contacts at the start; an impact there is an incident."""
         here = self.here()
@@ -202,7 +223,8 @@ class ContactChanges:
         mode = ContactMode(self._open, ())
         if level.any():
             numbers = np.flatnonzero(level).tolist()
-            pressing = self._decided(lambda: contact_change.pressing(look, level))
+            sunk = self._sunk(here)
+            pressing = self._decided(lambda: contact_change.pressing(look, level, sunk))
             mode = self._decided(lambda: contact_mode.mode(self._open, after, pressing, numbers, self._rows))
         closed = set(mode.closed)
         lying = closed | {circuit[0] - self._rows for circuit in mode.selection.idle}

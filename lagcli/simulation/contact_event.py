@@ -109,6 +109,11 @@ class ContactEvent(Event):
                 run.account.deepest = watch.deepest
             return
         run.make_dense()
+        self._hits = self._changes.sinking()
+        if self._hits:
+            self._ahead = Ahead(run, BEYOND * FARTHER**run.contacts.again)
+            self._act_here()
+            return
         self._search(watch, (limit - run.t) / found.taken)
         if not self._hits and limit <= found.reached:
             self._end_series_at(limit)
@@ -303,6 +308,14 @@ class ContactEvent(Event):
         line = self._changes.log.line_of(run.t + tau, state)
         return self._changes.log.incident(run.t + tau, "event", name, InstantLines(line, line))
 
+    def _act_here(self) -> None:
+        """Give up the step, for what it meets is where the run stands."""
+        run = self._stepper
+        run.found.is_open = False
+        run.account.steps -= 1
+        run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
+        self.act()
+
     def _end_at(self, watch: StepWatch, x: float, rows: Places, kinds: WatchKinds) -> None:
         """End the step where watched functions cross zero."""
         run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
@@ -317,11 +330,7 @@ class ContactEvent(Event):
         for _ in range(REFINED):
             reached = run.t + tau
             if not reached > run.t:
-                # It is here: the step is given up.
-                found.is_open = False
-                run.account.steps -= 1
-                run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
-                self.act()
+                self._act_here()
                 return
             step_again.up_to(run, reached)
             left = float(watch.end(reached)[place])

@@ -17,10 +17,13 @@ from tests.helpers.free_flight import complementary
 from tests.helpers.one_sided_models import Contact, Floats, Scene
 
 STILL = 1e-8  # a gap or a rate that counts as zero
+CLOSED, MOST_OFF = 1e-11, 3  # a gap that is closed for certain, and how many that may be open are looked at
 TOUCH = 1e-14  # a gap that must take part in an impact
 TOLERANCE = 1e-6
 LAST = 1e-4  # of an impact that stands for the rest of a series of rebounds
 PENETRATION = 1e-8
+# A rise that doubles of numbers about 1 do not tell from none: speeds up to that of such a rise may be dropped.
+UNSEEN = 2e-13
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -105,6 +108,20 @@ class Rows:
         still = [c for c in near if abs(self.contacts([c])[2][0]) < STILL]
         if not still:
             return [[]]
+        # One that is a little off may fall yet, which is not to be told from lying by STILL.
+        off = [each for each in still if abs(each.gap(self.t, self.x)) > CLOSED][:MOST_OFF]
+        sets = itertools.chain.from_iterable(
+            itertools.combinations(off, size) for size in range(len(off) + 1)
+        )
+        found: list[list[Contact]] = []
+        for left_out in sets:
+            more = self._choices([each for each in still if each not in left_out])
+            found += [each for each in more if each not in found]
+        return found
+
+    def _choices(self, still: list[Contact]) -> list[list[Contact]]:
+        if not still:
+            return [[]]
         P, free = self.inverse()
         rows, bends, _ = self.contacts(still)
         D, c = rows @ P @ rows.T, rows @ free + bends
@@ -171,7 +188,8 @@ def _impact(scene: Scene, at: Instant, lax: float) -> Iterator[str]:
     P = np.array([at.impulses.get(c.name, 0.0) for c in near])
     Q = np.array([at.impulses.get(f"rod{k}", 0.0) for k in range(len(scene.rods))])
     jump = (scene.m[:, None] * (at.after - at.before)).ravel()
-    if np.abs(jump - rows.T @ P - rods.T @ Q).max() > TOLERANCE * size:
+    dropped = scene.m.max() * np.sqrt(2 * UNSEEN * (1 + np.abs(scene.weight).max()))
+    if np.abs(jump - rows.T @ P - rods.T @ Q).max() > TOLERANCE * size + dropped:
         yield f"momenta against impulses {np.abs(jump - rows.T @ P - rods.T @ Q).max():.1e}"
     if len(rods) and np.abs(rods @ at.after.ravel()).max() > TOLERANCE * size:
         yield "a rod stretches"
