@@ -206,6 +206,13 @@ class NumericSystem:
         return ca.Function("event_values", inputs, [ca.densify(system.event_values)])
 
     @cached_property
+    def events_at(self) -> ca.Function:
+        """events_at(t, y, p) -> `when` of the declared events (E,) at a state."""
+        t, y, p = inputs = _inputs(self._way.landing)
+        rate, lam = self.solved(t, y, p)
+        return ca.Function("events_at", inputs, [self.event_values(t, y, rate, lam, p)])
+
+    @cached_property
     def inertia(self) -> ca.Function:
         """inertia(t, q, v, p) -> M (n, n)."""
         return ca.Function("inertia", self._inputs, [self._parts.M])

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from lagcli.contact import impact_law
+from lagcli.contact.impact_law import SAFE
+from lagcli.contact.nonnegative import EPS
 from lagcli.simulation.contact_instant import ContactInstant, Flags, Floats, Numbers
 
 # The tail of a series of rebounds is left out where its coefficient is below this.
@@ -86,6 +88,11 @@ def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult
             single = impact_law.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
             if single is not None:
                 return single
+        few = here.few(near)
+        if few is not None and near.size > 1:
+            found = few.impact(here.state.v, here.speeds[near], e[near], here.terms(near))
+            if found is not None:
+                return found
         B, b, _ = here.equalities
         contacts = here.gradients(near), here.g_t[near], e[near]
         return impact_law.impact(here.metric, here.state.v, (B, b), contacts)
@@ -137,6 +144,9 @@ def pressing(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> P
     """
     numbers = np.flatnonzero(among)
     _require_gradients(here, numbers)
+    few = _pressing_few(here, numbers, sunk)
+    if few is not None:
+        return few
     B, _, gamma = here.equalities
     try:
         found = impact_law.forces(
@@ -144,6 +154,26 @@ def pressing(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> P
         )
     except impact_law.LawError as error:
         raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
+    return _pressed(here, numbers, (found.x, found.of_contacts), sunk)
+
+
+def _pressing_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -> Pressing | None:
+    """That for few contacts, by formulas; None where rounding is too large for them."""
+    few = here.few(numbers)
+    if few is None:
+        return None
+    free = here.open_acceleration
+    c = here.changes(free) - here.gamma
+    rounding = SAFE * EPS * (here.sizes_of_changes(free) + np.abs(here.gamma))
+    z = few.solve(c[numbers], rounding[numbers])
+    return None if z is None else _pressed(here, numbers, (few.moved(free, z), z), sunk)
+
+
+def _pressed(
+    here: ContactInstant, numbers: Numbers, found: tuple[Floats, Floats], sunk: Flags | None
+) -> Pressing:
+    """Those that press, of accelerations (n,) and forces of contacts (k,)."""
+    x, forces = found
     least = here.least_forces(numbers)
-    presses = found.of_contacts > (least if sunk is None else np.where(sunk[numbers], 0.0, least))
-    return Pressing(found.x, here.changes(found.x) - here.gamma, tuple(numbers[presses].tolist()))
+    presses = forces > (least if sunk is None else np.where(sunk[numbers], 0.0, least))
+    return Pressing(x, here.changes(x) - here.gamma, tuple(numbers[presses].tolist()))

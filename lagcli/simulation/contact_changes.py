@@ -15,12 +15,14 @@ from lagcli.simulation import contact_change, contact_gradient, contact_mode, li
 from lagcli.simulation.contact_change import Blow, ContactsUndecided
 from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues, Flags
 from lagcli.simulation.contact_mode import ContactMode
+from lagcli.simulation.event_values import EventValues
 from lagcli.simulation.incident import Kind
 from lagcli.simulation.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.run_stop import StepFailure
 from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.state_ahead import Ahead
 from lagcli.simulation.stepper import Stepper
+from lagcli.simulation.watch_functions import WatchFunctions
 
 Floats = npt.NDArray[np.float64]
 Found = TypeVar("Found")
@@ -29,9 +31,6 @@ Found = TypeVar("Found")
 MOST_AGAIN = 64
 # An instant at which a gap is violated by so many times what counts as near is no zero of it: the gap jumps there.
 LANDED = 1e4
-# A function jumps over zero where it is this part of its size away from it on both sides.
-JUMPED = 1e-12
-DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 
 
 class ContactChanges:
@@ -46,8 +45,7 @@ class ContactChanges:
         # A run that is resumed may stand with contacts closed.
         self._base = plain if plain.selection == self._open else plain.keeping(self._open)
         self._values = ContactRowValues(self._base, self._rows)
-        # Sizes of the values of declared events in the step behind, and their rounding (E,).
-        self.sizes = self.rounding = np.zeros(0)
+        self.events = EventValues(stepper, self.log)
         e = [law.restitution for law in system.model.inequality if law.members.count]
         self._restitution = np.concatenate(e) if e else np.zeros(0)
         self._kinked = kinks.of_contacts(system.model)
@@ -72,6 +70,16 @@ class ContactChanges:
         run = self._run
         chosen = ContactParameters(float(run.tolerance[0]), run.found.taken, run.contacts.size)
         return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
+
+    def noise(self, functions: WatchFunctions, count: int) -> Floats:
+        """Of gaps and multipliers that are watched, and room for that of events (W,)."""
+        noise = np.zeros(count)
+        if self._count:
+            gaps, forces = self.noises()
+            first = len(functions.open_)
+            noise[:first] = gaps[functions.open_]
+            noise[first : first + len(functions.held)] = forces[functions.held]
+        return noise
 
     def noises(self) -> tuple[Floats, Floats]:
         """Of gaps and of multipliers (K,) at the state: what is zero there."""
@@ -153,7 +161,7 @@ class ContactChanges:
         first = self._rows + self._count
         events = [i - first for i in hits if i >= first]
         if events:
-            self.tell_events(events)
+            self.events.tell(events)
         if any(i < first for i in hits):
             here = self.here()
             self._require_directions(here, [i - self._rows for i in hits if self._rows <= i < first])
@@ -168,36 +176,6 @@ class ContactChanges:
         if fallen.any() or self._kinked.any():
             self._decided(lambda: contact_gradient.require(here, fallen, self._kinked))
 
-    def tell_events(self, numbers: Iterable[int]) -> None:
-        """Tell of declared events where the run stands; one that stops ends it."""
-        line = self.log.line()
-        for number in numbers:
-            self._tell_event(number, InstantLines(line, line))
-
-    def _tell_event(self, number: int, lines: InstantLines) -> None:
-        event = self._system.model.events[number]
-        self.log.tell("event", event.name, lines)
-        if event.action == "stop":
-            self._run.account.ended_by = event.name
-
-    def _when(self) -> Floats:
-        """`when` of the declared events where the run stands, (E,)."""
-        run, numeric = self._run, self._run.bound.numeric
-        if not self._system.event_values.numel():
-            return np.zeros(0)
-        t, y, p = run.origin + run.t, run.bound.y, run.bound.held.p
-        rate, lam = numeric.solved(t, y, p)
-        return np.array(numeric.event_values(t, y, rate, lam, p)).ravel()
-
-    def jumped(self, before: Floats, after: Floats) -> list[int]:
-        """Declared events that jump over zero in their direction, by their values before and after (E,)."""
-        least = JUMPED * np.maximum(np.abs(before), np.abs(after))
-        if self.sizes.size:
-            least = np.maximum(least, np.maximum(JUMPED * self.sizes, self.rounding))
-        ways = np.where((before < -least) & (after > least), 1, 0) - ((before > least) & (after < -least))
-        wanted = [DIRECTIONS[event.direction] for event in self._system.model.events]
-        return [i for i, (way, one) in enumerate(zip(ways, wanted, strict=True)) if way and one in (0, way)]
-
     def _change(
         self,
         here: ContactInstant,
@@ -205,7 +183,7 @@ class ContactChanges:
         is_start: bool = False,
         hits: tuple[int, ...] = (),
     ) -> None:
-        run, before, when, closed_before = self._run, self.log.line(), self._when(), set(self.closed)
+        run, before, when, closed_before = self._run, self.log.line(), self.events.now(), set(self.closed)
         lying_before = closed_before | set(self.idle)
         blow = self._decided(lambda: contact_change.impact(here, self._restitution))
         after = here
@@ -235,8 +213,8 @@ class ContactChanges:
             # The impact is told as it is, with rebounds that are left out from here on.
             bouncing = sorted(closed - set(np.flatnonzero(blow.ended).tolist()))
             self._go_on(contact_mode.selection(self._open, after, bouncing, self._rows), blow.v)
-            line, bounced = self.log.line(), self._when()
-            jumped, when = self.jumped(when, bounced), bounced
+            line, bounced = self.log.line(), self.events.now()
+            jumped, when = self.events.jumped(when, bounced), bounced
         self._go_on(mode.selection, here.state.v if blow is None else blow.onward)
         now = self.log.line()
         line = now if line is None else line
@@ -258,7 +236,7 @@ class ContactChanges:
             ending=tuple(ending),
             shared=tuple(sorted(shared)),
         )
-        jumped += self.jumped(when, self._when())
+        jumped += self.events.jumped(when, self.events.now())
         events = [] if is_start else sorted(set(jumped) - crossed)
         self._tell(_Told(before, line, blow, lying_before, lying, events), is_start)
         self.end_series()
@@ -310,8 +288,7 @@ class ContactChanges:
         for kind, contacts in kinds:
             for j in contacts:
                 self.log.tell(kind, names[j], lines)
-        for number in told.events:
-            self._tell_event(number, lines)
+        self.events.tell(told.events, lines)
 
     def _decided(self, law: Callable[[], Found]) -> Found:
         try:

@@ -127,8 +127,8 @@ class ContactEvent(Event):
         E = self._system.event_values.numel()
         if E:
             sides = before[-E:], after[-E:]
-            crossed, touched = event_zeros.at_switch(watch, run, sides, self._changes.jumped)
-            self._at_end = sorted({*self._changes.jumped(*sides), *crossed})
+            crossed, touched = event_zeros.at_switch(watch, run, sides, self._changes.events.jumped)
+            self._at_end = sorted({*self._changes.events.jumped(*sides), *crossed})
             self._touched = [self._kinds(watch).first_event + number for number in touched]
 
     def _end_series_at(self, t: float) -> None:
@@ -140,7 +140,7 @@ class ContactEvent(Event):
         """See `Event`."""
         at_end, self._at_end = self._at_end, []
         if at_end:
-            self._changes.tell_events(at_end)
+            self._changes.events.tell(at_end)
 
     def act(self) -> None:
         """See `Event`."""
@@ -166,7 +166,7 @@ class ContactEvent(Event):
         are_watched = kinds.is_event.copy()
         are_watched[: len(watch.functions.open_)] = True
         places = np.flatnonzero(are_watched)
-        noise = self._noise(watch, kinds)[places]
+        noise = self._changes.noise(watch.functions, kinds.numbers.size)[places]
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
         rounding = np.maximum(NOISE * sizes, watch.rounding())[places]
         noise[kinds.is_event[places]] = rounding[kinds.is_event[places]]
@@ -212,18 +212,19 @@ class ContactEvent(Event):
         is_last = found.reached == run.grid.end
         if is_last and kinds.has_events:
             places = np.union1d(places, np.flatnonzero(kinds.is_event))
-        noise = self._noise(watch, kinds)[places]
+        noise = self._changes.noise(watch.functions, kinds.numbers.size)[places]
         numbers = kinds.numbers[places]
         limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
         if not places.size:
             return
-        if kinds.has_events:
+        if kinds.is_event[places].any():
             begin, end = (np.abs(watch.inside(x)[0]) for x in (0.0, limit))
             sizes, is_event = np.maximum(begin, end), kinds.is_event[places]
             # A function may grow beyond all bounds within the step, whose rounding says nothing of its zeros.
             rounding = np.maximum(NOISE * np.minimum(begin, end), watch.rounding())
             noise[is_event] = rounding[places][is_event]
-            self._changes.sizes, self._changes.rounding = sizes[kinds.is_event], rounding[kinds.is_event]
+            told = self._changes.events
+            told.sizes, told.rounding = sizes[kinds.is_event], rounding[kinds.is_event]
         turned = kinds.direction[places] if kinds.has_events else zero_search.DOWN
         unarmed = run.contacts.unarmed
         armed: npt.NDArray[np.bool_] | bool = ~np.isin(numbers, unarmed) if unarmed else True
@@ -274,17 +275,6 @@ class ContactEvent(Event):
             raise StepFailure(self._changes.unresolved(), run_stop.CONTACT)
         step_again.up_to(run, run.t + x * found.taken)
         found.barrier, found.proposed = None, min(found.proposed, found.taken)
-
-    def _noise(self, watch: StepWatch, kinds: WatchKinds) -> Floats:
-        """Of gaps and multipliers that are watched, and room for that of events (W,)."""
-        noise = np.zeros(kinds.numbers.size)
-        if self._system.contacts.count:
-            gaps, forces = self._changes.noises()
-            functions = watch.functions
-            noise[: len(functions.open_)] = gaps[functions.open_]
-            if functions.held:
-                noise[len(functions.open_) :][: len(functions.held)] = forces[functions.held]
-        return noise
 
     def _event(self, watch: StepWatch, x: float, place: int, name: str) -> Incident:
         """An event within the step, from a step of its own up to there."""

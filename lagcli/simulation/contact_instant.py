@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem, contact_values
 from lagcli.compiled.bound_function import BoundFunction
+from lagcli.contact import few_contacts
+from lagcli.contact.few_contacts import FewContacts
 from lagcli.contact.single_contact import Response
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, Sparse, sparse, stacked
@@ -78,6 +80,20 @@ class ContactRowValues:
         arguments = [np.zeros(each.size) for each in self._arguments[:4]]
         return BoundFunction(self.numeric.response, [*arguments, np.zeros(self.numeric.n)])
 
+    @cached_property
+    def _rate(self) -> BoundFunction:
+        t, q, _, p = self._arguments[:4]
+        arguments = [np.zeros(t.size), np.zeros(2 * q.size + 1), np.zeros(p.size)]
+        return BoundFunction(self.numeric.rhs, arguments)
+
+    def open_acceleration(self, state: State) -> Floats:
+        """The accelerations (n,) with the equality rows alone."""
+        n = state.q.size
+        t, y, p = self._rate.arguments
+        t[0], y[:n], y[n : 2 * n], p[:] = state.t, state.q, state.v, state.p
+        self._rate.trigger()
+        return self._rate.results[0][n : 2 * n].copy()
+
     def response(self, state: State, columns: Numbers, entries: Floats) -> list[Floats]:
         """See `NumericSystem.response`, to a row with entries at columns; in memory that the next call overwrites."""
         t, q, v, p, f = self._response.arguments
@@ -105,11 +121,15 @@ class ContactInstant:
         self.has_gradient: Flags = has_gradient > 0
         self._entries = packed[count * K : -2]
         self.size, self._speed = packed[-2:].tolist()
+        # Of contacts that were asked for together; None of those that are not few, or not apart.
+        self._few: dict[tuple[int, ...], FewContacts | None] = {}
 
     def moved(self, v: Floats) -> ContactInstant:
         """This place at another velocity (n,)."""
         chosen = dataclasses.replace(self._chosen, speed=self._speed)
-        return ContactInstant(self._values, dataclasses.replace(self.state, v=v), chosen)
+        other = ContactInstant(self._values, dataclasses.replace(self.state, v=v), chosen)
+        other._few = self._few
+        return other
 
     def parts(self, v: Floats) -> bool:
         """True if at another velocity (n,) all contacts that are nearly closed part or approach, far faster than what
@@ -191,6 +211,12 @@ class ContactInstant:
         moved = self._entries * x[values.column]
         return np.asarray(np.bincount(values.row, moved, minlength=values.count))
 
+    def sizes_of_changes(self, x: Floats) -> Floats:
+        """|G| |x| (K,)."""
+        values = self._values
+        moved = np.abs(self._entries * x[values.column])
+        return np.asarray(np.bincount(values.row, moved, minlength=values.count))
+
     def gradients(self, contacts: Numbers) -> Sparse:
         """The rows of G of some contacts, (k, n)."""
         values = self._values
@@ -213,6 +239,34 @@ class ContactInstant:
         terms = float(np.abs(entries) @ np.abs(self.state.v[columns])) + abs(float(self.g_t[contact]))
         told = float(square), float(free), float(left)
         return Response(x.copy(), of_equalities.ravel().copy(), *told, terms)
+
+    def few(self, contacts: Numbers) -> FewContacts | None:
+        """Contacts that are few and stand well apart from each other and from equality rows, of which none is
+        redundant; None where they do not."""
+        if not (0 < contacts.size <= few_contacts.MOST and self.is_lean):
+            return None
+        key = tuple(contacts.tolist())
+        if key not in self._few:
+            responses = tuple(self.response(j) for j in key)
+            D = np.array(
+                [
+                    [self._entries[p] @ r.x[self._values.column[p]] for r in responses]
+                    for p in map(self._values.places, key)
+                ]
+            )
+            found = FewContacts(responses, D)
+            self._few[key] = found if found.are_apart else None
+        return self._few[key]
+
+    def terms(self, contacts: Numbers) -> Floats:
+        """The sums of |G_i v_i| and |g_t| (k,) of some contacts."""
+        sizes = self.sizes_of_changes(self.state.v) + np.abs(self.g_t)
+        return np.asarray(sizes[contacts])
+
+    @property
+    def open_acceleration(self) -> Floats:
+        """The accelerations (n,) with all contacts open, and the equality rows held."""
+        return self._values.open_acceleration(self.state)
 
     @cached_property
     def near(self) -> Flags:
@@ -237,7 +291,9 @@ class ContactInstant:
 
     def least_forces(self, contacts: Numbers) -> Floats:
         """Multipliers (k,) of some contacts that are none."""
-        return np.asarray(WEIGHTLESS * self.pull[contacts] / self.squares(contacts))
+        few = self.few(contacts)
+        squares = self.squares(contacts) if few is None else few.free
+        return np.asarray(WEIGHTLESS * self.pull[contacts] / squares)
 
     @cached_property
     def metric(self) -> Metric:

@@ -47,6 +47,9 @@ def mode(
     """
     choice = _ModeChoice(open_, here, rows)
     closed = found.closed
+    if here.few(np.array(sorted(level), dtype=np.intp)) is not None:
+        # Rows that stand well apart are independent.
+        return ContactMode(choice.independent(closed), closed)
     chosen = choice.of(closed)
     others = [j for j in level if j not in set(closed)]
     idle = choice.following(chosen, others)
@@ -75,8 +78,8 @@ class _ModeChoice:
         """The selection with these contacts closed, dependent ones as circuits."""
         open_, rows = self._open, self._rows
         contacts = range(rows, open_.count)
-        if not closed:
-            return Selection(open_.kept, open_.circuits, tuple(contacts))
+        if not closed or self._here.few(np.array(sorted(closed), dtype=np.intp)) is not None:
+            return self.independent(closed)
         numbers = [*open_.kept, *(rows + j for j in sorted(closed))]
         found = self._metric_rows(list(open_.kept), sorted(closed))
         kept = list(range(len(open_.kept)))
@@ -90,6 +93,12 @@ class _ModeChoice:
         shared = tuple(tuple(numbers[k] for k in circuit) for circuit in circuits)
         inactive = tuple(i for i in contacts if i not in set(numbers))
         return Selection(tuple(numbers[k] for k in kept), (*open_.circuits, *shared), inactive)
+
+    def independent(self, closed: Sequence[int]) -> Selection:
+        """The selection with these contacts closed, whose rows depend on no others."""
+        open_, numbers = self._open, [self._rows + j for j in sorted(closed)]
+        inactive = tuple(i for i in range(self._rows, open_.count) if i not in set(numbers))
+        return Selection((*open_.kept, *numbers), open_.circuits, inactive)
 
     def following(self, chosen: Selection, contacts: Sequence[int]) -> tuple[tuple[int, ...], ...]:
         """Of some contacts those whose rows depend on the rows kept, each with these."""

@@ -32,7 +32,7 @@ def at_switch(
     """The events that cross zero, of those that are at zero on both sides, and all these, by their numbers.
 
     The next step would see no more than on which side rounding has put them. sides: values (E,) before and after;
-    jumped: as `ContactChanges.jumped`.
+    jumped: as `EventValues.jumped`.
     """
     before, after = sides
     E = before.size

@@ -66,6 +66,13 @@ class StepWatch:
         arguments = [np.zeros(1), self._bound.y.copy(), self._bound.p]
         return BoundFunction(self.functions.watched, arguments)
 
+    @cached_property
+    def _sizes(self) -> BoundFunction:
+        numeric = self._bound.numeric
+        q, v = np.zeros(numeric.n), np.zeros(numeric.n)
+        p = self._bound.held.p[: numeric.sizes.numel_in(3)].copy()
+        return BoundFunction(numeric.sizes, [np.zeros(1), q, v, p])
+
     def is_of(self, run: Stepper) -> bool:
         """True as long as the run steps with the functions it did."""
         return run.bound is self._bound
@@ -133,7 +140,10 @@ class StepWatch:
     def _rounding_at(self, when: float, y: Floats) -> Floats:
         run, n = self._run, (y.size - 1) // 2
         h, t = run.found.reached - run.t, run.origin + when
-        sizes = np.array(self._bound.numeric.sizes(t, y[:n], y[n : 2 * n], self._bound.held.p)).ravel()
+        at, q, velocity, _ = self._sizes.arguments
+        at[0], q[:], velocity[:] = t, y[:n], y[n : 2 * n]
+        self._sizes.trigger()
+        sizes = self._sizes.results[0]
         units, (q, v, a) = sizes[:n], sizes[n:].tolist()
         speed = max(v, h * a)
         room = EPS * OF_EACH * np.abs(y)
