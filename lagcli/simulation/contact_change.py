@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Iterable
 
@@ -90,9 +91,11 @@ def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult
                 return single
         few = here.few(near)
         if few is not None and near.size > 1:
-            found = few.impact(here.state.v, here.speeds[near], e[near], here.terms(near))
-            if found is not None:
-                return found
+            # The general law knows what energy is at hand, of which rounding is a part.
+            with contextlib.suppress(impact_law.EnergyCreated):
+                found = few.impact(here.state.v, here.speeds[near], e[near], here.terms(near))
+                if found is not None:
+                    return found
         B, b, _ = here.equalities
         contacts = here.gradients(near), here.g_t[near], e[near]
         return impact_law.impact(here.metric, here.state.v, (B, b), contacts)
@@ -140,7 +143,8 @@ class Pressing:
 def pressing(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> Pressing:
     """The forces of contacts that are closed and neither approach nor part: 0 <= lambda ⊥ d2g/dt2 >= 0.
 
-    sunk (K,): contacts that creep in, and press with any force. Raises `ContactsUndecided`.
+    sunk (K,): contacts that creep in: they press with any force, and where nothing takes them out.
+    Raises `ContactsUndecided`.
     """
     numbers = np.flatnonzero(among)
     _require_gradients(here, numbers)
@@ -174,6 +178,10 @@ def _pressed(
 ) -> Pressing:
     """Those that press, of accelerations (n,) and forces of contacts (k,)."""
     x, forces = found
-    least = here.least_forces(numbers)
-    presses = forces > (least if sunk is None else np.where(sunk[numbers], 0.0, least))
-    return Pressing(x, here.changes(x) - here.gamma, tuple(numbers[presses].tolist()))
+    accelerations = here.changes(x) - here.gamma
+    presses = forces > here.least_forces(numbers)
+    if sunk is not None:
+        # Within a step nothing takes it out again.
+        none = accelerations * here.span**2 <= here.nearness
+        presses |= sunk[numbers] & ((forces > 0.0) | none[numbers])
+    return Pressing(x, accelerations, tuple(numbers[presses].tolist()))

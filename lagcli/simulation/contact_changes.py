@@ -11,7 +11,14 @@ import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
 from lagcli.equations import kinks
-from lagcli.simulation import contact_change, contact_gradient, contact_mode, line_functions, run_stop
+from lagcli.simulation import (
+    contact_change,
+    contact_crossings,
+    contact_gradient,
+    contact_mode,
+    line_functions,
+    run_stop,
+)
 from lagcli.simulation.contact_change import Blow, ContactsUndecided
 from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues, Flags
 from lagcli.simulation.contact_mode import ContactMode
@@ -19,7 +26,6 @@ from lagcli.simulation.event_values import EventValues
 from lagcli.simulation.incident import Kind
 from lagcli.simulation.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.run_stop import StepFailure
-from lagcli.simulation.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.state_ahead import Ahead
 from lagcli.simulation.stepper import Stepper
 from lagcli.simulation.watch_functions import WatchFunctions
@@ -110,6 +116,10 @@ class ContactChanges:
 
     def _jump(self, depth: float, contact: int) -> StepFailure:
         name = self._system.contacts.rows[contact].name
+        if contact_crossings.is_near(self._run):
+            return contact_crossings.stop(
+                self._run, f"the gap of `{name}` is not known better than to {depth:.3g}"
+            )
         return StepFailure(
             f"the wall of `{name}` jumps there, by {depth:.3g} onto the wrong side: an impact of which no law tells the"
             " impulse",
@@ -123,7 +133,7 @@ class ContactChanges:
     def _sunk(self, here: ContactInstant) -> Flags:
         """Contacts that touch without a push worth mentioning and creep in all the same, (K,): as slowly as something
         that falls over."""
-        sunk = (here.g < -here.nearness) & (here.speeds < 0.0) & (here.speeds >= -here.slow)
+        sunk = (here.g < -here.nearness) & (here.speeds < 0.0)
         touching = np.zeros(self._count, dtype=bool)
         touching[list(self._run.contacts.touching)] = True
         return np.asarray(sunk & touching)
@@ -137,7 +147,7 @@ class ContactChanges:
         sunk = self._sunk(here)
         if not sunk.any():
             return ()
-        level = here.near & (np.abs(here.speeds) <= here.slow)
+        level = sunk | (here.near & (np.abs(here.speeds) <= here.slow))
         closed = self._decided(lambda: contact_change.pressing(here, level, sunk)).closed
         return tuple(self._rows + j for j in closed if sunk[j])
 
@@ -216,6 +226,8 @@ class ContactChanges:
             line, bounced = self.log.line(), self.events.now()
             jumped, when = self.events.jumped(when, bounced), bounced
         self._go_on(mode.selection, here.state.v if blow is None else blow.onward)
+        if blow is not None and contact_crossings.is_near(run):
+            contact_crossings.require_landed(run, blow.onward, here.state.v)
         now = self.log.line()
         line = now if line is None else line
         if blow is not None:
@@ -261,8 +273,8 @@ class ContactChanges:
         now = run.bound.held.integrals.selection
         if (selection.inactive, selection.idle) != (now.inactive, now.idle):
             run.bind(run.bound.held.keeping(selection))
-            run.watch, run.foreseen = SingularityMonitor(), NEVER
         self._land(v)
+        contact_crossings.foresee(run)
 
     def _land(self, v: Floats) -> None:
         bound = self._run.bound

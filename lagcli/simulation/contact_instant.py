@@ -124,6 +124,11 @@ class ContactInstant:
         # Of contacts that were asked for together; None of those that are not few, or not apart.
         self._few: dict[tuple[int, ...], FewContacts | None] = {}
 
+    @property
+    def span(self) -> float:
+        """The length of the step that is looked at."""
+        return self._chosen.span
+
     def moved(self, v: Floats) -> ContactInstant:
         """This place at another velocity (n,)."""
         chosen = dataclasses.replace(self._chosen, speed=self._speed)

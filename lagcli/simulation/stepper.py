@@ -363,8 +363,8 @@ class Stepper:
         if self._is_before_pole():
             return StepFailure(stop_diagnosis.POLE, NOT_FINITE)
         is_soon = self.foreseen.instant - self.t < stop_diagnosis.SOON * (grid.end - grid.start)
-        tried = stop_diagnosis.Rejection(error, residual, here, ahead, *self.watch.nearness, is_soon)
-        return stop_diagnosis.no_step(bound.held, tried, LANDING)
+        known = residual, here, ahead, *self.watch.nearness, is_soon, self.origin + self.contacts.last
+        return stop_diagnosis.no_step(bound.held, stop_diagnosis.Rejection(error, *known), LANDING)
 
     def _is_before_pole(self) -> bool:
         """True if a function of t ahead is the reason: y' grows without bound towards its switch."""

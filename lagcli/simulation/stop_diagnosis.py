@@ -17,6 +17,8 @@ from lagcli.start import initial
 # Rows that are this close to dependent ones where a run stops are the reason, where they will be so within this part
 # of the run.
 DEPENDENT, SOON = 1e-2, 1e-4
+# An incident within this part of the run before is told of: a step across must begin some way off.
+BEHIND = 1e-2
 # Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so much
 # that a step may not reach its tolerance: masses differ by 1e8.
 WEIGHED = 1e-4
@@ -33,7 +35,7 @@ NO_BRANCH = (
 class Rejection(NamedTuple):
     """The last step that was tried: its error, the residual of the constraints at its end, as a part of its size, and
     the states at both ends; nearness, is_alone: of `SingularityMonitor`; is_soon: an instant is foreseen within `SOON`
-    of the run."""
+    of the run; last: the time of the last incident, or of the start."""
 
     error: float
     residual: float
@@ -42,6 +44,7 @@ class Rejection(NamedTuple):
     nearness: float
     is_alone: bool
     is_soon: bool
+    last: float
 
 
 def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepFailure:
@@ -52,9 +55,12 @@ def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepF
     if is_near and tried.is_soon and apart is None:
         told = _named(system, singular_point.closest(numeric, here, is_alone))
         what = f"the gradient of {told} vanishes" if is_alone else f"the rows {told} become dependent"
+        run, last = system.model.simulation, tried.last
+        is_behind = run.start < last and here.t - last < BEHIND * run.duration
+        behind = f", or one too close behind the incident at t = {last:.9g}" if is_behind else ""
         return StepFailure(
             f"{what} there, a singular configuration through which this motion does not go on smoothly (a toggle"
-            " position, or a cusp)",
+            f" position, or a cusp{behind})",
             SINGULAR,
         )
     jump = _jump(held, here)
