@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from lagcli.api.plot import plot
     from lagcli.api.simulate import simulate
     from lagcli.api.stationary import stationary
+    from lagcli.api.sweep import sweep
     from lagcli.auditing.audit_report import Audit
     from lagcli.derivation.derivation_page import Derivation
     from lagcli.errors.diagnostics import ModelError
@@ -75,6 +76,7 @@ __all__ = [
     "plot",
     "simulate",
     "stationary",
+    "sweep",
 ]
 
 _CLASSES = {
@@ -109,6 +111,7 @@ _FUNCTIONS = {
     "plot": "plot",
     "simulate": "simulate",
     "stationary": "stationary",
+    "sweep": "sweep",
 }
 
 

@@ -32,6 +32,16 @@ def heard_by(listener: Listener) -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def unheard() -> Iterator[None]:
+    """Inside the block phases are told to nobody: one of many like pieces of work."""
+    token = _listener.set(None)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
+
+
+@contextlib.contextmanager
 def phase(name: str) -> Iterator[None]:
     """The block is this phase; also a decorator, for functions that are one."""
     listener = _listener.get()

@@ -12,8 +12,12 @@ from lagcli.model.model import Model, Simulation
 REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol", "max_step"))
 
 
+class BadSetting(ValueError):
+    """Settings that no run can have; the message says which."""
+
+
 def chosen(model: Model, changes: Mapping[str, Any]) -> Simulation:
-    """The settings of the file, with `changes` that are not None. Raises `ValueError`, `TypeError`."""
+    """The settings of the file, with `changes` that are not None. Raises `BadSetting`, `ValueError`, `TypeError`."""
     given = {key: value for key, value in changes.items() if value is not None}
     unknown = given.keys() - {field.name for field in dataclasses.fields(Simulation)}
     if unknown:
@@ -27,7 +31,7 @@ def chosen(model: Model, changes: Mapping[str, Any]) -> Simulation:
     changed = dataclasses.replace(model.simulation, **given)
     faults = [f"{key}: {message}" for key, message in settings.faults(changed)]
     if faults:
-        raise ValueError("; ".join(faults))
+        raise BadSetting("; ".join(faults))
     return changed
 
 

@@ -18,6 +18,9 @@ from lagcli.output import atomic_file
 DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141
 
 
+# Beginnings of the places of what stands on the command line and in no file.
+OPTIONS = ("--set ", "--mu ", "--of", "--over ", "--reduce ", "--uncertain ")
+
 signals.before_end(atomic_file.sweep)
 
 
@@ -51,7 +54,10 @@ def say_all(texts: Iterable[str]) -> None:
 
 def of(error: diagnostics.ModelError) -> int:
     """The code for an invalid model; where all that is wrong stands in an option, it is the command line's."""
-    ours = all(found.location.path.startswith(("--set ", "--mu ", "--of")) for found in error.diagnostics)
+    ours = all(
+        found.location.path.startswith(("--set ", "--mu ", "--of", "--over ", "--reduce ", "--uncertain "))
+        for found in error.diagnostics
+    )
     return USAGE if ours else INVALID
 
 

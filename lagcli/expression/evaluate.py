@@ -7,7 +7,7 @@ here once, in terms of the algebra's scalar operations.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Generic, NoReturn, Protocol, TypeAlias, TypeVar
 
 from lagcli.errors import diagnostics
@@ -75,9 +75,9 @@ def evaluate(node: tree.Node, algebra: Algebra[S]) -> Value[S]:
     return _Walk(algebra).value(node)
 
 
-def scalar(node: tree.Node, algebra: Algebra[S]) -> S:
-    """The value of a tree that must be a scalar."""
-    return _Walk(algebra).scalar(node)
+def scalar(node: tree.Node, algebra: Algebra[S], own: Collection[str] = ()) -> S:
+    """The value of a tree that must be a scalar; `own`: functions of this algebra alone, which `special` knows."""
+    return _Walk(algebra, own).scalar(node)
 
 
 def vector(node: tree.Node, algebra: Algebra[S]) -> Triple[S]:
@@ -114,8 +114,8 @@ def _is_zero(node: tree.Node) -> bool:
 
 
 class _Walk(Generic[S]):
-    def __init__(self, algebra: Algebra[S]) -> None:
-        self._algebra = algebra
+    def __init__(self, algebra: Algebra[S], own: Collection[str] = ()) -> None:
+        self._algebra, self._own = algebra, own
         self._by_node: dict[type[tree.Node], Callable[..., Value[S]]] = {
             tree.Number: algebra.number,
             tree.Name: algebra.atom,
@@ -230,6 +230,8 @@ class _Walk(Generic[S]):
 
     def _call(self, node: tree.Call) -> Value[S]:
         name = node.function
+        if name in self._own:
+            return self._algebra.special(node)
         if name in SPECIAL_FUNCTIONS:
             self._count(node, *SPECIAL_FUNCTIONS[name])
             return self._algebra.special(node)

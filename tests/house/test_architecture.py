@@ -92,7 +92,9 @@ DOORS = {
         "lagcli.statics.static_laws",
         "lagcli.statics.static_problem",
     ),
+    "distributed": ("lagcli.api.sweeps.dask_engine",),
     "scipy": (
+        "lagcli.api.sweeps.drawn_points",
         "lagcli.contact.",
         "lagcli.linearization.",
         "lagcli.statics.effective_potential",

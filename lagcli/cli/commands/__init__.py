@@ -12,6 +12,7 @@ COMMANDS = {
     "simulate": "Integrate and write the table of the motion.",
     "animate": "The motion as a page that can be turned, or as a film.",
     "plot": "Draw any columns of tables and models.",
+    "sweep": "Many runs: grids, tables and draws of values, on any engine.",
     "compare": "Run a model in several formulations and compare them.",
     "limit": "A constraint as the limit of a stiff spring.",
     "audit": "A second opinion on a run, from its table alone.",

@@ -1,0 +1,84 @@
+"""Tables of shards, merged into the table of the whole sweep."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.api.sweeps import sweep_table
+from lagcli.api.sweeps.point_task import PointRow
+from lagcli.output.tables import read_table
+
+Floats = npt.NDArray[np.float64]
+
+MOST_TOLD = 5  # points that are named one by one
+
+
+class BadShards(ValueError):
+    """Tables that are not the shards of one sweep; the message says why."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class MergedRows:
+    """The rows of a whole sweep, in the order of its points, with the columns of their table."""
+
+    columns: tuple[str, ...]
+    rows: list[PointRow]
+
+
+def merged(paths: Sequence[str]) -> MergedRows:
+    """The rows of all shards, whatever their order and their formats.
+
+    Raises `BadShards`, `read_table.UnreadableTable`, `endings.UnknownFormat`, `MissingExtra`, OSError.
+    """
+    columns: tuple[str, ...] = ()
+    sweep, whence = "", ""
+    rows: dict[int, PointRow] = {}
+    for path in paths:
+        names, of, found = _read(path)
+        if of and sweep and of != sweep:
+            raise BadShards(f"{path} is a shard of a different sweep than {whence}")
+        if columns and names != columns:
+            raise BadShards(f"{path} has other columns than {whence}")
+        columns, sweep, whence = names, of or sweep, path
+        for row in found:
+            if row.number in rows:
+                raise BadShards(f"{path}: the point {row.number} is in another file too")
+            rows[row.number] = row
+    total = int(sweep.rpartition(" ")[2]) if sweep else 0
+    missing = [number for number in range(total) if number not in rows]
+    if missing:
+        told = ", ".join(map(str, missing[:MOST_TOLD])) + (", ..." if len(missing) > MOST_TOLD else "")
+        raise BadShards(
+            f"{len(missing)} of {total} points are missing: {told}; have all shards run to their end?"
+        )
+    return MergedRows(columns, [rows[number] for number in sorted(rows)])
+
+
+def _read(path: str) -> tuple[tuple[str, ...], str, list[PointRow]]:
+    """The columns of the whole sweep, the cell that tells it, and the rows of a shard."""
+    table = read_table.opened(path)
+    for name in (
+        sweep_table.NUMBER,
+        sweep_table.STATUS,
+        sweep_table.MESSAGE,
+        sweep_table.END,
+        sweep_table.SHARD,
+    ):
+        if name not in table.columns:
+            raise BadShards(f"{path}: it is no table of a shard: it has no column `{name}`")
+    columns = tuple(name for name in table.columns if name != sweep_table.SHARD)
+    results = columns[1 : columns.index(sweep_table.STATUS)]
+    wanted = [sweep_table.NUMBER, *results, sweep_table.STATUS, sweep_table.END]
+    numbers = table.take(wanted)
+    messages, cells = table.words(sweep_table.MESSAGE), sorted(set(table.words(sweep_table.SHARD)))
+    if len(cells) > 1 or not all(cell.rpartition(" ")[2].isdecimal() for cell in cells):
+        raise BadShards(f"{path}: its rows are not of one sweep")
+    rows = [
+        PointRow(int(row[0]), (), tuple(row[1:-2]), int(row[-2]), message, row[-1])
+        for row, message in zip(numbers.tolist(), messages, strict=True)
+    ]
+    return columns, cells[0] if cells else "", rows

@@ -1,0 +1,131 @@
+"""The rows of a sweep as they come, safe on the disk: a file that only grows at its end, a line a row.
+
+The first line says of which sweep it is. Every line begins with its checksum, so that one that a kill has torn is told
+from a whole one; rows stand in the order of their points, so that those that are missing are all behind them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+from lagcli.api.sweeps.point_task import PointRow
+from lagcli.output import atomic_file
+
+KIND = "lagcli sweep 1"
+
+
+class UnfitJournal(ValueError):
+    """A file that holds no rows of this sweep; the message says why."""
+
+
+def path_of(target: Path) -> Path:
+    """The journal of a sweep that writes into `target`. Names that begin with a dot are passed over in datasets."""
+    return target.with_name(f".{target.name}.points")
+
+
+class SweepJournal:
+    """Takes the rows of a sweep. `count` of them are there already. Raises `UnfitJournal`, OSError."""
+
+    def __init__(self, path: Path, identity: Mapping[str, object], resume: bool) -> None:
+        self.path, self.count = path, 0
+        if resume and path.is_file() and path.stat().st_size:
+            end = self._require_same(identity)
+            self._file: BinaryIO = path.open("r+b", buffering=0)
+            self._file.truncate(end)
+            self._file.seek(end)
+        else:
+            _require_ours(path)
+            aside = atomic_file.Aside(path)
+            with atomic_file.undone_by(aside.discard):
+                aside.path.write_bytes(_line({"kind": KIND, **identity}))
+                aside.commit()
+            self._file = path.open("ab", buffering=0)
+
+    def _require_same(self, identity: Mapping[str, object]) -> int:
+        """The end of the whole lines of the file."""
+        with self.path.open("rb") as file:
+            found = _parsed(file.readline())
+            _require_kind(self.path, found)
+            assert isinstance(found, dict)
+            # As it reads back from the file.
+            wanted = json.loads(json.dumps({"kind": KIND, **identity}))
+            other = [key for key in wanted if found.get(key) != wanted[key]]
+            if other:
+                raise UnfitJournal(f"{self.path} holds rows of a different sweep: {_told(other[0])} differs")
+            end = file.tell()
+            for line in file:
+                if _parsed(line) is None:
+                    break
+                end += len(line)
+                self.count += 1
+        return end
+
+    def write(self, rows: Sequence[PointRow]) -> None:
+        """Append rows, at once: a kill of this process loses none of them."""
+        data = memoryview(
+            b"".join(
+                _line([row.number, row.point, row.results, row.status, row.message, row.t_end])
+                for row in rows
+            )
+        )
+        while data:
+            data = data[self._file.write(data) :]
+        self.count += len(rows)
+
+    def sync(self) -> None:
+        """Return when the rows are on the disk: for power cuts."""
+        os.fsync(self._file.fileno())
+
+    def rows(self) -> Iterator[PointRow]:
+        """The rows there are."""
+        with self.path.open("rb") as file:
+            file.readline()
+            for _, line in zip(range(self.count), file, strict=False):
+                found = _parsed(line)
+                assert isinstance(found, list)
+                number, point, results, status, message, t_end = found
+                yield PointRow(number, tuple(point), tuple(results), status, message, t_end)
+
+    def close(self) -> None:
+        """Leave the file where it is."""
+        self._file.close()
+
+    def remove(self) -> None:
+        """Remove the file: its rows are in a complete table."""
+        self._file.close()
+        self.path.unlink(missing_ok=True)
+
+
+def _told(key: str) -> str:
+    return {"sha256": "the text of the model", "points": "what the points are"}.get(key, f"`{key}`")
+
+
+def _require_ours(path: Path) -> None:
+    if path.is_file() and path.stat().st_size:
+        with path.open("rb") as file:
+            _require_kind(path, _parsed(file.readline()))
+
+
+def _require_kind(path: Path, found: object) -> None:
+    if not isinstance(found, dict) or found.get("kind") != KIND:
+        raise UnfitJournal(f"{path} is there and holds no rows of a sweep")
+
+
+def _line(value: object) -> bytes:
+    text = json.dumps(value, separators=(",", ":")).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def _parsed(line: bytes) -> object:
+    """The value of a line, None where it is not whole."""
+    if len(line) < 10 or not line.endswith(b"\n"):
+        return None
+    text = line[9:-1]
+    if line[:9] != b"%08x " % zlib.crc32(text):
+        return None
+    return json.loads(text)

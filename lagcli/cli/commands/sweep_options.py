@@ -1,0 +1,126 @@
+"""`lagcli sweep`: its options."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from lagcli.cli import exits, model_reading
+from lagcli.cli.options import (
+    AssembleOption,
+    DebugOption,
+    JsonOption,
+    LimitOption,
+    OutputStepOption,
+    QuietOption,
+    SeedOption,
+    SetOption,
+)
+from lagcli.model import settings
+
+
+@exits.command
+def sweep(
+    models: Annotated[
+        list[str],
+        typer.Argument(metavar="MODEL", help="model file; - for standard input; with --merge the files"),
+    ],
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over", metavar="NAME=VALUES", help="LOW:HIGH:COUNT or [V1, V2, ...]; several are a grid"
+        ),
+    ] = None,
+    points: Annotated[
+        str | None,
+        typer.Option("--points", metavar="FILE", help="a table, a point a row; - for standard input, CSV"),
+    ] = None,
+    uncertain: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--uncertain", metavar="NAME~LAW", help="normal(MEAN, SD), uniform(LOW, HIGH), ...; repeatable"
+        ),
+    ] = None,
+    draws: Annotated[int, typer.Option(min=1, help="points that are drawn of --uncertain")] = 1024,
+    seed: SeedOption = 0,
+    sampling: Annotated[str, typer.Option(metavar="KIND", help="sobol, quasi-random, or random")] = "sobol",
+    reduce: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--reduce", metavar="NAME=EXPR", help="kept of a run: 'peak=max(abs(lambda.rod))'; repeatable"
+        ),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="a table, FOLDER/ for a Parquet dataset; - for stdout"
+        ),
+    ] = None,
+    tables: Annotated[
+        str | None,
+        typer.Option(metavar="FOLDER", help="every full table, FOLDER/*.parquet for another format than CSV"),
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="processes of this machine")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="a Dask cluster instead, tcp://HOST:PORT")
+    ] = None,
+    shard: Annotated[
+        str | None, typer.Option(metavar="I/N", help="the I-th of N parts of the points")
+    ] = None,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="the arguments are tables of shards: put them together")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on from the rows of an ended sweep into FILE")
+    ] = False,
+    limit_each: Annotated[
+        float | None,
+        typer.Option("--limit-each", metavar="SECONDS", min=0.0, help="a point that takes longer is ended"),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="also for more than ten million points")] = False,
+    duration: Annotated[float | None, typer.Option(help="length of each run")] = None,
+    output_step: OutputStepOption = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows of a run, both ends counted")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
+    max_step: Annotated[float | None, typer.Option("--max-step", help="no step is longer")] = None,
+    method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
+    assemble: AssembleOption = False,
+    limit: LimitOption = settings.LIMIT,
+    changes: SetOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Run a model at many points and write a row for each: the point, what is kept of the run, how it ended.
+
+    The points are a grid (--over), a table (--points), draws (--uncertain), or every one of the former with every
+    draw. Each row is that of `simulate --set`, to the last bit, whatever computes it. Exit 1 where a point is invalid,
+    else 3 where one stopped; all have a row. Rows are safe as they come: --resume goes on after any end.
+    """
+    from lagcli.cli import asked_points, preflight, sweep_command
+
+    files = preflight.SweepFiles(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
+    if merge:
+        asked = (over, points, uncertain, reduce, tables, shard, scheduler, changes)
+        sweep_command.merge(models, files, is_alone=not any(asked) and not resume)
+        return
+    if len(models) > 1:
+        raise exits.UsageError(
+            "a sweep is of one MODEL; with --merge the arguments are the tables of its shards"
+        )
+    files.require(models[0], points)
+    given = {
+        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "method": method, "assemble": True if assemble else None,
+    }  # fmt: skip
+    points_asked = asked_points.AskedPoints(
+        tuple(over or ()), points, tuple(uncertain or ()), draws, seed, sampling, yes
+    )
+    read = model_reading.reported(lambda: model_reading.load(models[0], changes), as_json)
+    plan = model_reading.reported(
+        lambda: sweep_command.plan(read, points_asked, reduce or [], given, (limit, limit_each), files),
+        as_json,
+    )
+    sweep_command.run(plan, files, has_spreads=bool(uncertain) and not over and points is None)

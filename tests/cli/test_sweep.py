@@ -1,0 +1,349 @@
+"""`lagcli sweep`: points, rows, engines, files that outlive any end."""
+
+import csv
+import io
+import json
+import os
+import pathlib
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.api.sweeps import reductions, sweep_journal
+from lagcli.output.tables import read_table
+
+ROOT = pathlib.Path(__file__).parents[2]
+PENDULUM = str(ROOT / "models" / "pendulum.yaml")
+DISK = str(ROOT / "models" / "rolling-disk.yaml")
+SHORT = ("--duration", "0.3", "--samples", "4")
+REDUCE = ("--reduce", "peak=max(abs(lambda.rod))", "--reduce", "end=last(a.x)")
+
+
+def run(*arguments: str, text: str | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "lagcli", *arguments],
+        input=text, capture_output=True, text=True, timeout=300, encoding="utf-8",
+    )  # fmt: skip
+
+
+def table(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_a_row_is_that_of_simulate_with_set_to_the_last_bit() -> None:
+    done = run("sweep", DISK, "--over", "M=1:2:2", "--over", "a=[0.4, 1/2]", *SHORT)
+    assert done.returncode == 0
+    rows = table(done.stdout)
+    assert [(row["point"], row["M"], row["a"]) for row in rows] == [
+        ("0", "1.0", "0.4"), ("1", "1.0", "0.5"), ("2", "2.0", "0.4"), ("3", "2.0", "0.5"),
+    ]  # fmt: skip
+    for row in rows[::3]:
+        alone = run("simulate", DISK, "--set", f"M={row['M']}", "--set", f"a={row['a']}", *SHORT)
+        last = table(alone.stdout)[-1]
+        assert {name: row[name] for name in last if name != "t"} == {
+            name: value for name, value in last.items() if name != "t"
+        }
+        assert row["t_end"] == last["t"]
+        assert (row["status"], row["message"]) == ("0", "")
+
+
+def test_processes_give_the_file_of_one_process(tmp_path: pathlib.Path) -> None:
+    here, there = tmp_path / "one.csv", tmp_path / "two.csv"
+    common = ("sweep", PENDULUM, "--over", "L=0.5:2:9", "--over", "theta0=[0.1, 1]", *SHORT)
+    assert run(*common, "-o", str(here)).returncode == 0
+    assert run(*common, "-o", str(there), "--jobs", "2").returncode == 0
+    assert there.read_bytes() == here.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.csv", "two.csv"]
+
+
+def test_invalid_and_stopped_points_are_rows_and_the_worst_counts(tmp_path: pathlib.Path) -> None:
+    model = tmp_path / "fall.yaml"
+    # The inverse of a distance ends at its pole where the particle is let go from rest.
+    model.write_text(
+        "lagcli: 1\nparameters: {k: 1, u: 0}\n"
+        "particles:\n  a: {mass: 1, position: [1, 0, 0], velocity: [0, u, 0]}\n"
+        "forces:\n  pull: {potential: -k/norm(a)}\n"
+    )
+    common = ("sweep", str(model), "--duration", "2", "--samples", "3", "--reduce", "r=last(a.x)", "-q")
+    stopped = run(*common, "--over", "u=[1, 0, 0.9]")
+    assert stopped.returncode == 3
+    rows = table(stopped.stdout)
+    assert [row["status"] for row in rows] == ["0", "3", "0"]
+    assert rows[1]["r"] == "nan"
+    assert rows[1]["message"].startswith("stopped at t = 1.11")
+    assert float(rows[1]["t_end"]) == 1.0
+    both = run(*common, "--over", "u=[1, 0, log(k-1), 0.9]")
+    assert both.returncode == 2  # no number of the command line
+    invalid = run(*common, "--over", "a.x=[0, 1]", "--over", "u=[0, 1]")
+    assert invalid.returncode == 1
+    assert [row["status"] for row in table(invalid.stdout)] == ["1", "1", "3", "0"]
+    assert "not-finite" in table(invalid.stdout)[0]["message"]
+
+
+def test_a_point_that_takes_too_long_is_ended_and_is_a_row() -> None:
+    common = ("sweep", PENDULUM, "--over", "g=[9.81, 1]", "--reduce", "x=last(a.x)", *SHORT)
+    done = run(*common, "--limit-each", "0")  # which everything takes longer than
+    assert done.returncode == 3
+    rows = table(done.stdout)
+    assert [(row["status"], row["x"]) for row in rows] == [("3", "nan")] * 2
+    assert "longer than 0 s" in rows[1]["message"]
+    assert "2 points: 0 done, 2 stopped, 0 invalid" in done.stderr
+    assert run(*common, "--limit-each", "1e6").returncode == 0
+
+
+def test_reductions_are_expressions_over_columns() -> None:
+    t = np.array([0.0, 1.0, 3.0])
+    rows = {"lambda.rod[2]": np.array([1.0, -4.0, 2.0]), "R.a.x": np.array([2.0, 2.0, 5.0]), "t": t}
+    rows["rate(theta)"] = np.array([0.0, 1.0, 2.0])
+
+    def of(text: str) -> float:
+        return reductions.value(reductions.Reduction("x", text), rows, t, {"m": 2.0, "u": (1.0, 2.0, 3.0)})
+
+    assert of("max(abs(lambda.rod[2]))") == 4.0
+    assert of("min(lambda.rod[2]) + u.z") == -1.0
+    assert of("mean(max(lambda.rod[2], 0.5))") == pytest.approx((1 + 0.5 + 2) / 3)
+    assert of("rms(R.a.x)") == pytest.approx(np.sqrt(11))
+    assert of("integral(rate(theta))*m") == pytest.approx(2 * (0.5 + 3.0))
+    assert (of("first(R.a.x)"), of("last(R.a.x)")) == (2.0, 5.0)
+    assert (of("argmax(lambda.rod[2])"), of("argmin(lambda.rod[2])")) == (3.0, 1.0)
+    assert of("last(R.a.x)/last(t)**2") == pytest.approx(5 / 9)
+    assert of("integral(1)") == 3.0
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--over", "LL=1:2:3"), "--over LL: there is no parameter or initial value of that name; did you mean `L`?"),
+        (("--over", "L=1:2"), "a range is LOW:HIGH:COUNT"),
+        (("--over", "L=1:2:1.5"), "whole number"),
+        (("--over", "L=1:2:1"), "two ends"),
+        (("--over", "L=1:q:2"), "--over L:1:1: error[unknown-name]"),
+        (("--over", "L=1:2:2", "--over", "L=1:2:3"), "`L` is given twice"),
+        (("--over", "L=1:2:2", "--set", "L=3"), "--set has a value for it too"),
+        (("--over", "L=1:2:100000", "--over", "g=1:2:10000"), "1000000000 points: --yes"),
+        (("--over", "L=1:2:2", "--reduce", "max(t)"), "write NAME=EXPR"),
+        (("--over", "L=1:2:2", "--reduce", "p=max(lambda.rodd)"), "did you mean `lambda.rod`?"),
+        (("--over", "L=1:2:2", "--reduce", "p=lambda.rod"), "--reduce p:1:1: error[not-a-scalar]"),
+        (("--over", "L=1:2:2", "--reduce", "status=max(t)"), "two columns would be called `status`"),
+        (("--over", "L=1:2:2", "--shard", "3/2"), "--shard 3/2"),
+        (("--over", "L=1:2:2", "--samples", "0"), "samples"),
+        (("--over", "L=1:2:2", "--resume"), "-o FILE"),
+        (("--over", "L=1:2:2", "-o", "x.txt"), "unknown format"),
+        (("--uncertain", "L~gauss(1, 2)"), "the distributions are normal(MEAN, SD)"),
+        (("--uncertain", "L~normal(1)"), "write normal(MEAN, SD)"),
+        (("--uncertain", "L~normal(1, 0)"), "positive"),
+        ((), "no points"),
+        (("--points", "nowhere.csv"), "there is no file nowhere.csv"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_refused_with_its_place(
+    options: tuple[str, ...], told: str, tmp_path: pathlib.Path
+) -> None:
+    done = run("sweep", PENDULUM, *options)
+    assert done.returncode == 2
+    assert told in done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("L,q\n1,2\n", "--points <stdin>: q: there is no parameter"),
+        ("L,m\n1,x\n", "row 1: 'x' in the column 'm' is no number"),
+        ("L,m\n1,\n", "row 1: the column `m` has no finite number"),
+        ("L,m\n", "there are no points"),
+    ],
+)
+def test_tables_of_points_come_through_standard_input(text: str, told: str) -> None:
+    done = run("sweep", PENDULUM, "--points", "-", *SHORT, *REDUCE, text="L,m\n1,2\n2,3\n")
+    assert [(row["L"], row["m"]) for row in table(done.stdout)] == [("1.0", "2.0"), ("2.0", "3.0")]
+    refused = run("sweep", PENDULUM, "--points", "-", *SHORT, text=text)
+    assert refused.returncode == 2
+    assert told in refused.stderr
+
+
+def killed(arguments: list[str], journal: pathlib.Path, rows: int) -> bool:
+    """Run a sweep and kill it when its journal has so many more lines; False where it came to its end."""
+    process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    there = journal.read_bytes().count(b"\n") if journal.exists() else 0
+    while process.poll() is None:
+        if journal.exists() and journal.read_bytes().count(b"\n") >= there + rows:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+            return True
+        time.sleep(0.01)
+    return False
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there is no such signal")
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_sweep_that_is_killed_goes_on_to_the_file_of_one_that_was_not(
+    tmp_path: pathlib.Path, jobs: str
+) -> None:
+    whole, broken = tmp_path / "whole.csv", tmp_path / "broken.csv"
+    common = ["sweep", PENDULUM, "--over", "L=0.5:2:300", *REDUCE, "--duration", "2", "--jobs", jobs]
+    assert run(*common, "-o", str(whole)).returncode == 0
+    journal = sweep_journal.path_of(broken)
+    choice = random.Random(int(jobs))
+    kills = 0
+    arguments = [sys.executable, "-m", "lagcli", *common, "-o", str(broken), "--resume"]
+    while kills < 3 and killed(arguments, journal, choice.randint(1, 9)):
+        kills += 1
+        assert not broken.exists()
+        with journal.open("ab") as file:  # as a kill within a line would leave it
+            file.write(b"0123abcd [3,")
+    assert kills  # on a machine that is very fast the second may come too late
+    last = subprocess.run(arguments, capture_output=True, text=True, check=True)
+    assert last.returncode == 0
+    assert broken.read_bytes() == whole.read_bytes()
+    assert not journal.exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there is no such signal")
+def test_an_interrupt_keeps_the_rows_and_names_them(tmp_path: pathlib.Path) -> None:
+    target = tmp_path / "rows.csv"
+    command = [
+        sys.executable,
+        "-m",
+        "lagcli",
+        "sweep",
+        PENDULUM,
+        "--over",
+        "L=0.5:2:4000",
+        *REDUCE,
+        "-o",
+        str(target),
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    journal = sweep_journal.path_of(target)
+    while not (journal.exists() and journal.read_bytes().count(b"\n") > 3):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert f"{target}.partial" in told
+    assert "--resume goes on" in told
+    rows = table((tmp_path / "rows.csv.partial").read_text())
+    assert [row["point"] for row in rows] == [str(i) for i in range(len(rows))]
+    assert not target.exists()
+
+
+def test_rows_of_a_different_sweep_are_not_gone_on_with(tmp_path: pathlib.Path) -> None:
+    target = tmp_path / "rows.csv"
+    journal = sweep_journal.SweepJournal(
+        sweep_journal.path_of(target), {"version": lagcli.__version__, "sha256": "0"}, False
+    )
+    journal.close()
+    done = run("sweep", PENDULUM, "--over", "L=1:2:2", *SHORT, "-o", str(target), "--resume")
+    assert done.returncode == 2
+    assert "holds rows of a different sweep: the text of the model differs" in done.stderr
+    sweep_journal.path_of(target).write_text("my notes\n")
+    done = run("sweep", PENDULUM, "--over", "L=1:2:2", *SHORT, "-o", str(target))
+    assert done.returncode == 2
+    assert "holds no rows of a sweep" in done.stderr
+    assert sweep_journal.path_of(target).read_text() == "my notes\n"
+
+
+def test_shards_merge_to_the_file_of_the_whole(tmp_path: pathlib.Path) -> None:
+    common = ("sweep", PENDULUM, "--over", "L=0.5:2:7", *REDUCE, *SHORT)
+    whole = tmp_path / "whole.csv"
+    assert run(*common, "-o", str(whole)).returncode == 0
+    parts = [tmp_path / f"part-{i}.{ending}" for i, ending in enumerate(("csv", "json", "csv"), 1)]
+    for i, part in enumerate(parts, 1):
+        assert run(*common, "--shard", f"{i}/3", "-o", str(part)).returncode == 0
+    merged = tmp_path / "merged.csv"
+    names = [str(part) for part in parts]
+    assert run("sweep", "--merge", *reversed(names), "-o", str(merged)).returncode == 0
+    assert merged.read_bytes() == whole.read_bytes()
+    missing = run("sweep", "--merge", *names[:2])
+    assert missing.returncode == 2
+    assert "2 of 7 points are missing: 2, 5" in missing.stderr
+    assert "is in another file too" in run("sweep", "--merge", *names, names[0]).stderr
+    assert run(*common[:-1], "5", "--shard", "3/3", "-o", names[2]).returncode == 0
+    assert "a shard of a different sweep" in run("sweep", "--merge", *names).stderr
+    assert "no table of a shard" in run("sweep", "--merge", str(whole)).stderr
+
+
+def test_every_format_holds_the_same_numbers(tmp_path: pathlib.Path) -> None:
+    common = ("sweep", PENDULUM, "--over", "L=1:2:3", *REDUCE, *SHORT)
+    found = []
+    for ending in ("csv", "tsv", "json", "npz", "parquet"):
+        path = tmp_path / f"rows.{ending}"
+        assert run(*common, "-o", str(path)).returncode == 0
+        read = read_table.opened(path)
+        names = ("point", "L", "peak", "end", "status", "t_end")
+        found.append(read.take(names).tobytes())
+        assert read.words("message") == ["", "", ""]
+    assert len(set(found)) == 1
+    assert json.loads((tmp_path / "rows.json").read_text())["provenance"]["count"] == 3
+
+
+def test_a_folder_is_a_dataset_with_a_part_for_each_shard(tmp_path: pathlib.Path) -> None:
+    dataset = pytest.importorskip("pyarrow.dataset")
+    folder = tmp_path / "rows"
+    for i in (1, 2):
+        common = ("sweep", PENDULUM, "--over", "L=1:2:5", *REDUCE, *SHORT, "--shard", f"{i}/2")
+        assert run(*common, "-o", f"{folder}/").returncode == 0
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "part-00001-of-00002.parquet", "part-00002-of-00002.parquet",
+    ]  # fmt: skip
+    rows = dataset.dataset(folder).to_table().sort_by("point")
+    assert rows["L"].to_pylist() == [1.0, 1.25, 1.5, 1.75, 2.0]
+
+
+def test_full_tables_are_those_of_simulate(tmp_path: pathlib.Path) -> None:
+    tables = tmp_path / "tables"
+    done = run(
+        "sweep", PENDULUM, "--over", "L=[1, 2]", *REDUCE, *SHORT, "--tables", f"{tables}/", "--jobs", "2"
+    )
+    assert done.returncode == 0
+    alone = tmp_path / "alone.csv"
+    assert run("simulate", PENDULUM, "--set", "L=2.0", *SHORT, "-o", str(alone)).returncode == 0
+    assert (tables / "point-0000001.csv").read_bytes() == alone.read_bytes()
+    assert len(list(tables.iterdir())) == 2
+
+
+def test_draws_are_those_of_the_seed_and_their_quantiles_are_told(tmp_path: pathlib.Path) -> None:
+    common = ("sweep", PENDULUM, "--uncertain", "m~normal(2, 0.1)", "--uncertain", "g~uniform(9, 10)",
+              "--draws", "256", "--reduce", "twice=2*first(energy)/first(energy)*m", "--duration", "0",
+              "--json", "-o")  # fmt: skip
+    one, two = tmp_path / "one.csv", tmp_path / "two.csv"
+    first = run(*common, str(one))
+    assert first.returncode == 0
+    assert run(*common, str(two)).returncode == 0
+    assert one.read_bytes() == two.read_bytes()
+    account = json.loads(first.stdout)
+    # Of twice a normal variable: quasi-random draws meet quantiles to a part of a hundred of the deviation.
+    assert account["results"]["twice"]["quantiles"]["0.5"] == pytest.approx(4.0, abs=0.002)
+    assert account["results"]["twice"]["quantiles"]["0.95"] == pytest.approx(4 + 1.6448536 * 0.2, abs=0.01)
+    assert account["results"]["twice"]["sd"] == pytest.approx(0.2, rel=0.01)
+    assert "twice: mean 4" in first.stderr
+    rows = table(one.read_text())
+    assert len({row["g"] for row in rows}) == 256
+    assert all(9 < float(row["g"]) < 10 for row in rows)
+
+
+def test_python_gives_a_frame_and_takes_any_executor() -> None:
+    pandas = pytest.importorskip("pandas")
+    from concurrent.futures import ThreadPoolExecutor
+
+    options = {"reduce": {"peak": "max(lambda.rod)"}, "duration": 0.3, "samples": 4}
+    grid = {"L": "0.5:2:3", "m": [1, 2]}
+    alone = lagcli.sweep(PENDULUM, grid, **options)
+    assert list(alone.columns) == ["point", "L", "m", "peak", "status", "message", "t_end"]
+    with ThreadPoolExecutor(2) as executor:
+        pandas.testing.assert_frame_equal(lagcli.sweep(PENDULUM, grid, executor=executor, **options), alone)
+    again = lagcli.sweep(lagcli.load(PENDULUM), alone[["L", "m"]], **options)
+    pandas.testing.assert_frame_equal(again, alone)
+    for row in alone.itertuples():
+        one = lagcli.simulate(lagcli.load(PENDULUM, {"L": row.L, "m": row.m}), duration=0.3, samples=4)
+        assert one["lambda.rod"].max() == row.peak
+    assert alone.attrs["done"] == 6
+    with pytest.raises(ValueError, match="points: LL: there is no parameter"):
+        lagcli.sweep(PENDULUM, {"LL": [1]})
