@@ -203,13 +203,14 @@ def _tell(plan: SweepPlan, account: SweepAccount, files: SweepFiles, seconds: fl
         print(json_output.text({**account.as_json(), "sweep": plan.identity}))
     if files.quiet:
         return
-    exits.say(f"{account.sentence()}, in {seconds:.3g} s")
+    exits.say(account.sentence())
     for name, spread in account.spreads().items():
         told = ", ".join(
             f"{100 * q:g} %: {value:.6g}"
             for q, value in zip(sweep_account.QUANTILES, spread.quantiles, strict=True)
         )
         exits.say(f"{name}: mean {spread.mean:.6g}, standard deviation {spread.sd:.3g}; {told}")
+    exits.say(f"computed in {seconds:.3g} s")
 
 
 def merge(paths: Sequence[str], files: SweepFiles, is_alone: bool) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Iterator
+from contextvars import ContextVar
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +33,20 @@ POLISHING, STATIONARY = 6, 1e-12
 # Starts aside for the nearest point, where Gauss-Newton ends at a feasible one.
 STARTS_OF_FEW, STARTS_OF_MORE, STARTS_OF_MANY = 16, 3, 1
 BRIEFLY = 4  # steps towards the nearest point that show which start leads to it
+
+
+_is_brief: ContextVar[bool] = ContextVar("brief", default=False)
+
+
+@contextlib.contextmanager
+def briefly() -> Iterator[None]:
+    """Inside the block a start that violates rows is refused without a search for a state that would satisfy them:
+    one of many starts, of which nobody reads more than a line."""
+    token = _is_brief.set(True)
+    try:
+        yield
+    finally:
+        _is_brief.reset(token)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -98,6 +114,8 @@ def require_consistent(system: System, numeric: NumericSystem, state: State, fou
     report = initial.inconsistencies(system, found)
     if not report:
         return
+    if _is_brief.get():
+        raise diagnostics.ModelError(report)
     try:
         assemble(system, numeric, state, ())
     except diagnostics.ModelError as error:

@@ -345,5 +345,5 @@ def test_python_gives_a_frame_and_takes_any_executor() -> None:
         one = lagcli.simulate(lagcli.load(PENDULUM, {"L": row.L, "m": row.m}), duration=0.3, samples=4)
         assert one["lambda.rod"].max() == row.peak
     assert alone.attrs["done"] == 6
-    with pytest.raises(ValueError, match="points: LL: there is no parameter"):
+    with pytest.raises(ValueError, match="points LL: there is no parameter"):
         lagcli.sweep(PENDULUM, {"LL": [1]})

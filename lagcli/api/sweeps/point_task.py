@@ -27,6 +27,7 @@ from lagcli.input.overrides import OverrideError
 from lagcli.model.model import Model
 from lagcli.output.tables import sinks
 from lagcli.simulation import run_stop
+from lagcli.start import assembly
 
 Floats = npt.NDArray[np.float64]
 
@@ -207,7 +208,7 @@ def run_points(
     task: PointTask, numbers: Sequence[int], points: Sequence[Point]
 ) -> tuple[list[PointRow], float]:
     """The rows of some points, and the seconds they took."""
-    with _turn, progress.unheard():
+    with _turn, progress.unheard(), assembly.briefly():
         began = time.perf_counter()
         here = runner(task)
         rows = [here.run(number, point) for number, point in zip(numbers, points, strict=True)]
