@@ -6,17 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading
-from lagcli.cli.options import (
-    AssembleOption,
-    DebugOption,
-    JsonOption,
-    LimitOption,
-    OutputStepOption,
-    QuietOption,
-    SeedOption,
-    SetOption,
-)
+from lagcli.cli import completing, exits, model_reading, options
 from lagcli.model import settings
 
 
@@ -24,7 +14,11 @@ from lagcli.model import settings
 def sweep(
     models: Annotated[
         list[str],
-        typer.Argument(metavar="MODEL", help="model file; - for standard input; with --merge the files"),
+        typer.Argument(
+            metavar="MODEL",
+            help="model file; - for standard input; with --merge the files",
+            autocompletion=completing.model_files,
+        ),
     ],
     over: Annotated[
         list[str] | None,
@@ -43,7 +37,7 @@ def sweep(
         ),
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="points that are drawn of --uncertain")] = 1024,
-    seed: SeedOption = 0,
+    seed: options.SeedOption = 0,
     sampling: Annotated[str, typer.Option(metavar="KIND", help="sobol, quasi-random, or random")] = "sobol",
     reduce: Annotated[
         list[str] | None,
@@ -79,19 +73,19 @@ def sweep(
         typer.Option("--limit-each", metavar="SECONDS", min=0.0, help="a point that takes longer is ended"),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="also for more than ten million points")] = False,
-    duration: Annotated[float | None, typer.Option(help="length of each run")] = None,
-    output_step: OutputStepOption = None,
+    duration: options.RunsDurationOption = None,
+    output_step: options.OutputStepOption = None,
     samples: Annotated[int | None, typer.Option(help="number of rows of a run, both ends counted")] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
-    max_step: Annotated[float | None, typer.Option("--max-step", help="no step is longer")] = None,
+    rtol: options.RunsRtolOption = None,
+    atol: options.RunsAtolOption = None,
+    max_step: options.RunsMaxStepOption = None,
     method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
-    assemble: AssembleOption = False,
-    limit: LimitOption = settings.LIMIT,
-    changes: SetOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
+    assemble: options.AssembleOption = False,
+    limit: options.LimitOption = settings.LIMIT,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Run a model at many points and write a row for each: the point, what is kept of the run, how it ended.
 
@@ -118,7 +112,7 @@ def sweep(
     points_asked = asked_points.AskedPoints(
         tuple(over or ()), points, tuple(uncertain or ()), draws, seed, sampling, yes
     )
-    read = model_reading.reported(lambda: model_reading.load(models[0], changes), as_json)
+    read = model_reading.read(models[0], changes, as_json)
     plan = model_reading.reported(
         lambda: sweep_command.plan(read, points_asked, reduce or [], given, (limit, limit_each), files),
         as_json,
