@@ -17,7 +17,7 @@ from lagcli.model.model import Model
 if TYPE_CHECKING:
     import pandas
 
-    from lagcli.api.sweeps.point_sources import Points
+    from lagcli.api.sweeps.point_sources import SweepPoints
     from lagcli.api.sweeps.point_task import PointRow
     from lagcli.api.sweeps.sweep_plan import SweepPlan
 
@@ -88,9 +88,9 @@ def sweep(
     for part in parts:
         sweep_plan.require_names(model, part, "points")
     kept = [reductions.Reduction(name, text) for name, text in (reduce or {}).items()]
-    limits = run_settings.seconds(limit), limit_each
     pattern = None if tables is None else point_task.require_folder(os.fspath(tables))
-    plan = sweep_plan.plan(model, parts, kept, changes, limits, tables=pattern)
+    chosen = sweep_plan.SweepSettings(changes, run_settings.seconds(limit), limit_each, pattern)
+    plan = sweep_plan.plan(model, parts, kept, chosen)
     rows: list[PointRow] = []
     with engines.local(jobs) if executor is None else engines.given(executor) as engine:
         for found in engines.rows(engine, plan.task, plan.points, plan.numbers):
@@ -100,32 +100,32 @@ def sweep(
 
 def _points(
     model: Model, points: Mapping[str, Values] | Sequence[Mapping[str, float]] | pandas.DataFrame | Path
-) -> list[Points]:
+) -> list[SweepPoints]:
     """The sources of the points. Raises `ValueError` for what is none."""
     from lagcli.api.sweeps import point_sources
     from lagcli.output.tables import read_table
 
     if isinstance(points, (str, os.PathLike)):
         columns, rows = read_table.read(points)
-        return [point_sources.PointTable(columns, rows, os.fspath(points))]
+        return [point_sources.TableOfPoints(columns, rows, os.fspath(points))]
     if isinstance(points, Mapping):
         return [_axis(model, name, values) for name, values in points.items()]
     if hasattr(points, "columns"):
         names = [str(name) for name in points.columns]
-        return [point_sources.PointTable(names, np.array(points, dtype=np.float64), "points")]
+        return [point_sources.TableOfPoints(names, np.array(points, dtype=np.float64), "points")]
     names = list(points[0]) if len(points) else []
     if any(list(point) != names for point in points):
         raise ValueError("points: all of them need the same names in the same order")
     numbers = np.array([[float(value) for value in point.values()] for point in points])
-    return [point_sources.PointTable(names, numbers.reshape(-1, len(names)), "points")]
+    return [point_sources.TableOfPoints(names, numbers.reshape(-1, len(names)), "points")]
 
 
-def _axis(model: Model, name: str, values: Values) -> Points:
+def _axis(model: Model, name: str, values: Values) -> SweepPoints:
     from lagcli.api.sweeps import point_sources
 
     if isinstance(values, str):
         return point_sources.over(model, f"{name}={values}")
-    return point_sources.PointTable([name], np.array(values, dtype=np.float64).reshape(-1, 1), "points")
+    return point_sources.TableOfPoints([name], np.array(values, dtype=np.float64).reshape(-1, 1), "points")
 
 
 def _frame(plan: SweepPlan, rows: Sequence[PointRow], spreads: bool) -> pandas.DataFrame:

@@ -30,11 +30,11 @@ class AskedPoints:
     sampling: str
     yes: bool
 
-    def read(self, model: Model) -> list[point_sources.Points]:
+    def read(self, model: Model) -> list[point_sources.SweepPoints]:
         """The sources of the points. Raises `exits.UsageError`, `ModelError`."""
         if self.over and self.points is not None:
             raise exits.UsageError("--over and --points both say which points there are; give one of them")
-        parts: list[point_sources.Points] = []
+        parts: list[point_sources.SweepPoints] = []
         for text in self.over:
             parts.append(point_sources.over(model, text))
             sweep_plan.require_names(model, parts[-1], "--over")
@@ -54,7 +54,7 @@ def _shown(points: str) -> str:
     return "<stdin>" if points == "-" else points
 
 
-def _table(points: str) -> point_sources.PointTable:
+def _table(points: str) -> point_sources.TableOfPoints:
     """The points of a table. Raises `exits.UsageError`, `BadPoints`."""
     label = f"--points {_shown(points)}"
     with contextlib.ExitStack() as stack:
@@ -72,4 +72,4 @@ def _table(points: str) -> point_sources.PointTable:
             raise exits.UsageError(f"--points: cannot read {points}: {error.strerror}") from None
         except UNREADABLE as error:
             raise exits.UsageError(f"--points {str(error).replace(path, _shown(points))}") from None
-    return point_sources.PointTable(names, rows, label)
+    return point_sources.TableOfPoints(names, rows, label)

@@ -58,7 +58,8 @@ def plan(
             with exits.writing(files.tables):
                 pattern = point_task.require_folder(files.tables)
             endings.of(pathlib.Path(pattern), endings.TABLES)
-        return sweep_plan.plan(model, parts, reductions.read(reduce), settings, limits, shard, pattern)
+        chosen = sweep_plan.SweepSettings(settings, *limits, pattern)
+        return sweep_plan.plan(model, parts, reductions.read(reduce), chosen, shard)
     except (point_sources.BadPoints, reductions.BadReduction, endings.UnknownFormat, ValueError) as error:
         raise exits.UsageError(str(error)) from None
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.api.sweeps.point_sources import BadPoints, PointTable
+from lagcli.api.sweeps.point_sources import BadPoints, TableOfPoints
 from lagcli.errors import diagnostics
 from lagcli.expression import parser, tree
 from lagcli.expression.tree import ExpressionError
@@ -99,7 +99,7 @@ def _fault(found: Uncertain) -> str:
     return ""
 
 
-def draw(uncertain: Sequence[Uncertain], draws: int, seed: int, sampling: str = "sobol") -> PointTable:
+def draw(uncertain: Sequence[Uncertain], draws: int, seed: int, sampling: str = "sobol") -> TableOfPoints:
     """So many points of these distributions, the same for the same seed. Raises `BadPoints`."""
     if draws < 1:
         raise BadPoints("--draws: a whole number, 1 or more, is needed")
@@ -109,7 +109,7 @@ def draw(uncertain: Sequence[Uncertain], draws: int, seed: int, sampling: str = 
         )
     u = _cube(len(uncertain), draws, seed, sampling)
     values = [one.at(u[:, k]) for k, one in enumerate(uncertain)]
-    return PointTable([one.name for one in uncertain], np.column_stack(values), LABEL)
+    return TableOfPoints([one.name for one in uncertain], np.column_stack(values), LABEL)
 
 
 def _cube(size: int, draws: int, seed: int, sampling: str) -> Floats:

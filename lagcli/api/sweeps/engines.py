@@ -16,7 +16,7 @@ from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 
 from lagcli.api.sweeps import point_task
-from lagcli.api.sweeps.point_sources import Points
+from lagcli.api.sweeps.point_sources import SweepPoints
 from lagcli.api.sweeps.point_task import PointRow, PointTask
 
 # Seconds of work of a part, long beside its way to another process and short beside the wait of a person.
@@ -73,7 +73,7 @@ def given(executor: Executor) -> Iterator[Engine]:
     yield Engine(executor, workers if isinstance(workers, int) else os.cpu_count() or 1)
 
 
-def rows(engine: Engine, task: PointTask, points: Points, numbers: range) -> Iterator[list[PointRow]]:
+def rows(engine: Engine, task: PointTask, points: SweepPoints, numbers: range) -> Iterator[list[PointRow]]:
     """The rows of these points in their order, in parts; an empty part where none has come for a while.
 
     Raises what a point raises that is no answer of it, and `WorkersLost`.
@@ -84,7 +84,7 @@ def rows(engine: Engine, task: PointTask, points: Points, numbers: range) -> Ite
         yield from _Stream(engine, task, points, numbers).rows()
 
 
-def _here(task: PointTask, points: Points, numbers: range) -> Iterator[list[PointRow]]:
+def _here(task: PointTask, points: SweepPoints, numbers: range) -> Iterator[list[PointRow]]:
     size, at = 1, 0
     while at < len(numbers):
         part = numbers[at : at + size]
@@ -102,7 +102,7 @@ def _size(seconds: float, wanted: float = PART_SECONDS) -> int:
 class _Stream:
     """Parts of a sweep under way, and those that came before their turn."""
 
-    def __init__(self, engine: Engine, task: PointTask, points: Points, numbers: range) -> None:
+    def __init__(self, engine: Engine, task: PointTask, points: SweepPoints, numbers: range) -> None:
         self._engine, self._task, self._points, self._numbers = engine, task, points, numbers
         self._sent = 0  # of `numbers`
         self._size = 1

@@ -28,7 +28,7 @@ class BadPoints(ValueError):
     """Points that are none; the message says which option and where."""
 
 
-class Points(Protocol):
+class SweepPoints(Protocol):
     """Points in their order."""
 
     @property
@@ -47,7 +47,7 @@ class Points(Protocol):
         """The numbers of a point, counted from 0."""
 
 
-class PointTable:
+class TableOfPoints:
     """Points as rows of numbers (T, len(names)). Raises `BadPoints` for a number that is none."""
 
     def __init__(self, names: Sequence[str], rows: Floats, label: str) -> None:
@@ -69,18 +69,18 @@ class PointTable:
 
     @property
     def digest(self) -> str:
-        """See `Points`."""
+        """See `SweepPoints`."""
         return _digest(self.names, self._rows)
 
     def point(self, number: int) -> Point:
-        """See `Points`."""
+        """See `SweepPoints`."""
         return tuple(self._rows[number].tolist())
 
 
-class Product:
+class PointProduct:
     """Every point of the first with every one of the second, and so on; the last changes first."""
 
-    def __init__(self, parts: Sequence[Points]) -> None:
+    def __init__(self, parts: Sequence[SweepPoints]) -> None:
         self._parts = tuple(parts)
         self.names = tuple(name for part in parts for name in part.names)
         twice = [name for name in self.names if self.names.count(name) > 1]
@@ -94,11 +94,11 @@ class Product:
 
     @property
     def digest(self) -> str:
-        """See `Points`."""
+        """See `SweepPoints`."""
         return " x ".join(part.digest for part in self._parts)
 
     def point(self, number: int) -> Point:
-        """See `Points`."""
+        """See `SweepPoints`."""
         found: list[Point] = []
         for part in reversed(self._parts):
             number, place = divmod(number, part.count)
@@ -106,12 +106,12 @@ class Product:
         return tuple(value for values in reversed(found) for value in values)
 
 
-def joined(parts: Sequence[Points]) -> Points:
+def joined(parts: Sequence[SweepPoints]) -> SweepPoints:
     """The points of one source, or the product of several."""
-    return parts[0] if len(parts) == 1 else Product(parts)
+    return parts[0] if len(parts) == 1 else PointProduct(parts)
 
 
-def over(model: Model, text: str) -> PointTable:
+def over(model: Model, text: str) -> TableOfPoints:
     """The values of `--over`: `L=0.5:2:16` from one end to the other by number, `m=[1, 2, 5]`, or one value.
 
     Ends and values are expressions of the parameters of the model. Raises `BadPoints`, and `ModelError`, located, for
@@ -122,8 +122,8 @@ def over(model: Model, text: str) -> PointTable:
         raise BadPoints(f"--over {text}: write NAME=LOW:HIGH:COUNT or NAME=[VALUE, ...]")
     label = f"--over {name}"
     if ":" in written:
-        return PointTable([name], _range(model, label, written), label)
-    return PointTable([name], _listed(model, label, written), label)
+        return TableOfPoints([name], _range(model, label, written), label)
+    return TableOfPoints([name], _listed(model, label, written), label)
 
 
 def _range(model: Model, label: str, written: str) -> Floats:

@@ -11,6 +11,7 @@ import numpy as np
 from lagcli.api.sweeps import point_task
 from lagcli.api.sweeps.point_task import PointRow
 
+# Of each result: its middle, its middle half, and nine tenths of it.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from lagcli import __version__
 from lagcli.api import cache, run_settings
 from lagcli.api.sweeps import reductions, sweep_table
-from lagcli.api.sweeps.point_sources import BadPoints, Points, joined
+from lagcli.api.sweeps.point_sources import BadPoints, SweepPoints, joined
 from lagcli.api.sweeps.point_task import PointTask
 from lagcli.api.sweeps.reductions import Reduction
 from lagcli.equations import system
@@ -34,11 +34,22 @@ class Shard:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class SweepSettings:
+    """The settings of all runs, what is None as the model says; seconds for proofs and for a point; the pattern of the
+    files of full tables."""
+
+    runs: Mapping[str, object]
+    limit: float
+    limit_each: float | None = None
+    tables: str | None = None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class SweepPlan:
     """The work, the points, and the shard of them that is wanted."""
 
     task: PointTask
-    points: Points
+    points: SweepPoints
     shard: Shard
     sha256: str
 
@@ -83,7 +94,7 @@ class SweepPlan:
         return f"{hashlib.sha256(text.encode()).hexdigest()[:16]} {self.points.count}"
 
 
-def require_names(model: Model, part: Points, label: str) -> None:
+def require_names(model: Model, part: SweepPoints, label: str) -> None:
     """Raise `BadPoints` where a name of these points is of nothing that can be set, or is set already."""
     set_already = dict(model.changes)
     for name in part.names:
@@ -101,14 +112,12 @@ def require_names(model: Model, part: Points, label: str) -> None:
 
 def plan(
     model: Model,
-    parts: Sequence[Points],
+    parts: Sequence[SweepPoints],
     reduce: Sequence[Reduction],
-    settings: Mapping[str, object],
-    limits: tuple[float, float | None],
+    settings: SweepSettings,
     shard: Shard | None = None,
-    tables: str | None = None,
 ) -> SweepPlan:
-    """The plan of a sweep. limits: seconds for proofs, and for a point; reduce: by default the last row of all columns.
+    """The plan of a sweep; reduce: by default the last row of all columns.
 
     Raises `BadPoints`, `reductions.BadReduction`, `diagnostics.ModelError`, and `ValueError` for bad settings and for a
     model that is not as it was read.
@@ -116,7 +125,7 @@ def plan(
     origin = model.origin
     if not isinstance(origin, document.ModelOrigin):
         raise ValueError("the start of this model was changed after it was read: load the file anew")
-    run_settings.chosen(model, settings)
+    run_settings.chosen(model, settings.runs)
     points = joined(parts)
     if not points.count:
         raise BadPoints("there are no points")
@@ -126,8 +135,9 @@ def plan(
     kept = tuple(reduce) or reductions.of_last_row(columns)
     file, given = origin.file, origin.changes
     task = PointTask(
-        file.data, file.path, given, dict(settings), points.names, kept, limits[0], limits[1], tables
-    )
+        file.data, file.path, given, dict(settings.runs), points.names, kept,
+        settings.limit, settings.limit_each, settings.tables,
+    )  # fmt: skip
     found = SweepPlan(task, points, shard or Shard(), model.sha256)
     try:
         found.columns  # noqa: B018 - two of one name
@@ -136,7 +146,7 @@ def plan(
     return found
 
 
-def _columns(model: Model, points: Points) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _columns(model: Model, points: SweepPoints) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The columns of the run of the first point, and those that are given by name alone; where that point is invalid
     they are of the model as it is."""
     try:

@@ -9,77 +9,92 @@ import typer
 from lagcli.cli import completing, exits, model_reading, options
 from lagcli.model import settings
 
+ModelsArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="MODEL",
+        help="model file; - for standard input; with --merge the files",
+        autocompletion=completing.model_files,
+    ),
+]
+OverOption = Annotated[
+    list[str] | None,
+    typer.Option("--over", metavar="NAME=VALUES", help="LOW:HIGH:COUNT or [V1, V2, ...]; several are a grid"),
+]
+PointsOption = Annotated[
+    str | None,
+    typer.Option("--points", metavar="FILE", help="a table, a point a row; - for standard input, CSV"),
+]
+UncertainOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--uncertain", metavar="NAME~LAW", help="normal(MEAN, SD), uniform(LOW, HIGH), ...; repeatable"
+    ),
+]
+DrawsOption = Annotated[int, typer.Option(min=1, help="points that are drawn of --uncertain")]
+SamplingOption = Annotated[str, typer.Option(metavar="KIND", help="sobol, quasi-random, or random")]
+ReduceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--reduce", metavar="NAME=EXPR", help="kept of a run: 'peak=max(abs(lambda.rod))'; repeatable"
+    ),
+]
+OutputOption = Annotated[
+    str | None,
+    typer.Option(
+        "-o", "--output", metavar="FILE", help="a table, FOLDER/ for a Parquet dataset; - for stdout"
+    ),
+]
+TablesOption = Annotated[
+    str | None,
+    typer.Option(metavar="FOLDER", help="every full table, FOLDER/*.parquet for another format than CSV"),
+]
+JobsOption = Annotated[int, typer.Option(min=1, help="processes of this machine")]
+SchedulerOption = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="a Dask cluster instead, tcp://HOST:PORT")
+]
+ShardOption = Annotated[str | None, typer.Option(metavar="I/N", help="the I-th of N parts of the points")]
+MergeOption = Annotated[
+    bool, typer.Option("--merge", help="the arguments are tables of shards: put them together")
+]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="go on from the rows of an ended sweep into FILE")
+]
+LimitEachOption = Annotated[
+    float | None,
+    typer.Option("--limit-each", metavar="SECONDS", min=0.0, help="a point that takes longer is ended"),
+]
+YesOption = Annotated[bool, typer.Option("--yes", help="also for more than ten million points")]
+SamplesOption = Annotated[int | None, typer.Option(help="number of rows of a run, both ends counted")]
+MethodOption = Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))]
+
 
 @exits.command
 def sweep(
-    models: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="MODEL",
-            help="model file; - for standard input; with --merge the files",
-            autocompletion=completing.model_files,
-        ),
-    ],
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--over", metavar="NAME=VALUES", help="LOW:HIGH:COUNT or [V1, V2, ...]; several are a grid"
-        ),
-    ] = None,
-    points: Annotated[
-        str | None,
-        typer.Option("--points", metavar="FILE", help="a table, a point a row; - for standard input, CSV"),
-    ] = None,
-    uncertain: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--uncertain", metavar="NAME~LAW", help="normal(MEAN, SD), uniform(LOW, HIGH), ...; repeatable"
-        ),
-    ] = None,
-    draws: Annotated[int, typer.Option(min=1, help="points that are drawn of --uncertain")] = 1024,
+    models: ModelsArgument,
+    over: OverOption = None,
+    points: PointsOption = None,
+    uncertain: UncertainOption = None,
+    draws: DrawsOption = 1024,
     seed: options.SeedOption = 0,
-    sampling: Annotated[str, typer.Option(metavar="KIND", help="sobol, quasi-random, or random")] = "sobol",
-    reduce: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--reduce", metavar="NAME=EXPR", help="kept of a run: 'peak=max(abs(lambda.rod))'; repeatable"
-        ),
-    ] = None,
-    output: Annotated[
-        str | None,
-        typer.Option(
-            "-o", "--output", metavar="FILE", help="a table, FOLDER/ for a Parquet dataset; - for stdout"
-        ),
-    ] = None,
-    tables: Annotated[
-        str | None,
-        typer.Option(metavar="FOLDER", help="every full table, FOLDER/*.parquet for another format than CSV"),
-    ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="processes of this machine")] = 1,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="a Dask cluster instead, tcp://HOST:PORT")
-    ] = None,
-    shard: Annotated[
-        str | None, typer.Option(metavar="I/N", help="the I-th of N parts of the points")
-    ] = None,
-    merge: Annotated[
-        bool, typer.Option("--merge", help="the arguments are tables of shards: put them together")
-    ] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="go on from the rows of an ended sweep into FILE")
-    ] = False,
-    limit_each: Annotated[
-        float | None,
-        typer.Option("--limit-each", metavar="SECONDS", min=0.0, help="a point that takes longer is ended"),
-    ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="also for more than ten million points")] = False,
+    sampling: SamplingOption = "sobol",
+    reduce: ReduceOption = None,
+    output: OutputOption = None,
+    tables: TablesOption = None,
+    jobs: JobsOption = 1,
+    scheduler: SchedulerOption = None,
+    shard: ShardOption = None,
+    merge: MergeOption = False,
+    resume: ResumeOption = False,
+    limit_each: LimitEachOption = None,
+    yes: YesOption = False,
     duration: options.RunsDurationOption = None,
     output_step: options.OutputStepOption = None,
-    samples: Annotated[int | None, typer.Option(help="number of rows of a run, both ends counted")] = None,
+    samples: SamplesOption = None,
     rtol: options.RunsRtolOption = None,
     atol: options.RunsAtolOption = None,
     max_step: options.RunsMaxStepOption = None,
-    method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
+    method: MethodOption = None,
     assemble: options.AssembleOption = False,
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,
