@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import pathlib
 import textwrap
 from typing import TYPE_CHECKING, TypedDict
 
 from lagcli.api import audit
+from lagcli.auditing import audit_lines
 from lagcli.auditing.table_input import TableError
 from lagcli.cli import console, exits, json_output
 from lagcli.cli.preflight import AuditOptions
@@ -18,11 +18,10 @@ from lagcli.output.tables import read_events, read_table
 from lagcli.output.tables.sinks import MissingExtra
 
 if TYPE_CHECKING:
-    from lagcli.auditing.audit_report import Audit, Check, TableLocation
+    from lagcli.auditing.audit_report import Audit, Check
     from lagcli.model.model import Model
 
 SHOWN = 6  # names of a check that fails
-UNREAD = 12  # names of columns that no check looks at
 LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
 
 
@@ -98,51 +97,23 @@ def _tell(found: Audit, options: AuditOptions) -> None:
     )
     for check in found.checks:
         if check.verdict == "fail":
-            head = (
-                f"{check.name} fails ({check.law}: {check.equation}):"
-                if check.law
-                else f"{check.name} fails:"
-            )
-            console.paragraph(head, "  ")
+            console.paragraph(audit_lines.failure(check), "  ")
             for place in check.failing[:SHOWN]:
-                console.paragraph(f"  {_fault(place)}", "    ")
+                console.paragraph(f"  {audit_lines.fault(place)}", "    ")
             if check.failures > SHOWN:
                 print(f"  and {check.failures - SHOWN} others")
     for sentence in found.sentences:
         console.paragraph(sentence[0].upper() + sentence[1:] + ".", "")
     if found.figures:
-        console.paragraph(_work(dict(found.figures)), "")
+        console.paragraph(audit_lines.work(dict(found.figures)), "")
     if found.unread:
-        console.paragraph(_unread(found.unread), "")
+        console.paragraph(audit_lines.unread(found.unread), "")
     console.paragraph(found.conclusion, "")
-
-
-def _work(figures: dict[str, float]) -> str:
-    real = figures["work_of_constraints"]
-    told = f"{real:.10g}" if math.isfinite(real) else "not known (the rows are too far apart)"
-    return (
-        f"Virtual work of R at most {figures['virtual_work']:.1e}; real work of R {told}, energy gained"
-        f" {figures['energy_gained']:.10g}."
-    )
-
-
-def _unread(names: tuple[str, ...]) -> str:
-    shown = ", ".join(names[:UNREAD]) + (f" and {len(names) - UNREAD} others" if len(names) > UNREAD else "")
-    return f"Columns that no check looks at: {shown}."
-
-
-def _fault(place: TableLocation) -> str:
-    return f"{place.name} at t = {place.t:.9g}: {place.value:.3g}, the limit is {place.limit:.3g}"
-
-
-def _where(place: TableLocation) -> str:
-    """The place of an entry; one over a window names its times itself."""
-    return place.name if " over t = " in place.name else f"{place.name}, t = {place.t:.6g}"
 
 
 def _table_of(checks: tuple[Check, ...], verbose: bool) -> list[str]:
     """The lines of the table; on a narrow terminal laws are named by their numbers alone."""
-    lines = _wide_rows(checks)
+    lines = audit_lines.wide_rows(checks)
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     if sum(widths) + 2 * (len(widths) - 1) > console.width():
         lines = [
@@ -164,28 +135,3 @@ def _table_of(checks: tuple[Check, ...], verbose: bool) -> list[str]:
                     part, console.width(), initial_indent="    ", subsequent_indent="      "
                 )
     return told
-
-
-def _wide_rows(checks: tuple[Check, ...]) -> list[tuple[str, ...]]:
-    lines: list[tuple[str, ...]] = [("check", "equation", "worst", "limit", "verdict", "where")]
-    for check in checks:
-        law = f"{check.equation} ({check.law})" if check.law else check.equation
-        worst = check.worst
-        lines.append(
-            (
-                check.name,
-                law,
-                f"{worst.value:.1e}" if worst else "-",
-                f"{worst.limit:.1e}" if worst else "-",
-                _verdict(check),
-                _where(worst) if worst and worst.value else "-",
-            )
-        )
-    return lines
-
-
-def _verdict(check: Check) -> str:
-    """The verdict; of a check that is judged in part how much of it."""
-    if check.verdict != "partly judged" or check.fraction is None:
-        return check.verdict
-    return f"{max(1, math.floor(100 * check.fraction))} % judged"

@@ -25,22 +25,22 @@ def dof(
 
     Exit 4 and nothing on standard output where it is not decided.
     """
+    from lagcli.analysis import check_lines
     from lagcli.api import count_dof
-    from lagcli.cli import check_text
 
     read = model_reading.read(model, changes, as_json)
     counted = model_reading.reported(lambda: count_dof.dof(read, limit=limit), as_json)
     if as_json:
         print(json_output.text(counted.as_json()))
     elif explain:
-        print("\n".join(check_text.count(counted)))
+        print("\n".join(check_lines.count(counted)))
     elif counted.configuration_dof is not None:
         print(counted.configuration_dof)
     if not quiet and not explain:
         exits.say_all(f"note: {note}" for note in counted.notes)
     if verbose:
         exits.say_all(warning.render() for warning in read.warnings)
-        exits.say_all(() if explain else check_text.count(counted))
+        exits.say_all(() if explain else check_lines.count(counted))
     if counted.configuration_dof is None:
         low, high = counted.bounds
         exits.say(f"lagcli: undecided, between {low} and {high}: {counted.reason}")
