@@ -26,11 +26,11 @@ def derived(model: Model, options: DeriveOptions) -> Derivation:
         raise exits.UsageError(f"--values: {error}") from None
 
 
-def write(page: Derivation, chosen: str) -> None:
+def write(page: Derivation, chosen: str, fragment: bool) -> None:
     """Print it."""
     match chosen:
         case "latex":
-            print(page.latex())
+            print(page.latex(fragment))
         case "markdown":
             print(page.markdown())
         case "html":

@@ -394,18 +394,22 @@ class SweepFiles:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class DeriveOptions:
-    """Options of `derive`; `form`: one of `DERIVE_FORMATS`, `values`: names of parameters to put in as numbers."""
+    """Options of `derive`; `form`: one of `DERIVE_FORMATS`, `fragment`: its equations alone, `values`: names of
+    parameters to put in as numbers."""
 
     form: str
+    fragment: bool
     solve: bool
     everything: bool
     values: str
     limit: float
 
     def require(self) -> None:
-        """Refuse a format there is not."""
+        """Refuse a format there is not, and a fragment of one that has none."""
         if self.form not in DERIVE_FORMATS:
             raise exits.UsageError(f"--format {self.form}: the formats are {', '.join(DERIVE_FORMATS)}")
+        if self.fragment and self.form != "latex":
+            raise exits.UsageError("--fragment is of --format latex; the other formats are pages")
 
 
 def require_ending(name: str | None, known: tuple[str, ...]) -> None:

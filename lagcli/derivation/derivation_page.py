@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import html
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 
 import sympy
 
@@ -19,6 +20,9 @@ WIDEST_LEFT = 22
 EARLY = 24
 # Characters of a formula after which LaTeX and MathML begin a new line.
 LONG = 90
+
+# Of the rows in which a formula goes on.
+_INDENT = r"\quad "
 
 _STYLE = """
 body { font-family: Georgia, "Times New Roman", serif; color: #222; max-width: 62em;
@@ -127,8 +131,11 @@ class Derivation:
             parts += ["", section.title, *_text_section(section, width)]
         return "\n".join(part.rstrip() for part in parts)
 
-    def latex(self) -> str:
-        """A LaTeX document that needs amsmath only."""
+    def latex(self, fragment: bool = False) -> str:
+        """A LaTeX document that needs amsmath only; as a fragment only its equations, one aligned environment for
+        each section."""
+        if fragment:
+            return "\n".join(_fragment(self.title, self.sections))
         parts = [
             r"\documentclass{article}",
             r"\usepackage[utf8]{inputenc}",
@@ -150,8 +157,13 @@ class Derivation:
     def markdown(self) -> str:
         """Markdown with LaTeX between dollar signs."""
         parts = [f"# {_escaped(self.title)}", "", _escaped(self.about)]
+        return "\n".join([*parts, self.markdown_sections(2)])
+
+    def markdown_sections(self, level: int) -> str:
+        """The sections alone in Markdown, under headings of this level."""
+        parts: list[str] = []
         for section in self.sections:
-            parts += ["", f"## {_escaped(section.title)}"]
+            parts += ["", f"{'#' * level} {_escaped(section.title)}"]
             for line in section.lines:
                 if line.sides:
                     parts += ["", "$$", _latex(line), "$$"]
@@ -169,12 +181,17 @@ class Derivation:
             f"<h1>{html.escape(self.title)}</h1>",
             f'<p class="about">{html.escape(self.about)}</p>',
         ]
+        return "\n".join([*parts, self.html_sections(2), "</body></html>"])
+
+    def html_sections(self, level: int) -> str:
+        """The sections alone in HTML with MathML, under headings of this level, as one part of a page."""
+        parts: list[str] = []
         for section in self.sections:
-            parts += [f"<h2>{html.escape(section.title)}</h2>", "<table>"]
+            parts += [f"<h{level}>{html.escape(section.title)}</h{level}>", "<table>"]
             for line in section.lines:
                 parts += _html(line)
             parts.append("</table>")
-        return "\n".join([*parts, "</body></html>"])
+        return "\n".join(parts)
 
     def as_json(self) -> list[dict[str, str]]:
         """A list of {section, equation, left, right, latex, note}; a line in words has empty sides.
@@ -292,7 +309,7 @@ def _latex(line: Line) -> str:
         for part, chunk in enumerate(_chunks(side)):
             written = render_latex.latex(chunk)
             if part:
-                rows.append(rf"&\quad {'' if _leads_negative(chunk) else '{} + '}{written}")
+                rows.append(_goes_on(chunk))
             elif place == 0:
                 rows.append(written if len(_chunks(side)) == 1 else f"& {written}")
             elif place == 1 and len(rows) == 1 and not rows[0].startswith("&"):
@@ -300,6 +317,61 @@ def _latex(line: Line) -> str:
             else:
                 rows.append(f"&{sign} {written}")
     return "\\begin{split}\n" + " \\\\\n".join(rows) + "\n\\end{split}" + tag
+
+
+def _fragment(title: str, sections: tuple[Section, ...]) -> Iterator[str]:
+    """The equations alone: an `align*` for lines that follow each other, notes in words between them."""
+    yield f"% {title}"
+    yield r"% \usepackage{amsmath} is all that this needs; \allowdisplaybreaks lets it run over pages."
+    for section in sections:
+        yield f"% {section.title}"
+        for is_told, lines in itertools.groupby(section.lines, key=lambda line: bool(line.sides)):
+            if not is_told:
+                yield from (f"{render_latex.words(line.note)}\n" for line in lines)
+                continue
+            equations = list(lines)
+            is_wide = any(_is_wide(line.sides[0]) for line in equations)
+            yield r"\begin{align*}"
+            yield " \\\\\n".join(row for line in equations for row in _aligned(line, is_wide))
+            yield r"\end{align*}"
+
+
+def _is_wide(left: f.FormulaNode) -> bool:
+    """True for a left side beside which the others of its section would stand far to the right."""
+    return render_text.width(render_text.text(left)) > WIDEST_LEFT
+
+
+def _aligned(line: Line, is_wide: bool) -> list[str]:
+    """The rows of a line in `align*`, each with one mark of alignment, at its begin where left sides are wide; the
+    last row has the note and the number."""
+    left, *others = line.sides
+    first, *more = _chunks(left)
+    rows = [("& " if is_wide else "") + render_latex.latex(first)]
+    rows += [_goes_on(chunk) for chunk in more]
+    used = LONG if more else render_text.width(render_text.text(left))
+    for relation, side in zip(map(render_latex.relation, line.relations), others, strict=True):
+        first, *more = _chunks(side)
+        own = render_text.width(render_text.text(first)) + 3
+        written = f"{relation} {render_latex.latex(first)}"
+        if "&" not in rows[-1]:
+            rows[-1] += f" &{written}"
+        elif used + own <= LONG:
+            rows[-1] += f" {written}"
+        else:
+            rows.append(rf"&{_INDENT if is_wide else ''}{written}")
+            used = 0
+        used = LONG if more else used + own
+        rows += [_goes_on(chunk) for chunk in more]
+    if line.note:
+        rows[-1] += rf" \quad \text{{{render_latex.words(line.note)}}}"
+    if line.number:
+        rows[-1] += rf" \tag{{{line.number}}}"
+    return rows
+
+
+def _goes_on(chunk: f.FormulaNode) -> str:
+    """A row in which a long sum goes on."""
+    return rf"&{_INDENT}{'' if _leads_negative(chunk) else '{} + '}{render_latex.latex(chunk)}"
 
 
 def _html(line: Line) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from lagcli.derivation import formula as f
@@ -112,14 +113,20 @@ def _apply(node: f.Apply) -> str:
 
 def words(text: str) -> str:
     """A sentence with single mathematical letters in it."""
-    return "".join(
-        rf"$\{LETTERS[letter]}$"
-        if letter in LETTERS
-        else _IN_WORDS.get(letter) or _SPECIAL.get(letter, letter)
-        for letter in text
-    )
+    return _ACCENTED.sub("", "".join(_in_words(text[i], text[i + 1 : i + 2]) for i in range(len(text))))
 
 
+def _in_words(letter: str, after: str) -> str:
+    """A letter of a sentence; `after` may be the combining dots of a rate, which LaTeX knows in math mode alone."""
+    if after in _ACCENTS:
+        return rf"${_ACCENTS[after]}{{{letter}}}$"
+    if letter in LETTERS:
+        return rf"$\{LETTERS[letter]}$"
+    return _IN_WORDS.get(letter) or _SPECIAL.get(letter, letter)
+
+
+_ACCENTS = {"\u0307": r"\dot", "\u0308": r"\ddot"}
+_ACCENTED = re.compile("[\u0307\u0308]")
 _IN_WORDS = {
     "…": r"\dots{}",
     "ᵀ": r"$^{T}$",

@@ -623,3 +623,26 @@ def test_accelerations_without_rows_are_those_of_the_equations():
 
 PLAIN = {"m1": 2, "m2": 1, "l1": 1, "l2": 0.75, "g": 9.81}
 OUT = "outputs: {a1: 'rate(phi1, 2)', a2: 'rate(phi2, 2)'}\n"
+
+
+@pytest.mark.parametrize("name", ["pendulum", "double-pendulum-angles", "rolling-disk", "zeno-ball", "co2"])
+def test_a_fragment_is_aligned_equations_and_notes(name):
+    fragment = gallery(name).latex(fragment=True)
+    blocks = re.findall(r"\\begin\{align\*\}\n(.*?)\n\\end\{align\*\}", fragment, re.DOTALL)
+    assert len(blocks) == fragment.count(r"\begin{") == fragment.count(r"\end{") > 3
+    for block in blocks:
+        for row in block.split(" \\\\\n"):
+            assert row.count("&") == 1, row
+            assert row.count(r"\tag") <= 1
+        assert not block.endswith("\\")
+        assert "\n\n" not in block
+    assert r"\section" not in fragment
+    assert fragment.splitlines()[1].startswith(r"% \usepackage{amsmath}")
+    numbers = re.findall(r"\\tag\{(.*?)\}", gallery(name).latex())
+    assert re.findall(r"\\tag\{(.*?)\}", fragment) == numbers
+
+
+def test_rates_in_words_are_letters_with_dots():
+    titles = re.findall(r"subsection\*.*", gallery("pendulum").latex())
+    assert any(r"$\ddot{q}$" in title for title in titles)
+    assert not any("\u0308" in title or "\u0307" in title for title in titles)

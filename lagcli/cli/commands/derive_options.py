@@ -17,6 +17,10 @@ def derive(
     form: Annotated[
         str, typer.Option("--format", metavar="FORMAT", help="text, latex, markdown, html or json")
     ] = "text",
+    fragment: Annotated[
+        bool,
+        typer.Option("--fragment", help="with --format latex: the equations alone, aligned, for a paper"),
+    ] = False,
     solve: Annotated[
         bool, typer.Option("--solve", help="lambda and accelerations in closed form, up to four rows")
     ] = False,
@@ -46,12 +50,12 @@ def derive(
     from lagcli.cli import derive_command, preflight
 
     form = "json" if as_json else form
-    asked = preflight.DeriveOptions(form, solve, everything, values, limit)
+    asked = preflight.DeriveOptions(form, fragment, solve, everything, values, limit)
     asked.require()
     read = model_reading.read(model, changes, form == "json")
     began = time.perf_counter()
     page = model_reading.reported(lambda: derive_command.derived(read, asked), form == "json")
-    derive_command.write(page, form)
+    derive_command.write(page, form, fragment)
     if not quiet:
         exits.say_all(warning.render() for warning in (read.warnings if verbose else ()))
     if verbose:
