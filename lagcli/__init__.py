@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from lagcli.api.limit import limit
     from lagcli.api.load import load, loads
     from lagcli.api.plot import plot
+    from lagcli.api.report import report
     from lagcli.api.simulate import simulate
     from lagcli.api.stationary import stationary
     from lagcli.api.sweep import sweep
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from lagcli.input.overrides import OverrideError
     from lagcli.linearization.linear_modes import Modes
     from lagcli.model.model import Model
+    from lagcli.output.report.report_page import ReportPage
     from lagcli.output.trajectory import SimulationStopped, Trajectory
     from lagcli.statics.static_report import StaticReport
 
@@ -58,6 +60,7 @@ __all__ = [
     "Modes",
     "OverrideError",
     "Report",
+    "ReportPage",
     "SimulationStopped",
     "StaticReport",
     "StiffLimit",
@@ -74,6 +77,7 @@ __all__ = [
     "loads",
     "modes",
     "plot",
+    "report",
     "simulate",
     "stationary",
     "sweep",
@@ -90,6 +94,7 @@ _CLASSES = {
     "Modes": "linearization.linear_modes",
     "OverrideError": "input.overrides",
     "Report": "analysis.check_report",
+    "ReportPage": "output.report.report_page",
     "SimulationStopped": "output.trajectory",
     "StaticReport": "statics.static_report",
     "StiffLimit": "formulations.stiff.ladder",
@@ -109,6 +114,7 @@ _FUNCTIONS = {
     "loads": "load",
     "modes": "find_modes",
     "plot": "plot",
+    "report": "report",
     "simulate": "simulate",
     "stationary": "stationary",
     "sweep": "sweep",

@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterator
 
 OLDEST = {
     "casadi": "3.6.7",
+    "jinja2": "3.1",
     "matplotlib": "3.8",
     "mpmath": "1.3",
     "numpy": "1.26",

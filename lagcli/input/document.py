@@ -74,7 +74,8 @@ class ParsedFile:
         found = _Document(self._root, changed, Reading(self._trees)).read(of_members)
         given = tuple((name, str(value)) for name, value in changes.items())
         origin = ModelOrigin(self, dict(changes))
-        return dataclasses.replace(found, sha256=self._digest, changes=given, origin=origin)
+        text = self._root.text.content
+        return dataclasses.replace(found, sha256=self._digest, text=text, changes=given, origin=origin)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

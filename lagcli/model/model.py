@@ -294,8 +294,9 @@ class Model:
 
     `order` names definitions and batches of dependent particles, each after all it uses: evaluated so, a chain
     of any length needs no deep stack. `structure`: parameters that decide which members there are and which
-    members an expression speaks of, with their values. `sha256`: of the bytes of the file; `changes`: those of
-    `--set`, as they were given; `origin`: the text it was read from, None where it is not as it was read.
+    members an expression speaks of, with their values. `sha256`: of the bytes of the file, `text`: the file
+    itself; `changes`: those of `--set`, as they were given; `origin`: the file to read it again from, None where the
+    model is not as it was read.
     """
 
     path: str
@@ -321,6 +322,7 @@ class Model:
     order: tuple[str | Batch, ...]
     structure: tuple[tuple[str, float], ...]
     sha256: str = ""
+    text: str = dataclasses.field(default="", repr=False)
     changes: tuple[tuple[str, str], ...] = ()
     origin: Origin | None = dataclasses.field(default=None, repr=False)
 

@@ -53,6 +53,8 @@ DOORS = {
         "lagcli.output.animation.film",
     ),
     "plotille": ("lagcli.output.charts.chart_terminal",),
+    "jinja2": ("lagcli.output.report.report_writer",),
+    "markupsafe": ("lagcli.output.report.report_writer",),
     "orjson": ("lagcli.output.tables.float_text",),
     "pyarrow": ("lagcli.output.tables.parquet_table", "lagcli.output.tables.read_table"),
     "sympy": (

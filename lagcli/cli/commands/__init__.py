@@ -24,5 +24,6 @@ COMMANDS = {
     "models": "List the gallery, print or copy one of its models.",
     "new": "Write a commented model to start from.",
     "schema": "Print the JSON Schema of model files, for editors.",
+    "report": "One page about a model: verdicts, equations, motion, audit.",
     "explain": "Explain an error or warning and how to fix it.",
 }

@@ -11,7 +11,7 @@ import dataclasses
 import io
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack
+from typing import Any, Literal, TypeAlias, TypedDict, Unpack
 
 import matplotlib
 import numpy as np
@@ -23,6 +23,9 @@ from lagcli.output import atomic_file
 from lagcli.output.figures import incident_marks, labels
 
 Dash = Literal["-"] | tuple[float, tuple[float, ...]]
+
+# A figure in the hands of those who do not load matplotlib.
+SheetFigure: TypeAlias = figure.Figure
 
 
 class TextStyle(TypedDict, total=False):
@@ -121,6 +124,14 @@ def write(target: Path, fmt: str, drawn: figure.Figure) -> None:
     with atomic_file.undone_by(place.discard):
         drawn.savefig(place.path, format=fmt, metadata=METADATA[fmt])
         place.commit()
+
+
+def content(fmt: str, drawn: SheetFigure) -> bytes:
+    """A figure in a format of ``endings.FIGURES``, as the bytes of a file."""
+    made = io.BytesIO()
+    with style():
+        drawn.savefig(made, format=fmt, metadata=METADATA[fmt])
+    return made.getvalue()
 
 
 @contextlib.contextmanager

@@ -1,0 +1,136 @@
+"""`lagcli.report`: a model, what is known of it, its motion and its audit on one page."""
+
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+from typing import TYPE_CHECKING
+
+from lagcli import progress
+from lagcli.api import audit, cache, check, derive, run_settings
+from lagcli.api.load import Path, as_model
+from lagcli.api.simulate import simulate
+from lagcli.errors import diagnostics
+from lagcli.model import dimension_facts
+from lagcli.model.model import Model
+from lagcli.output import table_columns
+from lagcli.output.trajectory import SimulationStopped, Trajectory
+from lagcli.simulation import step_tolerance
+from lagcli.start import initial
+
+if TYPE_CHECKING:
+    from lagcli.auditing.audit_report import Audit
+    from lagcli.output.report.report_contents import PageEquations, PageFigure
+    from lagcli.output.report.report_page import ReportPage
+
+
+@progress.phase("writing the report")
+def report(
+    model: Model | Path,
+    *,
+    title: str | None = None,
+    duration: float | None = None,
+    samples: int | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    assemble: bool | None = None,
+    digits: bool = False,
+    limit: float | None = None,
+) -> ReportPage:
+    """Return the page of a model: its text, verdicts with proofs, count, equations, motion, audit and provenance.
+
+    What is None is as the model says; `title` stands in place of the model's; `digits` repeats the run to count right
+    digits; `limit`: the seconds for proofs, and for the equations. The object has `html()`, `markdown(folder)`,
+    `save(path)`; a run that stops before its end and an audit that fails are told on the page, and as `stopped` and
+    `passed`. Raises `ModelError` where the model is invalid or its start inconsistent, `ValueError` for bad options.
+    """
+    # Other commands write no pages.
+    from lagcli.output.report import report_page, report_sections
+
+    changes = {
+        "duration": duration, "samples": samples, "rtol": rtol, "atol": atol, "max_step": max_step,
+        "assemble": assemble,
+    }  # fmt: skip
+    model = as_model(model)
+    model = dataclasses.replace(model, simulation=run_settings.chosen(model, changes))
+    checked = check.check(model, limit=limit)
+    run = _run(model, digits, limit)
+    audited = _audited(model, run)
+    parts = report_sections.ReportParts(
+        model,
+        title or model.title or pathlib.Path(model.path).stem,
+        checked,
+        run,
+        audited,
+        _equations(model, limit),
+        None,
+        _curves(model, run),
+        _checks(audited, model.units.time),
+        step_tolerance.sentence(model.simulation),
+    )
+    return report_page.ReportPage(
+        report_sections.contents(parts),
+        audited.passed,
+        None if run.stats.stopped is None else run.stats.stopped.reason,
+    )
+
+
+def _run(model: Model, digits: bool, limit: float | None) -> Trajectory:
+    """The run as far as it goes."""
+    try:
+        return simulate(model, digits=digits, limit=limit)
+    except SimulationStopped as stopped:
+        return stopped.trajectory
+
+
+def _audited(model: Model, run: Trajectory) -> Audit:
+    """The audit of the run, or of the same run with more rows, where its own are too far apart to be judged."""
+    stats = run.stats
+    if len(run.rows) >= min(stats.steps // 2 + 1, audit.MOST_AUDITED):
+        return audit.audit(model, run, events=run.events if model.inequality else None)
+    return audit.audit(model)
+
+
+def _equations(model: Model, limit: float | None) -> PageEquations | str:
+    """The equations, or why they are not written."""
+    from lagcli.output.report.report_contents import PageEquations
+
+    try:
+        found = derive.derive(model, limit=limit)
+    except diagnostics.ModelError as error:
+        return "; ".join(one.message for one in error.diagnostics) + "."
+    return PageEquations(found.html_sections(3), found.markdown_sections(3))
+
+
+def _curves(model: Model, run: Trajectory) -> PageFigure | None:
+    """The figure of multipliers and reactions."""
+    if not len(run.rows):
+        return None
+    from lagcli.output.figures import figure, panels
+    from lagcli.output.report import report_pictures
+
+    marks = list(zip(run.events.t.tolist(), run.events.kinds, strict=True)) if len(run.events) else []
+    facts = panels.PanelFacts(
+        run.stats.indeterminate, _zeros(model, run), dimension_facts.of(model), False, marks
+    )
+    drawn = figure.compose(run.columns, run.rows, title="", units=model.units, facts=facts)
+    return report_pictures.picture("forces", drawn, "Multipliers and constraint forces over time.")
+
+
+def _zeros(model: Model, run: Trajectory) -> list[str]:
+    """The columns that are zero to rounding."""
+    ready = cache.compiled(model)
+    names = ("t", *ready.system.columns)
+    floors = table_columns.Floors(ready.system, ready.numeric, initial.declared(ready.system).p, names)
+    floors.take(run.rows[:, : len(names)])
+    return [name for name, is_zero in zip(names, floors.zeros(), strict=True) if is_zero]
+
+
+def _checks(found: Audit, time: str) -> PageFigure:
+    """The figure of the audit."""
+    from lagcli.output.figures import audit_figure
+    from lagcli.output.report import report_pictures
+
+    words = "The checks of the audit over time, each as a part of its limit."
+    return report_pictures.picture("audit", audit_figure.compose(found, time), words)

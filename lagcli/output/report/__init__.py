@@ -1,0 +1,1 @@
+"""The page of `lagcli report`: what it holds, and its files in HTML, Markdown and PDF."""

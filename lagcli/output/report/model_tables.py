@@ -1,0 +1,192 @@
+"""The declarations of a model as tables for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.errors import diagnostics
+from lagcli.model.family import Family
+from lagcli.model.model import (
+    Expression,
+    GeneralizedForce,
+    Inequality,
+    Model,
+    ParticleForce,
+    Potential,
+    RigidBody,
+    Vector3,
+    VectorExpression,
+)
+from lagcli.output.report.report_contents import PageTable
+
+Floats = npt.NDArray[np.float64]
+
+# Rows of a table, and letters of a cell: a page with more is not read.
+MOST_ROWS, MOST_LETTERS = 60, 300
+# Targets of a force that are named.
+MOST_NAMED = 6
+
+
+def tables(model: Model) -> Iterator[PageTable]:
+    """The tables that have rows, in the order of the file's sections."""
+    length, mass, time = model.units.length, model.units.mass, model.units.time
+    changed = {name.partition(".")[0] for name, _ in model.changes}
+    # Parameters made from expressions show them; the value is the one of this run.
+    yield from _table(
+        "Parameters",
+        ("name", "value", "from"),
+        (
+            (p.name, _value(p.value), "--set" if p.name in changed else _formula(p.formula, _value(p.value)))
+            for p in model.parameters
+        ),
+        {0, 2},
+    )
+    yield from _table(
+        "Coordinates",
+        ("name", "at the start", "rate at the start"),
+        ((_label(c.members), _range(c.value), _range(c.rate)) for c in model.coordinates),
+        {0},
+    )
+    yield from _table(
+        "Particles",
+        (
+            "name",
+            _with("mass", mass),
+            "position",
+            _with("at the start", length),
+            _with("velocity at the start", f"{length}/{time}" if length and time else ""),
+        ),
+        (
+            (
+                _label(p.members),
+                _written(p.mass.text, _range(p.mass_values)),
+                _vector(p.position) if p.is_dependent or p.members.count > 1 else "",
+                _point(p.start) if p.members.count == 1 else "",
+                _point(p.start_velocity) if p.members.count == 1 and not p.is_dependent else "",
+            )
+            for p in model.particles
+        ),
+        {0, 1, 2},
+    )
+    yield from _table(
+        "Definitions",
+        ("name", "expression"),
+        ((d.name, d.expression.text) for d in model.definitions),
+        {0, 1},
+    )
+    lagrangian = [("", "Lagrangian", model.lagrangian.text)] if model.lagrangian is not None else []
+    yield from _table("Forces", ("name", "on", "expression"), (*lagrangian, *_forces(model)), {0, 2})
+    yield from _table("Constraints", ("name", "declared", "equation or condition"), _laws(model), {0, 2})
+    yield from _table(
+        "Outputs",
+        ("name", "expression"),
+        ((_label(o.members), o.expression.text) for o in model.outputs),
+        {0, 1},
+    )
+    yield from _table(
+        "Events",
+        ("name", "where this crosses zero", "direction", "action"),
+        ((e.name, e.when.text, e.direction, e.action) for e in model.events),
+        {0, 1},
+    )
+
+
+def _table(
+    caption: str, headers: tuple[str, ...], rows: Iterable[Sequence[str]], code: set[int]
+) -> Iterator[PageTable]:
+    """The table without the columns in which nothing stands; none where there are no rows."""
+    found = [tuple(_plain(cell) for cell in row) for row in rows]
+    if not found:
+        return
+    kept = [i for i in range(len(headers)) if any(row[i] for row in found)]
+    places = {old: new for new, old in enumerate(kept)}
+    shown = [tuple(row[i] for i in kept) for row in found[:MOST_ROWS]]
+    if len(found) > MOST_ROWS:
+        caption += f" (the first {MOST_ROWS} of {len(found)})"
+    yield PageTable(
+        tuple(headers[i] for i in kept),
+        tuple(shown),
+        frozenset(places[i] for i in code if i in places),
+        caption,
+    )
+
+
+def _forces(model: Model) -> Iterator[tuple[str, str, str]]:
+    for force in model.forces:
+        match force:
+            case ParticleForce():
+                targets = _named(model.particle_names, np.unique(force.action.targets))
+                yield _label(force.members), targets, _vector(force.force)
+            case GeneralizedForce():
+                targets = _named(model.generalized_names, np.unique(force.action.targets))
+                yield _label(force.members), targets, force.force.text
+            case Potential():
+                yield _label(force.members), "potential", force.expression.text
+
+
+def _laws(model: Model) -> Iterator[tuple[str, str, str]]:
+    for law in model.constraints():
+        if isinstance(law, RigidBody):
+            yield law.name, "rigid", _named(model.particle_names, law.particles)
+        else:
+            declared = type(law).__name__.lower()
+            restitution = _range(law.restitution) if isinstance(law, Inequality) else "0"
+            told = law.equation.text + (f", restitution {restitution}" if restitution != "0" else "")
+            yield _label(law.members), declared, told
+
+
+def _label(members: Family) -> str:
+    if members.count == 1:
+        return members.names[0]
+    if not members.count:
+        return f"{members.base} (no members)"
+    return f"{members.names[0]} … {members.names[-1]} ({members.count})"
+
+
+def _named(names: Sequence[str], places: Iterable[int]) -> str:
+    found = [names[int(i)] for i in places]
+    if len(found) == len(names) > 1:
+        return "all"
+    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    return ", ".join(found[:MOST_NAMED]) + more
+
+
+def _vector(expression: VectorExpression) -> str:
+    parts = [part.text for part in expression.parts]
+    return parts[0] if len(parts) == 1 else f"[{', '.join(parts)}]"
+
+
+def _formula(formula: Expression | None, value: str) -> str:
+    """The expression behind a parameter, where it is more than the number."""
+    return "" if formula is None or formula.text == value else formula.text
+
+
+def _value(value: float | Vector3) -> str:
+    return f"[{', '.join(f'{part:.9g}' for part in value)}]" if isinstance(value, tuple) else f"{value:.9g}"
+
+
+def _range(values: Floats) -> str:
+    if not len(values):
+        return ""
+    low, high = float(values.min()) + 0.0, float(values.max()) + 0.0
+    return f"{low:.9g}" if low == high else f"{low:.6g} to {high:.6g}"
+
+
+def _point(values: Floats | None) -> str:
+    return "" if values is None else f"[{', '.join(f'{part + 0.0:.6g}' for part in values[0])}]"
+
+
+def _written(text: str, value: str) -> str:
+    return text if text == value else f"{text} = {value}"
+
+
+def _with(words: str, unit: str) -> str:
+    return f"{words} ({unit})" if unit.strip() else words
+
+
+def _plain(cell: str) -> str:
+    plain = " ".join(diagnostics.printable(cell).split())
+    return plain if len(plain) <= MOST_LETTERS else f"{plain[:MOST_LETTERS]} …"

@@ -1,0 +1,95 @@
+"""The contents of a report, in blocks that every format of it can write.
+
+All texts are plain: nothing in them is markup, and the writers escape every one. Only `PageEquations` holds markup,
+which `derive` has made and escaped.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PageTable:
+    """A table; `code`: numbers of the columns that hold what was typed, `caption`: what it is a table of."""
+
+    headers: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    code: frozenset[int] = frozenset()
+    caption: str = ""
+    kind: Literal["table"] = "table"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PageSentences:
+    """Sentences, one below the other."""
+
+    lines: tuple[str, ...]
+    kind: Literal["sentences"] = "sentences"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PageListing:
+    """The text of a file in lines, each of which is a list of pieces: their look (``key``, ``comment`` or nothing) and
+    their text. `caption` says what it is."""
+
+    lines: tuple[tuple[tuple[str, str], ...], ...]
+    caption: str
+    kind: Literal["listing"] = "listing"
+
+    @property
+    def text(self) -> str:
+        """The lines as they were written."""
+        return "\n".join("".join(piece for _, piece in line) for line in self.lines)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PageFigure:
+    """A picture: its name as a part of a file name, its format (svg or png), its bytes; `words`: what it shows, for
+    those who do not see it."""
+
+    name: str
+    ending: Literal["svg", "png"]
+    content: bytes
+    words: str
+    kind: Literal["figure"] = "figure"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PageEquations:
+    """Equations as parts of an HTML and of a Markdown page; markup that needs no escaping."""
+
+    html: str
+    markdown: str
+    kind: Literal["equations"] = "equations"
+
+
+Block = PageTable | PageSentences | PageListing | PageFigure | PageEquations
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PageSection:
+    """Blocks under a title; `anchor` is its name in links."""
+
+    title: str
+    anchor: str
+    blocks: tuple[Block, ...]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ReportContents:
+    """The page: its title, sentences about it, what is wrong (`alarms`), what is open (`doubts`), the outcome in a few
+    lines (`glance`: label and value), and the sections."""
+
+    title: str
+    about: tuple[str, ...]
+    alarms: tuple[str, ...]
+    doubts: tuple[str, ...]
+    glance: tuple[tuple[str, str], ...]
+    sections: tuple[PageSection, ...]
+
+    @property
+    def figures(self) -> tuple[PageFigure, ...]:
+        """All pictures, in their order."""
+        return tuple(b for section in self.sections for b in section.blocks if isinstance(b, PageFigure))

@@ -1,0 +1,17 @@
+"""Figures as pictures of a page."""
+
+from __future__ import annotations
+
+from lagcli.output.figures import sheet
+from lagcli.output.report.report_contents import PageFigure
+
+# Bytes of a drawing in lines; one of more is painted in points, which are never so many.
+MOST_DRAWN = 600_000
+
+
+def picture(name: str, drawn: sheet.SheetFigure, words: str) -> PageFigure:
+    """The picture of a figure; `words`: what it shows."""
+    lines = sheet.content("svg", drawn)
+    if len(lines) <= MOST_DRAWN:
+        return PageFigure(name, "svg", lines, words)
+    return PageFigure(name, "png", sheet.content("png", drawn), words)

@@ -1,0 +1,259 @@
+"""The sections of a report, made from the answers of the commands: check, simulate, audit, derive."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+
+from lagcli.analysis import check_lines
+from lagcli.analysis.check_report import Report
+from lagcli.auditing import audit_lines
+from lagcli.auditing.audit_report import Audit
+from lagcli.errors import diagnostics
+from lagcli.linear import independent_rows
+from lagcli.model.model import Model, Units
+from lagcli.output.incident_table import IMPULSE, IncidentTable
+from lagcli.output.report import model_listing, model_tables
+from lagcli.output.report.report_contents import (
+    Block,
+    PageEquations,
+    PageFigure,
+    PageSection,
+    PageSentences,
+    PageTable,
+    ReportContents,
+)
+from lagcli.output.trajectory import Stats, Trajectory
+
+# Rows of a table of incidents or of constraints, and names of what fails: the files of `simulate` hold them all.
+MOST_ROWS, MOST_FAULTS = 60, 6
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ReportParts:
+    """The answers behind a report; equations: a page part, or the reason why there are none; still, curves, checks:
+    the pictures, None where there are none; held_to: the tolerance in words."""
+
+    model: Model
+    title: str
+    checked: Report
+    run: Trajectory
+    audit: Audit
+    equations: PageEquations | str
+    still: PageFigure | None
+    curves: PageFigure | None
+    checks: PageFigure | None
+    held_to: str
+
+
+def contents(parts: ReportParts) -> ReportContents:
+    """The page."""
+    model = parts.model
+    equations: Block = (
+        PageSentences((f"The equations are not written here: {parts.equations}",))
+        if isinstance(parts.equations, str)
+        else parts.equations
+    )
+    sections = (
+        PageSection("Model", "model", tuple(_model(model))),
+        PageSection("Degrees of freedom and verdicts", "verdicts", tuple(_verdicts(parts.checked))),
+        PageSection("Equations of motion", "equations", (equations,)),
+        PageSection("Motion", "motion", tuple(_motion(parts))),
+        PageSection("Audit", "audit", tuple(_audit(parts.audit, parts.checks))),
+        PageSection("Provenance", "provenance", tuple(_provenance(parts.run.stats, model))),
+    )
+    return ReportContents(
+        parts.title,
+        tuple(
+            text for text in (model.description, f"Source: {model.source}" if model.source else "") if text
+        ),
+        tuple(_alarms(parts)),
+        tuple(_doubts(parts)),
+        tuple(_glance(parts)),
+        sections,
+    )
+
+
+def _alarms(parts: ReportParts) -> Iterator[str]:
+    stopped = parts.run.stats.stopped
+    if stopped is not None:
+        yield f"The run stopped before its end, at t = {stopped.t:.9g}: {stopped.reason}."
+    if not parts.audit.passed:
+        yield f"The audit failed: {parts.audit.conclusion}"
+
+
+def _doubts(parts: ReportParts) -> Iterator[str]:
+    count = parts.checked.dof
+    if count.configuration_dof is None:
+        low, high = count.bounds
+        yield f"The number of degrees of freedom is undecided, between {low} and {high}: {count.reason}."
+    open_ = [one.name for one in parts.checked.constraints if one.verdict.kind == "undecided"]
+    if open_:
+        yield f"Undecided: whether {_some(open_)} can be integrated."
+    if parts.audit.passed and parts.audit.unjudged:
+        yield f"Audit: {parts.audit.conclusion}"
+
+
+def _glance(parts: ReportParts) -> Iterator[tuple[str, str]]:
+    count, run, stats = parts.checked.dof, parts.run, parts.run.stats
+    time = parts.model.units.time
+    if count.configuration_dof is not None:
+        label = "3N - s" if count.coordinates == 3 * count.particles else "n - s"
+        freedoms = f"{label} = {count.coordinates} - {count.holonomic} = {count.configuration_dof}"
+        if count.nonholonomic:
+            freedoms += f"; {count.velocity_dof} of velocity"
+        yield "Degrees of freedom", f"{freedoms} (proof: {count.proof})"
+    kinds: dict[str, int] = {}
+    for one in parts.checked.constraints:
+        kinds[one.verdict.kind] = kinds.get(one.verdict.kind, 0) + 1
+    yield "Constraints", ", ".join(f"{number} {kind}" for kind, number in kinds.items()) or "none"
+    if len(run.rows):
+        end = f"t = {run.t[0]:.9g} to {run.t[-1]:.9g} {time}".rstrip()
+        yield "Run", f"{end}, {len(run.rows)} rows, {stats.steps} steps of {stats.method}, {parts.held_to}"
+    if len(run.events):
+        yield "Incidents", ", ".join(_counted(run.events))
+    if stats.accuracy is not None and stats.accuracy.sentence:
+        yield "Digits", _sentence(stats.accuracy.sentence)
+    yield "Audit", parts.audit.conclusion
+
+
+def _model(model: Model) -> Iterator[Block]:
+    yield from model_tables.tables(model)
+    yield model_listing.listing(model.text, model.path)
+
+
+def _verdicts(checked: Report) -> Iterator[Block]:
+    if checked.constraints:
+        cells = [check_lines.cells(one) for one in checked.constraints]
+        shown = [name for name in cells[0] if any(row[name] for row in cells)]
+        more = f" (the first {MOST_ROWS} of {len(cells)})" if len(cells) > MOST_ROWS else ""
+        rows = tuple(tuple(row[name] for name in shown) for row in cells[:MOST_ROWS])
+        code = {i for i, name in enumerate(shown) if name in ("constraint", "integral", "factor")}
+        yield PageTable(tuple(shown), rows, frozenset(code), f"Constraints and their verdicts{more}")
+        verdicts = [one.verdict for one in checked.constraints]
+        reasons = [f"{v.row}: {v.method}".rstrip(".") + "." for v in verdicts if v.declared != v.kind]
+        if reasons:
+            yield PageSentences(tuple(reasons[:MOST_ROWS]))
+        if any(v.declared == "differential" for v in verdicts):
+            yield PageSentences(tuple(map(_sentence, check_lines.joint(checked.joint))))
+    lines = tuple((line,) for line in check_lines.count(checked.dof))
+    yield PageTable(("The count, line by line",), lines)
+    if checked.null_vectors:
+        yield PageSentences(tuple(independent_rows.shares([vector.rows for vector in checked.null_vectors])))
+    yield PageSentences((_sentence(check_lines.start(checked)),))
+    warnings = tuple(f"Warning: {one.message} [{one.code}]." for one in checked.warnings)
+    if warnings:
+        yield PageSentences(warnings[:MOST_ROWS])
+
+
+def _motion(parts: ReportParts) -> Iterator[Block]:
+    run = parts.run
+    if parts.still is not None:
+        yield parts.still
+    if parts.curves is not None:
+        yield parts.curves
+    yield PageTable(("account of the run", ""), tuple(_account(run.stats)))
+    if len(run.events):
+        yield _incidents(run.events, parts.model.units)
+    if run.notes:
+        yield PageSentences(tuple(f"Note: {note}." for note in run.notes))
+
+
+def _account(stats: Stats) -> Iterator[tuple[str, str]]:
+    yield "steps", f"{stats.steps} accepted, {stats.rejected} rejected, {stats.evaluations} evaluations"
+    yield "largest drift of positions", f"{stats.position_drift:.1e}"
+    yield "largest drift of velocities", f"{stats.velocity_drift:.1e}"
+    balance = (
+        "not known"
+        if stats.energy_imbalance is None
+        else f"{stats.energy_imbalance:.1e} of the energy exchanged"
+    )
+    yield "energy balance", balance
+    if stats.indeterminate:
+        yield "multipliers not unique", _some(stats.indeterminate)
+    if stats.singular_times:
+        yield "singular configurations passed", _some([f"t = {t:.9g}" for t in stats.singular_times])
+    if stats.largest_penetration > 0:
+        yield "largest penetration", f"{stats.largest_penetration:.1e}"
+    if stats.ended_by is not None:
+        yield "ended by the event", stats.ended_by
+    if stats.stopped is not None:
+        yield "stopped", f"t = {stats.stopped.t:.9g}: {stats.stopped.reason} [{stats.stopped.code}]"
+    if stats.accuracy is not None:
+        for kind, digits in stats.accuracy.digits.items():
+            yield f"right digits of {kind}", "all zero" if digits is None else f"{digits:.1f}"
+
+
+def _incidents(events: IncidentTable, units: Units) -> PageTable:
+    rows = []
+    for one in events[:MOST_ROWS]:
+        impulse = one.impulses.get(one.name)
+        rows.append((f"{one.t:.9g}", one.kind, one.name, f"{impulse:.6g}" if impulse else ""))
+    more = f" (the first {MOST_ROWS} of {len(events)})" if len(events) > MOST_ROWS else ""
+    time = f"t ({units.time})" if units.time.strip() else "t"
+    headers = (time, "kind", "name", IMPULSE.rstrip("."))
+    return PageTable(headers, tuple(rows), frozenset((2,)), f"Incidents{more}")
+
+
+def _audit(found: Audit, figure: PageFigure | None) -> Iterator[Block]:
+    yield PageSentences(
+        (
+            f"A second opinion from the table and the model alone, without the functions of the solver:"
+            f" {found.rows} rows from t = {found.start:.9g} to {found.end:.9g}. {found.conclusion}",
+        )
+    )
+    head, *rows = audit_lines.wide_rows(found.checks)
+    yield PageTable(head, tuple(rows))
+    for check in found.checks:
+        if check.verdict == "fail":
+            faults = [audit_lines.fault(place) for place in check.failing[:MOST_FAULTS]]
+            more = check.failures - len(faults)
+            yield PageSentences(
+                (audit_lines.failure(check), *faults, *((f"and {more} others",) if more > 0 else ()))
+            )
+    sentences = [_sentence(one) for one in found.sentences]
+    if found.figures:
+        sentences.append(audit_lines.work(dict(found.figures)))
+    if sentences:
+        yield PageSentences(tuple(sentences))
+    if figure is not None:
+        yield figure
+
+
+def _provenance(stats: Stats, model: Model) -> Iterator[Block]:
+    origin = stats.provenance
+    assert origin is not None  # of a run that was made here
+    chosen = model.simulation
+    atol = "1e-13 of the sizes of the motion" if origin.atol is None else f"{origin.atol:.9g}"
+    rows = [
+        ("lagcli", origin.version),
+        ("model file", model.path),
+        ("SHA-256 of the model file", origin.sha256),
+        *((f"--set {name}", value) for name, value in origin.set.items()),
+        ("method", origin.method),
+        ("rtol", f"{origin.rtol:.9g}"),
+        ("atol", atol),
+        ("start, duration", f"{chosen.start:.9g}, {chosen.duration:.9g}"),
+        ("largest step", "free" if chosen.max_step is None else f"{chosen.max_step:.9g}"),
+        ("units", ", ".join(unit for unit in dataclasses.astuple(model.units) if unit.strip())),
+    ]
+    yield PageTable(("", ""), tuple(rows))
+    yield PageSentences(
+        ("Equal files, settings and versions give this page again; it holds no date for that reason.",)
+    )
+
+
+def _counted(events: IncidentTable) -> Iterator[str]:
+    kinds = list(dict.fromkeys(events.kinds))
+    yield from (f"{events.kinds.count(kind)} {kind}" for kind in kinds)
+
+
+def _some(names: Iterable[str]) -> str:
+    found = list(names)
+    more = f" and {len(found) - MOST_FAULTS} more" if len(found) > MOST_FAULTS else ""
+    return ", ".join(found[:MOST_FAULTS]) + more
+
+
+def _sentence(text: str) -> str:
+    plain = diagnostics.printable(text)
+    return plain[:1].upper() + plain[1:] + ("" if plain.endswith((".", ":")) else ".")

@@ -1,0 +1,132 @@
+"""A report in HTML and in Markdown: the only door to Jinja2.
+
+Every text is escaped by the writer and not by the template: HTML by Jinja2's autoescape, Markdown by `finalize`. What
+is markup says so by its class.
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+import html
+import re
+
+import jinja2
+import markupsafe
+
+from lagcli.errors import diagnostics
+from lagcli.output.figures import labels
+from lagcli.output.report.report_contents import PageFigure, PageListing, ReportContents
+
+MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
+
+
+class WrittenMarkdown(str):
+    """A text that is Markdown and needs no escaping."""
+
+    __slots__ = ()
+
+
+def html_page(contents: ReportContents) -> str:
+    """One HTML page that needs nothing beside it."""
+    return _html_templates().get_template("report.html").render(page=contents, head=_head(contents))
+
+
+def markdown_page(contents: ReportContents, folder: str) -> str:
+    """The page in Markdown; its figures are files of this folder beside it."""
+    template = _markdown_templates().get_template("report.md")
+    written = template.render(page=contents, folder=folder)
+    return re.sub(r"\n{3,}", "\n\n", written).strip() + "\n"
+
+
+def figure_file(figure: PageFigure) -> str:
+    """The name of the file of a figure."""
+    return f"{figure.name}.{figure.ending}"
+
+
+def _head(contents: ReportContents) -> str:
+    """The title of the window."""
+    return labels.shortened(" ".join(contents.title.split()), labels.NAME)
+
+
+@functools.cache
+def _html_templates() -> jinja2.Environment:
+    made = jinja2.Environment(
+        loader=jinja2.PackageLoader("lagcli.output.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_printable,
+    )
+    made.filters["data"] = _data
+    made.filters["written"] = markupsafe.Markup
+    return made
+
+
+@functools.cache
+def _markdown_templates() -> jinja2.Environment:
+    made = jinja2.Environment(
+        loader=jinja2.PackageLoader("lagcli.output.report"),
+        autoescape=False,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=escaped,
+    )
+    made.filters["fenced"] = _fenced
+    made.filters["file"] = lambda figure: WrittenMarkdown(figure_file(figure))
+    made.filters["written"] = WrittenMarkdown
+    made.filters["place"] = lambda name: WrittenMarkdown(_place(name))
+    return made
+
+
+def _printable(value: object) -> object:
+    """Texts without what a terminal or a browser acts on; markup as it is."""
+    return diagnostics.printable(value) if type(value) is str else value
+
+
+def _data(figure: PageFigure) -> markupsafe.Markup:
+    """The picture as an address that holds it."""
+    coded = base64.b64encode(figure.content).decode("ascii")
+    return markupsafe.Markup(f"data:{MEDIA[figure.ending]};base64,{coded}")
+
+
+# What Markdown, tables of it, HTML in it and its mathematics act on.
+_SPECIAL = re.compile(r"([\\`*_{}\[\]()<>#|~!$@:+.-])")
+
+
+def escaped(value: object) -> str:
+    """A text that Markdown prints as it is, in one line."""
+    if isinstance(value, WrittenMarkdown):
+        return value
+    plain = " ".join(diagnostics.printable(str(value)).split())
+    return _SPECIAL.sub(_letter, plain.replace("&", "&amp;"))
+
+
+def _letter(found: re.Match[str]) -> str:
+    """An escaped letter; one that is nothing within a word or a number stays as it is, for those who read the file."""
+    letter, text, at = found[0], found.string, found.start()
+    if letter in "<>":
+        return html.escape(letter)
+    if letter in ".:-+@!()":
+        is_first = at == 0 or (letter in ".)" and text[:at].isdigit() and text[at + 1 : at + 2] in ("", " "))
+        is_link = letter in ":@." and text[max(0, at - 5) : at].lower().endswith(
+            ("http", "https", "www", "ftp")
+        )
+        return f"\\{letter}" if is_first or is_link or letter == "@" else letter
+    return f"\\{letter}"
+
+
+def _fenced(listing: PageListing) -> WrittenMarkdown:
+    """A block of code whose fence is longer than any in it."""
+    longest = max((len(run) for run in re.findall(r"`+", listing.text)), default=0)
+    fence = "`" * max(3, longest + 1)
+    return WrittenMarkdown(f"{fence}yaml\n{listing.text}\n{fence}")
+
+
+def _place(name: str) -> str:
+    """A name of a file as an address in a link."""
+    from urllib.parse import quote
+
+    return quote(name)

@@ -1,0 +1,295 @@
+"""`lagcli report` and `lagcli.report`: one page, whatever a model says of itself."""
+
+import html.parser
+import os
+import pathlib
+import re
+import stat
+from xml.etree import ElementTree
+
+import pytest
+
+import lagcli
+from lagcli.output.report import browser_pdf, model_listing, report_writer
+from tests.helpers import in_process
+
+ROOT = pathlib.Path(__file__).parents[2]
+MODELS = ROOT / "models"
+VOID = {"meta", "img", "br", "mspace"}
+
+PENDULUM = """lagcli: 1
+title: {title}
+description: {description}
+units: {{length: {unit}, mass: kg, time: s}}
+parameters: {{m: 2, L: 1}}
+particles:
+  a: {{mass: m, position: [0.6, 0, -0.8]}}
+forces:
+  weight: {{to: all, force: [0, 0, -m*9.81]}}  # {comment}
+holonomic:
+  rod: norm(a) = L
+simulation: {{duration: 0.5, samples: 26}}
+"""
+
+SCRIPT = "<script>alert(1)</script>"
+TITLES = {
+    "markup": f'"{SCRIPT} </title> </h1> <b>x</b> {{{{ 7*7 }}}} {{% raw %}}"',
+    "quotes": "'\"onload=\"alert(1)\" '' `code` $x$ | [l](javascript:alert(1))'",
+    "escapes": r'"\e[31mred \a \0 \u202e \u2066 end"',
+    "right to left": '"שלום עולם مرحبا"',
+    "long": '"' + "long" * 500 + '"',
+    "one word": '"' + "x" * 2000 + '"',
+}
+
+
+class StrictPage(html.parser.HTMLParser):
+    """A page whose elements are closed in order; its texts and attributes."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[str] = []
+        self.feed(page)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        assert len({name for name, _ in attrs}) == len(attrs)
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+    def names(self) -> set[str]:
+        return {tag for tag, _ in self.elements}
+
+
+def written(**texts: str) -> str:
+    return PENDULUM.format(**{"title": "x", "description": "x", "unit": "m", "comment": "x", **texts})
+
+
+def page_of(model: str | lagcli.Model, **options: object) -> lagcli.ReportPage:
+    return lagcli.report(lagcli.loads(model) if isinstance(model, str) else model, **options)
+
+
+def require_harmless(page: StrictPage) -> None:
+    assert not page.names() & {"script", "iframe", "object", "embed", "form", "link", "base", "b"}
+    for tag, attributes in page.elements:
+        assert not any(name.startswith("on") for name in attributes), tag
+        if tag == "a":
+            assert re.fullmatch(r"#[a-z]+", attributes["href"])
+        if tag == "img":
+            assert re.match(r"data:image/(svg\+xml|png);base64,[A-Za-z0-9+/=]+$", attributes["src"])
+    # U+2061 stands between a function and its argument in MathML.
+    assert all(c.isprintable() or c in "\n\u2061" for text in page.texts for c in text)
+
+
+@pytest.mark.parametrize("title", TITLES.values(), ids=TITLES)
+def test_no_text_of_a_model_is_markup(title):
+    model = lagcli.loads(
+        written(title=title, description=title, unit=title, comment=f"</code></pre>{SCRIPT}")
+    )
+    made = page_of(model)
+    page = StrictPage(made.html())
+    require_harmless(page)
+    told = "".join(page.texts)
+    shown = re.sub(r"[\u202e\u2066\x00-\x1f]", "\N{REPLACEMENT CHARACTER}", model.title)
+    assert shown in told
+    assert f"</code></pre>{SCRIPT}" in told
+    assert "{{ 7*7 }}" in told or "7*7" not in title
+    in_markdown = made.markdown("figures")
+    listing = re.search(r"^(`{3,})yaml\n(.*?)^\1$", in_markdown, re.DOTALL | re.MULTILINE)
+    outside = in_markdown.replace(listing[0], "")
+    assert "<" not in outside.replace("<=", "")
+    assert not re.search(r"(?<!\\)\]\((?!figures/)", outside)
+    assert made.contents.title not in outside or title in (
+        TITLES["right to left"],
+        TITLES["long"],
+        TITLES["one word"],
+    )
+
+
+def test_a_title_of_the_command_line_is_escaped_too(tmp_path):
+    (tmp_path / "model.yaml").write_text(written(), encoding="utf-8")
+    out, err, code = in_process.run("report", str(tmp_path / "model.yaml"), "--title", SCRIPT)
+    assert (code, err) == (0, "")
+    page = StrictPage(out)
+    require_harmless(page)
+    assert SCRIPT in page.texts
+
+
+@pytest.mark.parametrize("name", ["rolling-disk", "twin-rod", "chain", "three-bar-truss", "martinet"])
+def test_the_page_of_a_model_is_valid_and_holds_what_the_commands_say(name):
+    model = lagcli.load(MODELS / f"{name}.yaml")
+    made = page_of(model, duration=0.2, samples=21)
+    page = StrictPage(made.html())
+    require_harmless(page)
+    anchors = {a["id"] for tag, a in page.elements if tag == "section"}
+    assert anchors == {a["href"][1:] for tag, a in page.elements if tag == "a"}
+    told = "".join(page.texts)
+    for row in lagcli.check(model).constraints[:40]:
+        assert row.name in told
+        assert row.verdict.kind in told
+    out, _, _ = in_process.run("dof", "--explain", str(MODELS / f"{name}.yaml"))
+    for line in out.splitlines():
+        assert line in told
+    assert model.sha256 in told
+    assert made.passed
+    assert "All checks passed." in told or "Not judged" in told
+    for math in re.findall(r"<math.*?</math>", made.html()):
+        ElementTree.fromstring(math.replace("&nbsp;", " "))
+
+
+def test_equal_runs_give_equal_pages():
+    assert page_of(written()).html() == page_of(written()).html()
+
+
+def test_a_stopped_run_is_written_and_told(tmp_path):
+    model = tmp_path / "pole.yaml"
+    model.write_text(
+        "lagcli: 1\nparticles:\n  a: {mass: 1, position: [0, 0, 0], velocity: [1, 0, 0]}\n"
+        "forces:\n  pull: {to: all, force: [1/(1-t)**2, 0, 0]}\nsimulation: {duration: 2, samples: 21}\n",
+        encoding="utf-8",
+    )
+    file = tmp_path / "report.html"
+    out, err, code = in_process.run("report", str(model), "-o", str(file))
+    assert (out, code) == ("", 3)
+    page = StrictPage(file.read_text(encoding="utf-8"))
+    alarms = [a for tag, a in page.elements if tag == "p" and a.get("class") == "alarm"]
+    assert len(alarms) == 1
+    assert any("The run stopped before its end" in text for text in page.texts)
+    assert "lagcli: " in err
+
+
+def test_an_inconsistent_start_is_the_error_of_simulate(tmp_path):
+    model, file = tmp_path / "model.yaml", tmp_path / "report.html"
+    model.write_text(written().replace("L: 1", "L: 2"), encoding="utf-8")
+    _, err, code = in_process.run("report", str(model), "-o", str(file))
+    assert code == 1
+    assert "error[" in err
+    assert not file.exists()
+    assert in_process.run("report", str(model), "-o", str(file), "--assemble")[2] == 0
+
+
+def test_an_undecided_count_is_told_and_no_failure():
+    made = page_of(lagcli.load(MODELS / "rolling-disk.yaml"), duration=0.1, samples=11, limit=0)
+    assert made.passed
+    assert any("undecided" in doubt.lower() for doubt in made.contents.doubts)
+
+
+def test_incidents_digits_and_changes_are_on_the_page():
+    model = lagcli.load(MODELS / "zeno-ball.yaml", {"m": 0.7})
+    told = "".join(StrictPage(page_of(model, digits=True, duration=1).html()).texts)
+    assert "impact" in told
+    assert "--set m" in told
+    assert "right digits of r" in told
+
+
+def test_markdown_has_its_figures_beside_it(tmp_path):
+    file = tmp_path / "a b.md"
+    out, _, code = in_process.run(
+        "report", str(MODELS / "pendulum.yaml"), "-o", str(file), "--duration", "0.5"
+    )
+    assert (out, code) == ("", 0)
+    text = file.read_text(encoding="utf-8")
+    links = re.findall(r"^!\[.*\]\((.*)\)$", text, re.MULTILINE)
+    assert len(links) >= 2
+    for link in links:
+        assert link.startswith("a%20b-figures/")
+        ElementTree.parse(tmp_path / link.replace("%20", " "))
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert all(line.endswith("|") for line in rows)
+    assert r"f_{\mathrm{rod}}" in text
+
+
+def test_what_cannot_be_written_is_refused_before_any_work(tmp_path):
+    model = str(MODELS / "pendulum.yaml")
+    _, err, code = in_process.run("report", model, "-o", str(tmp_path / "report.doc"))
+    assert code == 2
+    assert ".html, .md, .pdf" in err
+    copy = tmp_path / "model.md"
+    copy.write_text(written(), encoding="utf-8")
+    assert in_process.run("report", str(copy), "-o", str(copy))[2] == 2
+    (tmp_path / "r-figures").write_text("mine", encoding="utf-8")
+    _, err, code = in_process.run("report", model, "-o", str(tmp_path / "r.md"))
+    assert code == 2
+    assert "r-figures" in err
+
+
+def test_without_a_browser_a_pdf_is_refused_with_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(browser_pdf, "PLACES", ())
+    _, err, code = in_process.run("report", str(MODELS / "pendulum.yaml"), "-o", str(tmp_path / "report.pdf"))
+    assert code == 2
+    assert "install one" in err
+    assert not (tmp_path / "report.pdf").exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the stand-in is a shell script")
+@pytest.mark.parametrize("works", [True, False])
+def test_a_pdf_is_what_the_browser_prints(tmp_path, monkeypatch, works):
+    browser, file = tmp_path / "chromium", tmp_path / "report.pdf"
+    body = (
+        'for a; do case "$a" in --print-to-pdf=*) printf "%%PDF-1.4" > "${a#*=}";; esac; done'
+        if works
+        else "exit 7"
+    )
+    browser.write_text(f"#!/bin/sh\n{body}\n", encoding="utf-8")
+    browser.chmod(browser.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    _, err, code = in_process.run(
+        "report", str(MODELS / "pendulum.yaml"), "-o", str(file), "--duration", "0.1", "--samples", "5"
+    )
+    if works:
+        assert (code, file.read_bytes()) == (0, b"%PDF-1.4")
+    else:
+        assert code == 74
+        assert "exit code 7" in err
+        assert not file.exists()
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_a_listing_is_the_text_of_the_file(path):
+    text = path.read_text(encoding="utf-8")
+    listing = model_listing.listing(text, path.name)
+    assert listing.text == text.rstrip("\n")
+    keys = {piece.strip() for line in listing.lines for look, piece in line if look == "key"}
+    assert {"lagcli", "title"} <= keys
+    comments = [piece for line in listing.lines for look, piece in line if look == "comment"]
+    assert all(piece.startswith("#") for piece in comments)
+    assert len(comments) == sum(" #" in line or line.startswith("#") for line in text.split("\n"))
+
+
+def test_a_long_listing_is_cut_and_says_so():
+    text = written() + "# more\n" * 1000
+    listing = model_listing.listing(text, "model.yaml")
+    assert len(listing.lines) == model_listing.MOST_LINES
+    assert "of which the first" in listing.caption
+    wide = model_listing.listing(written(comment="x" * 5000), "model.yaml")
+    assert all(len("".join(piece for _, piece in line)) < 2100 for line in wide.lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("a|b", r"a\|b"),
+        ("# head", r"\# head"),
+        ("1. one", r"1\. one"),
+        ("- one", r"\- one"),
+        ("m*v_x", r"m\*v\_x"),
+        ("<b>&amp;", "&lt;b&gt;&amp;amp;"),
+        ("two\nlines", "two lines"),
+        ("3.5 - 2", "3.5 - 2"),
+    ],
+)
+def test_markdown_prints_texts_as_they_are(text, shown):
+    assert report_writer.escaped(text) == shown
