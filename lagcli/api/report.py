@@ -64,7 +64,7 @@ def report(
         run,
         audited,
         _equations(model, limit),
-        None,
+        _still(model, run),
         _curves(model, run),
         _checks(audited, model.units.time),
         step_tolerance.sentence(model.simulation),
@@ -101,6 +101,22 @@ def _equations(model: Model, limit: float | None) -> PageEquations | str:
     except diagnostics.ModelError as error:
         return "; ".join(one.message for one in error.diagnostics) + "."
     return PageEquations(found.html_sections(3), found.markdown_sections(3))
+
+
+def _still(model: Model, run: Trajectory) -> PageFigure | None:
+    """The first instant as `animate` draws it; None where there is nothing to be drawn."""
+    if not len(run.rows):
+        return None
+    from lagcli.api import animate
+    from lagcli.output.animation import places, still
+    from lagcli.output.report import report_pictures
+
+    try:
+        animate.require_few(model)
+        scene = animate.of_run(model, run)
+    except places.NothingToShow:
+        return None
+    return report_pictures.drawing("start", still.svg(scene), "The configuration at the start.")
 
 
 def _curves(model: Model, run: Trajectory) -> PageFigure | None:

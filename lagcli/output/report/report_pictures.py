@@ -9,6 +9,11 @@ from lagcli.output.report.report_contents import PageFigure
 MOST_DRAWN = 600_000
 
 
+def drawing(name: str, svg: str, words: str) -> PageFigure:
+    """The picture of a drawing that is an element of SVG."""
+    return PageFigure(name, "svg", svg.encode(), words)
+
+
 def picture(name: str, drawn: sheet.SheetFigure, words: str) -> PageFigure:
     """The picture of a figure; `words`: what it shows."""
     lines = sheet.content("svg", drawn)

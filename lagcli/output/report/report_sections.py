@@ -185,13 +185,15 @@ def _account(stats: Stats) -> Iterator[tuple[str, str]]:
 
 
 def _incidents(events: IncidentTable, units: Units) -> PageTable:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for one in events[:MOST_ROWS]:
         impulse = one.impulses.get(one.name)
         rows.append((f"{one.t:.9g}", one.kind, one.name, f"{impulse:.6g}" if impulse else ""))
     more = f" (the first {MOST_ROWS} of {len(events)})" if len(events) > MOST_ROWS else ""
     time = f"t ({units.time})" if units.time.strip() else "t"
-    headers = (time, "kind", "name", IMPULSE.rstrip("."))
+    headers: tuple[str, ...] = (time, "kind", "name", IMPULSE.rstrip("."))
+    if not any(row[-1] for row in rows):
+        headers, rows = headers[:-1], [row[:-1] for row in rows]
     return PageTable(headers, tuple(rows), frozenset((2,)), f"Incidents{more}")
 
 
