@@ -52,9 +52,7 @@ def report(
 
     options = report_command.ReportOptions(output, title, digits, limit, quiet)
     options.require(model)
-    read = model_reading.reported(lambda: model_reading.load(model, changes), False)
-    if verbose:
-        exits.say_all(warning.render() for warning in read.warnings)
+    read = model_reading.read(model, changes, False, verbose)
     given: report_command.ReportedRun = {
         "duration": duration, "samples": samples, "rtol": rtol, "atol": atol, "max_step": max_step,
         "assemble": True if assemble else None,

@@ -247,7 +247,7 @@ def _provenance(stats: Stats, model: Model) -> Iterator[Block]:
 
 def _counted(events: IncidentTable) -> Iterator[str]:
     kinds = list(dict.fromkeys(events.kinds))
-    yield from (f"{events.kinds.count(kind)} {kind}" for kind in kinds)
+    yield from (f"{events.kinds.count(kind)} × {kind}" for kind in kinds)
 
 
 def _some(names: Iterable[str]) -> str:
