@@ -226,7 +226,7 @@ class ContactChanges:
             line, bounced = self.log.line(), self.events.now()
             jumped, when = self.events.jumped(when, bounced), bounced
         self._go_on(mode.selection, here.state.v if blow is None else blow.onward)
-        if blow is not None and contact_crossings.is_near(run):
+        if blow is not None:
             contact_crossings.require_landed(run, blow.onward, here.state.v)
         now = self.log.line()
         line = now if line is None else line

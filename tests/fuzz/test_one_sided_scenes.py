@@ -11,7 +11,7 @@ from tests.helpers import one_sided_models
 # impact between the last rebound of a series and its end, impacts that are 3e-7 apart; a contact that creeps in as
 # slowly as what falls over, a gap of 3e-11 that is not closed, speeds of 1e-6 that are dropped, energy
 # made of rounding.
-SCENES = (*range(16), 708, 698, 505, 603, 150, 21, 109, 335)
+SCENES = (*range(16), 708, 698, 505, 603, 150, 21, 109, 335, 902)
 
 
 @pytest.mark.parametrize("seed", SCENES)
