@@ -9,6 +9,7 @@ from lagcli.analysis.classification.verdict import Classification, Verdict
 from lagcli.analysis.dof import DofCount
 from lagcli.analysis.uniqueness import NullVector
 from lagcli.errors import diagnostics
+from lagcli.model import notebook_html
 from lagcli.model.invariant import FirstIntegral
 from lagcli.start.assembly_moves import Moves
 from lagcli.start.gaps import Side
@@ -150,6 +151,30 @@ class Report:
         freedoms = self.dof.configuration_dof
         counted = "undecided" if freedoms is None else str(freedoms)
         return f"<Report on {self.path}: degrees of freedom {counted}; {laws}; {len(self.warnings)} warnings>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                one.name,
+                one.verdict.declared,
+                one.verdict.kind,
+                "" if one.verdict.integral is None else f"{one.verdict.integral} = const",
+                "redundant" if one.redundant else "",
+                one.verdict.method,
+            )
+            for one in self.constraints
+        ]
+        low, high = self.dof.bounds
+        counted = self.dof.configuration_dof
+        told = [
+            f"degrees of freedom: {counted if counted is not None else f'undecided, {low} to {high}'}",
+            "initial values: " + ("consistent" if self.initial.consistent else "inconsistent"),
+            *(f"{found.severity}[{found.code}]: {found.message}" for found in self.warnings),
+        ]
+        headers = ("constraint", "declared", "verdict", "integral", "", "reason")
+        return notebook_html.page(
+            self.title or self.path, notebook_html.table(headers, rows), notebook_html.sentences(told)
+        )
 
     def as_json(self) -> dict[str, Any]:
         """The object of `check --json`."""

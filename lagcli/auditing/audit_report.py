@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lagcli.auditing.autodiff import Array
+from lagcli.model import notebook_html
 
 Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]
 NAMED = 12
@@ -95,6 +96,23 @@ class Audit:
         verdict = "passed" if self.passed else "failed"
         checks = ", ".join(f"{check.name} {check.verdict}" for check in self.checks)
         return f"<Audit of {self.path}: {verdict}, {self.rows} rows; {checks}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                check.name,
+                check.law,
+                check.verdict,
+                "" if (worst := check.worst) is None else f"{worst.value:.3g} of {worst.limit:.3g}",
+                "" if worst is None else f"{worst.name}, t = {worst.t:.6g}",
+            )
+            for check in self.checks
+        ]
+        return notebook_html.page(
+            f"Audit of {self.title or self.path}",
+            notebook_html.table(("check", "law", "verdict", "worst", "where"), rows),
+            notebook_html.sentences([self.conclusion, *self.sentences, *self.notes]),
+        )
 
     @property
     def passed(self) -> bool:

@@ -92,6 +92,17 @@ class Derivation:
     def __str__(self) -> str:
         return self.text()
 
+    def _repr_html_(self) -> str:
+        parts = [f"<h3>{html.escape(self.title)}</h3>", f"<p>{html.escape(self.about)}</p>"]
+        return "\n".join(["<div>", *parts, self.html_sections(4), "</div>"])
+
+    def _repr_latex_(self) -> str:
+        parts: list[str] = []
+        for section in self.sections:
+            parts.append(section.title)
+            parts += [f"$${_latex(line)}$$" if line.sides else line.note for line in section.lines]
+        return "\n\n".join(parts)
+
     def equations(self) -> tuple[sympy.Eq, ...]:
         """M a = h + B^T lambda for each coordinate (D.23, D.53), in SymPy; with the lambda of inequalities."""
         system = self.system.all_closed

@@ -348,6 +348,30 @@ class Model:
         ]
         return f"<Model{title} from {self.path}: {', '.join(parts)}>"
 
+    def _repr_html_(self) -> str:
+        # Models that are only computed with are shown nowhere.
+        from lagcli.model import notebook_html
+
+        laws = [
+            (name, kind, law.equation.text)
+            for kind, every in (
+                ("holonomic", self.holonomic), ("differential", self.differential), ("inequality", self.inequality),
+            )
+            for law in every
+            for name in (law.members.base if law.members.count == 1 else f"{law.members.base}: {law.members.count}",)
+        ]  # fmt: skip
+        laws += [(body.name, "rigid", f"{len(body.particles)} particles") for body in self.rigid]
+        values = [(one.name, f"{one.value}") for one in self.parameters]
+        counts = (
+            f"{len(self.particle_names)} particles, {len(self.generalized_names)} coordinates, {self.path}"
+        )
+        return notebook_html.page(
+            self.title or self.path,
+            notebook_html.sentences([counts]),
+            notebook_html.table(("constraint", "kind", "equation"), laws),
+            notebook_html.table(("parameter", "value"), values),
+        )
+
     def __eq__(self, other: object) -> bool:
         """True if both are read from the same text, with the same values of everything that may be set."""
         return isinstance(other, Model) and self._read_from() == other._read_from()

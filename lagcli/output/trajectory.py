@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -204,24 +205,59 @@ class Trajectory(dict[str, Floats]):
         return f"<Trajectory: {count} rows of {len(self.columns)} columns{times}: {names}>"
 
     def to_pandas(self) -> Any:
-        """The table as a `pandas.DataFrame` with the column `t` as its index. Raises `ImportError` without pandas."""
+        """The table as a `pandas.DataFrame` with the column `t` as its index; `attrs` holds `units` by column and
+        `provenance`. Raises `ImportError` without pandas."""
         try:
             import pandas
         except ModuleNotFoundError as error:
             raise ImportError("to_pandas() needs pandas: pip install pandas") from error
         frame = pandas.DataFrame(self.rows, columns=list(self.columns))
-        return frame.set_index("t") if "t" in self else frame
+        frame = frame.set_index("t") if "t" in self else frame
+        frame.attrs = {"units": self.units, "provenance": self.origin}
+        return frame
 
     def to_xarray(self) -> Any:
-        """The table as an `xarray.Dataset` over `t`, a variable for each column. Raises `ImportError` without it."""
+        """The table as an `xarray.Dataset` over `t`, a variable for each column with the attribute `units`; attributes
+        of the set are `title` and `provenance`, in JSON. Raises `ImportError` without it."""
         try:
             import xarray
         except ModuleNotFoundError as error:
             raise ImportError("to_xarray() needs xarray: pip install xarray") from error
         dimension = "t" if "t" in self else "row"
-        coordinates = {"t": self["t"]} if "t" in self else {}
-        columns = {name: (dimension, values) for name, values in self.items() if name != "t"}
-        return xarray.Dataset(columns, coords=coordinates)
+        units = self.units
+        found = {name: (dimension, values, {"units": units[name]}) for name, values in self.items()}
+        coordinates = {"t": found.pop("t")} if "t" in found else {}
+        # Files of the library hold no attributes that are objects.
+        told = {"title": self.facts.title, "provenance": json.dumps(self.origin)}
+        return xarray.Dataset(found, coords=coordinates, attrs=told)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The labels of the units of all columns, empty where they are not known."""
+        # What is only computed with needs no words.
+        from lagcli.output.charts import column_words
+
+        words = column_words.ColumnWords(self.columns, self.facts)
+        return {name: words.unit(name) for name in self.columns}
+
+    def _repr_html_(self) -> str:
+        from lagcli.model import notebook_html
+
+        units, rows = self.units, []
+        for name, values in self.items():
+            finite = values[np.isfinite(values)]
+            ends = (
+                [f"{value:.6g}" for value in (finite.min(), finite.max(), values[-1])]
+                if finite.size
+                else [""] * 3
+            )
+            rows.append((name, units[name], *ends))
+        headers = ("column", "unit", "smallest", "largest", "last")
+        title = self.facts.title or "Run"
+        count = f"{len(self.rows)} rows, {self.stats.steps} steps, {len(self.events)} incidents"
+        return notebook_html.page(
+            title, notebook_html.sentences([count, *self.notes]), notebook_html.table(headers, rows)
+        )
 
     @property
     def t(self) -> Floats:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import copy
 import inspect
+import json
 import pickle
 import sys
+import xml.etree.ElementTree
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -69,8 +71,8 @@ def test_a_run_is_not_changed_by_accident_and_can_be_stored(run: lagcli.Trajecto
 class Frame:
     """Stands for pandas.DataFrame and xarray.Dataset: what they are called with."""
 
-    def __init__(self, data, columns=None, coords=None) -> None:
-        self.data, self.columns, self.coords, self.index = data, columns, coords, None
+    def __init__(self, data, columns=None, coords=None, attrs=None) -> None:
+        self.data, self.columns, self.coords, self.index, self.attrs = data, columns, coords, None, attrs
 
     def set_index(self, name: str) -> Frame:
         self.index = name
@@ -88,8 +90,14 @@ def test_frames_are_made_where_the_libraries_are(run: lagcli.Trajectory, monkeyp
     assert frame.index == "t"
     data = run.to_xarray()
     assert list(data.data) == list(run.columns[1:])
-    assert all(dimension == "t" for dimension, _ in data.data.values())
-    assert np.array_equal(data.coords["t"], run.t)
+    assert all(dimension == "t" for dimension, _, _ in data.data.values())
+    assert np.array_equal(data.coords["t"][1], run.t)
+    for units in (frame.attrs["units"], {name: more["units"] for name, (_, _, more) in data.data.items()}):
+        assert [units[name] for name in ("a.x", "a.vx", "lambda.rod", "R.a.x", "energy")] == [
+            "m", "m/s", "N", "N", "J",
+        ]  # fmt: skip
+    assert frame.attrs["provenance"] == run.stats.provenance.as_json()
+    assert json.loads(data.attrs["provenance"])["parameters"] == run.stats.provenance.parameters
 
 
 @pytest.mark.parametrize("library", ["pandas", "xarray"])
@@ -103,6 +111,56 @@ def test_frames_of_the_libraries_themselves(run: lagcli.Trajectory) -> None:
     pandas = pytest.importorskip("pandas")
     assert list(pandas.DataFrame(run).columns) == list(run.columns)
     assert run.to_pandas().index.name == "t"
+    assert run.to_pandas().attrs["units"]["lambda.rod"] == "N"
+    xarray = pytest.importorskip("xarray")
+    data = run.to_xarray()
+    assert isinstance(data, xarray.Dataset)
+    assert data["lambda.rod"].attrs["units"] == "N"
+    assert data["t"].attrs["units"] == "s"
+    assert len(data) == len(run.columns) - 1
+
+
+MARKUP = """\
+lagcli: 1
+title: "<script>alert(1)</script> $x$ \u202e & more"
+parameters: {m: 1}
+particles: {a: {mass: m, position: [1, 0, 0]}}
+holonomic: {rod: norm(a) = 1, low: a.y < 1000000}
+"""
+
+
+def test_notebooks_show_pages_in_which_nothing_is_injected() -> None:
+    model = lagcli.loads(MARKUP.replace(", low: a.y < 1000000", ""))
+    made = lagcli.simulate(model, duration=0.1, samples=3)
+    for result in (model, made, lagcli.check(model), lagcli.audit(model, made), lagcli.derive(model)):
+        page = result._repr_html_()
+        assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
+        assert "<script" not in page
+        assert "\u202e" not in page
+        assert len(page) < 30_000
+        root = xml.etree.ElementTree.fromstring(page)
+        assert root.tag == "div"
+    assert "norm(a) = 1" in model._repr_html_()
+    assert "degrees of freedom: 2" in lagcli.check(model)._repr_html_()
+    assert "All checks passed." in lagcli.audit(model)._repr_html_()
+
+
+def test_a_derivation_has_its_equations_in_latex() -> None:
+    shown = lagcli.derive(lagcli.loads(PENDULUM))._repr_latex_()
+    assert shown.count("$$") % 2 == 0
+    assert shown.count("$$") > 10
+    assert r"\tag{D.24}" in shown
+    assert r"\documentclass" not in shown
+
+
+def test_a_family_of_thousands_is_a_short_page_too() -> None:
+    text = (
+        "lagcli: 1\nparticles:\n  p[i]: {for: 'i = 1..3000', mass: 1, position: '[i, 0, 0]'}\n"
+        "holonomic:\n  q[i]: {for: 'i = 1..3000', equation: 'p[i].z = 0'}\n"
+    )
+    model = lagcli.loads(text)
+    assert len(model._repr_html_()) < 2000
+    assert "q: 3000" in model._repr_html_()
 
 
 LONG = PENDULUM + "description: " + "many words " * 500 + "\n"
