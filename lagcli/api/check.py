@@ -10,7 +10,7 @@ from lagcli.analysis.classification import row_verdicts
 from lagcli.api import assemble_start, cache, count_dof, run_settings
 from lagcli.api.compiled_model import CompiledModel
 from lagcli.api.load import Path, as_model
-from lagcli.equations import cut_warnings, energy_jumps, gap_jumps, system
+from lagcli.equations import cut_warnings, energy_jumps, jump_warnings, system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.start import assembly_moves, gaps, initial, lipschitz
@@ -75,7 +75,7 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
             *built.warnings,
             *cut_warnings.warnings(built),
             *_jumps(built),
-            *gap_jumps.warnings(built),
+            *jump_warnings.warnings(built),
             *lipschitz.warnings(built, numeric, case.begin),
             *(dataclasses.replace(d, severity="warning") for d in faults),
         ),
