@@ -1,7 +1,8 @@
 """The motion from an incident to the next row or incident, and the energy of a whole run with what impacts take.
 
 Around incidents rows stand too far apart for differences, and the states of the incidents have no reactions. Where
-no row acts and no contact rests, none are needed: momenta change by the forces alone.
+no contact rests and the rows that are equations are independent, accelerations follow from places and velocities:
+with a_F = F/m and W the matrix of B m^(-1/2), m^(1/2) (a - a_F) = -W^+ (d/dt (B v + b) along a_F), (D.24).
 """
 
 from __future__ import annotations
@@ -12,22 +13,27 @@ import numpy as np
 
 from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
-from lagcli.auditing.checks_impact import ImpactEvidence, kinetic
-from lagcli.auditing.laws import LawValues
+from lagcli.auditing.checks_impact import ImpactEvidence
+from lagcli.auditing.checks_pointwise import TINY
+from lagcli.auditing.impact_energy import energy_of_motion, moved
+from lagcli.auditing.incident_record import CHANGING
+from lagcli.auditing.laws import ModelLaws
 from lagcli.auditing.stretches import ContactStates
 from lagcli.auditing.table_input import Record
-from lagcli.auditing.tolerances import RESOLVED, SAFETY, Evidence
+from lagcli.auditing.tolerances import COST, RESOLVED, SAFETY, Evidence
+from lagcli.auditing.virtual_space import NEAR
 
 FLIGHTS = CheckedLaw(
-    "flights", "D.23, D.24", "r and m v from an incident to the next row or incident, where nothing touches"
+    "flights", "D.23, D.24", "r and m v from an incident to the next row or incident, where no contact rests"
 )
 BALANCE = CheckedLaw("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
 FEW = 1e-13  # of the length of a flight: what is shorter is none
+LEAST, STATES = 24, 4  # flights that are looked at in any case; states of a flight at which B is taken apart
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Flights:
-    """P flights: states at their beginning and end, whether nothing touches meanwhile, and whether rebounds end there
+    """P flights: states at their beginning and end, whether no contact rests meanwhile, and whether rebounds end there
     that are no longer told, (P,)."""
 
     begin: Record
@@ -56,7 +62,7 @@ def flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Fligh
     rests[len(rows) :] = _rests(impact)[first]
     begin, end = begins.part(pairs[:, 0]), ends.part(pairs[:, 1])
     long = end.t - begin.t > FEW * np.abs(r.t).max()
-    free = ~rests[pairs[:, 0]] & long & (len(e.laws.contacts) == e.laws.C)
+    free = ~rests[pairs[:, 0]] & long
     ended = [
         t for t, kind in zip(incidents.t.tolist(), incidents.kinds, strict=True) if kind == "accumulation"
     ]
@@ -79,10 +85,11 @@ def _joined(one: Record, other: Record) -> Record:
 
 def flown(e: Evidence, found: Flights) -> Check:
     """Momenta and places over each flight, of models in Cartesian coordinates."""
-    k = np.flatnonzero(found.is_free)
+    motion = _FreeMotion(e)
+    k = motion.looked_at(np.flatnonzero(found.is_free))
     names = (*e.names.q, *e.names.v)
     if not k.size:
-        note = "rows or contacts act all along"
+        note = "contacts rest all along"
         count = len(found.is_free) * len(names)
         return Check(
             FLIGHTS.name, FLIGHTS.law, FLIGHTS.equation, "not judged", None, entries=count, note=note
@@ -95,14 +102,19 @@ def flown(e: Evidence, found: Flights) -> Check:
         q=(one.q + other.q) / 2 + h / 8 * (one.v - other.v),
         v=1.5 * (other.q - one.q) / h - (one.v + other.v) / 4,
     )
-    a, b, c = (_accelerations(e, r) for r in (one, middle, other))
+    a, b, c = (motion.accelerations(r) for r in (one, middle, other))
     ways = h / 6 * (a + 4 * b + c)
     unknown_v = np.abs(ways - h / 2 * (a + c)) + np.abs(ways) * SAFETY * e.tolerance.rtol
+    if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
+        unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(middle, b))
     residual_v = other.v - one.v - ways
     bend = h * h / 12 * (a - c)
     residual_q = other.q - one.q - h / 2 * (one.v + other.v) - bend
     size_v = np.abs(e.record.v).max(axis=0, initial=0.0)
     size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * one.v))
+    if motion.has_rows:
+        bend = _of_particles(bend)
+        size_v, size_q = _of_particles(size_v[None]), _of_particles(size_q)
     rebounds = found.ends_rebounds[k][:, None]
     unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v), unknown_v)
     unknown_q = np.abs(bend) + np.where(rebounds, 0.0, h * unknown_v)
@@ -129,29 +141,87 @@ def flown(e: Evidence, found: Flights) -> Check:
     return dataclasses.replace(check, verdict=verdict, entries=entries, note=note)
 
 
-def _accelerations(e: Evidence, r: Record) -> Array:
-    """F/m (P, n) of Cartesian particles where nothing constrains them."""
-    values = e.laws.values(r.t, r.q, r.v, np.zeros((len(r.t), e.laws.C)))
-    F = values.F.reshape(len(r.t), -1) - values.V_q
-    return np.asarray(F / e.masses)
+def _of_particles(y: Array) -> Array:
+    """The largest size of the three components of each particle, (P, n)."""
+    return np.asarray(np.repeat(np.abs(y).reshape(len(y), -1, 3).max(axis=2), 3, axis=1))
 
 
-def is_conservative(e: Evidence, values: LawValues) -> bool:
-    """True if nothing but impacts changes T + V."""
-    parts = (values.F, values.Q, values.V_t, values.L_t, values.b, values.x_t)
-    return not any(np.any(part) for part in parts)
+class _FreeMotion:
+    """Accelerations of Cartesian particles where all contacts are open, from places and velocities alone."""
+
+    def __init__(self, e: Evidence) -> None:
+        self._e = e
+        self._laws = ModelLaws(e.laws.model, e.tolerance.jumps)  # with no inequality closed
+        self._roots = np.sqrt(e.masses)
+        self._random = np.random.default_rng(6)
+
+    @property
+    def has_rows(self) -> bool:
+        """True if there are rows that are equations."""
+        return self._laws.C > 0
+
+    def looked_at(self, flights: Array) -> Array:
+        """Of the numbers of flights as many as the size of B allows, evenly."""
+        C, n = self._laws.C, self._laws.cast.n
+        most = max(LEAST, int(COST / max(1, STATES * 4 * C * C * n)))
+        if most >= len(flights):
+            return flights
+        return np.asarray(flights[np.unique(np.linspace(0, len(flights) - 1, most).astype(np.int64))])
+
+    def accelerations(self, r: Record) -> Array:
+        """a (P, n); no numbers where rows depend on each other, or almost, and multipliers need not tell the motion."""
+        e, laws = self._e, self._laws
+        values = e.laws.values(r.t, r.q, r.v, np.zeros((len(r.t), e.laws.C)))
+        a = np.asarray((values.F.reshape(len(r.t), -1) - values.V_q) / e.masses)
+        if not self.has_rows:
+            return a
+        step = 1j * TINY
+        _, w = laws.residuals(r.t + step, r.q + step * r.v, r.v + step * a)
+        W = laws.matrix(r.t, r.q, r.v) / self._roots
+        lengths = np.linalg.norm(W, axis=2)
+        usable = np.isfinite(W).all(axis=(1, 2)) & (lengths > 0).all(axis=1) & np.isfinite(w).all(axis=1)
+        usable &= W.shape[1] <= W.shape[2]
+        found = np.full(a.shape, np.nan)
+        if not usable.any():
+            return found
+        W, lengths, demand = W[usable], lengths[usable], w.imag[usable] / TINY
+        left, sigma, across = np.linalg.svd(W / lengths[:, :, None], full_matrices=False)
+        along = np.einsum("pik,pi->pk", left, demand / lengths) / np.where(sigma > 0, sigma, np.nan)
+        pulled = np.einsum("pkj,pk->pj", across, along) / self._roots
+        independent = sigma[:, -1] > NEAR * sigma[:, 0]
+        found[usable] = np.where(independent[:, None], a[usable] - pulled, np.nan)
+        return found
+
+    def spread(self, r: Record, a: Array) -> Array:
+        """By how much a (P, n) at states changes as these are moved by parts of their tolerance."""
+        e = self._e
+        signs = self._random.choice((-1.0, 1.0), size=(2, *r.q.shape))
+        q, v = r.q + signs[0] * e.off_q, r.v + signs[1] * e.off_v
+        return np.asarray(np.abs(self.accelerations(dataclasses.replace(r, q=q, v=v)) - a))
+
+
+def is_conservative(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> bool:
+    """True if nothing but impacts changes T + V: contacts that move may be struck, but never rest."""
+    values = e.values
+    if any(np.any(part) for part in (values.F, values.Q, values.V_t, values.L_t, values.x_t)):
+        return False
+    moves: Array = np.asarray((values.b != 0).any(axis=0))
+    rests: Array = np.asarray(states.is_closed.any(axis=0))
+    told = zip(impact.incidents.kinds, impact.incidents.contact.tolist(), strict=True)
+    rests[[j for kind, j in told if kind in CHANGING - {"impact"}]] = True
+    works = np.concatenate([moves[impact.rows], moves[impact.contacts] & rests])
+    return not works.any()
 
 
 def balance(e: Evidence, E: Array, impact: ImpactEvidence) -> Check:
     """The energy of all rows, E (T,), with what impacts take; of models in which nothing else changes it."""
     first = np.flatnonzero(impact.incidents.is_first)
-    one, other = impact.before.record.part(first), impact.after.record.part(first)
-    change = np.cumsum(kinetic(e, other) - kinetic(e, one))
-    count = np.searchsorted(one.t, e.record.t, "right")
-    total = np.concatenate([[0.0], change])[count]
-    q, v = e.moved
-    moved = kinetic(e, dataclasses.replace(e.record, q=q, v=v, u=e.moved_values.u)) + e.moved_values.V
-    noise = e.spread(E[:, None], moved[:, None])[:, 0].max(initial=0.0)
+    before, after = (energy_of_motion(s, s.record, s.values)[first] for s in (impact.before, impact.after))
+    t = impact.incidents.t[first]
+    count = np.searchsorted(t, e.record.t, "right")
+    total = np.concatenate([[0.0], np.cumsum(after - before)])[count]
+    E_moved = energy_of_motion(e, moved(e), e.moved_values) + e.moved_values.V
+    noise = e.spread(E[:, None], E_moved[:, None])[:, 0].max(initial=0.0)
     limit = noise * (1 + (np.arange(len(E)) + count) / SAFETY) + e.tolerance.atol
     apart = (E - E[0] - total)[:, None]
     judged = np.concatenate(

@@ -66,7 +66,7 @@ class OneSidedAudit:
         if impact is not None and len(incidents.t if incidents else ()):
             if not (e.record.x.size or e.laws.cast.coordinates.names or e.laws.model.lagrangian):
                 checks.append(checks_flight.flown(e, checks_flight.flights(e, self._states, impact)))
-            if checks_flight.is_conservative(e, e.values) and e.laws.model.lagrangian is None:
+            if checks_flight.is_conservative(e, self._states, impact):
                 checks.append(checks_flight.balance(e, energies.E, impact))
         checks.append(checks_outputs.columns(e, columns, rows, (energies.E, energies.E_moved)))
         figures = [
