@@ -5,6 +5,8 @@ M (v+ - v-) = B^T Lambda + G^T Lambda_G,  B v+ + b = 0,  0 <= Lambda_j  _|_  dg_
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from lagcli.auditing import impact_energy
@@ -138,7 +140,13 @@ class ImpactEvidence:
         residual = np.stack([change - (impulses * rates).sum(axis=1), np.maximum(change, 0.0)], axis=1)
         names = ("impulses and velocities", "energy created")
         judged = impact_energy.is_quadratic(one, other)[:, None]
-        return judge(LOSSES, names, self.incidents.t, residual, np.stack([limit, limit], axis=1), judged)
+        check = judge(LOSSES, names, self.incidents.t, residual, np.stack([limit, limit], axis=1), judged)
+        if judged.all():
+            return check
+        left = int((~judged).sum())
+        return dataclasses.replace(
+            check, note=f"momenta are not linear in the rates at {left} of {len(judged)} incidents"
+        )
 
     @property
     def lost(self) -> float:

@@ -227,3 +227,40 @@ def test_flights_with_rows_that_depend_on_each_other_are_not_judged() -> None:
     told = found.audited()
     assert told.passed, fails(told)
     assert told.check("flights").verdict == "not judged"
+
+
+QUARTIC = """\
+lagcli: 1
+coordinates: {x: {value: 1, rate: -1}}
+lagrangian: rate(x)**2/2 + rate(x)**4/12
+inequality: {floor: {condition: "x >= 0", restitution: 0.5}}
+simulation: {duration: 2, samples: 101}
+"""
+
+
+def test_losses_are_not_judged_where_momenta_are_not_linear_in_the_rates() -> None:
+    found = Tables(QUARTIC)
+    # p = v + v**3/3, from -1 to 1/2
+    found.incidents[0, found.heads.index("impulse.floor")] = 0.5 + 0.5**3 / 3 + 1 + 1 / 3
+    told = found.audited()
+    assert told.check("jumps").verdict == "pass"
+    losses = told.check("losses")
+    assert (losses.verdict, losses.note) == (
+        "not judged",
+        "momenta are not linear in the rates at 1 of 1 incidents",
+    )
+
+
+def test_the_energy_that_impacts_take_holds_that_of_a_lagrangian() -> None:
+    found = tables("skate")
+    lost = dict(found.audited().figures)["energy_lost_in_impacts"]
+    of = dict(zip(found.heads, found.incidents[0].tolist(), strict=True))
+    assert len(found.kinds) == 1
+
+    def motion(when: str) -> float:
+        x, y, phi = (of[f"{when}.rate({name})"] for name in ("x", "y", "phi"))
+        return float(
+            (x * x + y * y) / 2 + (1 + of["x"] ** 2) * phi**2 / 8 + 0.2 * np.cos(of["phi"]) * x * phi
+        )
+
+    assert lost == pytest.approx(motion("before") - motion("after"), rel=1e-9)
