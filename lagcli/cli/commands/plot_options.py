@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits
+from lagcli.cli import completing, exits
 from lagcli.cli.options import (
     AssembleOption,
     DebugOption,
@@ -16,29 +16,46 @@ from lagcli.cli.options import (
 )
 from lagcli.model import settings
 
+FilesArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="FILE...",
+        help="tables (.csv, .tsv, .json, .npz, .parquet; - for CSV on standard input), or models, to be simulated",
+        autocompletion=completing.run_files,
+    ),
+]
+YOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--y",
+        metavar="PATTERNS",
+        help="columns, such as 'lambda.*,R.a.z'; again for more axes",
+        autocompletion=completing.columns,
+    ),
+]
+XOption = Annotated[
+    str | None,
+    typer.Option(
+        "--x", metavar="COLUMN", help="the column of the other axis (t)", autocompletion=completing.columns
+    ),
+]
+PathOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--xy",
+        metavar="X,Y",
+        help="a path with one scale, such as a.x,a.z; repeatable",
+        autocompletion=completing.columns,
+    ),
+]
+
 
 @exits.command
 def plot(
-    files: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="FILE...",
-            help="tables (.csv, .tsv, .json, .npz, .parquet; - for CSV on standard input), or models, to be simulated",
-        ),
-    ],
-    y: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--y", metavar="PATTERNS", help="columns, such as 'lambda.*,R.a.z'; again for more axes"
-        ),
-    ] = None,
-    x: Annotated[
-        str | None, typer.Option("--x", metavar="COLUMN", help="the column of the other axis (t)")
-    ] = None,
-    xy: Annotated[
-        list[str] | None,
-        typer.Option("--xy", metavar="X,Y", help="a path with one scale, such as a.x,a.z; repeatable"),
-    ] = None,
+    files: FilesArgument,
+    y: YOption = None,
+    x: XOption = None,
+    xy: PathOption = None,
     events: Annotated[
         str | None,
         typer.Option("--events", metavar="FILE", help="mark the events of `simulate --events`"),

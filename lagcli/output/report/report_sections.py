@@ -90,7 +90,9 @@ def _doubts(parts: ReportParts) -> Iterator[str]:
     open_ = [one.name for one in parts.checked.constraints if one.verdict.kind == "undecided"]
     if open_:
         yield f"Undecided: whether {_some(open_)} can be integrated."
-    if parts.audit.passed and parts.audit.unjudged:
+    if parts.audit.passed and any(
+        check.verdict in ("not judged", "partly judged") for check in parts.audit.checks
+    ):
         yield f"Audit: {parts.audit.conclusion}"
 
 
