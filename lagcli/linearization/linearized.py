@@ -83,7 +83,8 @@ class LinearizedFunctions:
         G = built.contacts.G[numbers, :]
         loaded = [*range(C), *(C + j for j in numbers)]
         every = ca.sparsify(ca.vertcat(built.rows.B, G))
-        reaction = system.reaction(every, built.lam[loaded]) if loaded else ca.SX.zeros(q.numel())
+        lam = built.lam[loaded] if loaded else ca.SX(0, 1)  # no choice would have the shape (1, 0)
+        reaction = system.reaction(every, lam)
         M, h = built.dynamics.M, built.dynamics.h
         inertial = ca.densify(M @ a) - h
         residual = inertial - reaction
@@ -101,7 +102,7 @@ class LinearizedFunctions:
         self._inputs = [s.t, q, v, a, built.lam, built.p]
         # Where forces cancel within h, or reactions within their sum, what is left does not tell how large they are.
         terms = cancelling_terms.term_sizes(h, [s.t, q, v, built.p])
-        load = ca.fabs(ca.densify(M @ a)) + terms + ca.mtimes(ca.fabs(every).T, ca.fabs(built.lam[loaded]))
+        load = ca.fabs(ca.densify(M @ a)) + terms + ca.mtimes(ca.fabs(every).T, ca.fabs(lam))
         self._at = ca.Function(
             "linearized", self._inputs, [M, damping, K, B, A, D, D_whole, ca.densify(residual), load]
         )
