@@ -24,7 +24,7 @@ CONDA = {"matplotlib": "matplotlib-base"}
 
 
 def conda(requirement: str) -> str:
-    match = re.fullmatch(r"([a-z]+)(\S*)", requirement)
+    match = re.fullmatch(r"([a-z][a-z0-9]*)(\S*)", requirement)
     assert match is not None
     return f"{CONDA.get(match[1], match[1])} {match[2]}"
 
