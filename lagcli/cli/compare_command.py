@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from lagcli.api import compare
 from lagcli.cli import console, exits, json_output, principles_output
@@ -67,8 +67,11 @@ def _tell(found: Comparison) -> None:
 
 def _agreement(found: Comparison) -> str:
     """A sentence on how to read the table."""
-    others = found.agreements if found.principles is None else found.agreements[:-1]
-    verdict = f"{'all' if found.agree else 'not all'} within {found.tolerance:g}" if others else ""
+    verdict = (
+        f"{'all' if found.agree else 'not all'} within {found.tolerance:g}"
+        if _of_one_principle(found)
+        else ""
+    )
     return f"digits that agree with the first line, of the largest value of each kind; {verdict}"
 
 
@@ -76,12 +79,17 @@ def _digits(agreement: Mapping[str, Agreement], kind: str) -> str:
     return f"{agreement[kind].digits:.1f}" if kind in agreement else ""
 
 
+def _of_one_principle(found: Comparison) -> Sequence[Mapping[str, Agreement]]:
+    """The agreements that are judged: that the other principle differs is an answer."""
+    return found.agreements if found.principles is None else found.agreements[:-1]
+
+
 def _disagreement(found: Comparison) -> str:
     """The place where the formulations differ most."""
     one, worst = max(
         (
             (one, agreement)
-            for one, each in zip(found.formulations[1:], found.agreements, strict=True)
+            for one, each in zip(found.formulations[1:], _of_one_principle(found), strict=False)
             for agreement in each.values()
         ),
         key=lambda pair: pair[1].error,

@@ -270,11 +270,17 @@ def test_a_motion_that_stops_leaves_what_there_is(tmp_path: pathlib.Path) -> Non
         "lagrangian: (rate(x)**2 + rate(y)**2 + rate(z)**2)/2\n"
         "differential:\n  c: x*rate(y) - x**3*rate(z) = 0\nsimulation: {duration: 3, rtol: 1e-5}\n"
     )
-    _, err, code = in_process.run("compare", path, "--vakonomic", "--mu", "c=0.5", "-o", table)
+    _, err, code = in_process.run(
+        "compare", path, "--vakonomic", "--mu", "c=0.5", "-o", table, "--tolerance", 1e-3
+    )
     assert code == 3
     assert "the vakonomic motion stopped at t = 0.85" in err
     assert not table.exists()
     assert len(table.with_name("v.csv.partial").read_text().splitlines()) > 5
+    # At this tolerance of the runs d'Alembert's own formulations differ by more than 1e-8: these two are named.
+    _, err, code = in_process.run("compare", path, "--vakonomic", "--mu", "c=0.5")
+    assert code == 1
+    assert "Lagrange with multipliers (D.53) and reduced by the null space (D.26, Maggi) disagree" in err
 
 
 def test_without_differential_rows_the_two_are_the_same_equations() -> None:
