@@ -15,6 +15,8 @@ Floats = npt.NDArray[np.float64]
 
 # Below this part of the energies themselves nothing is exchanged but rounding.
 ROUNDING = 1e-10
+# Where nothing is, a deviation below this part of the energies is the rounding of their last digits.
+LAST_DIGITS = 16 * 2.0**-52
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -115,7 +117,11 @@ class RunStatistics:
             return None
         if found is None:
             return 0.0
-        exchanged = found.moving + found.resting + ROUNDING * max(found.largest, self.resting)
+        sizes = max(found.largest, self.resting)
+        moved = found.moving + found.resting
+        exchanged = moved + ROUNDING * sizes
+        if moved <= ROUNDING * sizes and found.imbalance <= LAST_DIGITS * sizes:
+            return 0.0
         return found.imbalance / exchanged if exchanged else found.imbalance
 
     @property
