@@ -35,9 +35,7 @@ class CompiledModel:
         known = self._integrals.get(found)
         if known is None or not known.hold_for(self.system):
             known = self._integrals[found] = invariants.Integrals(self.system, self.functions, found)
-        elif (
-            self.system.contacts.count and known.system is not self.system
-        ):  # restitutions are values of the model
+        elif known.system is not self.system:  # whose start, values and restitutions a run reads
             known = self._integrals[found] = known.of(self.system)
         return known
 

@@ -374,6 +374,6 @@ class Stepper:
             return False
         # At the distance from it, three times and nine times as far.
         times = (ahead - part * (ahead - t) for part in (1.0, 3.0, 9.0))
-        rates = [np.array(bound.numeric.rhs(at, bound.y, bound.held.p)).ravel() for at in times]
+        rates = [np.array(bound.numeric.rhs(at, bound.y, bound.p)).ravel() for at in times]
         self.account.evaluations += len(rates)
         return switch_states.is_pole(rates)

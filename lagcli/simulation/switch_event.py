@@ -56,8 +56,7 @@ class SwitchEvent(Event):
         """True if y' at the state grows without bound towards a switch, half of `away` behind a time."""
         run, bound = self._stepper, self._stepper.bound
         rates = [
-            np.array(bound.numeric.rhs(t + part * away, bound.y, bound.held.p)).ravel()
-            for part in (0.0, 1.0, 4.0)
+            np.array(bound.numeric.rhs(t + part * away, bound.y, bound.p)).ravel() for part in (0.0, 1.0, 4.0)
         ]
         run.account.evaluations += len(rates)
         return switch_states.is_pole(rates)

@@ -10,6 +10,7 @@ import pytest
 import sympy
 
 import lagcli
+from lagcli.analysis.classification.case import Case
 from lagcli.api import cache, known_integrals, prepare_run, run_settings, simulation_run
 from lagcli.cli import preflight
 from lagcli.cli import simulate_command as telling
@@ -17,7 +18,7 @@ from lagcli.compiled import NumericSystem, numeric
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral, LevelFunction
 from lagcli.pfaffian import level_charts
-from lagcli.simulation import run_stop
+from lagcli.simulation import invariants, run_stop
 
 x, y, z, th, u, t = sympy.symbols("x y z th u t", real=True)
 a, b, k, R = CONSTANTS = sympy.symbols("a b k R", real=True)
@@ -302,7 +303,10 @@ def test_the_constant_is_that_of_the_start_of_the_run() -> None:
     numbers = {"x.value": 0.5, "y.value": 3, "y.rate": -3}
     model = lagcli.loads(FACTOR, numbers)
     first = cache.compiled(lagcli.loads(FACTOR)).integrals(found)
-    assert cache.compiled(model).integrals(found) is first
+    levels = (invariants.Level(0, 1.0, 0.0),)
+    again = cache.compiled(model).integrals(found)
+    assert again.functions(levels) is first.functions(levels)
+    assert again.system.model is model  # a run reads its own start and values there
     _, columns = run(FACTOR, found, duration=5, parameters=numbers)
     phi = columns["y"] * np.exp(columns["x"])
     assert np.abs(phi - 3 * math.exp(0.5)).max() < 1e-13
@@ -568,17 +572,19 @@ differential: {edge: sin(phi)*d(x) - cos(phi)*d(y) = 0}
 def test_the_search_is_done_once_for_the_same_values(monkeypatch: pytest.MonkeyPatch) -> None:
     searches: list[float] = []
 
-    def search(built: System, numeric: NumericSystem, limit: float) -> known_integrals.KnownIntegrals:
+    def search(
+        case: Case, built: System, numeric: NumericSystem, limit: float
+    ) -> known_integrals.KnownIntegrals:
         searches.append(limit)
         return known_integrals.KnownIntegrals()
 
-    monkeypatch.setattr(known_integrals, "search", search)
+    monkeypatch.setattr(known_integrals, "_searched", search)
     cache.forget()
     for changes in ({}, {}, {"k": 3}, {"k": 3}, {"x.value": 2}, {"x.value": 2}, {}):
         lagcli.simulate(lagcli.loads(POWER, changes), duration=0.1, assemble=True)
-    assert len(searches) == 4
+    assert len(searches) == 3  # the last values are the first again
     lagcli.simulate(lagcli.loads(POWER), duration=0.1, limit=1)
-    assert len(searches) == 5
+    assert len(searches) == 4
     cache.forget()
 
 
@@ -586,3 +592,16 @@ def test_the_search_is_done_once_for_the_same_values(monkeypatch: pytest.MonkeyP
 def test_a_limit_is_a_number_of_seconds(limit: float) -> None:
     with pytest.raises(ValueError, match="limit: a number of seconds"):
         lagcli.simulate(lagcli.loads(FACTOR), duration=0.1, limit=limit)
+
+
+def test_an_integral_is_held_where_functions_of_t_are_looked_through() -> None:
+    """The constants of its level come behind the parameters, which not every function takes."""
+    text = """
+lagcli: 1
+parameters: {k: 2.5}
+coordinates: {q: {value: 1, rate: -1}, u: {rate: 0.5}}
+lagrangian: k*rate(q)**2/2 + k*rate(u)**2/2 + rate(u)*sin(u + t)
+differential: {row: d(q) + q*dt = 0}
+"""
+    run = lagcli.simulate(lagcli.loads(text), duration=2, rtol=1e-10)
+    assert np.abs(run["q"] - np.exp(-run.t)).max() < 1e-9
