@@ -58,6 +58,11 @@ class NumericSystem:
         time."""
         return self._parts.has_time
 
+    @cached_property
+    def has_linear_momenta(self) -> bool:
+        """True if the momenta dL/dq' are linear in the velocities: M (D.34) holds none of them."""
+        return not ca.depends_on(self._parts.M, self._system.symbols.v)
+
     @property
     def selection(self) -> Selection:
         """The independent rows that the system is stepped with."""

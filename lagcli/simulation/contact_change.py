@@ -15,6 +15,7 @@ from lagcli.simulation.contact_instant import ContactInstant, Flags, Floats, Num
 
 # The tail of a series of rebounds is left out where its coefficient is below this.
 ELASTIC = 1.0
+NOT_LINEAR = "momenta are not linear in the velocities, and the law of impact is for those that are"
 
 
 class ContactsUndecided(Exception):
@@ -54,6 +55,9 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
     approaching = here.near & (here.speeds < -here.slow)
     if not approaching.any():
         return None
+    if not here.has_linear_momenta:
+        # The jump of M v is not that of dL/dq', and what half the sum of the speeds does is not the energy.
+        raise ContactsUndecided(NOT_LINEAR, np.flatnonzero(approaching))
     e = restitution.copy()
     lasting, ended = np.zeros(e.size), np.zeros(e.size, dtype=bool)
     near = np.flatnonzero(here.near)

@@ -125,6 +125,11 @@ class ContactInstant:
         self._few: dict[tuple[int, ...], FewContacts | None] = {}
 
     @property
+    def has_linear_momenta(self) -> bool:
+        """As of `NumericSystem`."""
+        return self._values.numeric.has_linear_momenta
+
+    @property
     def span(self) -> float:
         """The length of the step that is looked at."""
         return self._chosen.span

@@ -239,7 +239,9 @@ simulation: {duration: 2, samples: 101}
 
 
 def test_losses_are_not_judged_where_momenta_are_not_linear_in_the_rates() -> None:
-    found = Tables(QUARTIC)
+    # Such an impact is refused by `simulate`. Between impacts the velocity is constant with either Lagrangian.
+    found = Tables(QUARTIC.replace(" + rate(x)**4/12", ""))
+    found.model = lagcli.loads(QUARTIC)
     # p = v + v**3/3, from -1 to 1/2
     found.incidents[0, found.heads.index("impulse.floor")] = 0.5 + 0.5**3 / 3 + 1 + 1 / 3
     told = found.audited()

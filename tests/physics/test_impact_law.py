@@ -280,3 +280,20 @@ def test_a_run_between_walls_that_close_names_them() -> None:
     """Of three contacts only those that touch are put to the law: their names are told, not those of their places."""
     with pytest.raises(lagcli.SimulationStopped, match=r"closing further: `left`, `right`"):
         lagcli.simulate(lagcli.loads(CLOSING), duration=2, samples=2)
+
+
+def test_momenta_that_are_not_linear_in_the_velocities_have_no_impact() -> None:
+    text = """
+lagcli: 1
+coordinates: {x: {value: 1, rate: -1}, y: {rate: -1}}
+lagrangian: rate(x)**2/2 + LAW
+inequality: {floor: {condition: x >= 0, restitution: 0.5}}
+simulation: {duration: 3}
+"""
+    with pytest.raises(
+        lagcli.SimulationStopped, match=r"momenta are not linear in the velocities.*`floor`"
+    ) as stop:
+        lagcli.simulate(lagcli.loads(text.replace("LAW", "rate(x)**4/12 + rate(y)**2/2")))
+    assert stop.value.t == pytest.approx(1, abs=1e-9)
+    run = lagcli.simulate(lagcli.loads(text.replace("LAW", "(2 + cos(x))*rate(y)**2/2")))
+    assert run.stats.impacts == 1
