@@ -87,4 +87,14 @@ def test_a_comparison_keeps_the_system_of_its_model_and_no_other() -> None:
     model = lagcli.load(MODELS / "pendulum-angle.yaml")
     found = lagcli.compare(model, duration=0.1, samples=3)
     assert "freed" in [one.name for one in found.formulations]
-    assert list(cache._kept) == [model.fingerprint]
+    assert list(cache._kept) == [(model.path, model.fingerprint)]
+
+
+def test_an_error_is_located_in_the_file_that_was_asked_for(tmp_path) -> None:
+    text = 'lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0, 0]}}\nholonomic: {rod: "norm(a) = 2"}\n'
+    path = tmp_path / "rod.yaml"
+    path.write_text(text)
+    for model in (lagcli.loads(text), lagcli.load(path)):
+        with pytest.raises(lagcli.ModelError) as error:
+            lagcli.simulate(model, duration=0.1)
+        assert {found.location.path for found in error.value.diagnostics} == {model.path}
