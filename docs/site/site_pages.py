@@ -28,6 +28,8 @@ LAST = {
     "Front page of the repository": "README.md",
     "Contributing": "CONTRIBUTING.md",
     "Changes": "CHANGELOG.md",
+    "Security": "SECURITY.md",
+    "Code of conduct": "CODE_OF_CONDUCT.md",
 }
 
 
