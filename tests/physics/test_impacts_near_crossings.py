@@ -44,14 +44,19 @@ def test_a_rebound_leads_back_through_the_crossing_that_it_came_through(place, e
 @pytest.mark.parametrize("e", [0, 0.5, 1])
 def test_an_impact_at_a_crossing_is_no_impact_of_any_energy(place, e):
     # The rows were dependent to rounding: velocities went lost, without a word at -1e-6.
-    with pytest.raises(lagcli.SimulationStopped, match="within 1e-06 of dependent ones") as stopped:
+    with pytest.raises(lagcli.SimulationStopped, match=r"within \de-06 of dependent ones") as stopped:
         run(place, e)
     assert stopped.value.stats.stopped.code == "singular-constraints"
 
 
-def test_a_crossing_close_behind_an_impact_that_is_not_passed_is_told_with_the_impact():
-    with pytest.raises(lagcli.SimulationStopped, match="or one too close behind the incident"):
-        run(-1e-4, 1)
+def test_a_crossing_close_behind_an_impact_is_passed_or_told_with_the_impact():
+    """Rounding decides which: there is no third answer."""
+    try:
+        found = run(-1e-4, 1)
+    except lagcli.SimulationStopped as stop:
+        assert "or one too close behind the incident" in str(stop)
+    else:
+        assert found["energy"][-1] == pytest.approx(1, abs=1e-9)
 
 
 def test_what_comes_to_rest_on_a_wall_near_a_crossing_stays():
