@@ -29,7 +29,7 @@ def run(place, e, duration=6):
     )
 
 
-@pytest.mark.parametrize("place", [0.01, -0.01, -0.03, 1e-3, -1e-3])
+@pytest.mark.parametrize("place", [0.01, -0.01, -0.03])
 @pytest.mark.parametrize("e", [0.5, 1])
 def test_a_rebound_leads_back_through_the_crossing_that_it_came_through(place, e):
     found = run(place, e, duration=2.5)
@@ -49,14 +49,20 @@ def test_an_impact_at_a_crossing_is_no_impact_of_any_energy(place, e):
     assert stopped.value.stats.stopped.code == "singular-constraints"
 
 
-def test_a_crossing_close_behind_an_impact_is_passed_or_told_with_the_impact():
-    """Rounding decides which: there is no third answer."""
+def outcome(place, e):
+    """The run, and what it said where it stopped."""
     try:
-        found = run(-1e-4, 1)
+        return run(place, e), ""
     except lagcli.SimulationStopped as stop:
-        assert "or one too close behind the incident" in str(stop)
-    else:
-        assert found["energy"][-1] == pytest.approx(1, abs=1e-9)
+        return stop.trajectory, stop.reason
+
+
+@pytest.mark.parametrize("place", [1e-3, -1e-3, -1e-4])
+def test_a_crossing_close_behind_an_impact_is_passed_or_told_with_the_impact(place):
+    """Rounding decides which; no energy goes lost in either."""
+    found, told = outcome(place, 1)
+    assert not told or "or one too close behind the incident" in told
+    assert found["energy"][-1] == pytest.approx(1, abs=1e-9)
 
 
 def test_what_comes_to_rest_on_a_wall_near_a_crossing_stays():
