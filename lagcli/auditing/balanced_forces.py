@@ -17,8 +17,9 @@ from lagcli.auditing.table_input import Record
 
 # Of the terms that forces are made of, and of places, in which forces are made of terms that are not seen.
 ROUNDING = 64 * differences.EPS
-# Rows at which places are moved by their rounding.
-SAMPLES = 9
+# Rows at which places are moved by their rounding, and how much further: random moves show a part of the largest
+# change.
+SAMPLES, FURTHER = 9, 4
 PARTS = ("V_q", "Q", "L_q", "pull")
 
 
@@ -40,7 +41,7 @@ def rounding(laws: ModelLaws, found: Record, values: LawValues) -> ForceRounding
     rows = np.unique(np.linspace(0, len(found.t) - 1, min(SAMPLES, len(found.t))).astype(np.int64))
     random = np.random.default_rng(6)
     part = found.part(rows)
-    moved = part.q * (1 + ROUNDING * random.choice((-1.0, 1.0), size=part.q.shape))
+    moved = part.q * (1 + FURTHER * ROUNDING * random.choice((-1.0, 1.0), size=part.q.shape))
     there = laws.values(part.t, moved, part.v, part.lam)
 
     def largest(y: Array) -> Array:
