@@ -9,9 +9,8 @@ import sys
 from collections.abc import Callable
 from typing import TypedDict
 
-from lagcli.api import animate, start_row
-from lagcli.cli import exits, file_conflicts, model_reading, preflight
-from lagcli.errors import diagnostics
+from lagcli.api import animate, run_settings
+from lagcli.cli import exits, file_conflicts, model_reading, preflight, simulate_command
 from lagcli.output import atomic_file, endings
 from lagcli.output.animation import page
 from lagcli.output.animation.places import NothingToShow
@@ -155,17 +154,14 @@ def _of_model(options: AnimateOptions, given: AnimatedRun) -> tuple[Scene, Simul
     model = model_reading.load(options.source, list(options.changes))
     if options.verbose:
         exits.say_all(warning.render() for warning in model.warnings)
+    if given["begin"] is not None:
+        model = simulate_command.from_row(model, given["begin"], None)
+    settings = {key: value for key, value in given.items() if key != "begin"}
     try:
-        return animate.of_model(model, dict(given)), None
-    except SimulationStopped as stop:
-        return animate.of_run(model, dict(stop.trajectory)), stop
-    except start_row.FAILURES as error:
-        raise exits.UsageError(f"--from {error}") from None
-    except diagnostics.ModelError:
-        raise
-    except FileNotFoundError as error:
-        raise exits.UsageError(f"--from: there is no file {error.filename}") from None
-    except NothingToShow:
-        raise
+        run_settings.chosen(model, settings)
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
+    try:
+        return animate.of_model(model, settings), None
+    except SimulationStopped as stop:
+        return animate.of_run(model, dict(stop.trajectory)), stop
