@@ -75,7 +75,8 @@ class Check:
 class Audit:
     """The second opinion on a run; `passed` where no check fails. `figures`: numbers beside the checks;
     `unread`: columns of the table that no check looked at; `complete`: whether a run that was made for it reached its
-    end; `digits`: what is known of the error of the rows, where that was asked for."""
+    end; `of_rest`: the rows are points of rest, not of a motion; `digits`: what is known of the error of the rows,
+    where that was asked for."""
 
     title: str
     path: str
@@ -90,6 +91,7 @@ class Audit:
     figures: tuple[tuple[str, float], ...]
     unread: tuple[str, ...] = ()
     complete: bool = True
+    of_rest: bool = False
     digits: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
@@ -130,7 +132,7 @@ class Audit:
         failed = sum(check.verdict == "fail" for check in self.checks)
         if failed:
             word = "checks fail" if failed > 1 else "check fails"
-            what = "does not hold points of rest" if self._is_of_rest else "is not a motion"
+            what = "does not hold points of rest" if self.of_rest else "is not a motion"
             return f"{failed} {word}: the table {what} of this model."
         thin = [check.name for check in self.checks if check.verdict in ("not judged", "partly judged")]
         if not thin:
@@ -138,14 +140,10 @@ class Audit:
         shown = [check for check in self.checks if check.name in MOTION]
         if sum(check.judged for check in shown) < HARDLY * sum(check.entries for check in shown):
             return (
-                "No check fails, but almost nothing of the motion could be judged: the rows are too far apart to"
-                f" show it. Not judged, or only in part: {', '.join(thin)}."
+                "Nothing was found wrong, but almost nothing of the motion could be judged: the rows are too far"
+                f" apart to show it. Not judged, or only in part: {', '.join(thin)}."
             )
-        return f"No check fails. Not judged, or only in part: {', '.join(thin)}."
-
-    @property
-    def _is_of_rest(self) -> bool:
-        return any(check.name == "balance" for check in self.checks)
+        return f"All checks passed where they could judge. Not judged, or only in part: {', '.join(thin)}."
 
     def check(self, name: str) -> Check:
         """The check of a name. Raises `KeyError`."""

@@ -72,6 +72,7 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
         notes,
         (),
         tuple(unread),
+        of_rest=True,
     )
 
 

@@ -170,7 +170,9 @@ FAULTS = [
 def test_faults_are_found(made: Callable[[], Ball], fault: Callable[[Ball], None], seen: set[str]) -> None:
     found = made()
     fault(found)
-    assert seen <= fails(audited(found))
+    judged = audited(found)
+    assert seen <= fails(judged)
+    assert judged.conclusion.endswith("the table is not a motion of this model.")
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,7 @@ def test_a_fault_is_found(name, column, change, check, tmp_path):
     audit = lagcli.audit(model, tmp_path / "wrong.csv")
     assert not audit.passed
     assert audit.check(check).verdict == "fail"
+    assert audit.conclusion.endswith("the table does not hold points of rest of this model.")
 
 
 def test_a_place_on_the_hoop_where_nothing_rests(tmp_path):
