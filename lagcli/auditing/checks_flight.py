@@ -33,13 +33,13 @@ LEAST, STATES = 24, 4  # flights that are looked at in any case; states of a fli
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Flights:
-    """P flights: states at their beginning and end, whether no contact rests meanwhile, and whether rebounds end there
+    """P flights: states at their beginning and end, whether no contact rests meanwhile, and whether it has rebounds
     that are no longer told, (P,)."""
 
     begin: Record
     end: Record
     is_free: Array
-    ends_rebounds: Array
+    has_rebounds: Array
 
 
 def flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flights:
@@ -63,10 +63,10 @@ def flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Fligh
     begin, end = begins.part(pairs[:, 0]), ends.part(pairs[:, 1])
     long = end.t - begin.t > FEW * np.abs(r.t).max()
     free = ~rests[pairs[:, 0]] & long
-    ended = [
-        t for t, kind in zip(incidents.t.tolist(), incidents.kinds, strict=True) if kind == "accumulation"
-    ]
-    return Flights(begin, end, free, np.isin(end.t, ended))
+    rebounds = np.zeros(len(end.t), dtype=bool)
+    for _, since, until in impact.untold_rebounds:
+        rebounds |= (end.t > since) & (end.t <= until)
+    return Flights(begin, end, free, rebounds)
 
 
 def _rests(impact: ImpactEvidence) -> Array:
@@ -115,7 +115,7 @@ def flown(e: Evidence, found: Flights) -> Check:
     if motion.has_rows:
         bend = _of_particles(bend)
         size_v, size_q = _of_particles(size_v[None]), _of_particles(size_q)
-    rebounds = found.ends_rebounds[k][:, None]
+    rebounds = found.has_rebounds[k][:, None]
     unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v), unknown_v)
     unknown_q = np.abs(bend) + np.where(rebounds, 0.0, h * unknown_v)
     unknown_q = np.where(rebounds, np.maximum(unknown_q, RESOLVED * size_q), unknown_q)

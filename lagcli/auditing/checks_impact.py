@@ -6,6 +6,7 @@ M (v+ - v-) = B^T Lambda + G^T Lambda_G,  B v+ + b = 0,  0 <= Lambda_j  _|_  dg_
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 
 import numpy as np
 
@@ -25,6 +26,7 @@ TOUCHED = CheckedLaw(
 LOSSES = CheckedLaw(
     "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"
 )
+SOON = 2.0  # times the time in which a contact comes over its gap: one that is open is struck until then
 MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
 
 
@@ -87,17 +89,39 @@ class ImpactEvidence:
         residual = np.where(acts, g, np.minimum(g, 0.0))
         return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * limit)
 
+    @cached_property
+    def untold_rebounds(self) -> tuple[tuple[int, float, float], ...]:
+        """The contacts whose rebounds end in an accumulation, each with the time of its last impact or
+        release before, from which they are no longer told, and that of the accumulation."""
+        incidents, found = self.incidents, []
+        kinds = np.array(incidents.kinds, dtype=np.str_)
+        for k in np.flatnonzero(kinds == "accumulation").tolist():
+            j = int(incidents.contact[k])
+            leaves = np.isin(kinds, ("impact", "release")) & (incidents.contact == j)
+            end = float(incidents.t[k])
+            found.append((j, float(incidents.t[leaves & (incidents.t < end)].max(initial=-np.inf)), end))
+        return tuple(found)
+
     @property
     def _ends_rebounds(self) -> Array:
-        """True for contacts at the instant of their accumulation, and at their last impact before it, (E, K): rebounds
-        that are no longer told are none."""
-        incidents = self.incidents
-        found = np.zeros((len(incidents.t), len(self.laws.contacts)), dtype=bool)
-        for k in np.flatnonzero(np.array(incidents.kinds, dtype=np.str_) == "accumulation"):
-            j = incidents.contact[k]
-            found[incidents.t == incidents.t[k], j] = True
-            hit = (incidents.impulses[:, self.contacts][:, j] > 0) & (incidents.t < incidents.t[k])
-            found[incidents.t == incidents.t[hit].max(initial=-np.inf), j] = True
+        """True for contacts while they have rebounds that are no longer told, with both ends of that, (E, K)."""
+        t = self.incidents.t
+        found = np.zeros((len(t), len(self.laws.contacts)), dtype=bool)
+        for j, begin, end in self.untold_rebounds:
+            found[(t >= begin) & (t <= end), j] = True
+        return found
+
+    def _are_struck_soon(self, most: Array, rates: Array) -> Array:
+        """True for contacts that approach at rates (E, K) and of which an impact or a contact is told as soon as they
+        come over gaps (E, K), which are the most that they may have: they were open yet, (E, K)."""
+        incidents, found = self.incidents, np.zeros(rates.shape, dtype=bool)
+        closing = np.array([kind in ("impact", "contact") for kind in incidents.kinds], dtype=bool)
+        for j in range(rates.shape[1]):
+            times = incidents.t[closing & (incidents.contact == j)]
+            next_one = np.searchsorted(times, incidents.t, "right")
+            k = np.flatnonzero((next_one < len(times)) & (rates[:, j] < 0))
+            way = -rates[k, j] * (times[next_one[k]] - incidents.t[k])
+            found[k, j] = way <= SOON * most[k, j]
         return found
 
     def impacts(self) -> Check:
@@ -118,6 +142,7 @@ class ImpactEvidence:
         pushes = impulse > self.impulse_limit
         wrong = np.where(pushes, rebound, np.minimum(rebound, 0.0))
         wrong = np.where(np.abs(g) <= np.where(pushes, MERGED, 1.0) * limit_g, wrong, 0.0)
+        wrong = np.where(~pushes & self._are_struck_soon(g + limit_g, after), 0.0, wrong)
         sign = np.minimum(impulse, 0.0)
         residual = np.concatenate([wrong, sign], axis=1)
         limits = np.concatenate([limit, np.full(sign.shape, self.impulse_limit)], axis=1)

@@ -32,8 +32,9 @@ class Blow:
     (K,).
 
     onward: the velocities with which the run goes on, without the rebounds that are left out (n,); struck: contacts
-    that approached, or take an impulse; ended: contacts whose rebounds end here, with the time `lasting` that those
-    left out would have taken, (K,) each; shared: numbers of the rows among all C + K whose impulses are not unique.
+    that approached, or take an impulse; ended: contacts whose rebounds end here, or that would rise no higher than
+    those, with the time `lasting` that what is left out would have taken, (K,) each; shared: numbers of the rows among
+    all C + K whose impulses are not unique.
     """
 
     v: Floats
@@ -70,10 +71,16 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
         if not small.size:
             break
         lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
-        # Of a contact that lay closed what is left is rounding, and no series.
         ended[small] = approaching[small]
         e[small] = 0.0
         onward = _law(here, near, e)
+    lying = near[~approaching[near]]
+    if lying.size:
+        after = here.moved(onward.x)
+        lifted, pull = _lifted(after, lying)
+        # With e = 1 there is no end: of that one flight is told.
+        left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
+        lasting[lifted], ended[lifted] = 2 * after.speeds[lifted] / (pull * left), True
     impulses = np.zeros(e.size)
     impulses[near] = found.of_contacts
     struck = approaching.copy()
@@ -127,6 +134,21 @@ def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Number
     pull = -pressing(after, lying).accelerations[bouncing]
     small = (pull > 0) & _is_low(after, bouncing, pull)
     return bouncing[small], pull[small]
+
+
+def _lifted(after: ContactInstant, lying: Numbers) -> tuple[Numbers, Floats]:
+    """Contacts that an impact of others lifts so slowly that they stay closed, and -d2g/dt2 of them, which presses."""
+    speeds = after.speeds[lying]
+    lifted = lying[speeds > 0]
+    if lifted.size:
+        speeds = after.speeds[lifted]
+        lifted = lifted[(speeds <= after.slow[lifted]) & (speeds > after.creeping[lifted])]
+    if not lifted.size:
+        return lifted, np.zeros(0)
+    rests = after.near & (np.abs(after.speeds) <= after.slow)
+    rests[lifted] = False
+    pull = -pressing(after, rests).accelerations[lifted]
+    return lifted[pull > 0], pull[pull > 0]
 
 
 def _is_low(after: ContactInstant, bouncing: Numbers, pull: Floats) -> Flags:
@@ -183,7 +205,7 @@ def _pressed(
     """Those that press, of accelerations (n,) and forces of contacts (k,)."""
     x, forces = found
     accelerations = here.changes(x) - here.gamma
-    presses = forces > here.least_forces(numbers)
+    presses = forces > here.least_forces(numbers, x)
     if sunk is not None:
         # Within a step nothing takes it out again.
         none = accelerations * here.span**2 <= here.nearness

@@ -98,7 +98,8 @@ class ContactChanges:
         forces = np.zeros(self._count)
         if self.closed:
             closed = np.array([*self.closed, *self.idle], dtype=np.intp)
-            forces[closed] = here.least_forces(closed)
+            n = here.state.q.size
+            forces[closed] = here.least_forces(closed, self._run.bound.k[n : 2 * n])
         return gaps, forces
 
     def _require_apart(self, here: ContactInstant, room: float) -> None:
@@ -234,8 +235,10 @@ class ContactChanges:
             # What the impact takes away is work done there: the balance of the energy goes on.
             run.bound.y[-1] += now[line_functions.JACOBI] - before[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in lying & lying_before)
-        fresh = set() if blow is None else set(np.flatnonzero(blow.ended).tolist()) & closed
-        ending = [each for each in run.contacts.ending if each[0] in closed - fresh]
+        fresh = set() if blow is None else set(np.flatnonzero(blow.ended).tolist()) & lying
+        ending = [each for each in run.contacts.ending if each[0] in lying - fresh]
+        # Rebounds that something else cuts off are at their end here.
+        cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
         if blow is not None:
             ending += [(j, run.t + float(blow.lasting[j])) for j in sorted(fresh)]
         shared = {*run.contacts.shared, *mode.selection.indeterminate, *(blow.shared if blow else ())}
@@ -250,7 +253,8 @@ class ContactChanges:
         )
         jumped += self.events.jumped(when, self.events.now())
         events = [] if is_start else sorted(set(jumped) - crossed)
-        self._tell(_Told(before, line, blow, lying_before, lying, events), is_start)
+        stay = lying - (fresh & lying_before)
+        self._tell(_Told(before, line, blow, lying_before, stay, events, cut), is_start)
         self.end_series()
 
     def end_series(self) -> None:
@@ -287,7 +291,10 @@ class ContactChanges:
     def _tell(self, told: _Told, is_start: bool) -> None:
         run, names, blow = self._run, [row.name for row in self._system.contacts.rows], told.blow
         impulses = np.zeros(self._rows + self._count)
-        kinds: list[tuple[Kind, Iterable[int]]] = []
+        kinds: list[tuple[Kind, Iterable[int]]] = [
+            ("accumulation", sorted(told.cut)),
+            ("contact", sorted(told.cut)),
+        ]
         if blow is not None:
             impulses[: self._rows] = blow.of_equalities
             impulses[self._rows :] = blow.of_contacts
@@ -312,8 +319,8 @@ class ContactChanges:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Told:
-    """Lines before and after a change, the impact, and contacts that were held closed and are, and
-    declared events that jump over zero."""
+    """Lines before and after a change, the impact, and contacts that were held closed and are, declared events that
+    jump over zero, and contacts whose rebounds are cut off."""
 
     before: Floats
     after: Floats
@@ -321,3 +328,4 @@ class _Told:
     held_before: set[int]
     held: set[int]
     events: list[int]
+    cut: set[int]

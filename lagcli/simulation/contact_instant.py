@@ -23,8 +23,9 @@ Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.intp]
 
-# A force is none where it is this part of what would press the contact, or hold it back.
-WEIGHTLESS = 1e-10
+# A force is none where it is this part of what would press the contact, or hold it back; and where speeds that are
+# this part of those of the motion would make it on its way.
+WEIGHTLESS, CREEPING = 1e-10, 1e-11
 # Contacts that are so many times farther away than closed ones, and speeds that many times larger than none, are told
 # by the numbers before an impact: those after it are not so different.
 CLOSELY, CLEARLY = 4.0, 1e3
@@ -177,6 +178,11 @@ class ContactInstant:
         return np.asarray(np.bincount(values.row, moved, minlength=values.count))
 
     @property
+    def creeping(self) -> Floats:
+        """Speeds (K,) that are rounding of those of the motion."""
+        return CREEPING * self.gap_changes(self._speed)
+
+    @property
     def units(self) -> Floats:
         """Units (n,) of `parts.Sizes`."""
         return self._units[0]
@@ -299,11 +305,16 @@ class ContactInstant:
         lengths = LocalRows(self.metric.whitened(self.gradients(contacts))).norms
         return np.asarray(np.where(lengths > 0, lengths, 1.0) ** 2)
 
-    def least_forces(self, contacts: Numbers) -> Floats:
-        """Multipliers (k,) of some contacts that are none."""
+    def least_forces(self, contacts: Numbers, x: Floats) -> Floats:
+        """Multipliers (k,) of some contacts that are none, in a motion with accelerations x (n,): other rows may press
+        a contact too, that no force and no curvature of its own does."""
         few = self.few(contacts)
         squares = self.squares(contacts) if few is None else few.free
-        return np.asarray(WEIGHTLESS * self.pull[contacts] / squares)
+        rate = float(np.abs(x / self.units).max(initial=0.0))
+        creep = (CREEPING * self._speed) ** 2 / (self.size or 1.0)
+        in_units = self.gap_changes(1.0)[contacts]
+        pull = np.maximum(WEIGHTLESS * (self.pull[contacts] + in_units * rate), in_units * creep)
+        return np.asarray(pull / squares)
 
     @cached_property
     def metric(self) -> Metric:

@@ -1,10 +1,12 @@
 """Random one-sided models against the judges: the command that looks at many of them.
 
     python -m tests.fuzz.one_sided --models 1000 --first 0 --limit 20
+    python -m tests.fuzz.one_sided --chains --models 300
 
 Every model is judged leg by leg (`helpers/motion_legs.py`), those of free masses also as a whole by closed forms
-(`helpers/free_flight.py`). A process of its own does the work; where it takes longer than the limit for a model, or
-dies, the model is reported and another one goes on.
+(`helpers/free_flight.py`). Chains of rods between walls that move (`helpers/chain_models.py`) are judged by
+`lagcli audit` too, from their tables. A process of its own does the work; where it takes longer than the limit for a
+model, or dies, the model is reported and another one goes on.
 """
 
 from __future__ import annotations
@@ -22,11 +24,12 @@ import numpy as np
 
 import lagcli
 from lagcli.simulation import run_stop
-from tests.helpers import free_flight, motion_legs, one_sided_models, recorded_runs
+from tests.helpers import chain_models, free_flight, motion_legs, one_sided_models, recorded_runs
 from tests.helpers.one_sided_models import Floats, Scene
 
 ROOT = Path(__file__).parents[2]
 OPTIONS = {"rtol": 1e-10, "atol": 1e-12}
+ROWS = 201  # of a run that is audited
 NUDGE, LARGEST = 1e-9, 1e4  # a disturbance, and how much it may have grown where answers are still compared
 
 
@@ -57,6 +60,14 @@ def judged(scene: Scene) -> Verdict:
         more, compared = against_closed_form(scene, run)
         found += more
     return Verdict(found, "done", len(impacts), compared)
+
+
+def audited(scene: Scene) -> list[str]:
+    """What the own audit of a run says against it, from its tables."""
+    model = lagcli.loads(scene.text())
+    run = lagcli.simulate(model, samples=ROWS)
+    checks = lagcli.audit(model, run, events=run.events).checks
+    return [f"{check.name} fails: {check.worst}" for check in checks if check.verdict == "fail"]
 
 
 def against_closed_form(scene: Scene, run: motion_legs.Recorded) -> tuple[list[str], int]:
@@ -103,24 +114,30 @@ def _mask(scene: Scene) -> Floats:
     return np.where(np.abs(scene.x).max(axis=0) > 0, 1.0, 0.0)
 
 
-def work() -> None:
+def work(are_chains: bool) -> None:
     """Judge the numbers that come in, one a line."""
     for line in sys.stdin:
-        verdict = judged(one_sided_models.scene(int(line)))
+        number = int(line)
+        verdict = (
+            audited(chain_models.chain(number)) if are_chains else judged(one_sided_models.scene(number))
+        )
         print(json.dumps(dataclasses.asdict(verdict)), flush=True)
 
 
 class Worker:
     """The process that judges; started anew after it was ended."""
 
-    def __init__(self) -> None:
+    def __init__(self, are_chains: bool) -> None:
+        self._command = [sys.executable, "-m", "tests.fuzz.one_sided", "--work"]
+        if are_chains:
+            self._command.append("--chains")
         self.process: subprocess.Popen[str] | None = None
 
     def ask(self, seed: int, limit: float) -> dict[str, object]:
         fresh = self.process is None
         if self.process is None:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "tests.fuzz.one_sided", "--work"],
+                self._command,
                 cwd=ROOT,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -160,19 +177,23 @@ def main() -> int:
     )
     parser.add_argument("--models", type=int, default=1000, help="how many")
     parser.add_argument("--first", type=int, default=0, help="number of the first")
+    parser.add_argument(
+        "--chains", action="store_true", help="chains of rods between walls that move, audited"
+    )
     parser.add_argument("--limit", type=float, default=20.0, help="seconds for a model")
     parser.add_argument("--show", type=int, help="print the text of this model, and end")
     parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
     if chosen.work:
-        work()
+        work(chosen.chains)
         return 0
+    scene = chain_models.chain if chosen.chains else one_sided_models.scene
     if chosen.show is not None:
-        print(one_sided_models.scene(chosen.show).text(), end="")
+        print(scene(chosen.show).text(), end="")
         return 0
     outcomes: collections.Counter[str] = collections.Counter()
     figures: collections.Counter[str] = collections.Counter()
-    bad, worker = 0, Worker()
+    bad, worker = 0, Worker(chosen.chains)
     for seed in range(chosen.first, chosen.first + chosen.models):
         answer = worker.ask(seed, chosen.limit)
         outcomes[str(answer["outcome"])] += 1
@@ -182,10 +203,12 @@ def main() -> int:
         assert isinstance(faults, list)
         if faults:
             bad += 1
-            kind = one_sided_models.scene(seed).kind
-            print(f"{seed} {kind}: {len(faults)} faults; {'; '.join(map(str, faults[:2]))}", flush=True)
+            print(
+                f"{seed} {scene(seed).kind}: {len(faults)} faults; {'; '.join(map(str, faults[:2]))}",
+                flush=True,
+            )
         elif answer["outcome"] != "done":
-            print(f"{seed} {one_sided_models.scene(seed).kind}: {answer['outcome']}", flush=True)
+            print(f"{seed} {scene(seed).kind}: {answer['outcome']}", flush=True)
     worker.end()
     print(json.dumps({"models": chosen.models, "faulty": bad, **figures, "outcomes": outcomes}))
     return int(bad > 0)
