@@ -14,7 +14,9 @@ from lagcli.output import endings
 from lagcli.output.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from lagcli.output.charts.chart import ChartData
     from lagcli.output.charts.chart_table import ChartTable
+    from lagcli.output.charts.compose import ChartChoice
     from lagcli.output.figures.sheet import NotebookFigure
 
 
@@ -30,8 +32,9 @@ def plot(
 ) -> NotebookFigure:
     """Draw columns of runs, of tables in files, or of models, which are simulated with their own settings.
 
-    `y`: patterns separated by commas, `"lambda.*,R.a.z"`, each text of a list on axes of its own, the multipliers where
-    nothing is said; `x`: the column of the other axis, `t` where nothing is said; `xy`: pairs `"a.x,a.z"` with one
+    `y`: patterns separated by commas, `"lambda.*,R.a.z"`, or an expression of columns with a name, `"pull=abs(R.a.z)"`,
+    each text of a list on axes of its own, the multipliers where nothing is said; `x`: the column of the other axis, or
+    such an expression, `t` where nothing is said; `xy`: pairs `"a.x,a.z"` with one
     scale; `log`: sizes on a logarithmic scale; `events`: the table of incidents that are marked; `path`: a file to
     write, png, svg or pdf. Returns a `matplotlib.figure.Figure`, which a notebook shows.
     Raises `ModelError`, `ValueError` for columns and tables that cannot be drawn, `OSError`, `SimulationStopped`.
@@ -42,10 +45,18 @@ def plot(
     if not runs:
         raise ValueError("there is nothing to plot: give a run, a table or a model")
     choice = compose.chosen(y, x=x, xy=xy, is_log=log, title=title)
-    drawn = compose.chart(marked([_table(run) for run in runs], events), choice)
+    drawn = chart(marked([_table(run) for run in runs], events), choice)
     if path is not None:
         chart_figure.draw(path, drawn)
     return chart_figure.compose(drawn)
+
+
+def chart(tables: Sequence[ChartTable], choice: ChartChoice) -> ChartData:
+    """The chart of columns of tables, and of those that the choice defines. Raises `compose.UndrawableColumns`."""
+    from lagcli.api import defined_columns
+    from lagcli.output.charts import compose
+
+    return compose.chart(*defined_columns.added(tables, choice))
 
 
 def is_table(path: Path) -> bool:

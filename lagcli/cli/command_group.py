@@ -26,13 +26,12 @@ LOOKS: dict[str, Any] = {
 _MEANT = {
     **dict.fromkeys(("run", "sim", "solve", "integrate", "start", "exec"), "lagcli simulate MODEL"),
     **dict.fromkeys(
-        ("animation", "movie", "film", "video", "gif", "view"), "lagcli animate MODEL -o FILE.html"
+        ("animation", "movie", "film", "video", "gif", "view", "viewer"), "lagcli animate MODEL -o FILE.html"
     ),
-    **dict.fromkeys(("draw", "figure", "show", "chart"), "lagcli plot FILE"),
+    **dict.fromkeys(("draw", "figure", "show", "chart", "graph", "curve", "curves"), "lagcli plot FILE"),
     **dict.fromkeys(("count", "freedoms", "mobility"), "lagcli dof MODEL"),
     **dict.fromkeys(("validate", "lint", "classify", "verify", "analyze", "analyse"), "lagcli check MODEL"),
     **dict.fromkeys(("equations", "eom", "latex", "lagrange"), "lagcli derive MODEL"),
-    **dict.fromkeys(("animation", "movie", "film", "video", "view", "viewer"), "lagcli animate MODEL"),
     **dict.fromkeys(("init", "create", "template", "wizard"), "lagcli new NAME"),
     **dict.fromkeys(("gallery", "examples", "example", "list", "demo", "samples"), "lagcli models"),
     **dict.fromkeys(("completion", "completions"), "lagcli --install-completion"),

@@ -53,7 +53,7 @@ def _chart(tables: list[ChartTable], options: PlotOptions) -> ChartData:
 
     choice = compose.chosen(options.y, x=options.x, xy=options.xy, is_log=options.log, title=options.title)
     try:
-        return compose.chart(plot.marked(tables, options.events), choice)
+        return plot.chart(plot.marked(tables, options.events), choice)
     except OSError as error:
         raise exits.UsageError(f"cannot read {error.filename or 'a table'}: {error.strerror}") from None
 
@@ -78,9 +78,12 @@ def _simulated(name: str, options: PlotOptions, stopped: list[str]) -> Trajector
     """The run of a model with the settings of the options. Raises `exits.UsageError`, `diagnostics.ModelError`."""
     # Tables are drawn without the integrator.
     from lagcli.api import run_settings, simulate
+    from lagcli.cli import simulate_command
     from lagcli.output.trajectory import SimulationStopped
 
     model = model_reading.load(name, list(options.changes))
+    if options.begin is not None:
+        model = simulate_command.from_row(model, options.begin, None)
     try:
         run_settings.chosen(model, options.run)
     except ValueError as error:

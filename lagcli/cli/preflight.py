@@ -154,7 +154,7 @@ class SimulateOptions:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class PlotOptions:
-    """Options of `plot`: what is drawn, and where; `changes` and `run`: of models, `--set` and settings of the run."""
+    """Options of `plot`: what is drawn, and where; of models `changes` (`--set`), `run` (the settings) and `begin`."""
 
     files: tuple[str, ...]
     y: tuple[str, ...] = ()
@@ -167,7 +167,13 @@ class PlotOptions:
     show: bool = False
     changes: tuple[str, ...] = ()
     run: Mapping[str, float | int | str | bool | None] = dataclasses.field(default_factory=dict)
+    begin: str | None = None
     quiet: bool = False
+
+    @property
+    def read(self) -> tuple[str, ...]:
+        """The files that are read, but that of `--from`, which is where a run begins."""
+        return (*self.files, *([self.events] if self.events is not None else []))
 
     @property
     def models(self) -> tuple[str, ...]:
@@ -189,10 +195,12 @@ class PlotOptions:
             require_ending(self.events, endings.TABLES)
             if not os.path.exists(self.events):
                 raise exits.UsageError(f"--events: there is no file {self.events}")
-        given = [name for name, value in self.run.items() if value is not None]
-        if not self.models and (given or self.changes):
-            option = f"--{given[0].replace('_', '-')}" if given else "--set"
-            raise exits.UsageError(f"{option} is for a MODEL that is simulated, and there are tables alone")
+        given = {**self.run, "from": self.begin, "set": self.changes or None}
+        options = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
+        if not self.models and options:
+            raise exits.UsageError(
+                f"{options[0]} is for a MODEL that is simulated, and there are tables alone"
+            )
         if self.output is not None:
             read = [file for name in self.files for file in file_conflicts.model(name)]
             read += [file_conflicts.File("--events", self.events)] if self.events is not None else []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import re
 import shlex
@@ -14,6 +15,8 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.api import plot
+from lagcli.cli import exits, watching
 from lagcli.output.charts import (
     chart_figure,
     chart_series,
@@ -152,6 +155,78 @@ def test_what_cannot_be_drawn_is_said(choice: dict[str, object], message: str) -
     more = {f"c{n}": T for n in range(25)}
     with pytest.raises(UndrawableColumns) as caught:
         chart(table(t=T, a__x=T, a__z=T, lambda__rod=T, **more), **choice)
+    assert message in str(caught.value)
+
+
+# Expressions of columns.
+
+
+def drawn_from(*tables: ChartTable, **choice: object) -> ChartData:
+    return plot.chart(tables, compose.chosen(**choice))  # type: ignore[arg-type]
+
+
+def test_expressions_of_columns_are_columns_with_a_name(run: lagcli.Trajectory) -> None:
+    one = chart_table.of_run(run)
+    y = ["pull=abs(lambda.rod)*L/g", "twice=2*pull", "drift=energy - first(energy)", "th,pull"]
+    panels = drawn_from(one, y=y, xy="a.x,twice").panels
+    found = {curve.label: curve for panel in panels for curve in panel.curves}
+    assert [panel.y_label for panel in panels[:3]] == ["pull", "twice", "drift"]
+    assert np.array_equal(found["pull"].y, np.abs(run["lambda.rod"]) * 1.0 / 9.81)
+    assert np.array_equal(found["twice"].y, 2 * found["pull"].y)
+    assert np.array_equal(found["drift"].y, run["energy"] - run["energy"][0])
+    (by_angle,) = drawn_from(one, x="angle=atan2(a.z, a.x)", y="a.vx").panels
+    assert (by_angle.x_label, by_angle.shape) == ("angle", "plane")
+    assert np.array_equal(by_angle.curves[0].x, np.arctan2(run["a.z"], run["a.x"]))
+
+
+def test_expressions_hold_their_own_parameters_in_each_run() -> None:
+    tables = [
+        dataclasses.replace(
+            table(f"r{n}.csv", t=T, a__x=T),
+            origin={"parameters": {"L": float(n), "u": [1, 2, n], "odd": "x"}},
+        )
+        for n in (1, 3)
+    ]
+    (panel,) = drawn_from(*tables, y="size=a.x*L + u.z").panels
+    assert [curve.y[-1] for curve in panel.curves] == [11.0, 33.0]
+    assert [key.label for key in panel.keys] == ["L = 1, u = [1, 2, 1]", "L = 3, u = [1, 2, 3]"]
+
+
+def test_a_table_that_lacks_a_column_of_an_expression_goes_without() -> None:
+    (panel,) = drawn_from(table("a.csv", t=T, u=T, v=T), table("b.csv", t=T, u=T), y="w=u + v").panels
+    assert (len(panel.curves), panel.notes) == (1, ("no column w in b.csv",))
+
+
+def test_a_table_of_no_rows_and_one_without_time_have_expressions() -> None:
+    (panel,) = drawn_from(table(a=T[:0]), y="b=2*a").panels
+    assert panel.curves[0].y.size == 0
+    (panel,) = drawn_from(table(a=T), y=["b=argmax(a) + 0*a"]).panels
+    assert set(panel.curves[0].y) == {500.0}
+    (panel,) = drawn_from(table(t=T, a=T), y=["c=1.5"]).panels
+    assert set(panel.curves[0].y) == {1.5}
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        (
+            {"y": "q=lambda.rodd"},
+            "--y q: `lambda.rodd` is neither a column of the table nor a parameter; did you mean",
+        ),
+        ({"y": "2=a.x"}, "write NAME=EXPR"),
+        ({"y": "q="}, "write NAME=EXPR"),
+        ({"y": "a.q=a.x"}, "write NAME=EXPR"),
+        ({"y": "t=a.x"}, "has a column `t` of its own"),
+        ({"y": ["q=a.x", "q=a.z"]}, "has a column `q` of its own"),
+        ({"y": "q=a.x +"}, "--y q: the expression ends after `+`"),
+        ({"x": "q=[1, 2, 3]", "y": "a.x"}, "--x q: a scalar is needed"),
+        ({"y": "q=" + "(" * 5000 + "a.x" + ")" * 5000}, "--y q: "),
+        ({"y": "q=9**9**9**9*b.x"}, "--y q: "),
+    ],
+)
+def test_an_expression_that_is_none_is_said(choice: dict[str, object], message: str) -> None:
+    with pytest.raises(UndrawableColumns) as caught:
+        drawn_from(table(t=T, a__x=T, a__z=T, lambda__rod=T), **choice)
     assert message in str(caught.value)
 
 
@@ -477,6 +552,39 @@ def test_a_model_is_simulated_with_the_options(here: Path, command) -> None:
     assert (ticks[0], ticks[-1]) == ("0.0", "1.0")
 
 
+def test_a_run_begins_at_the_row_of_a_table(here: Path, command) -> None:
+    Path("free.yaml").write_text(MODEL.replace("  motor: th = om*t\n", ""), encoding="utf-8")
+    assert command("simulate", "free.yaml", "-q", "-o", "run.npz")[2] == 0
+    options = ["--from", "run.npz:50", "--duration", "1", "--max-step", "0.1"]
+    figure = ["--y", "a.x,a.vx", "--title", "same"]
+    assert command("plot", "free.yaml", *options, *figure, "-o", "half.svg") == ("", "", 0)
+    assert command("simulate", "free.yaml", *options, "-q", "-o", "half.npz")[2] == 0
+    assert np.load("half.npz")["a.x"][0] == np.load("run.npz")["a.x"][50]
+    assert command("plot", "half.npz", *figure, "-o", "table.svg") == ("", "", 0)
+    assert Path("half.svg").read_bytes() == Path("table.svg").read_bytes()
+
+
+def test_a_watched_figure_follows_its_table(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawn at once, again where table or events change, and still there after a table that is none."""
+    Path("t.csv").write_text("t,lambda.rod\n0,1\n1,2\n")
+    drawn: list[bytes] = []
+    texts = ["t,lambda.rod\n0,1\n1,5\n", "", "t;x\n", "", "t,lambda.rod\n0,1\n1,2\n2,0\n", ""]
+
+    def pause() -> None:
+        drawn.append(Path("x.svg").read_bytes())
+        if not texts:
+            raise exits.Exit(0)
+        if text := texts.pop(0):  # then it stays as it is for a moment
+            Path("t.csv").write_text(text)
+
+    monkeypatch.setattr(watching, "_pause", pause)
+    _, err, code = in_process.run("plot", "t.csv", "-o", "x.svg", "--watch")
+    assert code == 0
+    assert "is no table in the format .csv" in err
+    assert err.count("watching t.csv") >= 3
+    assert len(set(drawn)) == 3
+
+
 STOPPING = """\
 lagcli: 1
 particles: {a: {mass: 1, position: [1, 0, 0], velocity: [-1, 0, -0.5]}}
@@ -502,6 +610,12 @@ def test_a_run_that_stops_is_drawn_as_far_as_it_went(here: Path, command) -> Non
         (["t.csv", "-o", "-"], "unknown format"),
         (["t.csv", "--show", "--duration", "1"], "--duration is for a MODEL that is simulated"),
         (["t.csv", "--show", "--set", "m=1"], "--set is for a MODEL that is simulated"),
+        (["t.csv", "--show", "--max-step", "1"], "--max-step is for a MODEL that is simulated"),
+        (["t.csv", "--show", "--from", "t.csv"], "--from is for a MODEL that is simulated"),
+        (["m.yaml", "--show", "--from", "none.csv"], "--from: there is no file none.csv"),
+        (["m.yaml", "--show", "--max-step", "-1"], "max_step"),
+        (["-", "--show", "--watch"], "--watch needs a file"),
+        (["t.csv", "--show", "--y", "q=b"], "--y q: `b` is neither a column of the table nor a parameter"),
         (["t.csv", "--show", "--y", "q"], 'no column matches "q"'),
         (["t.csv", "--show", "--events", "nothing.csv"], "--events: there is no file"),
         (["t.csv", "--show", "--events", "t.csv"], "is no table of events"),

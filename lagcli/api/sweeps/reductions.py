@@ -86,7 +86,7 @@ def columns_of(reduction: Reduction, known: Sequence[str]) -> tuple[str, ...]:
         if reduction.text not in known:
             raise MissingColumn(f"this run has no column `{reduction.text}`")
         return (reduction.text,)
-    return tuple(dict.fromkeys(_marked(reduction.text, frozenset(known))[1].values()))
+    return columns_in(reduction.text, known)
 
 
 def value(
@@ -98,15 +98,31 @@ def value(
     """
     if reduction.is_last:
         return float(rows[reduction.text][-1])
-    node, at = _tree(reduction.text, frozenset(rows))
-    algebra = _RowAlgebra(reduction.text, {start: rows[name] for start, name in at.items()}, t, parameters)
-    algebra.known = tuple(rows)
-    with np.errstate(all="ignore"):  # a value that is not finite is told as such
-        found = evaluate.scalar(node, algebra, REDUCERS)
+    node, found = _evaluated(reduction.text, rows, t, parameters)
     if np.ndim(found):
         message = "this is a column with a value for each row"
         raise ExpressionError("not-a-scalar", message, node.start, node.end, _HINT)
     return float(found)
+
+
+def columns_in(text: str, known: Sequence[str]) -> tuple[str, ...]:
+    """The columns that an expression names. Raises `ExpressionError` for a text that is none."""
+    return tuple(dict.fromkeys(_tree(text, frozenset(known))[1].values()))
+
+
+def at_rows(text: str, rows: Mapping[str, Floats], t: Floats, parameters: Mapping[str, object]) -> Floats:
+    """The values (T,) of an expression of columns. Raises `ExpressionError`."""
+    return np.broadcast_to(_evaluated(text, rows, t, parameters)[1], t.shape)
+
+
+def _evaluated(
+    text: str, rows: Mapping[str, Floats], t: Floats, parameters: Mapping[str, object]
+) -> tuple[tree.Node, Array]:
+    node, at = _tree(text, frozenset(rows))
+    algebra = _RowAlgebra(text, {start: rows[name] for start, name in at.items()}, t, parameters)
+    algebra.known = tuple(rows)
+    with np.errstate(all="ignore"):  # a value that is not finite is told as such
+        return node, evaluate.scalar(node, algebra, REDUCERS)
 
 
 def _marked(text: str, known: frozenset[str]) -> tuple[str, dict[int, str]]:

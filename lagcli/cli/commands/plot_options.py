@@ -10,9 +10,11 @@ from lagcli.cli import completing, exits
 from lagcli.cli.options import (
     AssembleOption,
     DebugOption,
+    FromOption,
     OutputStepOption,
     QuietOption,
     SetOption,
+    WatchOption,
 )
 from lagcli.model import settings
 
@@ -29,7 +31,7 @@ YOption = Annotated[
     typer.Option(
         "--y",
         metavar="PATTERNS",
-        help="columns, such as 'lambda.*,R.a.z'; again for more axes",
+        help="columns, such as 'lambda.*,R.a.z', or one made of others, 'pull=abs(lambda.rod)'; again for more axes",
         autocompletion=completing.columns,
     ),
 ]
@@ -75,9 +77,12 @@ def plot(
     samples: Annotated[int | None, typer.Option(help="number of its rows, both ends counted")] = None,
     rtol: Annotated[float | None, typer.Option(help="its relative tolerance")] = None,
     atol: Annotated[float | None, typer.Option(help="its absolute tolerance")] = None,
+    max_step: Annotated[float | None, typer.Option("--max-step", help="no step of it is longer")] = None,
     method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
     assemble: AssembleOption = False,
+    begin: FromOption = None,
     changes: SetOption = None,
+    watch: WatchOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -86,15 +91,17 @@ def plot(
     Without --y and --xy the multipliers. Exit 3 where the run of a model stops before its end: the rows so far are
     drawn.
     """
-    from lagcli.cli import plot_command, preflight
+    from lagcli.cli import plot_command, preflight, watching
 
     run = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
-        "method": method, "assemble": True if assemble else None,
+        "max_step": max_step, "method": method, "assemble": True if assemble else None,
     }  # fmt: skip
     options = preflight.PlotOptions(
         tuple(files), tuple(y or ()), x, tuple(xy or ()), events, log, title, output, show,
-        tuple(changes or ()), run, quiet,
+        tuple(changes or ()), run, begin, quiet,
     )  # fmt: skip
     options.require()
+    if watch:
+        watching.follow(options.read, lambda: plot_command.run(options), quiet)
     plot_command.run(options)

@@ -88,16 +88,17 @@ def _table(
 
 def _series(x: Floats, values: Floats, is_log: bool, most: int | None) -> Series:
     """A curve of at most so many points over a rising axis, of as many as it takes in a plane."""
-    sizes = np.abs(values)
-    zeros = int(np.count_nonzero(values == 0))
-    y = np.where(sizes > 0, sizes, np.nan) if is_log else values
+    values = np.ascontiguousarray(values)  # one column of many is gone through several times
+    finite = values[known] if not (known := np.isfinite(values)).all() else values
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    zeros = len(values) - int(np.count_nonzero(values))
+    y = np.where(values != 0, np.abs(values), np.nan) if is_log else values
     if most is None:
         x, y = path_thinning.traced(x, y)
     else:
         kept = panels.thinned(y, most)
         x, y = x[kept], y[kept]
-    largest = float(sizes[np.isfinite(sizes)].max(initial=0.0))
-    return Series(x.copy(), y.copy(), largest, bool((values < 0).any()), zeros, len(values))
+    return Series(x.copy(), y.copy(), max(-low, high, 0.0), bool((values < 0).any()), zeros, len(values))
 
 
 def path(table: ChartTable, pair: tuple[str, str]) -> tuple[Floats, Floats]:

@@ -149,11 +149,18 @@ def thinned(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
         return np.arange(count)
     stretches = max(1, most // 2)
     width = -(-count // stretches)
-    index = np.arange(stretches * width).clip(max=count - 1).reshape(stretches, width)
-    stretch = np.arange(stretches)
+    first = np.arange(stretches) * width
     none = np.isnan(values)
-    lowest = index[stretch, np.where(none, np.inf, values)[index].argmin(axis=1)]
-    highest = index[stretch, np.where(none, -np.inf, values)[index].argmax(axis=1)]
+    padded = np.empty((stretches, width))
+    padded.ravel()[:count] = values
+    padded.ravel()[count:] = np.nan
+    has_gaps = count < padded.size or bool(none.any())
+    lowest, highest = (
+        (first + pick(np.where(np.isnan(padded), other, padded) if has_gaps else padded, axis=1)).clip(
+            max=count - 1
+        )
+        for pick, other in ((np.argmin, np.inf), (np.argmax, -np.inf))
+    )
     # A curve is broken where it has no value; where that is so too often to be seen, it is by stretches of none.
     breaks = np.flatnonzero(none)
     breaks = breaks[: len(breaks) if len(breaks) <= most else 0]
