@@ -42,7 +42,7 @@ def taken(path: Path) -> object:
 def test_both_readers_say_the_same(
     cell: str, more: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where all columns are wanted, and where a few are."""
+    """Few columns are cut out, many are parsed together."""
     path = tmp_path / "table.csv"
     for place in PLACES:
         header, _, body = place.format(cell).partition("\n")
