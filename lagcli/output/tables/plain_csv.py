@@ -66,7 +66,7 @@ def numbers(
 
 
 def _ends(lines: bytes, separator: str, width: int) -> NDArray[np.intp] | None:
-    """Where the cells of lines end (rows, width); None where a line has more or fewer."""
+    """The places at which the cells of lines end (rows, width); None where a line has more or fewer."""
     letters = np.frombuffer(lines + b"\n", dtype=np.uint8)
     at = np.flatnonzero((letters == ord(separator)) | (letters == _END))
     if len(at) % width:
