@@ -89,7 +89,8 @@ def published_table() -> str:
     rows = ["| case | quantity | published | lagcli | agree |", "| --- | --- | --- | --- | --- |"]
     sources = ["| case | source |", "| --- | --- |"]
     for case in cases:
-        path = f"../../tests/reference/peers/{case['model']}"
+        folder = "" if case["model"].startswith("models/") else "tests/reference/peers/"
+        path = f"../../{folder}{case['model']}"
         for number, row in enumerate(case["rows"]):
             name = "" if number else f"[{case['id']}]({path})"
             rows.append(
@@ -103,6 +104,8 @@ def agreement(row: Mapping[str, str]) -> str:
     """Digits in which two numbers agree, of the ones that are printed; or their difference."""
     published, ours = float(row["published"]), float(row["lagcli"])
     difference = abs(published - ours)
+    if row.get("bound"):
+        return "within it"
     if row.get("largest"):
         return "zero to rounding"
     if row.get("off"):
