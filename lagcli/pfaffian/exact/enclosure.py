@@ -28,6 +28,11 @@ _SCALES = [*_NEAR * 3, *_FAR]
 # Points whose symbols have scales of their own, after those of one scale.
 _MIXED = 16
 
+# One context for all evaluations and threads: nothing used here changes its precision, and making one takes longer
+# than most evaluations.
+_INTERVALS = MPIntervalContext()
+_INTERVALS.dps = DIGITS
+
 Point = Mapping[sympy.Symbol, Fraction]
 
 
@@ -95,11 +100,9 @@ class Evaluator:
     """Evaluates expressions at one point; shared subexpressions are computed once."""
 
     def __init__(self, point: Point) -> None:
-        self._iv = MPIntervalContext()
-        self._iv.dps = DIGITS
         self._memo: dict[sympy.Basic, ivmpf] = {}
         for symbol, value in point.items():
-            self._memo[symbol] = self._iv.mpf(value.numerator) / value.denominator
+            self._memo[symbol] = _INTERVALS.mpf(value.numerator) / value.denominator
 
     def value(self, expression: sympy.Expr) -> ivmpf:
         """The interval of the value. Raises `NoValueError` at poles, off the real domain and for unknown
@@ -122,7 +125,7 @@ class Evaluator:
         return known
 
     def _compute(self, e: sympy.Basic) -> ivmpf:
-        iv = self._iv
+        iv = _INTERVALS
         if isinstance(e, sympy.Rational):
             return iv.mpf(int(e.p)) / int(e.q)
         if e is sympy.pi:
@@ -144,7 +147,7 @@ class Evaluator:
         return self._function(e)
 
     def _power(self, e: sympy.Pow) -> ivmpf:
-        iv, exponent = self._iv, e.exp
+        iv, exponent = _INTERVALS, e.exp
         base = self._visit(e.base)
         if isinstance(exponent, sympy.Integer):
             n = int(exponent)
@@ -160,7 +163,7 @@ class Evaluator:
         return iv.exp(self._visit(exponent) * iv.log(base))
 
     def _function(self, e: sympy.Basic) -> ivmpf:
-        iv = self._iv
+        iv = _INTERVALS
         u = [self._visit(a) for a in e.args] if e.args else []
         if isinstance(e, (sympy.exp, sympy.sinh, sympy.cosh, sympy.tanh)):
             grown = iv.exp(u[0])
