@@ -1,10 +1,19 @@
 """Settings of all tests: what hypothesis tries is the same in every run, and leaves no folder behind."""
 
+import gc
+import os
+import shutil
 import signal
+import tempfile
 from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+# Read when numpy is loaded. On small matrices threads of the linear algebra wait for each other more than they work,
+# beside other tests most of all; and how a sum is shared among them, and so rounded, depends on the cores there are.
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 
 settings.register_profile(
     "repeatable", derandomize=True, database=None, deadline=None, suppress_health_check=[HealthCheck.too_slow]
@@ -16,6 +25,23 @@ for name in ("SIGINT", "SIGHUP"):
     number = getattr(signal, name, None)
     if number is not None and signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, signal.SIG_DFL)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The tests start the program hundreds of times. Where Python may write nothing beside the sources, it is compiled
+    once into a folder of this run, and not at every start.
+    """
+    if os.environ.pop("PYTHONDONTWRITEBYTECODE", None) and "PYTHONPYCACHEPREFIX" not in os.environ:
+        folder = tempfile.mkdtemp(prefix="lagcli-compiled-")
+        os.environ["PYTHONPYCACHEPREFIX"] = folder
+        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+
+
+def pytest_collection_finish() -> None:
+    """What has been loaded stays to the end: the garbage collector need not go through it again and again."""
+    gc.collect()
+    gc.freeze()
+
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 

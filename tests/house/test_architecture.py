@@ -1,6 +1,7 @@
 """The shape of the package: imports point down, one door for each library, functions one can hold in the head."""
 
 import ast
+import gc
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -124,8 +125,17 @@ def module_name(path: Path) -> str:
     return ".".join(parts).removesuffix(".__init__")
 
 
+def parsed(files: dict[str, Path]) -> dict[str, ast.Module]:
+    """The trees of the files, made without the garbage collector: it would take most of the time, and finds nothing."""
+    gc.disable()
+    try:
+        return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in files.items()}
+    finally:
+        gc.enable()
+
+
 FILES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
+TREES = parsed(FILES)
 
 
 def imported(name: str) -> Iterator[str]:
