@@ -24,7 +24,7 @@ from lagcli.model.model import Model, Simulation
 from lagcli.simulation import checkpoint as checkpoints
 from lagcli.simulation import invariants, loop, run_start
 from lagcli.simulation.global_error import error_estimate, reference_run
-from lagcli.start import assembly, gaps, initial, lipschitz
+from lagcli.start import assembly, gaps, initial
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -113,7 +113,6 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
             run,
             point.integrals,
             time.perf_counter() - began,
-            (*model.warnings, *ready.system.warnings),
             resumed=point,
         )
     )
@@ -140,7 +139,6 @@ def _started(
     times = ready.timed()
     examined = _examined_start(ready, known, limit)
     state, found = examined.state, examined.known
-    warnings = (*built.model.warnings, *built.warnings, *lipschitz.warnings(built, ready.numeric, state))
     begin = redundancy.begin(built, ready.numeric, state, examined.whole, found.orbits)
     open_ = dataclasses.replace(begin.selection, inactive=ready.numeric.selection.inactive)
     held, notes = invariants.begin(ready.integrals(found.integrals).keeping(open_), state)
@@ -156,7 +154,6 @@ def _started(
         run,
         found.integrals,
         time.perf_counter() - began,
-        warnings,
         found.conditions,
         examined.assembly,
         repeated,

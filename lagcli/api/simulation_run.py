@@ -28,7 +28,7 @@ from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
 from lagcli.simulation.global_error.reference_run import RunWithReference
 from lagcli.simulation.incident import Incident
 from lagcli.simulation.singular_point import RankDrop
-from lagcli.start import assembly, assembly_moves, initial, singular_inertia
+from lagcli.start import assembly, assembly_moves, initial, lipschitz, singular_inertia
 
 Floats = npt.NDArray[np.float64]
 
@@ -47,7 +47,6 @@ class PreparedRun:
     loop: loop.Run
     integrals: Integrals
     seconds: float
-    warnings: tuple[diagnostics.Diagnostic, ...] = ()
     conditions: tuple[Condition, ...] = ()
     assembly: assembly.Assembly | None = None
     reference: RunWithReference | None = None
@@ -63,7 +62,6 @@ class SimulationRun:
         self._start, self._run, self._paired = prepared.start, prepared.loop, prepared.reference
         self.model = self._system.model
         self.columns = ("t", *self._system.columns, *(error_estimate.COLUMNS if self._paired else ()))
-        self.warnings = prepared.warnings
         self.assembly = prepared.assembly
         self.resumed = prepared.resumed
         self.grid = grid.grid(self.model.simulation)
@@ -75,6 +73,14 @@ class SimulationRun:
         if self.resumed is not None:
             row = self.resumed.mark.row
             self.outcome = Outcome(self._run.grid.after(row), self.resumed.mark.origin + row)
+
+    @functools.cached_property
+    def warnings(self) -> tuple[diagnostics.Diagnostic, ...]:
+        """Warnings of the model, of its equations and of its start; one of many runs looks for none."""
+        read = (*self.model.warnings, *self._system.warnings)
+        if self.resumed is not None:
+            return read
+        return (*read, *lipschitz.warnings(self._system, self._numeric, self._start))
 
     @property
     def t(self) -> float:

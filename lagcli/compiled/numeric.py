@@ -227,7 +227,7 @@ class NumericSystem:
         """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
         parts = self._parts
         packed = shared.sizes(parts, parts.v, parts.h, parts.M).packed
-        return ca.Function("sizes", self._inputs, [packed])
+        return ca.Function("sizes", self._inputs, [ca.densify(packed)])
 
     @cached_property
     def term_sizes(self) -> ca.Function:

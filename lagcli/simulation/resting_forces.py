@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 
 from lagcli.compiled import NumericSystem
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
 from lagcli.start import initial
 
@@ -35,9 +36,13 @@ def of_start(system: System, numeric: NumericSystem) -> RestingForces:
         return RestingForces(0.0, 0.0)
     reach = BESIDE * (np.abs(q) + np.abs(q).max() + (not np.any(q)))
     aside = q + reach * np.random.default_rng(0).choice((-1.0, 1.0), size=q.size)
-    (length, here), (_, beside) = (
-        np.array(numeric.sizes(t, place, v, p)).ravel()[[q.size, -1]].tolist() for place in (q, aside)
-    )
+    place = q.copy()
+    sizes = BoundFunction(numeric.sizes, [np.array([t]), place, v.copy(), p.copy()])
+    sizes.trigger()
+    length, here = sizes.results[0][[q.size, -1]].tolist()
+    place[:] = aside
+    sizes.trigger()
+    beside = float(sizes.results[0][-1])
     if not here <= BALANCED * beside:
         return RestingForces(0.0, here * length if np.isfinite(here) else 0.0)
     found = float(numeric.term_sizes(t, q, v, p)[-1])

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import gc
 import hashlib
 import math
 import os
 import pathlib
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +35,7 @@ Floats = npt.NDArray[np.float64]
 
 # Codes of a point, as `simulate` would exit.
 DONE, INVALID, STOPPED = 0, 1, 3
+OBJECTS = 50_000  # that are made between two looks for unneeded cycles: some megabytes
 MOST_MESSAGE = 300  # characters of a message, which stands in a cell of a table
 
 
@@ -204,11 +207,24 @@ def runner(task: PointTask) -> PointRunner:
     return _runners[key]
 
 
+@contextlib.contextmanager
+def _rarely_collecting() -> Iterator[None]:
+    """Inside the block Python looks for unneeded cycles less often: the nouns of a model, made anew for every point,
+    are thousands of objects, and looking through them takes a part of the time of a run."""
+    before = gc.get_threshold()
+    if before[0]:  # else they are not looked for at all
+        gc.set_threshold(max(before[0], OBJECTS), *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
 def run_points(
     task: PointTask, numbers: Sequence[int], points: Sequence[Point]
 ) -> tuple[list[PointRow], float]:
     """The rows of some points, and the seconds they took."""
-    with _turn, progress.unheard(), assembly.briefly():
+    with _turn, progress.unheard(), assembly.briefly(), _rarely_collecting():
         began = time.perf_counter()
         here = runner(task)
         rows = [here.run(number, point) for number, point in zip(numbers, points, strict=True)]
