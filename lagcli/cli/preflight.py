@@ -366,6 +366,11 @@ class SweepFiles:
             return pathlib.Path(self.target) / f"part-{number:05d}-of-{count:05d}.parquet"
         return pathlib.Path(self.target)
 
+    def rows_so_far(self, path: pathlib.Path) -> pathlib.Path:
+        """The name that the rows of an interrupted sweep get, before `.partial`. In a folder it begins with a dot: what
+        reads a dataset passes over such files, and over no others."""
+        return path.with_name(f".{path.name}") if self.is_dataset else path
+
     def require(self, model: str, points: str | None) -> None:
         """Refuse what cannot be done for this MODEL and these points."""
         if model == points == "-":

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from lagcli.api.sweeps import (
     dask_engine,
     engines,
+    finished_rows,
     point_sources,
     point_task,
     reductions,
@@ -142,16 +143,42 @@ def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account
     with exits.writing(os.fspath(target)):
         target.parent.mkdir(exist_ok=True)
     path = sweep_journal.path_of(target)
+    if files.resume and not path.exists():
+        with exits.writing(os.fspath(target)):
+            there = finished_rows.found(target, plan)
+        if there is not None:
+            account.take(there)
+            if not files.quiet:
+                exits.say(f"note: {target} holds all rows of this sweep already")
+            return
     identity = {**plan.identity, "shard": [plan.shard.number, plan.shard.count]}
     with exits.writing(os.fspath(path)):
         try:
             journal = sweep_journal.SweepJournal(path, identity, files.resume)
         except sweep_journal.UnfitJournal as error:
             raise exits.UsageError(f"--resume: {error}" if files.resume else str(error)) from None
-    if journal.count and not files.quiet:
+    is_resumed = journal.count > 0
+    if is_resumed and not files.quiet:
         exits.say(f"note: {journal.count} of {len(plan.numbers)} points are there of the sweep before")
+    _compute(plan, files, engine, journal, target)
+    with exits.writing(os.fspath(target)):
+        for rows in _written(plan, journal, target, lambda table: table.commit()):
+            account.take(rows)
+        journal.remove()
+        if is_resumed:  # what an interrupt has kept of it is in the table
+            atomic_file.partial_of(files.rows_so_far(target)).unlink(missing_ok=True)
+
+
+def _compute(
+    plan: SweepPlan,
+    files: SweepFiles,
+    engine: engines.Engine,
+    journal: sweep_journal.SweepJournal,
+    target: pathlib.Path,
+) -> None:
+    """Bring the rows that are missing into the journal."""
     try:
-        with exits.writing(os.fspath(path)):
+        with exits.writing(os.fspath(journal.path)):
             synced = time.monotonic()
             for block in _blocks(plan, files, engine, journal.count):
                 journal.write(block)
@@ -160,12 +187,9 @@ def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account
                     synced = time.monotonic()
             journal.sync()
     except signals.Interrupted:
-        signals.leave(f"lagcli: interrupted; {_keep(plan, journal, target)}; --resume goes on after them")
+        kept = _keep(plan, journal, files.rows_so_far(target))
+        signals.leave(f"lagcli: interrupted; {kept}; --resume goes on after them")
         raise
-    with exits.writing(os.fspath(target)):
-        for rows in _written(plan, journal, target, lambda table: table.commit()):
-            account.take(rows)
-        journal.remove()
 
 
 def _written(
@@ -191,7 +215,7 @@ def _written(
 
 
 def _keep(plan: SweepPlan, journal: sweep_journal.SweepJournal, target: pathlib.Path) -> str:
-    """The rows so far in FILE.partial; where they are, in words."""
+    """Write the rows so far into `target`.partial; where they are, in words."""
     journal.sync()
     with exits.writing(os.fspath(target)):
         for _ in _written(plan, journal, target, lambda table: table.keep_partial()):

@@ -10,13 +10,16 @@ import signal
 import subprocess
 import sys
 import time
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.sweeps import reductions, sweep_journal
+from lagcli.api.sweeps import drawn_points, reductions, sweep_journal
+from lagcli.api.sweeps.point_task import PointRow
 from lagcli.output.tables import read_table
+from tests.helpers import in_process
 
 ROOT = pathlib.Path(__file__).parents[2]
 PENDULUM = str(ROOT / "models" / "pendulum.yaml")
@@ -25,11 +28,21 @@ SHORT = ("--duration", "0.3", "--samples", "4")
 REDUCE = ("--reduce", "peak=max(abs(lambda.rod))", "--reduce", "end=last(a.x)")
 
 
-def run(*arguments: str, text: str | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "lagcli", *arguments],
-        input=text, capture_output=True, text=True, timeout=300, encoding="utf-8",
-    )  # fmt: skip
+class Ended(NamedTuple):
+    """How a command ended, and what it has written."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def run(*arguments: str, text: str | None = None) -> Ended:
+    """A command in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        if text is not None:
+            patch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode()), encoding="utf-8"))
+        out, err, code = in_process.run(*arguments)
+    return Ended(code or 0, out, err)
 
 
 def table(text: str) -> list[dict[str, str]]:
@@ -187,13 +200,13 @@ def test_a_sweep_that_is_killed_goes_on_to_the_file_of_one_that_was_not(
     tmp_path: pathlib.Path, jobs: str
 ) -> None:
     whole, broken = tmp_path / "whole.csv", tmp_path / "broken.csv"
-    common = ["sweep", PENDULUM, "--over", "L=0.5:2:300", *REDUCE, "--duration", "2", "--jobs", jobs]
-    assert run(*common, "-o", str(whole)).returncode == 0
+    common = ["sweep", PENDULUM, "--over", "L=0.5:2:100", *REDUCE, "--duration", "2", "--jobs", jobs]
+    assert run(*common[:-1], "1", "-o", str(whole)).returncode == 0
     journal = sweep_journal.path_of(broken)
     choice = random.Random(int(jobs))
     kills = 0
     arguments = [sys.executable, "-m", "lagcli", *common, "-o", str(broken), "--resume"]
-    while kills < 3 and killed(arguments, journal, choice.randint(1, 9)):
+    while kills < 2 and killed(arguments, journal, choice.randint(1, 9)):
         kills += 1
         assert not broken.exists()
         with journal.open("ab") as file:  # as a kill within a line would leave it
@@ -248,6 +261,70 @@ def test_rows_of_a_different_sweep_are_not_gone_on_with(tmp_path: pathlib.Path) 
     assert done.returncode == 2
     assert "holds no rows of a sweep" in done.stderr
     assert sweep_journal.path_of(target).read_text() == "my notes\n"
+
+
+def test_rows_of_an_unfinished_sweep_are_not_overwritten(tmp_path: pathlib.Path) -> None:
+    target = tmp_path / "rows.csv"
+    common = ("sweep", PENDULUM, "--over", "L=1:2:2", *SHORT, "-o", str(target))
+    path = sweep_journal.path_of(target)
+    sweep_journal.SweepJournal(path, {"version": "1"}, False).close()  # killed before its first row
+    journal = sweep_journal.SweepJournal(path, {"version": "2"}, False)
+    journal.write([PointRow(0, (1.0,), (2.0,), 0, "", 3.0)])
+    journal.close()
+    before = path.read_bytes()
+    refused = run(*common)
+    assert refused.returncode == 2
+    assert (
+        f"{path} holds the rows of a sweep that has not come to its end: --resume goes on" in refused.stderr
+    )
+    assert path.read_bytes() == before
+    path.unlink()
+    assert run(*common).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "shard"),
+    [("rows.csv", ("--shard", "2/3")), ("rows/", ("--shard", "2/3")), ("rows.json", ()), ("rows.npz", ())],
+)
+def test_what_is_finished_is_not_run_again(name: str, shard: tuple[str, ...], tmp_path: pathlib.Path) -> None:
+    asked = f"{tmp_path}/{name}"
+    common = ("sweep", PENDULUM, "--over", "L=[1, -1, 2, -2, 3]", *SHORT, *shard, "-o", asked, "--resume")
+    first = run(*common, *REDUCE)
+    (path,) = (path for path in tmp_path.rglob("*") if path.is_file())
+    before = path.stat()
+    again = run(*common, *REDUCE)
+    after = path.stat()
+    assert (after.st_mtime_ns, after.st_ino) == (before.st_mtime_ns, before.st_ino)
+    assert f"{path} holds all rows of this sweep already" in again.stderr
+    assert "already" not in first.stderr
+    assert again.returncode == first.returncode == 1
+    assert again.stderr.split("\n")[-3] == first.stderr.split("\n")[-3]  # how many points ended how
+    other = run(*common, *REDUCE[:2])
+    assert "already" not in other.stderr
+    assert path.stat().st_mtime_ns > before.st_mtime_ns
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there is no such signal")
+def test_rows_so_far_are_no_part_of_a_dataset_and_go_when_it_is_complete(tmp_path: pathlib.Path) -> None:
+    dataset = pytest.importorskip("pyarrow.dataset")
+    folder = tmp_path / "rows"
+    command = [sys.executable, "-m", "lagcli", "sweep", PENDULUM, "--over", "L=0.5:2:60", *REDUCE]
+    command += ["--duration", "1", "-o", f"{folder}/"]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    part = folder / "part-00001-of-00001.parquet"
+    journal = sweep_journal.path_of(part)
+    while process.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") > 3):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=60) == 130
+    assert sorted(path.name for path in folder.iterdir()) == [
+        f".{part.name}.partial", f".{part.name}.points",
+    ]  # fmt: skip
+    assert dataset.dataset(folder).files == []
+    done = run(*command[3:], "--resume")
+    assert done.returncode == 0
+    assert [path.name for path in folder.iterdir()] == [part.name]
+    assert dataset.dataset(folder).count_rows() == 60
 
 
 def test_shards_merge_to_the_file_of_the_whole(tmp_path: pathlib.Path) -> None:
@@ -311,13 +388,15 @@ def test_full_tables_are_those_of_simulate(tmp_path: pathlib.Path) -> None:
 
 def test_draws_are_those_of_the_seed_and_their_quantiles_are_told(tmp_path: pathlib.Path) -> None:
     common = ("sweep", PENDULUM, "--uncertain", "m~normal(2, 0.1)", "--uncertain", "g~uniform(9, 10)",
-              "--draws", "256", "--reduce", "twice=2*first(energy)/first(energy)*m", "--duration", "0",
+              "--draws", "128", "--reduce", "twice=2*first(energy)/first(energy)*m", "--duration", "0",
               "--json", "-o")  # fmt: skip
-    one, two = tmp_path / "one.csv", tmp_path / "two.csv"
+    one = tmp_path / "one.csv"
     first = run(*common, str(one))
     assert first.returncode == 0
-    assert run(*common, str(two)).returncode == 0
-    assert one.read_bytes() == two.read_bytes()
+    laws = [drawn_points.read(lagcli.load(PENDULUM), text) for text in (common[3], common[5])]
+    assert read_table.opened(one).take(("m", "g")).tolist() == [
+        list(drawn_points.draw(laws, 128, 0).point(i)) for i in range(128)
+    ]
     account = json.loads(first.stdout)
     # Of twice a normal variable: quasi-random draws meet quantiles to a part of a hundred of the deviation.
     assert account["results"]["twice"]["quantiles"]["0.5"] == pytest.approx(4.0, abs=0.002)
@@ -325,7 +404,7 @@ def test_draws_are_those_of_the_seed_and_their_quantiles_are_told(tmp_path: path
     assert account["results"]["twice"]["sd"] == pytest.approx(0.2, rel=0.01)
     assert "twice: mean 4" in first.stderr
     rows = table(one.read_text())
-    assert len({row["g"] for row in rows}) == 256
+    assert len({row["g"] for row in rows}) == 128
     assert all(9 < float(row["g"]) < 10 for row in rows)
 
 

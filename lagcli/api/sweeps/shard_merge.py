@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.api.sweeps import sweep_table
+from lagcli.api.sweeps import finished_rows, sweep_table
 from lagcli.api.sweeps.point_task import PointRow
 from lagcli.output.tables import read_table
 
@@ -49,6 +50,9 @@ def merged(paths: Sequence[str]) -> MergedRows:
                 raise BadShards(f"{path}: the point {row.number} is in another file too")
             rows[row.number] = row
     total = int(sweep.rpartition(" ")[2]) if sweep else 0
+    alien = [number for number in rows if not 0 <= number < total]
+    if alien:
+        raise BadShards(f"the point {alien[0]} is none of the sweep, which has {total}")
     missing = [number for number in range(total) if number not in rows]
     if missing:
         told = ", ".join(map(str, missing[:MOST_TOLD])) + (", ..." if len(missing) > MOST_TOLD else "")
@@ -71,14 +75,7 @@ def _read(path: str) -> tuple[tuple[str, ...], str, list[PointRow]]:
         if name not in table.columns:
             raise BadShards(f"{path}: it is no table of a shard: it has no column `{name}`")
     columns = tuple(name for name in table.columns if name != sweep_table.SHARD)
-    results = columns[1 : columns.index(sweep_table.STATUS)]
-    wanted = [sweep_table.NUMBER, *results, sweep_table.STATUS, sweep_table.END]
-    numbers = table.take(wanted)
-    messages, cells = table.words(sweep_table.MESSAGE), sorted(set(table.words(sweep_table.SHARD)))
+    cells = sorted(set(table.words(sweep_table.SHARD)))
     if len(cells) > 1 or not all(cell.rpartition(" ")[2].isdecimal() for cell in cells):
         raise BadShards(f"{path}: its rows are not of one sweep")
-    rows = [
-        PointRow(int(row[0]), (), tuple(row[1:-2]), int(row[-2]), message, row[-1])
-        for row, message in zip(numbers.tolist(), messages, strict=True)
-    ]
-    return columns, cells[0] if cells else "", rows
+    return columns, cells[0] if cells else "", finished_rows.rows(Path(path), table, 0)

@@ -28,8 +28,16 @@ def path_of(target: Path) -> Path:
     return target.with_name(f".{target.name}.points")
 
 
+class UnfinishedSweep(UnfitJournal):
+    """A file with rows of a sweep that has not come to its end, which would be lost."""
+
+
 class SweepJournal:
-    """Takes the rows of a sweep. `count` of them are there already. Raises `UnfitJournal`, OSError."""
+    """Takes the rows of a sweep. `count` of them are there already.
+
+    resume: go on after the rows of the same sweep; without it there must be none. Raises `UnfitJournal`,
+    `UnfinishedSweep`, OSError.
+    """
 
     def __init__(self, path: Path, identity: Mapping[str, object], resume: bool) -> None:
         self.path, self.count = path, 0
@@ -39,7 +47,7 @@ class SweepJournal:
             self._file.truncate(end)
             self._file.seek(end)
         else:
-            _require_ours(path)
+            _require_no_rows(path)
             aside = atomic_file.Aside(path)
             with atomic_file.undone_by(aside.discard):
                 aside.path.write_bytes(_line({"kind": KIND, **identity}))
@@ -105,10 +113,15 @@ def _told(key: str) -> str:
     return {"sha256": "the text of the model", "points": "what the points are"}.get(key, f"`{key}`")
 
 
-def _require_ours(path: Path) -> None:
+def _require_no_rows(path: Path) -> None:
     if path.is_file() and path.stat().st_size:
         with path.open("rb") as file:
             _require_kind(path, _parsed(file.readline()))
+            if _parsed(file.readline()) is not None:
+                raise UnfinishedSweep(
+                    f"{path} holds the rows of a sweep that has not come to its end: --resume goes on after them;"
+                    " to begin anew, remove the file"
+                )
 
 
 def _require_kind(path: Path, found: object) -> None:
