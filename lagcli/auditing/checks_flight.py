@@ -45,8 +45,9 @@ class Flights:
 def flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flights:
     """From each incident to the next row or incident, and from rows to incidents."""
     incidents, r = impact.incidents, e.record
-    first = np.flatnonzero(incidents.is_first)
-    before, after = incidents.before.part(first), incidents.after.part(first)
+    # At one instant one thing may follow another: rebounds end, and what comes next is an impact.
+    first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
+    before, after = incidents.before.part(first), incidents.after.part(last)
     same = np.isin(r.t, before.t)
     rows = np.flatnonzero(~same)
     row = r.part(rows)
@@ -59,7 +60,7 @@ def flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Fligh
     pairs = pairs[is_instant[pairs].any(axis=1)]
     rests = np.zeros(len(ends.t), dtype=bool)
     rests[: len(rows)] = states.is_closed[rows].any(axis=1)
-    rests[len(rows) :] = _rests(impact)[first]
+    rests[len(rows) :] = _rests(impact)[last]
     begin, end = begins.part(pairs[:, 0]), ends.part(pairs[:, 1])
     long = end.t - begin.t > FEW * np.abs(r.t).max()
     free = ~rests[pairs[:, 0]] & long
@@ -215,9 +216,10 @@ def is_conservative(e: Evidence, states: ContactStates, impact: ImpactEvidence) 
 
 def balance(e: Evidence, E: Array, impact: ImpactEvidence) -> Check:
     """The energy of all rows, E (T,), with what impacts take; of models in which nothing else changes it."""
-    first = np.flatnonzero(impact.incidents.is_first)
-    before, after = (energy_of_motion(s, s.record, s.values)[first] for s in (impact.before, impact.after))
-    t = impact.incidents.t[first]
+    incidents = impact.incidents
+    before, after = (energy_of_motion(s, s.record, s.values) for s in (impact.before, impact.after))
+    before, after = before[incidents.is_first], after[incidents.is_last]
+    t = incidents.t[incidents.is_first]
     count = np.searchsorted(t, e.record.t, "right")
     total = np.concatenate([[0.0], np.cumsum(after - before)])[count]
     E_moved = energy_of_motion(e, moved(e), e.moved_values) + e.moved_values.V

@@ -27,6 +27,7 @@ LOSSES = CheckedLaw(
     "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"
 )
 SOON = 2.0  # times the time in which a contact comes over its gap: one that is open is struck until then
+SHARPLY = 1e-3  # times the limit of g: contacts that are closed for certain
 MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
 
 
@@ -117,10 +118,10 @@ class ImpactEvidence:
         incidents, found = self.incidents, np.zeros(rates.shape, dtype=bool)
         closing = np.array([kind in ("impact", "contact") for kind in incidents.kinds], dtype=bool)
         for j in range(rates.shape[1]):
-            times = incidents.t[closing & (incidents.contact == j)]
-            next_one = np.searchsorted(times, incidents.t, "right")
-            k = np.flatnonzero((next_one < len(times)) & (rates[:, j] < 0))
-            way = -rates[k, j] * (times[next_one[k]] - incidents.t[k])
+            rows = np.flatnonzero(closing & (incidents.contact == j))
+            following = np.searchsorted(rows, np.arange(len(rates)), "right")
+            k = np.flatnonzero((following < len(rows)) & (rates[:, j] < 0))
+            way = -rates[k, j] * (incidents.t[rows[following[k]]] - incidents.t[k])
             found[k, j] = way <= SOON * most[k, j]
         return found
 
@@ -142,7 +143,9 @@ class ImpactEvidence:
         pushes = impulse > self.impulse_limit
         wrong = np.where(pushes, rebound, np.minimum(rebound, 0.0))
         wrong = np.where(np.abs(g) <= np.where(pushes, MERGED, 1.0) * limit_g, wrong, 0.0)
-        wrong = np.where(~pushes & self._are_struck_soon(g + limit_g, after), 0.0, wrong)
+        # Within the limit it may be open all the same: then it parts, or is struck as soon as it comes.
+        is_open = (after >= 0) & (np.abs(g) > SHARPLY * limit_g) | self._are_struck_soon(g + limit_g, after)
+        wrong = np.where(~pushes & is_open, 0.0, wrong)
         sign = np.minimum(impulse, 0.0)
         residual = np.concatenate([wrong, sign], axis=1)
         limits = np.concatenate([limit, np.full(sign.shape, self.impulse_limit)], axis=1)
@@ -176,11 +179,8 @@ class ImpactEvidence:
     @property
     def lost(self) -> float:
         """The energy that all incidents took; what moves with t may have given some."""
-        first = self.incidents.is_first
-        before, after = (
-            energy_of_motion(e, e.record, e.values)[first].sum() for e in (self.before, self.after)
-        )
-        return float(before - after)
+        before, after = (energy_of_motion(e, e.record, e.values) for e in (self.before, self.after))
+        return float(before[self.incidents.is_first].sum() - after[self.incidents.is_last].sum())
 
 
 def momenta(e: Evidence) -> tuple[Array, Array]:

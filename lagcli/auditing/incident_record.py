@@ -54,6 +54,11 @@ class Incidents:
         return np.concatenate([[True], np.diff(self.t) > 0])[: len(self.t)]
 
     @property
+    def is_last(self) -> Array:
+        """True for the last of each instant."""
+        return np.concatenate([np.diff(self.t) > 0, [True]])[: len(self.t)]
+
+    @property
     def cuts(self) -> Array:
         """True for what velocities or forces jump at."""
         return np.array([kind in CHANGING for kind in self.kinds], dtype=bool)

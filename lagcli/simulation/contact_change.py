@@ -74,10 +74,10 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
         ended[small] = approaching[small]
         e[small] = 0.0
         onward = _law(here, near, e)
-    lying = near[~approaching[near]]
-    if lying.size:
+    others = near[~ended[near]]
+    if others.size > 1 or not approaching[others].all():
         after = here.moved(onward.x)
-        lifted, pull = _lifted(after, lying)
+        lifted, pull = _lifted(after, others)
         # With e = 1 there is no end: of that one flight is told.
         left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
         lasting[lifted], ended[lifted] = 2 * after.speeds[lifted] / (pull * left), True
@@ -136,10 +136,10 @@ def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Number
     return bouncing[small], pull[small]
 
 
-def _lifted(after: ContactInstant, lying: Numbers) -> tuple[Numbers, Floats]:
+def _lifted(after: ContactInstant, among: Numbers) -> tuple[Numbers, Floats]:
     """Contacts that an impact of others lifts so slowly that they stay closed, and -d2g/dt2 of them, which presses."""
-    speeds = after.speeds[lying]
-    lifted = lying[speeds > 0]
+    speeds = after.speeds[among]
+    lifted = among[speeds > 0]
     if lifted.size:
         speeds = after.speeds[lifted]
         lifted = lifted[(speeds <= after.slow[lifted]) & (speeds > after.creeping[lifted])]

@@ -39,8 +39,8 @@ LONGER = 16.0
 # The state by which contacts are judged that are released lies by this part of a step behind the instant; farther by
 # this factor each time that it does not decide.
 BEYOND, FARTHER = 1e-5, 4.0
-# Newton steps for the instant; rounding of a declared function, as a part of its values at the ends of a step.
-REFINED, NOISE = 4, 64 * float(np.finfo(float).eps)
+# Rounding of a declared function, as a part of its values at the ends of a step.
+NOISE = 64 * float(np.finfo(float).eps)
 # A step is shortened to this part at the least.
 LEAST = 1e-3
 
@@ -65,6 +65,8 @@ class ContactEvent(Event):
         self._at_end: list[int] = []
         # Numbers of declared events that are at zero at a switch, where they are decided.
         self._touched: list[int] = []
+        # Declared events that cross zero in the step, with the rounding of their values.
+        self._crossed: dict[int, float] = {}
         self._current()
 
     @classmethod
@@ -87,7 +89,7 @@ class ContactEvent(Event):
     def cut(self) -> None:
         """See `Event`."""
         run, found = self._stepper, self._stepper.found
-        self._hits, self._ahead, self._at_end = (), None, []
+        self._hits, self._ahead, self._at_end, self._crossed = (), None, [], {}
         if not found.is_open:
             return
         if found.is_still:
@@ -147,6 +149,7 @@ class ContactEvent(Event):
         run = self._stepper
         self.end()
         hits, self._hits = self._hits, ()
+        crossed, self._crossed = self._crossed, {}
         if hits:
             self._changes.at(hits, self._ahead)
         elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:
@@ -154,8 +157,12 @@ class ContactEvent(Event):
         elif run.contacts.again or run.contacts.unarmed or self._touched:
             run.contacts = dataclasses.replace(run.contacts, again=0, unarmed=tuple(self._touched))
             self._touched = []
-        else:
+        elif not crossed:
             return
+        if crossed:
+            watch = self._current()
+            unarmed = {*run.contacts.unarmed, *event_zeros.still(watch, self._kinds(watch), crossed)}
+            run.contacts = dataclasses.replace(run.contacts, unarmed=tuple(sorted(unarmed)))
         run.settle()
 
     def _cross(self, passage: SingularStep) -> None:
@@ -240,6 +247,7 @@ class ContactEvent(Event):
                 return
             x += crossing.x * (limit - x)
             rows = list(crossing.rows)
+            self._crossed |= event_zeros.crossed(watch, run, x, (places[rows], noise[rows]), kinds)
             if not kinds.records[places[rows]].all():
                 self._end_at(watch, x, places[rows], kinds)
                 return
@@ -277,26 +285,9 @@ class ContactEvent(Event):
         found.barrier, found.proposed = None, min(found.proposed, found.taken)
 
     def _event(self, watch: StepWatch, x: float, place: int, name: str) -> Incident:
-        """An event within the step, from a step of its own up to there."""
-        run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
-        step = bound.held.functions.scheme(run.method).step
-        _, _, y, k, tolerance, p = bound.step.arguments
-        slope = float(watch.inside(x)[1][place]) / found.taken
-        tau, best = x * found.taken, math.inf
-        for _ in range(REFINED):
-            state = np.array(step(run.t, tau, y, k, tolerance, p)[0]).ravel()
-            run.account.evaluations += run.method.evaluations
-            values = watch.functions.watched(run.origin + run.t + tau, state, p)
-            left = float(np.array(values).ravel()[place])
-            if not abs(left) < best / 2 or slope == 0:
-                break
-            best = abs(left)
-            correction = left / slope
-            if abs(correction) <= 2 * math.ulp(run.t + tau) or not 0 < tau - correction < found.taken:
-                break
-            tau -= correction
-        line = self._changes.log.line_of(run.t + tau, state)
-        return self._changes.log.incident(run.t + tau, "event", name, InstantLines(line, line))
+        t, state = event_zeros.within(watch, self._stepper, x, place)
+        line = self._changes.log.line_of(t, state)
+        return self._changes.log.incident(t, "event", name, InstantLines(line, line))
 
     def _act_here(self) -> None:
         """Give up the step, for what it meets is where the run stands."""
@@ -317,7 +308,7 @@ class ContactEvent(Event):
         steepest = int(np.argmax(np.abs(slopes)))
         place, slope = int(rows[steepest]), float(slopes[steepest])
         tau, best = float(x) * taken, math.inf
-        for _ in range(REFINED):
+        for _ in range(event_zeros.REFINED):
             reached = run.t + tau
             if not reached > run.t:
                 self._act_here()

@@ -1,4 +1,5 @@
-"""Declared events that are at zero where no search ends: at a switch of a function of t, and at the end of the run."""
+"""Zeros of declared events: within a step, at a switch of a function of t, at the end of the run, and where something
+else ends the step."""
 
 from __future__ import annotations
 
@@ -15,10 +16,15 @@ from lagcli.simulation.stepper import Stepper
 from lagcli.simulation.watch_kinds import WatchKinds
 
 Floats = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
 # So many times its rounding from zero on both sides of a switch a declared function is at zero there; whether it
 # crosses, values tell by this part of a step farther off.
 TOUCHED, ASIDE = 4.0, 1e-5
+# Newton steps for an instant.
+REFINED = 4
+# An event may be told so many roundings of the time away from its zero.
+IN_TIME = 4.0
 # Roundings of time within which an incident is at the end of the run.
 AT_END = 8.0
 
@@ -60,3 +66,49 @@ def arriving(watch: StepWatch, run: Stepper, kinds: WatchKinds, events: Sequence
     told = {incident.name for incident in found.within if incident.t >= last}
     numbers = kinds.numbers - kinds.first_event
     return [int(e) for e in numbers[arrives] if e >= 0 and events[e].name not in told]
+
+
+def within(watch: StepWatch, run: Stepper, x: float, place: int) -> tuple[float, Floats]:
+    """The time of a zero of a watched function within a step, by its place among them, and the state there: from the
+    part x of the step on, by a step of its own up to there."""
+    found, bound = run.found, run.bound
+    step = bound.held.functions.scheme(run.method).step
+    _, _, y, k, tolerance, p = bound.step.arguments
+    slope = float(watch.inside(x)[1][place]) / found.taken
+    tau, best = x * found.taken, math.inf
+    for _ in range(REFINED):
+        state = np.array(step(run.t, tau, y, k, tolerance, p)[0]).ravel()
+        run.account.evaluations += run.method.evaluations
+        values = watch.functions.watched(run.origin + run.t + tau, state, p)
+        left = float(np.array(values).ravel()[place])
+        if not abs(left) < best / 2 or slope == 0:
+            break
+        best = abs(left)
+        correction = left / slope
+        if abs(correction) <= 2 * math.ulp(run.t + tau) or not 0 < tau - correction < found.taken:
+            break
+        tau -= correction
+    return run.t + tau, state
+
+
+def crossed(
+    watch: StepWatch, run: Stepper, x: float, crossing: tuple[Places, Floats], kinds: WatchKinds
+) -> dict[int, float]:
+    """The declared events, by their numbers, among functions that cross zero at the part x of a step, with what their
+    values there may be: their noise, and what the rounding of the time makes. crossing: places and noise (k,)."""
+    places, noise = crossing
+    chosen = kinds.is_event[places]
+    if not chosen.any():
+        return {}
+    slopes = np.abs(watch.inside(x)[1][places]) / run.found.taken
+    known = noise + IN_TIME * math.ulp(run.t + run.found.taken) * slopes
+    return dict(zip(kinds.numbers[places[chosen]].tolist(), known[chosen].tolist(), strict=True))
+
+
+def still(watch: StepWatch, kinds: WatchKinds, known: dict[int, float]) -> list[int]:
+    """Of events that have `crossed` those that are at zero where the run stands, as where an impact follows at once:
+    they do not cross there again."""
+    if not known:
+        return []
+    values = dict(zip(kinds.numbers.tolist(), np.abs(watch.begin()).tolist(), strict=True))
+    return [number for number, noise in known.items() if values[number] <= noise]
