@@ -30,7 +30,11 @@ def of_modes(model: Model, found: Modes) -> Scene:
     """The scene of the modes of a model. Raises `places.NothingToShow` where there are no shapes."""
     animate.require_few(model)
     if not len(found.shapes):
-        raise places.NothingToShow("there are no shapes to show: " + (found.reason or "no modes"))
+        raise places.NothingToShow(
+            "the motion comes back to itself, and its multipliers have no shapes to show"
+            if found.multipliers is not None
+            else "nothing can swing: the rows leave the model no freedom to move"
+        )
     t = np.linspace(0.0, 1.0, FRAMES)
     q = np.array([found.at[name] for name in found.coordinates])
     start = np.full(FRAMES, model.simulation.start)

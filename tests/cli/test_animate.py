@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import json
 import pathlib
 import shutil
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 
+from lagcli.api import animate
 from lagcli.output.animation import film
 from tests.helpers import in_process
 
@@ -151,6 +155,35 @@ def test_mp4_is_written_where_ffmpeg_is(tmp_path: pathlib.Path) -> None:
     path = tmp_path / "film.mp4"
     assert in_process.run("animate", PENDULUM, "--duration", 0.1, "--samples", 4, "-o", path)[2] == 0
     assert path.read_bytes()[4:8] == b"ftyp"
+
+
+def test_a_film_has_trails_of_few_particles_that_move() -> None:
+    scene = animate.of_model(MODELS / "double-pendulum.yaml", {"samples": 51})
+    drawing = film._Drawing(scene)
+    assert len(drawing._trails) == 2
+    drawing.show(30)
+    for trail in drawing._trails:
+        pieces = trail.drawn.get_segments()
+        assert np.array_equal(pieces[-1][-1], trail.path[30])
+        assert any(np.array_equal(pieces[0][0], trail.path[first]) for first in (20, 21))  # a fifth, rounded
+        assert all(np.array_equal(one[-1], other[0]) for one, other in itertools.pairwise(pieces))
+    drawing.show(0)
+    assert all(len(np.unique(piece, axis=0)) == 1 for piece in drawing._trails[0].drawn.get_segments())
+    many = dataclasses.replace(
+        scene, names=("p",) * 25, points=scene.points[:1] * 25, radii=np.ones(25), R=(), F=()
+    )
+    assert film._Drawing(many)._trails == []
+
+
+def test_modes_of_what_cannot_move_are_told_so(tmp_path: pathlib.Path) -> None:
+    model = tmp_path / "still.yaml"
+    model.write_text(
+        "lagcli: 1\nparticles: {a: {mass: 1, position: [0, 0, 0]}}\nholonomic: {here: 'a = [0, 0, 0]'}\n",
+        encoding="utf-8",
+    )
+    _, err, code = in_process.run("modes", model, "--animate", tmp_path / "m.html")
+    assert code == 2
+    assert "nothing can swing: the rows leave the model no freedom to move" in err
 
 
 def test_modes_are_written_as_a_page(tmp_path: pathlib.Path) -> None:

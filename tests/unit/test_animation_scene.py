@@ -90,6 +90,51 @@ def test_a_rope_is_a_string_with_its_length() -> None:
     assert (link.kind, link.name, link.length) == ("string", "rope", 1.0)
 
 
+PULLEYS = """
+parameters: {L: 4}
+particles:
+  a: {mass: 1, position: [-1, 0, -1]}
+  b: {mass: 1, position: [1, 0, -1]}
+"""
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "distance(a, [-1, 0, 0]) + distance(b, [1, 0, 0]) = L - 2",
+        "L = 2 + norm(b - [1, 0, 0]) + norm(a - [-1, 0, 0])",
+        "3*(2 - L) = -3*distance(a, [-1, 0, 0]) - distance(b, [1, 0, 0])*3",
+    ],
+)
+def test_a_string_over_pulleys_is_drawn_from_end_to_end(row: str) -> None:
+    scene = scene_of(PULLEYS + f"holonomic: {{string: '{row}'}}" + FALLING)
+    assert [link.kind for link in scene.links] == ["string"] * 3
+    places = [{tuple(scene.at(end, 0).tolist()) for end in link.ends} for link in scene.links]
+    over = {(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)}
+    assert sorted(map(sorted, places)) == sorted(
+        map(sorted, [{(-1.0, 0.0, -1.0), (-1.0, 0.0, 0.0)}, {(1.0, 0.0, -1.0), (1.0, 0.0, 0.0)}, over])
+    )
+
+
+def test_a_string_over_particles_has_no_other_parts() -> None:
+    rows = "holonomic: {string: 'distance(a, b) + distance(b, [1, 0, 0]) = 3'}"
+    scene = scene_of(PULLEYS + rows + FALLING)
+    assert [(link.kind, min(link.ends)) for link in scene.links] == [("string", 0), ("string", 1)]
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "distance(a, [-1, 0, 0]) = distance(b, [1, 0, 0])",
+        "distance(a, [-1, 0, 0])*distance(b, [1, 0, 0]) = 1",
+        "distance(a, [-1, 0, 0]) + distance(b, [1, 0, 0]) + a.z = 1",
+        "distance(a, [-1, 0, 0]) + distance(b, [1, 0, 0])**3 = 2",
+    ],
+)
+def test_what_is_no_sum_of_distances_is_no_string(row: str) -> None:
+    assert scene_of(PULLEYS + f"holonomic: {{row: '{row}'}}" + FALLING).links == ()
+
+
 def test_a_rod_that_a_table_does_not_keep_is_not_drawn_and_that_is_said(tmp_path: pathlib.Path) -> None:
     table = tmp_path / "run.csv"
     table.write_text("t,a.x,a.y,a.z,a.vx,a.vy,a.vz\n0,1,0,0,0,0,0\n1,1.5,0,0,0,0,0\n")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import pathlib
 import tempfile
 
 import matplotlib
 import numpy as np
 import numpy.typing as npt
-from matplotlib import animation, axes, collections, figure, lines, quiver
+from matplotlib import animation, axes, collections, colors, figure, lines, quiver
 from matplotlib.backends import backend_agg
 
 from lagcli import progress
@@ -25,6 +26,8 @@ WIDTH, HEIGHT, DPI = 8.0, 4.5, 120  # inches; 960 by 540 pixels, an even number 
 MOST_PICTURES = 1500
 INK, GREY, REACTION, FORCE = "#1a1d21", "#6c7885", "#b3470a", "#007a5a"
 MOST_CURVES = 8
+# Of trails, as on a page: particles that have one, how far back it goes as a part of the run, its pieces that fade.
+MOST_TRAILS, LENGTH, FADES = 24, 0.2, 12
 
 
 class NoFilmWriter(ValueError):
@@ -86,6 +89,14 @@ class _Arrows:
     drawn: quiver.Quiver
 
 
+@dataclasses.dataclass(slots=True)
+class _Trail:
+    """The way of a particle in the picture, (T, 2), and the pieces of it that are shown."""
+
+    path: Floats
+    drawn: collections.LineCollection
+
+
 class _Drawing:
     """The figure of a film, whose parts are moved from picture to picture."""
 
@@ -102,6 +113,7 @@ class _Drawing:
         self._plot.set_ylim(height, 0)
         self._to = still.Projection(scene, width, height)
         self._rims = [self._plot.plot([], [], color=GREY, linewidth=0.8)[0] for _ in scene.surfaces]
+        self._trails = self._trailed()
         self._links = collections.LineCollection([], colors=GREY, linewidths=1.6)
         self._plot.add_collection(self._links)
         colours = [still.colour(k, scene.count) for k in range(scene.count)]
@@ -134,11 +146,31 @@ class _Drawing:
             zorder=4,
         )
 
+    def _trailed(self) -> list[_Trail]:
+        """The trails of moving particles, where they are few."""
+        scene = self._scene
+        moving = [k for k in range(scene.count) if len(scene.points[k]) > 1]
+        if scene.count > MOST_TRAILS or scene.modes:
+            return []
+        found = []
+        for k in moving:
+            fading = np.linspace(0.05, 0.7, FADES)
+            colours = [(*colors.to_rgb(still.colour(k, scene.count)), alpha) for alpha in fading]
+            drawn = collections.LineCollection([], colors=colours, linewidths=1.4)
+            self._plot.add_collection(drawn)
+            found.append(_Trail(self._to(scene.points[k]), drawn))
+        return found
+
     def show(self, frame: int) -> None:
         """Move everything to an instant."""
         scene = self._scene
         for rim, one in zip(self._rims, scene.surfaces, strict=True):
             rim.set_data(*self._to(still.outline(one, frame)).T)
+        first = int(np.searchsorted(scene.t, scene.t[frame] - LENGTH * (scene.t[-1] - scene.t[0])))
+        for trail in self._trails:
+            cuts = np.linspace(first, frame, FADES + 1).round().astype(np.int64)
+            pieces = itertools.pairwise(cuts)
+            trail.drawn.set_segments([trail.path[begin : end + 1] for begin, end in pieces])
         ends = [
             np.stack([scene.at(a, frame), scene.at(b, frame)]) for a, b in (link.ends for link in scene.links)
         ]
@@ -165,6 +197,6 @@ def _curves(plot: axes.Axes, scene: Scene) -> lines.Line2D:
         name = labels.shortened(curve.name, 24)
         plot.plot(scene.t, curve.values, linewidth=1.0, color=still.PALETTE[k], label=name)
     plot.set_title("λ over t", fontsize=8, loc="left")
-    plot.legend(fontsize=6, frameon=False, loc="upper right")
+    plot.legend(fontsize=6, frameon=False, loc="best")
     plot.spines[["top", "right"]].set_visible(False)
     return plot.axvline(float(scene.t[0]), color=INK, linewidth=0.8)

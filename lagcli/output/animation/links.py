@@ -49,6 +49,10 @@ class PointTable:
             return None
         return self._mean(positive, nothing), self._mean(negative, -found.shift / heavy)
 
+    def is_beside(self, end: int) -> bool:
+        """True for a point that is no particle."""
+        return end >= int(self._places.shape[1])
+
     def factor(self, found: SquareDistance) -> float:
         """By how much |u| is larger than the distance of the ends."""
         heavy = sum(w for w in found.weights.values() if w > 0)
@@ -97,6 +101,22 @@ def of_row(row: PicturedRow, found: SquareDistance, points: PointTable) -> Link 
         points.unheld += 1
         return None
     return Link("string" if found.at_most else "rod", row.name, ends, float(np.ravel(length)[0]))
+
+
+def of_sum(name: str, distances: Iterable[SquareDistance], points: PointTable) -> list[Link]:
+    """The parts of a string whose lengths have one sum, taut; none where one of them has no ends."""
+    found = [points.ends(one) for one in distances]
+    known = [ends for ends in found if ends is not None]
+    if len(known) < len(found):
+        return []
+    # From pulley to pulley, where these are no particles.
+    pulleys = [end for ends in known for end in ends if points.is_beside(end)]
+    between = (
+        [pair for pair in itertools.pairwise(pulleys) if pair[0] != pair[1]]
+        if len(pulleys) == len(known)
+        else []
+    )
+    return [Link("string", name, ends) for ends in (*known, *between)]
 
 
 def of_bodies(model: nouns.Model, particles: Floats) -> Iterable[Link]:

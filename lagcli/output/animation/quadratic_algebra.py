@@ -185,6 +185,42 @@ def value_at(model: nouns.Model, law: nouns.Law, row: int, particle: int, places
     return np.atleast_1d(form.constant) if form.is_constant else None
 
 
+def summed(model: nouns.Model, t: Floats, row: PicturedRow) -> list[SquareDistance]:
+    """The distances whose sum a row limits, each times a number, as of a string over pulleys; none of another row."""
+    law = row.law
+    relation = law.equation.tree
+    assert isinstance(relation, tree.Relation)
+    if len(law.rows) != law.members.count:  # a row of a vector equation
+        return []
+    algebra = _PlaceLeaves(model, t).algebra(
+        {name: values[row.row : row.row + 1] for name, values in law.members.variables.items()}
+    )
+    found: list[SquareDistance] = []
+    signs = set()
+    with np.errstate(all="ignore"):
+        for sign, node in (*_addends(relation.left, 1), *_addends(relation.right, -1)):
+            form = evaluate.evaluate(node, algebra)
+            if isinstance(form, tuple) or not form.known or not _is_finite(form):
+                return []
+            if form.is_constant:
+                continue
+            distance = square_distance.found(form.under, False) if form.under is not None else None
+            if distance is None or form.linear or form.quadratic or np.any(distance.length):
+                return []
+            signs |= set(np.sign(np.ravel(sign * form.factor)).tolist())
+            found.append(distance)
+    return found if len(found) > 1 and len(signs) == 1 else []
+
+
+def _addends(node: tree.Node, sign: int) -> Iterator[tuple[int, tree.Node]]:
+    """The terms of a sum, and of the sums in it, with their signs."""
+    if not isinstance(node, tree.Sum):
+        yield sign, node
+        return
+    for own, term in node.terms:
+        yield from _addends(term, sign * own)
+
+
 def springs(model: nouns.Model, t: Floats) -> Iterator[SpringLength]:
     """The distances between points whose squares stand in potentials, at the instants t (T,)."""
     leaves, left = _PlaceLeaves(model, t), MOST_ROWS

@@ -58,7 +58,10 @@ def pictures(
     found = RowPictures()
     for row in quadratic_algebra.rows(model, t):
         if not row.form.known:
-            found.others.append(row)
+            strings = links.of_sum(row.name, quadratic_algebra.summed(model, t, row), points)
+            found.links += strings
+            if not strings:
+                found.others.append(row)
             continue
         distance = square_distance.found(row.form, row.kind == "inequality")
         link = links.of_row(row, distance, points) if distance is not None else None

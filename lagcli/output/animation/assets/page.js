@@ -669,7 +669,7 @@
   state.rate = scene.rate;
   if (scene.rate !== 1 && state.mode < 0) {
     const usual = [...byId("speed").options].find((one) => one.value === "1");
-    usual.textContent = `1× (${shown(scene.rate)}${scene.units[0] ? " " + scene.units[0] : ""} a second)`;
+    usual.textContent = `1× (1 s shows ${tick(Number(scene.rate.toPrecision(3)))}${scene.units[0] ? " " + scene.units[0] : ""})`;
   }
   legend(); modes(); connect(); paint(); resize(); arrows();
   byId("loop").checked = true;
