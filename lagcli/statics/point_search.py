@@ -12,7 +12,15 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.statics import continuum, newton, point_type, refine, rest_equations, surface_descent
+from lagcli.statics import (
+    continuum,
+    continuum_edge,
+    newton,
+    point_type,
+    refine,
+    rest_equations,
+    surface_descent,
+)
 from lagcli.statics.deflation import DeflatedEquations
 from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
@@ -116,29 +124,23 @@ class PointSearch:
         pulling, below = refine.wrong_side(self.problem, found, self.scales)
         if below or (pulling and self.options.pushes) or self._is_known(found):
             return False
+        found = continuum_edge.told_with_its_continuum(self.problem, found, self.scales)
         equations = RestEquations(self.problem, found.closed, self.scales)
         x = self._unknowns(equations, found)
         kind = point_type.classify(self.problem, found, self.scales, self.options.has_potential)
         size = continuum.dimension(equations, x) if kind.freedom else 0
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
-        if size and any(self._is_on(known, found.closed, found.q, size) for known in self.points):
+        if any(self._is_on(known, found.closed, found.q, size) for known in self.points):
             return False
-        self.points = [
-            known
-            for known in self.points
-            if not (known.dimension and self._holds(equations, x, found, size, known))
-        ]
+        self.points = [known for known in self.points if not self._holds(equations, x, found, size, known)]
         if not size:
             limit = SAME_OF_FLAT if kind.kind == "degenerate" else ROUNDING
             found = self._tidied(equations, found, limit * self.scales.length)
-        self.points.append(FoundPoint(found, kind, size, self._touching(found)))
+        self.points.append(
+            FoundPoint(found, kind, size, continuum_edge.touching(self.problem, found, self.scales))
+        )
         return True
-
-    def _touching(self, found: EquilibriumPoint) -> tuple[int, ...]:
-        g = self.problem.at(self.problem.t, found.q, found.lam).g
-        near = np.flatnonzero(g <= refine.CLOSED * self.scales.contacts * self.scales.length)
-        return tuple(sorted({*found.closed, *near.tolist()}))
 
     def wound(self, q: Floats) -> Floats:
         """q with angles between -pi and pi."""
@@ -177,8 +179,8 @@ class PointSearch:
         )
 
     def _is_on(self, known: FoundPoint, closed: tuple[int, ...], q: Floats, size: int) -> bool:
-        """True if a configuration of a smaller continuum lies on this larger one, of which it is an edge where more
-        contacts are closed."""
+        """True if a point alone, or one of a smaller continuum, lies on this larger one, of which it is an edge
+        where more contacts are closed."""
         if known.dimension <= size or not set(known.point.closed) <= set(closed):
             return False
         equations = RestEquations(self.problem, known.point.closed, self.scales)
@@ -188,7 +190,7 @@ class PointSearch:
     def _holds(
         self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
     ) -> bool:
-        """True if a known continuum lies on the larger one of a new point."""
+        """True if a known point or continuum lies on the larger continuum of a new point."""
         if size <= known.dimension or not set(found.closed) <= set(known.point.closed):
             return False
         return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))

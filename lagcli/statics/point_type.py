@@ -38,10 +38,8 @@ def classify(
     """The type of a point. Contacts that carry a force count as rows; one that pushes is a wall of a minimum, one that
     pulls of a maximum."""
     values = problem.at(problem.t, point.q, point.lam)
-    B, G = _unit(values.B), _unit(values.G[list(point.closed)])
-    push = point.lam[[problem.C + k for k in point.closed]] * scales.contacts[list(point.closed)]
-    limit = NO_FORCE * max(scales.force, float(np.abs(values.F).max(initial=0.0)))
-    carrying = np.abs(push) > limit
+    B, G = unit(values.B), unit(values.G[list(point.closed)])
+    push, is_carrying = _pushes(problem, point, scales)
     rank = _rank(B)
     freedom = problem.n - rank
     rows = np.vstack([B, G])
@@ -50,7 +48,7 @@ def classify(
         return PointType(None, None, unique, rank, freedom)
     if freedom == 0:
         return PointType("isolated", 0, unique, rank, 0)
-    Z = kernel(np.vstack([B, G[carrying]]))
+    Z = kernel(np.vstack([B, G[is_carrying]]))
     H = -Z.T @ values.K @ Z
     H = _scaled(H)
     if H.size and np.abs(H - H.T).max() > ASYMMETRIC * np.abs(H).max():
@@ -60,8 +58,24 @@ def classify(
     if np.abs(curvatures).max(initial=0.0) <= DEPENDENT * _stiffness(values.K, scales):
         flat = np.inf
     up, down = int((curvatures > flat).sum()), int((curvatures < -flat).sum())
-    pushes, pulls = bool((push[carrying] > 0).any()), bool((push[carrying] < 0).any())
+    pushes, pulls = bool((push[is_carrying] > 0).any()), bool((push[is_carrying] < 0).any())
     return PointType(_kind(up, down, len(curvatures), pushes, pulls), down, unique, rank, freedom)
+
+
+def carrying(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
+    """The closed contacts that carry a force, by their numbers."""
+    _, are_carrying = _pushes(problem, point, scales)
+    return tuple(k for k, carries in zip(point.closed, are_carrying, strict=True) if carries)
+
+
+def _pushes(
+    problem: StaticProblem, point: EquilibriumPoint, scales: Scales
+) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """The forces of the closed contacts, and which of them are more than rounding."""
+    F = problem.at(problem.t, point.q, point.lam).F
+    push = point.lam[[problem.C + k for k in point.closed]] * scales.contacts[list(point.closed)]
+    limit = NO_FORCE * max(scales.force, float(np.abs(F).max(initial=0.0)))
+    return push, np.abs(push) > limit
 
 
 def _kind(up: int, down: int, freedom: int, pushes: bool, pulls: bool) -> Kind:
@@ -83,7 +97,7 @@ def kernel(rows: Floats) -> Floats:
 
 def unit_rank(rows: Floats) -> int:
     """The rank of rows, each measured by its length."""
-    return _rank(_unit(rows))
+    return _rank(unit(rows))
 
 
 def _rank(rows: Floats) -> int:
@@ -93,7 +107,8 @@ def _rank(rows: Floats) -> int:
     return int((sigma > 1e-7 * max(1.0, float(sigma[0]))).sum())
 
 
-def _unit(rows: Floats) -> Floats:
+def unit(rows: Floats) -> Floats:
+    """Rows divided by their lengths; those of no length as they are."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.asarray(rows / np.where(lengths > 0, lengths, 1.0))
 

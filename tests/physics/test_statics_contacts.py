@@ -70,12 +70,28 @@ def test_a_load_beyond_the_legs_has_no_rest() -> None:
     assert not len(lagcli.equilibrium(table(1.2, 0), starts=2))
 
 
-def test_a_continuum_and_its_edge_are_one() -> None:
-    """The load on a corner: the table stands on that leg at any tilt. An edge of these places is no continuum of its
-    own; by rounding a point of it may stand beside them."""
-    found = lagcli.equilibrium(table(1, 1), starts=4)
-    assert {point.dimension for point in found} <= {0, 2}
-    assert [point.dimension for point in found].count(2) == 1
+@pytest.mark.parametrize(("cx", "cy", "size"), [(1, 1, 2), (-1, 1, 2), (1, 0.2, 1)])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_continuum_and_its_edge_are_one(cx: float, cy: float, size: int, seed: int) -> None:
+    """The load on a corner: the table stands on that leg at any tilt; on a side, on two. The edges of these places, at
+    which more legs touch and carry nothing, are no others, from whichever start they are found."""
+    found = lagcli.equilibrium(table(cx, cy), starts=4, seed=seed)
+    assert [point.dimension for point in found] == [size]
+
+
+def test_walls_without_room_between_them_leave_no_continuum() -> None:
+    """A ball on a table at x = 1, where walls face each other; y is free."""
+    found = lagcli.equilibrium(
+        lagcli.loads("""
+lagcli: 1
+particles: {a: {mass: 1, position: [1, 0, 0]}}
+forces: {weight: {to: all, force: [0, 0, -9.81*m]}}
+inequality: {table: a.z >= 0, left: a.x >= 1, right: 1 >= a.x, back: a.y >= 0}
+"""),
+        starts=4,
+    )
+    assert [point.dimension for point in found] == [1]
+    assert abs(found[0].at["a.x"] - 1) < 1e-9
 
 
 def test_families_of_a_knife_edge_are_told_once() -> None:
