@@ -53,6 +53,10 @@ class Metric:
         """The metric in which all coordinates weigh the same."""
         return cls(ca.DM.eye(n), held)
 
+    def plain(self) -> Metric:
+        """The unit metric over the coordinates that may move here."""
+        return Metric.unit(self._free.size, ~self._free)
+
     def whitened(self, B: ca.DM) -> ca.DM:
         """B M^-1/2 (C, free), sparse: rows whose lengths and angles are those of the metric."""
         free = np.flatnonzero(self._free)

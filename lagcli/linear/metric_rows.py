@@ -127,8 +127,8 @@ class MetricRows:
         return self._lengths
 
     def plain(self) -> MetricRows:
-        """These rows with the unit metric in place of the masses."""
-        return MetricRows(self._B, Metric.unit(self._B.shape[1]))
+        """These rows with the unit metric in place of the masses; what may not move may not move in it either."""
+        return MetricRows(self._B, self._metric.plain())
 
     def turned_from(self, other: MetricRows) -> float:
         """The largest change of an entry between these unit rows and others of one pattern."""

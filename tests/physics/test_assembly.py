@@ -323,6 +323,20 @@ def test_each_conflict_is_told():
     assert [set(re.findall(r"`(\w+)`", d.message)) for d in found] == [{"a", "b"}, {"c", "d"}]
 
 
+def test_rows_beside_kept_coordinates_are_counted_on_the_others(capfd):
+    """Four rows on three coordinates of which one may not move: no more than two go to IPOPT, and nothing is told on
+    the way to the answer, by CasADi or by NumPy."""
+    text = """
+lagcli: 1
+particles: {a: {mass: 1, position: [1.2, 0.1, 0.3]}}
+holonomic: {rod: norm(a) = 1, plane: a.y = 0, ramp: a.z = 0.5*a.x, hyperbola: a.x*a.z = 0.4}
+"""
+    with np.errstate(all="raise"):
+        found = refused(lagcli.simulate, text, assemble=True, keep=("a.x",))
+    assert {diagnostic.code for diagnostic in found} == {"no-consistent-start"}
+    assert capfd.readouterr() == ("", "")
+
+
 def test_what_keep_forbids_is_no_contradiction():
     laws = {"rod": "distance(p0, p1) = 1", "wall": "p1.x = 3"}
     (found,) = refused(
