@@ -84,12 +84,16 @@ def nearest(ready: CompiledModel) -> EquilibriumPoint | NoEquilibrium:
     """
     start = begin(ready)
     asked, q = problem(ready, static_laws.of_rest(ready.system, start.levels), start), start.state.q
-    found = [refine.nearest_equilibrium(asked, q)]
-    if effective_potential.origin(asked) == "declared":
+    falls = effective_potential.origin(asked) == "declared"
+    is_large = falls and asked.n + asked.C > refine.LARGE
+    found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.ASIDE)]
+    if falls:
         equations = RestEquations(asked, (), rest_equations.scales(asked, q))
         bottom = surface_descent.lowest(equations, q, 1.0)
         if bottom is not None:
             found.append(refine.nearest_equilibrium(asked, bottom))
+    if is_large and not any(isinstance(one, EquilibriumPoint) for one in found):
+        found.append(refine.nearest_equilibrium(asked, q))
     points = [one for one in found if isinstance(one, EquilibriumPoint)]
     if not points:
         return found[0]

@@ -70,7 +70,7 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
     columns = PointColumns(ready.system, problem.t, problem.p)
     points = [_point(ready, asked, columns, source, found) for found in search.points]
     are_unique = all(point.unique_multipliers for point in points)
-    notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, are_unique)]
+    notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, are_unique, starts)]
     notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
     points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
     best = search.best.residual if not points else None
@@ -132,7 +132,7 @@ def _multipliers(ready: CompiledModel, asked: StaticQuestion, found: FoundPoint)
     return lam, unique
 
 
-def _remarks(search: PointSearch, source: Origin, are_unique: bool) -> Iterator[str]:
+def _remarks(search: PointSearch, source: Origin, are_unique: bool, starts: int) -> Iterator[str]:
     """Notes on what was found and what was not looked for."""
     if source == "integrated":
         yield "forces that are declared without a potential have one; it is counted from the start"
@@ -149,4 +149,5 @@ def _remarks(search: PointSearch, source: Origin, are_unique: bool) -> Iterator[
         t = search.problem.t
         yield f"the equations hold t: points hold at every t that was looked at, lambda is that of t = {t:g}"
     if search.is_cut:
-        yield "the search ended at its budget of work"
+        ends = "" if search.starts > starts else f", after {search.starts} of {starts + 1} starts"
+        yield f"the search ended at its budget of work{ends}"

@@ -7,7 +7,7 @@ taken out of the equations (deflation), so that another is found.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -88,8 +88,9 @@ class PointSearch:
 
     def _start(self, begin: Floats) -> None:
         first, problem = not self.starts, self.problem
+        waits = self.options.has_potential and problem.n + problem.C > refine.LARGE
         if first:
-            self.take(self._nearest(begin))
+            self.take(self._nearest(begin, () if waits else refine.ASIDE))
         elif problem.K and self.options.pushes:
             self.take(refine.pushed(problem, begin, self.scales))
         sets = (
@@ -101,19 +102,23 @@ class PointSearch:
             self._from(begin, closed)
             if self.spent > BUDGET:
                 break
+        if first and waits and not self.points:
+            self.take(self._nearest(begin, refine.ASIDE))
         self.starts += 1
 
-    def _nearest(self, begin: Floats) -> EquilibriumPoint | NoEquilibrium:
+    def _nearest(self, begin: Floats, asides: Sequence[float]) -> EquilibriumPoint | NoEquilibrium:
         """The point reached from the start, which is always among the answers."""
         if self.options.pushes or not self.problem.K:
-            return refine.nearest_equilibrium(self.problem, begin)
+            return refine.nearest_equilibrium(self.problem, begin, asides)
         return refine.reached(self.problem, begin, (), self.scales)
 
     @property
     def spent(self) -> float:
         """The work so far: evaluations times the cost of one."""
         unknowns = self.problem.n + self.problem.C + self.problem.K
-        return self.problem.evaluations * (len(self.problem.times) * unknowns**3 / 50 + 1000.0)
+        # Of many unknowns what one evaluation leads to is mostly sparse algebra.
+        each = unknowns**3 / 50 if unknowns <= newton.DENSE else unknowns**3 / 5000 + 5000.0
+        return self.problem.evaluations * (len(self.problem.times) * each + 1000.0)
 
     def take(self, found: EquilibriumPoint | NoEquilibrium) -> bool:
         """Keep a point that is new; True if it is."""

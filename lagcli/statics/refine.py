@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,8 @@ BALANCED, SETTLED = 1e-9, 1e-5
 CLOSED = 1e-9
 # Sets of closed contacts that are tried in turn, and starts aside.
 CHANGES, ASIDE = 12, (0.003, 0.03, 0.1, 0.3)
+# Above so many unknowns a search costs so much that the starts aside wait until the way downhill has failed.
+LARGE = 60
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +44,9 @@ class NoEquilibrium:
     q: Floats
 
 
-def nearest_equilibrium(problem: StaticProblem, begin: Floats) -> EquilibriumPoint | NoEquilibrium:
+def nearest_equilibrium(
+    problem: StaticProblem, begin: Floats, asides: Sequence[float] = ASIDE
+) -> EquilibriumPoint | NoEquilibrium:
     """The point of rest reached from a configuration: by damped Newton steps, and from beside it where these fail.
 
     Contacts push: 0 <= lambda, 0 <= g, and one of them is zero.
@@ -49,7 +54,7 @@ def nearest_equilibrium(problem: StaticProblem, begin: Floats) -> EquilibriumPoi
     scales = rest_equations.scales(problem, begin)
     random = np.random.default_rng(20061)
     best = NoEquilibrium(np.inf, begin)
-    for part in (0.0, *ASIDE):
+    for part in (0.0, *asides):
         place = begin + part * scales.length * random.standard_normal(begin.size)
         if problem.K:
             found = pushed(problem, place, scales)

@@ -14,6 +14,9 @@ Floats = npt.NDArray[np.float64]
 MOST_STEPS, HALVINGS, STRIDE = 80, 12, 0.5
 # A slope of this part of the forces is the bottom, for Newton's steps to go on.
 LEVEL, ENOUGH = 1e-5, 1e-4
+# The part of the largest curvature below which one is not taken for more. A chain of n links has curvatures down to
+# about 1/n^2 of the largest: with more it would go down in hundreds of steps.
+FLAT = 1e-7
 FAR = 1e3  # sizes of things: downhill for ever
 
 
@@ -94,8 +97,10 @@ def _step(equations: RestEquations, q: Floats, sign: float) -> tuple[Floats | No
         return None, 0.0
     H = -sign * Z.T @ values.K @ Z
     curvatures, axes = np.linalg.eigh((H + H.T) / 2)
-    least = max(1e-3 * np.abs(curvatures).max(), 1e-3 * equations.scales.force / equations.scales.length)
+    length = equations.scales.length
+    least = FLAT * max(np.abs(curvatures).max(), equations.scales.force / length)
     downhill = axes.T @ (sign * Z.T @ values.F)
-    along = axes @ (downhill / np.maximum(np.abs(curvatures), least))
-    step: Floats = Z @ along
-    return step, float(downhill @ (downhill / np.maximum(np.abs(curvatures), least)))
+    # One axis that is nearly flat must not shorten the step along all others.
+    along = np.clip(downhill / np.maximum(np.abs(curvatures), least), -STRIDE * length, STRIDE * length)
+    step: Floats = Z @ (axes @ along)
+    return step, float(downhill @ along)
