@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.contact import nonnegative
 from lagcli.statics import continuum, newton, point_type, refine
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
@@ -16,7 +17,7 @@ from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 
-# The part of a unit step into a contact's free side below which it leaves no side.
+# Lengths of rows, and of what is left of one of length one, that are rounding.
 NO_SIDE = 1e-7
 
 
@@ -63,12 +64,9 @@ def told_with_its_continuum(
 
 
 def _without_side(G: Floats) -> list[bool]:
-    """For each row of G (k, d), whether G u >= 0 of all rows leaves it at 0."""
-    # A library that loads slowly, and edges are rare.
-    from scipy import optimize
-
-    k, d = G.shape
-    cost = np.concatenate([np.zeros(d), -np.ones(k)])
-    bounds = [(-1.0, 1.0)] * d + [(0.0, 1.0)] * k
-    found = optimize.linprog(cost, A_ub=np.hstack([-G, np.eye(k)]), b_ub=np.zeros(k), bounds=bounds)
-    return [bool(s <= NO_SIDE) for s in found.x[d:]]
+    """For each row of G (k, d), whether G u >= 0 of all rows leaves it at 0: then its opposite is a sum of rows with
+    weights that are not negative (Farkas)."""
+    sizes = np.linalg.norm(G, axis=1)
+    rows = G / np.where(sizes > NO_SIDE, sizes, 1.0)[:, None]
+    left = (nonnegative.residual(rows.T, -row) for row in rows)
+    return [rest is not None and float(np.linalg.norm(rest)) <= NO_SIDE for rest in left]
