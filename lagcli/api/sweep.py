@@ -61,8 +61,8 @@ def sweep(
     many `jobs`, processes of this machine. `limit_each` ends a point after so many seconds; `tables` is a folder for
     full tables. The other options are as of `simulate`; each row is that of a run of its own, to the last bit.
     Columns: `point`, the numbers of the point, the reductions, `status` (0, 1 invalid, 3 stopped), `message`, `t_end`;
-    `attrs` of the frame holds the account. Raises `ModelError`, `ValueError`, `OSError`, and `ImportError` without
-    pandas.
+    `attrs` of the frame holds the account. Raises `ModelError`, `ValueError`, `OSError`,
+    `RuntimeError` where workers were lost again and again, and `ImportError` without pandas.
     """
     try:
         import pandas  # noqa: F401 - before the runs, and not after them
@@ -95,7 +95,7 @@ def sweep(
     with engines.local(jobs) if executor is None else engines.given(executor) as engine:
         for found in engines.rows(engine, plan.task, plan.points, plan.numbers):
             rows += found
-    return _frame(plan, rows, bool(uncertain))
+    return _frame(plan, rows, bool(uncertain), engine.lost)
 
 
 def _points(
@@ -128,13 +128,14 @@ def _axis(model: Model, name: str, values: Values) -> SweepPoints:
     return point_sources.TableOfPoints([name], np.array(values, dtype=np.float64).reshape(-1, 1), "points")
 
 
-def _frame(plan: SweepPlan, rows: Sequence[PointRow], spreads: bool) -> pandas.DataFrame:
+def _frame(plan: SweepPlan, rows: Sequence[PointRow], spreads: bool, lost: int) -> pandas.DataFrame:
     import pandas
 
     from lagcli.api.sweeps import sweep_account
 
     account = sweep_account.SweepAccount([one.name for one in plan.task.reductions], spreads)
     account.take(rows)
+    account.lost = lost
     numbers = np.array([(*row.point, *row.results) for row in rows])
     names = plan.columns[1:-3]
     frame = pandas.DataFrame(numbers.reshape(len(rows), len(names)), columns=list(names))

@@ -91,6 +91,7 @@ def run(plan: SweepPlan, files: SweepFiles, has_spreads: bool) -> None:
             again = "" if files.target is None else "; --resume goes on after the rows there are"
             exits.say(f"lagcli: {lost}{again}")
             raise exits.Exit(exits.STOPPED) from None
+    account.lost = engine.lost
     _tell(plan, account, files, time.monotonic() - began)
     raise exits.Exit(account.code)
 
@@ -229,6 +230,8 @@ def _tell(plan: SweepPlan, account: SweepAccount, files: SweepFiles, seconds: fl
     if files.quiet:
         return
     exits.say(account.sentence())
+    if account.lost:
+        exits.say(account.of_workers())
     for name, spread in account.spreads().items():
         told = ", ".join(
             f"{100 * q:g} %: {value:.6g}"

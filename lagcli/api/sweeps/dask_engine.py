@@ -32,4 +32,5 @@ def cluster(address: str) -> Iterator[Engine]:
     with client:
         workers = sum(client.ncores().values())
         # Workers may come later; the scheduler hands out what waits.
-        yield Engine(client.get_executor(pure=False, retries=MOST_DEATHS), max(1, workers))
+        executor = client.get_executor(pure=False, retries=MOST_DEATHS)
+        yield Engine(executor, max(1, workers), deadly=(distributed.KilledWorker,))

@@ -8,26 +8,37 @@ from __future__ import annotations
 import concurrent.futures
 import contextlib
 import dataclasses
+import functools
 import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
+from typing import TYPE_CHECKING
 
 from lagcli.api.sweeps import point_task
 from lagcli.api.sweeps.point_sources import SweepPoints
 from lagcli.api.sweeps.point_task import PointRow, PointTask
 
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
 # Seconds of work of a part, long beside its way to another process and short beside the wait of a person.
 PART_SECONDS = 0.5
 # Points of a part; and parts that are under way, for each worker: one that takes long does not keep the others waiting.
 MOST_IN_PART, PARTS_EACH = 256, 16
+MOST_NAMED = 8  # points in a message
 PAUSE = 0.2  # seconds between looks at interrupts while parts are under way
-# Times that a pool of processes is made anew when the system has ended one of them.
-MOST_POOLS = 3
+# Pools of processes that are made with all parts under way, when the system has ended a process of each; then every
+# point goes alone, to find the one that is the reason. Points that end their process one after the other, with no other
+# point between them, say that it is not the points.
+MOST_POOLS, MOST_ENDINGS = 3, 3
 
 Finished = tuple[list[PointRow], float]
+
+
+ENDED = "the process that ran it was ended by the system, for want of memory perhaps"
 
 
 class WorkersLost(RuntimeError):
@@ -36,11 +47,17 @@ class WorkersLost(RuntimeError):
 
 @dataclasses.dataclass(slots=True)
 class Engine:
-    """An executor with the number of its workers; `renew` makes another one when its processes were ended."""
+    """An executor with the number of its workers; `renew` makes another one when its processes were ended.
+
+    deadly: what a future raises whose part has ended a worker of an executor that goes on without it; lost: how often
+    workers were ended so far.
+    """
 
     executor: Executor | None = None
     workers: int = 1
     renew: Callable[[], Executor] | None = None
+    deadly: tuple[type[Exception], ...] = ()
+    lost: int = 0
 
 
 @contextlib.contextmanager
@@ -50,12 +67,16 @@ def local(jobs: int) -> Iterator[Engine]:
         yield Engine()
         return
 
-    def pool() -> Executor:
-        # Spawned on every system: what is forked from a process with threads may wait for ever.
-        import multiprocessing
+    # Spawned on every system: what is forked from a process with threads may wait for ever.
+    import multiprocessing
 
-        context = multiprocessing.get_context("spawn")
-        return concurrent.futures.ProcessPoolExecutor(jobs, context, initializer=_begin_worker)
+    context = multiprocessing.get_context("spawn")
+    # Workers end when the other end of this pipe is closed: what they still compute then is not wanted.
+    wanted, end = context.Pipe(duplex=False)
+
+    def pool() -> Executor:
+        begin = functools.partial(_begin_worker, wanted)
+        return concurrent.futures.ProcessPoolExecutor(jobs, context, initializer=begin)
 
     engine = Engine(pool(), jobs, pool)
     try:
@@ -63,7 +84,8 @@ def local(jobs: int) -> Iterator[Engine]:
     finally:
         assert engine.executor is not None
         engine.executor.shutdown(wait=False, cancel_futures=True)
-        _end_workers()
+        end.close()
+        wanted.close()
 
 
 @contextlib.contextmanager
@@ -109,25 +131,35 @@ class _Stream:
         self._parts: dict[int, range] = {}  # sent and not handed out, by the place of their first point
         self._under_way: dict[Future[Finished], int] = {}
         self._come: dict[int, list[PointRow]] = {}
+        self._has_come = False
         self._pools = 1
+        self._alone: list[int] = []  # places of points that go one at a time, after all pools were lost
+        self._endings = 0  # of workers by points that went alone, since one has come
 
     def rows(self) -> Iterator[list[PointRow]]:
         """See the function `rows`."""
-        most = PARTS_EACH * self._engine.workers
         while self._sent < len(self._numbers) or self._parts:
-            while self._sent < len(self._numbers) and len(self._parts) < most:
-                part = self._numbers[self._sent : self._sent + self._size]
-                self._parts[self._sent] = part
-                self._send(self._sent)
-                self._sent += len(part)
+            if not self._alone:
+                self._send_more()
+            elif not self._under_way:
+                self._send(self._alone[0])
             done, _ = concurrent.futures.wait(self._under_way, PAUSE, concurrent.futures.FIRST_COMPLETED)
             for future in done:
-                self._take(future)
+                if future in self._under_way:  # else of a pool that was given up
+                    self._take(future, self._under_way.pop(future))
             ready: list[PointRow] = []
             while self._parts and (first := next(iter(self._parts))) in self._come:
                 ready += self._come.pop(first)
                 del self._parts[first]
             yield ready
+
+    def _send_more(self) -> None:
+        most = PARTS_EACH * self._engine.workers
+        while self._sent < len(self._numbers) and len(self._parts) < most and not self._alone:
+            part = self._numbers[self._sent : self._sent + self._size]
+            first, self._sent = self._sent, self._sent + len(part)
+            self._parts[first] = part
+            self._send(first)
 
     def _send(self, first: int) -> None:
         part = self._parts[first]
@@ -140,53 +172,100 @@ class _Stream:
             return
         self._under_way[future] = first
 
-    def _take(self, future: Future[Finished]) -> None:
-        if future not in self._under_way:  # of a pool that was given up
-            return
+    def _take(self, future: Future[Finished], first: int) -> None:
+        """Take what has come of a part. Raises what it has raised, and `WorkersLost`."""
         try:
             found, seconds = future.result()
         except BrokenProcessPool:
+            if self._alone:
+                self._end_alone()
             self._renew()
             return
-        self._come[self._under_way.pop(future)] = found
+        except concurrent.futures.CancelledError:
+            raise WorkersLost(f"the executor has ended while {self._named()} were under way") from None
+        except self._engine.deadly:
+            self._engine.lost += 1
+            self._divide(first)
+            return
+        self._has_come, self._endings = True, 0
+        self._come[first] = found
         self._size = _size(seconds / len(found))
+        if self._alone:
+            self._alone.pop(0)
+            self._pools = 1  # when the last of them is there, parts go out as before
+
+    def _divide(self, first: int) -> None:
+        """Send the points of a part that has ended its worker one by one; of one point make a row."""
+        if len(self._parts[first]) == 1:
+            self._come[first] = [self._ended(first)]
+            return
+        for place in self._singly([first]):
+            self._send(place)
+
+    def _singly(self, places: Sequence[int]) -> list[int]:
+        """Divide parts at these places into parts of one point; the places of these."""
+        found = [place + i for place in places for i in range(len(self._parts[place]))]
+        self._parts |= {place: self._numbers[place : place + 1] for place in found}
+        self._parts = dict(sorted(self._parts.items()))
+        return found
+
+    def _ended(self, first: int) -> PointRow:
+        number = self._parts[first][0]
+        return point_task.stopped(self._task, number, self._points.point(number), ENDED)
+
+    def _end_alone(self) -> None:
+        """Make a row of the point that went alone when its worker was ended."""
+        self._endings += 1
+        if self._endings > MOST_ENDINGS:
+            raise self._lost()
+        first, self._pools = self._alone.pop(0), 1
+        self._come[first] = [self._ended(first)]
 
     def _renew(self) -> None:
         """Make the pool anew and send again what was under way. Raises `WorkersLost`."""
-        waiting = [first for first in self._parts if first not in self._come]
-        self._pools += 1
-        if self._engine.renew is None or self._pools > MOST_POOLS:
-            named = ", ".join(str(self._parts[first][0]) for first in waiting[:PARTS_EACH])
-            raise WorkersLost(
-                f"worker processes were ended {self._pools - 1} times, for want of memory perhaps, while the points"
-                f" from {named} on were under way"
-            )
+        self._engine.lost += 1
+        if self._engine.renew is None:
+            raise self._lost()
         self._under_way.clear()
         self._engine.executor = self._engine.renew()
-        for first in waiting:
-            self._send(first)
+        if self._alone:
+            return
+        self._pools += 1
+        waiting = [first for first in self._parts if first not in self._come]
+        if self._pools <= MOST_POOLS:
+            executor = self._engine.executor
+            for first in waiting:
+                self._send(first)
+                if self._engine.executor is not executor:
+                    break  # to the next one everything has been sent
+        elif self._has_come:
+            self._alone = self._singly(waiting)
+        else:
+            raise self._lost()
+
+    def _lost(self) -> WorkersLost:
+        return WorkersLost(
+            f"worker processes were ended {self._engine.lost} times, for want of memory perhaps, while"
+            f" {self._named()} were under way"
+        )
+
+    def _named(self) -> str:
+        waiting = [str(self._parts[first][0]) for first in self._parts if first not in self._come]
+        return f"the points from {', '.join(waiting[:MOST_NAMED])} on"
 
 
-def _begin_worker() -> None:
+def _begin_worker(wanted: Connection) -> None:
     """A worker leaves interrupts to the process that it works for, and ends with it, however that ends."""
     import multiprocessing
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    ends = [wanted] if parent is None else [wanted, parent.sentinel]
+    threading.Thread(target=_end_with, args=(ends,), daemon=True).start()
 
 
-def _end_with(sentinel: int) -> None:
+def _end_with(ends: Sequence[Connection | int]) -> None:
     from multiprocessing import connection
 
-    connection.wait([sentinel])
+    connection.wait(ends)
     os._exit(1)
-
-
-def _end_workers() -> None:
-    """End the processes that this one has started: what they still compute is not wanted."""
-    import multiprocessing
-
-    for process in multiprocessing.active_children():
-        process.terminate()

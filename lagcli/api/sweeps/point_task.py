@@ -80,6 +80,11 @@ class PointRow:
     t_end: float
 
 
+def stopped(task: PointTask, number: int, point: Point, message: str) -> PointRow:
+    """The row of a point that was stopped before its first row."""
+    return PointRow(number, point, (math.nan,) * len(task.reductions), STOPPED, message, math.nan)
+
+
 class OverTime(Exception):
     """A point takes longer than it may."""
 

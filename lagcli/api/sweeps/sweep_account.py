@@ -39,6 +39,7 @@ class SweepAccount:
 
     def __init__(self, names: Sequence[str], spreads: bool) -> None:
         self.done = self.stopped = self.invalid = 0
+        self.lost = 0  # times that workers were ended by the system
         self._values = {name: array.array("d") for name in names} if spreads else {}
 
     @property
@@ -81,10 +82,16 @@ class SweepAccount:
         parts = [f"{self.done} done", f"{self.stopped} stopped", f"{self.invalid} invalid"]
         return f"{self.points} points: {', '.join(parts)}"
 
+    def of_workers(self) -> str:
+        """The workers that were lost, in words."""
+        times = "once" if self.lost == 1 else f"{self.lost} times"
+        return f"workers were ended by the system {times}; what they were computing has been computed again"
+
     def as_json(self) -> dict[str, object]:
         """The object of `--json`."""
         counts: dict[str, object] = {
             "points": self.points, "done": self.done, "stopped": self.stopped, "invalid": self.invalid,
+            "workers_lost": self.lost,
         }  # fmt: skip
         if self._values:
             counts["results"] = {name: spread.as_json() for name, spread in self.spreads().items()}

@@ -1,0 +1,112 @@
+"""Processes of a sweep that the system ends: no point is lost, and the account says what happened."""
+
+import itertools
+import multiprocessing
+import os
+import pathlib
+import signal
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+
+import lagcli
+from lagcli.api.sweeps import engines, point_sources, point_task, reductions, sweep_journal, sweep_plan
+from tests.helpers import in_process
+
+PENDULUM = str(pathlib.Path(__file__).parents[2] / "models" / "pendulum.yaml")
+COMMON = ("sweep", PENDULUM, "--over", "L=0.5:2:40", "--reduce", "peak=max(lambda.rod)", "--duration", "0.5")
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="there is no such signal")
+
+
+class Deadly(float):
+    """A number that ends the process that reads it."""
+
+    def __reduce__(self) -> tuple[Callable[[int], object], tuple[int]]:
+        return os._exit, (1,)
+
+
+class PointsWith:
+    """The points of a source, with numbers at some places that end a process."""
+
+    def __init__(self, source: point_sources.SweepPoints, deadly: tuple[int, ...]) -> None:
+        self.names, self.count, self.digest = source.names, source.count, source.digest
+        self._source, self._deadly = source, deadly
+
+    def point(self, number: int) -> tuple[float, ...]:
+        found = self._source.point(number)
+        return tuple(map(Deadly, found)) if number in self._deadly else found
+
+
+def plan(points: int) -> sweep_plan.SweepPlan:
+    model = lagcli.load(PENDULUM)
+    over = [point_sources.over(model, f"L=0.5:2:{points}")]
+    kept = reductions.read(["peak=max(lambda.rod)"])
+    return sweep_plan.plan(model, over, kept, sweep_plan.SweepSettings({"duration": 0.3, "samples": 4}, 10.0))
+
+
+def test_a_worker_that_is_killed_takes_no_point_along(tmp_path: pathlib.Path) -> None:
+    here, there = tmp_path / "here.csv", tmp_path / "there.csv"
+    assert in_process.run(*COMMON, "-o", here)[2] == 0
+    journal = sweep_journal.path_of(there)
+
+    def kill() -> None:
+        while not (journal.exists() and journal.read_bytes().count(b"\n") > 1):
+            time.sleep(0.005)
+        os.kill(multiprocessing.active_children()[0].pid or 0, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    _, told, code = in_process.run(*COMMON, "-o", there, "--jobs", "2")
+    killer.join()
+    assert code == 0
+    assert there.read_bytes() == here.read_bytes()
+    assert "workers were ended by the system once; what they were computing has been computed again" in told
+
+
+def test_a_point_that_ends_its_process_is_a_row_and_the_rest_unharmed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = plan(12)
+    monkeypatch.setattr(engines, "MOST_POOLS", 1)
+    points = PointsWith(asked.points, (7,))
+    with engines.local(2) as engine:
+        found = [row for rows in engines.rows(engine, asked.task, points, asked.numbers) for row in rows]
+    alone = [
+        row
+        for rows in engines.rows(engines.Engine(), asked.task, asked.points, asked.numbers)
+        for row in rows
+    ]
+    assert [row.number for row in found] == list(range(12))
+    assert found[:7] + found[8:] == alone[:7] + alone[8:]
+    assert (found[7].status, found[7].message) == (point_task.STOPPED, engines.ENDED)
+    assert engine.lost == 2  # once among others, once alone
+
+
+def test_workers_that_all_end_are_told_and_nothing_is_made_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = plan(6)
+    monkeypatch.setattr(engines, "MOST_POOLS", 1)
+    points = PointsWith(asked.points, tuple(range(6)))
+    found: list[point_task.PointRow] = []
+    with engines.local(2) as engine, pytest.raises(engines.WorkersLost, match="the points from 0, 1, 2"):
+        found.extend(itertools.chain.from_iterable(engines.rows(engine, asked.task, points, asked.numbers)))
+    assert found == []
+
+
+def test_other_processes_of_the_caller_are_left_alone() -> None:
+    asked = plan(2)
+    other = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
+    other.start()
+    try:
+        with engines.local(2) as engine:
+            assert sum(map(len, engines.rows(engine, asked.task, asked.points, asked.numbers))) == 2
+        workers = [one for one in multiprocessing.active_children() if one.pid != other.pid]
+        for worker in workers:
+            worker.join(timeout=30)
+        assert not any(worker.is_alive() for worker in workers)
+        assert other.is_alive()
+    finally:
+        other.kill()
+        other.join()
