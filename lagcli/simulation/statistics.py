@@ -24,8 +24,9 @@ class Figures:
     """Extremes over the rows of a run, each of which is a float; energies in the model's unit.
 
     position_drift, velocity_drift: largest |f_i| / |B_i|, |g_j| / |dg_j|, and |B_i v + b_i| / |B_i|
-    start, rest: the Jacobi energy H and its part without velocities at the start
-    imbalance: largest |H(t) - H(start) - W(t)|; moving, resting: largest |H - rest| and |rest - rest(start)|;
+    start: the Jacobi energy H less W at the first row, after an impact at the start; rest: its part without
+        velocities there
+    imbalance: largest |H(t) - start - W(t)|; moving, resting: largest |H - rest| and |rest - rest(start)|;
     largest: largest |H| and |rest|; unbalanced: 1 where W is not known from some step on; penetration: largest -g_j
     """
 
@@ -138,6 +139,7 @@ class RunStatistics:
         """Take the figures of rows, (k, 5), in their order."""
         if self.figures is None and len(rows):
             unbalanced = float(not self.is_balanced)
-            self.figures = Figures(float(rows[0, 2]), float(rows[0, 3]), unbalanced=unbalanced)
+            _, _, jacobi, rest, work = rows[0].tolist()
+            self.figures = Figures(jacobi - work, rest, unbalanced=unbalanced)
         if self.figures is not None:
             self.figures = self.figures.with_rows(rows)

@@ -77,3 +77,20 @@ def test_penetration_is_looked_for_in_all_rows():
     rows = found.rows.copy()
     rows[3, found.columns.index("a.z")] = -0.25
     assert gaps.deepest(rows) == 0.25
+
+
+@pytest.mark.parametrize("table", ["a.z >= 0", "a.z >= t", "a.z >= sin(3*t)/4"])
+@pytest.mark.parametrize("e", [0, 0.5])
+def test_an_impact_at_the_start_is_in_the_balance_of_the_energy(table, e):
+    run = lagcli.simulate(
+        lagcli.loads(
+            "lagcli: 1\n"
+            "particles: {a: {mass: 3, position: [0, 0, 0], velocity: [0.2, 0, -1]}}\n"
+            'forces: {weight: {to: all, force: "[0, 0, -9.81*m]"}}\n'
+            f"inequality: {{table: {{condition: {table}, restitution: {e}}}}}\n"
+        ),
+        duration=1,
+    )
+    assert run.events["t"][0] == 0
+    assert run.events["kind"][0] == "impact"
+    assert run.stats.energy_imbalance < 1e-9
