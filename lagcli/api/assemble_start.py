@@ -7,22 +7,19 @@ from lagcli.api import cache
 from lagcli.equations import restart
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.start import assembly, initial
+from lagcli.start import consistent_start
+from lagcli.start.assembly import Assembly
 
 
-def assembled(model: Model) -> tuple[Model, assembly.Assembly]:
+def assembled(model: Model) -> tuple[Model, Assembly]:
     """The model with its start moved to the nearest consistent state, and how far. Raises `diagnostics.ModelError`."""
     ready = cache.compiled(model)
     built, numeric = ready.system, ready.numeric
     try:
-        found = assembly.assemble(
-            built, numeric, initial.declared(built), model.simulation.keep, one_sided=True
-        )
+        found = consistent_start.nearest(built, numeric)
     except diagnostics.ModelError as error:
         if not hidden_conditions.is_conflict(error):
             raise
         case = hidden_conditions.classified(built, numeric).case
-        found = assembly.assemble(
-            case.system, case.numeric, initial.declared(case.system), model.simulation.keep, one_sided=True
-        )
+        found = consistent_start.nearest(case.system, case.numeric)
     return restart.at(model, found.state.q, found.state.v), found

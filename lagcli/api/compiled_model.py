@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Literal
 
 from lagcli import compiled
-from lagcli.api import known_integrals, known_starts
+from lagcli.api import known_integrals
 from lagcli.equations import system, time_functions
 from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.simulation import invariants
+from lagcli.start import known_starts
 
 Integrals = known_integrals.Integrals
 

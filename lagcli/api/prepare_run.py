@@ -12,7 +12,6 @@ from lagcli.analysis.classification import hidden_conditions
 from lagcli.api import cache, run_settings
 from lagcli.api.compiled_model import CompiledModel
 from lagcli.api.known_integrals import KnownIntegrals
-from lagcli.api.known_starts import KnownStarts, Start
 from lagcli.api.load import Path
 from lagcli.api.simulation_run import PreparedRun, SimulationRun
 from lagcli.compiled import NumericSystem
@@ -22,17 +21,18 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation
 from lagcli.simulation import checkpoint as checkpoints
-from lagcli.simulation import invariants, loop, run_start
-from lagcli.simulation.global_error import error_estimate, reference_run
-from lagcli.start import assembly, gaps, initial
+from lagcli.simulation import fresh_run, invariants, loop
+from lagcli.simulation.global_error import error_estimate
+from lagcli.start import consistent_start, initial
+from lagcli.start.consistent_start import ConsistentStart
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ExaminedStart:
-    """A state where a run can begin: `whole` is the system with the hidden conditions, where there are some."""
+    """The start of a run and what is known there: `whole` is the system with the hidden conditions, where there are
+    some."""
 
-    state: initial.State
-    assembly: assembly.Assembly | None
+    start: ConsistentStart
     known: KnownIntegrals
     whole: tuple[system.System, NumericSystem] | None
 
@@ -136,71 +136,42 @@ def _started(
     """The parts of a run from its start; `began`: when the work for it did. Raises `diagnostics.ModelError`."""
     built = ready.system
     size_limits.require_run(built)
-    times = ready.timed()
     examined = _examined_start(ready, known, limit)
-    state, found = examined.state, examined.known
+    state, found = examined.start.state, examined.known
     begin = redundancy.begin(built, ready.numeric, state, examined.whole, found.orbits)
     open_ = dataclasses.replace(begin.selection, inactive=ready.numeric.selection.inactive)
-    held, notes = invariants.begin(ready.integrals(found.integrals).keeping(open_), state)
-    if not begin.is_singular:
-        with_constants = dataclasses.replace(state, p=held.parameters)
-        initial.require_finite(built, held.functions.numeric, with_constants)
-    first, chosen = run_start.RunStart(state.q, state.v, begin.is_singular), built.model.simulation
-    run = loop.start(held, first, chosen, built.columns, (*notes, *found.notes), times)
-    repeated = reference_run.RunWithReference(built, run, held, first, chosen) if digits else None
+    held = ready.integrals(found.integrals).keeping(open_)
+    fresh = fresh_run.begin(held, state, begin.is_singular, ready.timed(), found.notes, digits)
     return PreparedRun(
         ready,
         state,
-        run,
+        fresh.run,
         found.integrals,
         time.perf_counter() - began,
         found.conditions,
-        examined.assembly,
-        repeated,
+        examined.start.assembly,
+        fresh.repeated,
     )
 
 
 def _examined_start(ready: CompiledModel, known: KnownIntegrals | None, limit: float) -> ExaminedStart:
     """The start, on hidden conditions too. Raises `diagnostics.ModelError`."""
 
-    def find() -> KnownIntegrals:
+    def integrals() -> KnownIntegrals:
         return ready.first_integrals(limit) if known is None else known
 
-    state = initial.declared(ready.system)
     try:
-        begin, moved = _consistent(ready.system, ready.numeric, state, ready.starts)
-        found = find()
+        begin = ready.starts.find(ready.system, ready.numeric)
+        found = integrals()
     except diagnostics.ModelError as error:
         # Off a hidden condition no velocity satisfies the rows.
-        found = find() if hidden_conditions.is_conflict(error) else KnownIntegrals()
+        found = integrals() if hidden_conditions.is_conflict(error) else KnownIntegrals()
         if not found.conditions:
             raise
     if not found.conditions:
-        return ExaminedStart(begin, moved, found, None)
+        return ExaminedStart(begin, found, None)
     whole = hidden_conditions.extended(ready.system, found.conditions)
     numeric = NumericSystem(whole)
-    begin, moved = _consistent(whole, numeric, state)
-    return ExaminedStart(begin, moved, found, (whole, numeric))
-
-
-@progress.phase("looking at the start")
-def _consistent(
-    built: system.System, numeric: NumericSystem, start: initial.State, known: KnownStarts | None = None
-) -> Start:
-    """The start, assembled where that is wanted, and how. Raises `diagnostics.ModelError` where no run can begin."""
-    if known is not None:
-        return known.at(built, numeric, start, _examined)
-    return _examined(built, numeric, start)
-
-
-def _examined(built: system.System, numeric: NumericSystem, start: initial.State) -> Start:
-    chosen = built.model.simulation
-    initial.inertia(built, numeric, start)
-    residuals = initial.residuals(built, numeric, start)
-    if not chosen.assemble:
-        assembly.require_consistent(built, numeric, start, residuals)
-        gaps.require_outside(built, numeric, start)
-        return assembly.settled(built, numeric, start), None
-    moved = assembly.assemble(built, numeric, start, chosen.keep, one_sided=True)
-    initial.inertia(built, numeric, moved.state)
-    return moved.state, moved
+    # The conditions may have angles of their own, whose cuts the whole system counts among its values.
+    begin = consistent_start.find(whole, numeric).with_numbers(system.values(ready.system))
+    return ExaminedStart(begin, found, (whole, numeric))
