@@ -11,6 +11,7 @@ import dataclasses
 
 import numpy as np
 
+from lagcli.auditing import flight_quadrature
 from lagcli.auditing.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.autodiff import Array
 from lagcli.auditing.checks_impact import ImpactEvidence
@@ -97,28 +98,21 @@ def flown(e: Evidence, found: Flights) -> Check:
         )
     one, other = found.begin.part(k), found.end.part(k)
     h = (other.t - one.t)[:, None]
-    middle = dataclasses.replace(
-        one,
-        t=(one.t + other.t) / 2,
-        q=(one.q + other.q) / 2 + h / 8 * (one.v - other.v),
-        v=1.5 * (other.q - one.q) / h - (one.v + other.v) / 4,
-    )
-    a, b, c = (motion.accelerations(r) for r in (one, middle, other))
-    ways = h / 6 * (a + 4 * b + c)
-    unknown_v = np.abs(ways - h / 2 * (a + c)) + np.abs(ways) * SAFETY * e.tolerance.rtol
+    way = flight_quadrature.integrals(one, other, motion.accelerations)
+    unknown_v = way.unknown_velocities + np.abs(way.velocities) * SAFETY * e.tolerance.rtol
     if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
-        unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(middle, b))
-    residual_v = other.v - one.v - ways
-    bend = h * h / 12 * (a - c)
-    residual_q = other.q - one.q - h / 2 * (one.v + other.v) - bend
+        unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(way.middle, way.acceleration))
+    residual_v = other.v - one.v - way.velocities
+    unknown_bend = way.unknown_places
+    residual_q = other.q - one.q - h / 2 * (one.v + other.v) - way.places
     size_v = np.abs(e.record.v).max(axis=0, initial=0.0)
     size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * one.v))
     if motion.has_rows:
-        bend = _of_particles(bend)
+        unknown_bend = _of_particles(unknown_bend)
         size_v, size_q = _of_particles(size_v[None]), _of_particles(size_q)
     rebounds = found.has_rebounds[k][:, None]
     unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v), unknown_v)
-    unknown_q = np.abs(bend) + np.where(rebounds, 0.0, h * unknown_v)
+    unknown_q = unknown_bend + np.where(rebounds, 0.0, h * unknown_v)
     unknown_q = np.where(rebounds, np.maximum(unknown_q, RESOLVED * size_q), unknown_q)
     limit_v, limit_q = 2 * SAFETY * e.off_v + unknown_v, 2 * SAFETY * (e.off_q + h * e.off_v) + unknown_q
     judged_v = unknown_v <= np.maximum(RESOLVED * size_v, 2 * SAFETY * e.off_v)
