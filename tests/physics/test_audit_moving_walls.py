@@ -60,6 +60,21 @@ differential: {blade: "(b.x - a.x)*a.vy = (b.y - a.y)*a.vx"}
 inequality: {wall: {condition: "b.x <= 1.2 - 0.1*t", restitution: 0.5}}
 simulation: {duration: 2, samples: 201}
 """
+# A ball that falls into a bowl, slides in it, and leaves it at walls: contacts rest between the incidents.
+BOWL = """\
+lagcli: 1
+particles:
+  p: {mass: 1, position: [-1, 0, 1], velocity: [0, 0, 0]}
+  q: {mass: 2, position: [3, 0, 1], velocity: [-1, 0, 0]}
+forces: {weight: {to: all, force: [0, 0, -9.81*m]}}
+holonomic: {plane: "p.y = 0", other: "q.y = 0"}
+inequality:
+  bowl: "distance(p, [0, 0, 2]) <= 2"
+  wall: {condition: "p.x <= 0.5", restitution: 0.5}
+  floor: "q.z >= 0.9"
+  door: {condition: "q.x >= 2.4", restitution: 0.5}
+simulation: {duration: 1.2, samples: 121}
+"""
 MODELS = {"dumbbell": LED_DUMBBELL, "places": MOVING_PLACES, "skate": SKATE, "blade": BLADE}
 
 
@@ -266,3 +281,18 @@ def test_the_energy_that_impacts_take_holds_that_of_a_lagrangian() -> None:
         )
 
     assert lost == pytest.approx(motion("before") - motion("after"), rel=1e-9)
+
+
+def test_flights_while_contacts_rest_are_judged() -> None:
+    found = Tables(BOWL)
+    told = found.audited().check("flights")
+    assert told.verdict == "pass"
+    assert told.judged >= 0.9 * told.entries
+
+
+@pytest.mark.parametrize("name", ["wall", "door"])
+def test_an_impact_that_is_late_while_contacts_rest_is_found(name: str) -> None:
+    found = Tables(BOWL)
+    rows = [k for k, each in enumerate(found.names) if each == name]
+    found.incidents[found.incidents[:, 0] == found.incidents[rows[0], 0], 0] += 1e-6
+    assert "flights" in fails(found.audited())
