@@ -70,6 +70,15 @@ def audited(scene: Scene) -> list[str]:
     return [f"{check.name} fails: {check.worst}" for check in checks if check.verdict == "fail"]
 
 
+def chain_verdict(seed: int) -> Verdict:
+    """Both judgements of a chain."""
+    scene = chain_models.chain(seed)
+    verdict = judged(scene)
+    if verdict.outcome != "done":
+        return verdict
+    return dataclasses.replace(verdict, faults=[*verdict.faults, *audited(scene)])
+
+
 def against_closed_form(scene: Scene, run: motion_legs.Recorded) -> tuple[list[str], int]:
     """Faults of a run beside the closed form, and the number of impacts that were compared.
 
@@ -118,9 +127,7 @@ def work(are_chains: bool) -> None:
     """Judge the numbers that come in, one a line."""
     for line in sys.stdin:
         number = int(line)
-        verdict = (
-            audited(chain_models.chain(number)) if are_chains else judged(one_sided_models.scene(number))
-        )
+        verdict = chain_verdict(number) if are_chains else judged(one_sided_models.scene(number))
         print(json.dumps(dataclasses.asdict(verdict)), flush=True)
 
 

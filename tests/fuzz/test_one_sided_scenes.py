@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.fuzz.one_sided import audited, judged
+from tests.fuzz.one_sided import audited, chain_verdict, judged
 from tests.helpers import chain_models, one_sided_models
 
 # The last ones: spheres that turn round at each other between two places of a step, a rebound too slow to be one, an
@@ -27,3 +27,8 @@ def test_no_contact_is_missed_entered_or_pulls_and_every_impact_obeys_the_law(se
 @pytest.mark.parametrize("seed", CHAINS)
 def test_chains_between_moving_walls_pass_their_own_audit(seed: int) -> None:
     assert audited(chain_models.chain(seed)) == []
+
+
+def test_a_chain_is_judged_leg_by_leg_and_by_its_audit() -> None:
+    verdict = chain_verdict(2)
+    assert (verdict.outcome, verdict.faults, verdict.impacts) == ("done", [], 8)
