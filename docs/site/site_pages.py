@@ -19,10 +19,16 @@ from mkdocs.structure.pages import Page
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
+WITHIN = re.compile(r"(\[[^\]]*\]\()#(?=\d)")
 ENTRY = re.compile(r"^- \[([^\]]+)\]\(([^)]+)\)")
 GROUP = re.compile(r"^(?:\*\*(.+)\*\*|## (.+))$")
 # The front page of the repository beside that of the documentation.
 NAMES = {"README.md": "front-page.md"}
+# A number may not begin the name of an element that the theme looks for while one scrolls.
+NUMBERED = re.compile(r"#(?=\d)")
+SAFE = "#part-"
+# The theme sets a property of these, which it has with its highlighting alone; without them its colours do not switch.
+SWITCHED = '<style id="hljs-light"></style><style id="hljs-dark"></style>'
 LAST = {
     "Gallery": "models/README.md",
     "Front page of the repository": "README.md",
@@ -45,8 +51,19 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def anchor(heading: str, separator: str) -> str:
-    """The name of a heading in links, as in the repository."""
-    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", separator)
+    """The name of a heading in links, as in the repository; `on_page_markdown` moves links to those that are not."""
+    name = re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", separator)
+    return NUMBERED.sub(SAFE, f"#{name}")[1:]
+
+
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """Add the elements that the theme switches."""
+    return output.replace("</head>", f"{SWITCHED}</head>", 1)
+
+
+def on_post_template(output_content: str, template_name: str, config: MkDocsConfig) -> str:
+    """The same for a page that is made of a template alone."""
+    return output_content.replace("</head>", f"{SWITCHED}</head>", 1)
 
 
 def _menu() -> Iterator[dict[str, Any]]:
@@ -88,9 +105,9 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         target = _target(path, found[2])
         if target is None:
             return found[0]
-        return f"{found[1]}{os.path.relpath(_address(target), here).replace(os.sep, '/')}{found[3]}"
+        return f"{found[1]}{os.path.relpath(_address(target), here).replace(os.sep, '/')}{NUMBERED.sub(SAFE, found[3])}"
 
-    return LINK.sub(moved, markdown)
+    return LINK.sub(moved, WITHIN.sub(rf"\1{SAFE}", markdown))
 
 
 def _target(page: pathlib.Path, link: str) -> pathlib.Path | None:

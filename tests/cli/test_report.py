@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 import lagcli
+from lagcli.api import report
 from lagcli.output.report import browser_pdf, model_listing, report_writer
 from tests.helpers import in_process
 
@@ -168,6 +169,31 @@ def test_a_stopped_run_is_written_and_told(tmp_path):
     assert len(alarms) == 1
     assert any("The run stopped before its end" in text for text in page.texts)
     assert "lagcli: " in err
+
+
+def test_a_report_whose_audit_fails_is_written_and_told(tmp_path, monkeypatch):
+    """A run whose multiplier is off by a hundredth is no motion of the model."""
+    made = report._run
+
+    def bent(model, digits, limit):
+        run = made(model, digits, limit)
+        run.rows[:, run.columns.index("lambda.rod")] *= 1.01
+        return run
+
+    monkeypatch.setattr(report, "_run", bent)
+    file = tmp_path / "report.html"
+    _, err, code = in_process.run("report", str(MODELS / "pendulum.yaml"), "-o", str(file), "--duration", "1")
+    assert code == 1
+    assert "the audit fails; the page says which checks" in err
+    page = StrictPage(file.read_text(encoding="utf-8"))
+    alarms = [a for tag, a in page.elements if tag == "p" and a.get("class") == "alarm"]
+    assert len(alarms) == 1
+    told = "".join(page.texts)
+    assert "The audit failed: 3 checks fail: the table is not a motion of this model." in told
+    again = lagcli.report(MODELS / "pendulum.yaml", duration=1)
+    assert again.passed is False
+    assert "audit failed" in repr(again)
+    assert "The audit failed" in again.markdown("figures")
 
 
 def test_an_inconsistent_start_is_the_error_of_simulate(tmp_path):

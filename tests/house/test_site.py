@@ -41,3 +41,15 @@ def test_pages_fetch_nothing_from_elsewhere(site: pathlib.Path) -> None:
         fetched += re.findall(r'<link[^>]*?href="([^"]+)"', text)
         assert fetched
         assert not [address for address in fetched if re.match(r"(?:[a-z]+:)?//", address)], page.name
+
+
+def test_the_scripts_of_the_theme_find_what_they_look_for(site: pathlib.Path) -> None:
+    """Elements that it switches between light and dark, and headings whose names are selectors."""
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert 'id="hljs-light"' in text
+        assert 'id="hljs-dark"' in text
+        assert re.findall(r'(?:id="|href="#)\d[^"]*"', text) == [], page.name
+    tutorial = (site / "tutorial.html").read_text(encoding="utf-8")
+    assert 'id="part-1-a-pendulum"' in tutorial
+    assert 'href="#part-1-a-pendulum"' in tutorial
