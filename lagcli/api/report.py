@@ -20,6 +20,7 @@ from lagcli.start import initial
 
 if TYPE_CHECKING:
     from lagcli.auditing.audit_report import Audit
+    from lagcli.output.animation.scene import Scene
     from lagcli.output.report.report_contents import PageEquations, PageFigure
     from lagcli.output.report.report_page import ReportPage
 
@@ -100,7 +101,7 @@ def _equations(model: Model, limit: float | None) -> PageEquations | str:
         found = derive.derive(model, limit=limit)
     except diagnostics.ModelError as error:
         return "; ".join(one.message for one in error.diagnostics) + "."
-    return PageEquations(found.html_sections(3), found.markdown_sections(3))
+    return PageEquations(found.html_sections(3), found.markdown_sections(3), found.latex_sections())
 
 
 def _still(model: Model, run: Trajectory) -> PageFigure | None:
@@ -116,7 +117,16 @@ def _still(model: Model, run: Trajectory) -> PageFigure | None:
         scene = animate.of_run(model, run)
     except places.NothingToShow:
         return None
-    return report_pictures.drawing("start", still.svg(scene), "The configuration at the start.")
+    words = "The configuration at the start."
+    return report_pictures.drawing("start", still.svg(scene), words, lambda: _first_picture(scene))
+
+
+def _first_picture(scene: Scene) -> bytes:
+    """The first instant as PDF."""
+    # Only LaTeX needs it.
+    from lagcli.output.animation import film
+
+    return film.picture(scene, "pdf")
 
 
 def _curves(model: Model, run: Trajectory) -> PageFigure | None:

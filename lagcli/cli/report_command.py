@@ -10,7 +10,7 @@ from typing import TypedDict
 from lagcli.api import report
 from lagcli.cli import exits, file_conflicts, preflight
 from lagcli.model.model import Model
-from lagcli.output.report import browser_pdf, report_page
+from lagcli.output.report import pdf_programs, report_page
 
 
 class ReportedRun(TypedDict):
@@ -51,8 +51,8 @@ class ReportOptions:
                 )
         if target.suffix.lower() == ".pdf":
             try:
-                browser_pdf.found()
-            except browser_pdf.NoBrowser as error:
+                pdf_programs.require()
+            except pdf_programs.NoPdf as error:
                 raise exits.UsageError(f"--output {self.output}: {error}") from None
 
 
@@ -70,7 +70,7 @@ def run(model: Model, settings: ReportedRun, options: ReportOptions) -> None:
         try:
             with exits.drawing(options.output):
                 files = page.save(options.output)
-        except browser_pdf.NoBrowser as error:
+        except pdf_programs.NoPdf as error:
             raise exits.WriteError(f"cannot write {options.output}: {error}") from None
         if not options.quiet:
             exits.say(f"written: {', '.join(map(os.fspath, files))}")

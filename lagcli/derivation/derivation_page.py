@@ -147,7 +147,7 @@ class Derivation:
         each section."""
         if fragment:
             return "\n".join(_fragment(self.title, self.sections))
-        parts = [
+        return "\n".join([
             r"\documentclass{article}",
             r"\usepackage[utf8]{inputenc}",
             r"\usepackage{amsmath}",
@@ -155,7 +155,13 @@ class Derivation:
             r"\begin{document}",
             rf"\section*{{{render_latex.words(self.title)}}}",
             render_latex.words(self.about),
-        ]
+            self.latex_sections(),
+            r"\end{document}",
+        ])  # fmt: skip
+
+    def latex_sections(self) -> str:
+        """The sections alone in LaTeX."""
+        parts: list[str] = []
         for section in self.sections:
             parts.append(rf"\subsection*{{{render_latex.words(section.title)}}}")
             for line in section.lines:
@@ -163,7 +169,7 @@ class Derivation:
                     parts += [r"\begin{equation*}", _latex(line), r"\end{equation*}"]
                 if line.note:
                     parts.append(render_latex.words(line.note) + r"\par")
-        return "\n".join([*parts, r"\end{document}"])
+        return "\n".join(parts)
 
     def markdown(self) -> str:
         """Markdown with LaTeX between dollar signs."""

@@ -11,7 +11,7 @@ import pytest
 
 import lagcli
 from lagcli.api import report
-from lagcli.output.report import browser_pdf, model_listing, report_writer
+from lagcli.output.report import browser_pdf, latex_pdf, latex_text, model_listing, report_writer
 from tests.helpers import in_process
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -281,6 +281,95 @@ def test_a_pdf_is_what_the_browser_prints(tmp_path, monkeypatch, works):
         assert code == 74
         assert "exit code 7" in err
         assert not file.exists()
+
+
+def stand_in(folder, body):
+    """The program pdflatex of a folder, which is all that is there."""
+    program = folder / "pdflatex"
+    program.write_text(f"#!/bin/sh\n{body}\n", encoding="utf-8")
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the stand-in is a shell script")
+@pytest.mark.parametrize("works", [True, False])
+def test_without_a_browser_latex_makes_the_pdf(tmp_path, monkeypatch, works):
+    """It has the document and all its figures beside it, starts no program, and reads and writes nothing elsewhere."""
+    bin_, file = tmp_path / "bin", tmp_path / "report.pdf"
+    bin_.mkdir()
+    made = (
+        'test "$4" = report.tex && test -s start.pdf && test -s forces.pdf && test -s audit.pdf || exit 9\n'
+        'test "$openin_any$openout_any$shell_escape" = ppf && test "$3" = -no-shell-escape || exit 8\n'
+        'printf "%%PDF-1.5" > report.pdf'
+    )
+    stand_in(bin_, made if works else 'echo "! Undefined control sequence."; exit 1')
+    monkeypatch.setenv("PATH", str(bin_))
+    monkeypatch.setattr(browser_pdf, "PLACES", ())
+    arguments = (
+        "report",
+        str(MODELS / "pendulum.yaml"),
+        "-o",
+        str(file),
+        "--duration",
+        "0.1",
+        "--samples",
+        "5",
+    )
+    _, err, code = in_process.run(*arguments)
+    if works:
+        assert (code, file.read_bytes()) == (0, b"%PDF-1.5"), err
+    else:
+        assert code == 74
+        assert "pdflatex has made no PDF: Undefined control sequence." in err
+        assert not file.exists()
+
+
+@pytest.mark.skipif(latex_pdf.found() is None, reason="there is no LaTeX")
+def test_latex_takes_every_text():
+    model = lagcli.loads(
+        written(
+            title=TITLES["markup"],
+            description=TITLES["right to left"],
+            unit=TITLES["escapes"],
+            comment="\\end{document} \\input{/etc/passwd} % λ̈ ₖ ⁻¹ ∑ 漢" + "x" * 2000,
+        )
+    )
+    page = page_of(model)
+    document = report_writer.latex_page(page.contents)
+    figures = {f"{figure.name}.pdf": figure.pdf() for figure in page.contents.figures}
+    assert latex_pdf.printed(str(latex_pdf.found()), document, figures).startswith(b"%PDF")
+
+
+def test_a_document_in_latex_holds_no_command_of_a_model():
+    name = r"\input{x} $y$ #1 & % ~ ^ _ {{ <% raw %> << 7 >> \end{document}"
+    document = report_writer.latex_page(page_of(written(title=repr(name), comment=name)).contents)
+    assert document.count(r"\end{document}") == 1
+    assert r"\input" not in document.replace(r"\inputenc", "")
+    assert latex_text.plain(name).startswith(r"\textbackslash{}input\{x\} \$y\$ \#1 \& \% \textasciitilde{}")
+    body = document.partition(r"\begin{document}")[2]
+    unknown = {letter for letter in body if letter > latex_text.LAST_LATIN}
+    declared = set(re.findall(r"\\DeclareUnicodeCharacter\{([0-9A-F]+)\}", document))
+    assert {f"{ord(letter):04X}" for letter in unknown} <= declared
+
+
+@pytest.mark.parametrize(
+    ("letter", "sign"),
+    [
+        ("λ", r"\ensuremath{\lambda}"),
+        ("Λ", r"\ensuremath{\Lambda}"),
+        ("ο", r"\ensuremath{o}"),
+        ("Α", r"\ensuremath{\mathrm{A}}"),
+        ("⁴", "\\ensuremath{^{4}}"),
+        ("ₖ", "\\ensuremath{_{k}}"),
+        ("⁻", "\\ensuremath{^{-}}"),
+        ("≤", r"\ensuremath{\le}"),
+        ("ש", r"\texttt{[U+05E9]}"),
+        ("漢", r"\texttt{[U+6F22]}"),
+    ],
+)
+def test_a_letter_without_a_sign_in_latex_is_printed_by_its_number(letter, sign):
+    assert (
+        latex_text.declarations(f"a{letter}é") == rf"\DeclareUnicodeCharacter{{{ord(letter):04X}}}{{{sign}}}"
+    )
 
 
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda path: path.stem)

@@ -17,7 +17,7 @@ from lagcli import progress
 from lagcli.output import atomic_file
 from lagcli.output.animation import packing, still
 from lagcli.output.animation.scene import Scene
-from lagcli.output.figures import labels
+from lagcli.output.figures import labels, sheet
 
 Floats = npt.NDArray[np.float64]
 
@@ -52,6 +52,13 @@ def write(path: pathlib.Path, scene: Scene, fmt: str) -> int:
             file.path.write_bytes(made.read_bytes())
         file.commit()
     return count
+
+
+def picture(scene: Scene, fmt: str) -> bytes:
+    """The first instant as a file of a format of figures."""
+    drawing = _Drawing(scene)
+    drawing.show(0)
+    return sheet.content(fmt, drawing.figure)
 
 
 def pictures(scene: Scene, fmt: str) -> tuple[npt.NDArray[np.int64], float]:

@@ -126,7 +126,7 @@ def write(target: Path, fmt: str, drawn: figure.Figure) -> None:
         place.commit()
 
 
-def content(fmt: str, drawn: SheetFigure) -> bytes:
+def content(fmt: str, drawn: figure.Figure) -> bytes:
     """A figure in a format of ``endings.FIGURES``, as the bytes of a file."""
     made = io.BytesIO()
     with style():

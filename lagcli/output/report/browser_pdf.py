@@ -29,6 +29,15 @@ class NoBrowser(Exception):
     """There is no browser that prints, or it has printed nothing."""
 
 
+def is_there() -> bool:
+    """True if there is a browser that prints."""
+    try:
+        found()
+    except NoBrowser:
+        return False
+    return True
+
+
 def found() -> str:
     """The program that prints. Raises `NoBrowser` with what to install."""
     for name in BROWSERS:

@@ -7,6 +7,7 @@ which `derive` has made and escaped.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Literal
 
 
@@ -47,21 +48,23 @@ class PageListing:
 @dataclasses.dataclass(frozen=True, slots=True)
 class PageFigure:
     """A picture: its name as a part of a file name, its format (svg or png), its bytes; `words`: what it shows, for
-    those who do not see it."""
+    those who do not see it; pdf: makes it as PDF."""
 
     name: str
     ending: Literal["svg", "png"]
     content: bytes
     words: str
+    pdf: Callable[[], bytes]
     kind: Literal["figure"] = "figure"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class PageEquations:
-    """Equations as parts of an HTML and of a Markdown page; markup that needs no escaping."""
+    """Equations as parts of a page in HTML, in Markdown and in LaTeX; markup that needs no escaping."""
 
     html: str
     markdown: str
+    latex: str
     kind: Literal["equations"] = "equations"
 
 

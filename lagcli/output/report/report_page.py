@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 
 from lagcli.output import atomic_file, endings
-from lagcli.output.report import browser_pdf, report_writer
+from lagcli.output.report import pdf_programs, report_writer
 from lagcli.output.report.report_contents import ReportContents
 
 FORMATS = ("html", "md", "pdf")
@@ -41,14 +41,14 @@ class ReportPage:
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
         """Write the page as .html, .md with its figures in a folder beside it, or .pdf; return the files.
 
-        Each is written aside and moved into place. Raises `endings.UnknownFormat`, `browser_pdf.NoBrowser`, OSError.
+        Each is written aside and moved into place. Raises `endings.UnknownFormat`, `pdf_programs.NoPdf`, OSError.
         """
         target = Path(path)
         match endings.of(target, FORMATS):
             case "html":
                 return (_written(target, self.html().encode()),)
             case "pdf":
-                return (_written(target, browser_pdf.printed(self.html())),)
+                return (_written(target, pdf_programs.made(self.contents)),)
         folder = figure_folder(target)
         folder.mkdir(exist_ok=True)
         files = [_written(folder / name, content) for name, content in self.figures().items()]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
 from lagcli.output.figures import sheet
 from lagcli.output.report.report_contents import PageFigure
 
@@ -9,14 +12,15 @@ from lagcli.output.report.report_contents import PageFigure
 MOST_DRAWN = 600_000
 
 
-def drawing(name: str, svg: str, words: str) -> PageFigure:
-    """The picture of a drawing that is an element of SVG."""
-    return PageFigure(name, "svg", svg.encode(), words)
+def drawing(name: str, svg: str, words: str, pdf: Callable[[], bytes]) -> PageFigure:
+    """The picture of a drawing that is an element of SVG; pdf: makes it as PDF."""
+    return PageFigure(name, "svg", svg.encode(), words, pdf)
 
 
 def picture(name: str, drawn: sheet.SheetFigure, words: str) -> PageFigure:
     """The picture of a figure; `words`: what it shows."""
     lines = sheet.content("svg", drawn)
+    pdf = functools.partial(sheet.content, "pdf", drawn)
     if len(lines) <= MOST_DRAWN:
-        return PageFigure(name, "svg", lines, words)
-    return PageFigure(name, "png", sheet.content("png", drawn), words)
+        return PageFigure(name, "svg", lines, words, pdf)
+    return PageFigure(name, "png", sheet.content("png", drawn), words, pdf)

@@ -1,7 +1,7 @@
-"""A report in HTML and in Markdown: the only door to Jinja2.
+"""A report in HTML, in Markdown and in LaTeX: the only door to Jinja2.
 
-Every text is escaped by the writer and not by the template: HTML by Jinja2's autoescape, Markdown by `finalize`. What
-is markup says so by its class.
+Every text is escaped by the writer and not by the template: HTML by Jinja2's autoescape, Markdown and LaTeX by
+`finalize`. What is markup says so by its class.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import markupsafe
 
 from lagcli.errors import diagnostics
 from lagcli.output.figures import labels
+from lagcli.output.report import latex_text
 from lagcli.output.report.report_contents import PageFigure, PageListing, ReportContents
 
 MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
@@ -23,6 +24,12 @@ MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
 
 class WrittenMarkdown(str):
     """A text that is Markdown and needs no escaping."""
+
+    __slots__ = ()
+
+
+class WrittenLatex(str):
+    """A text that is LaTeX and needs no escaping."""
 
     __slots__ = ()
 
@@ -37,6 +44,12 @@ def markdown_page(contents: ReportContents, folder: str) -> str:
     template = _markdown_templates().get_template("report.md")
     written = template.render(page=contents, folder=folder)
     return re.sub(r"\n{3,}", "\n\n", written).strip() + "\n"
+
+
+def latex_page(contents: ReportContents) -> str:
+    """The page as a document in LaTeX; its figures are PDF files beside it, by their names."""
+    written = functools.partial(_latex_templates().get_template("report.tex").render, page=contents)
+    return written(declarations=latex_text.declarations(written(declarations="")))
 
 
 def figure_file(figure: PageFigure) -> str:
@@ -79,6 +92,36 @@ def _markdown_templates() -> jinja2.Environment:
     made.filters["written"] = WrittenMarkdown
     made.filters["place"] = lambda name: WrittenMarkdown(_place(name))
     return made
+
+
+@functools.cache
+def _latex_templates() -> jinja2.Environment:
+    made = jinja2.Environment(
+        loader=jinja2.PackageLoader("lagcli.output.report"),
+        autoescape=False,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_in_latex,
+        # Braces are LaTeX's own.
+        block_start_string="<%",
+        block_end_string="%>",
+        variable_start_string="<<",
+        variable_end_string=">>",
+        comment_start_string="<#",
+        comment_end_string="#>",
+    )
+    made.filters["written"] = WrittenLatex
+    made.filters["listed"] = lambda line: WrittenLatex(latex_text.listed(diagnostics.printable(line)))
+    made.filters["width"] = lambda table: WrittenLatex(f"{0.99 / len(table.headers):.3f}")
+    return made
+
+
+def _in_latex(value: object) -> str:
+    """A text as LaTeX prints it; what is LaTeX as it is."""
+    if isinstance(value, WrittenLatex):
+        return value
+    return latex_text.plain(diagnostics.printable(str(value)))
 
 
 def _printable(value: object) -> object:

@@ -1,0 +1,94 @@
+"""Plain texts as LaTeX prints them, and what its encoding of characters has to be told."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "_": r"\_",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "#": r"\#",
+    "$": r"\$",
+    "%": r"\%",
+    "&": r"\&",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "'": r"\textquotesingle{}",
+    "`": r"\textasciigrave{}",
+    "-": r"{-}",  # two of them are no dash
+}
+LONG, PIECE = 24, 12  # letters of a word that may be broken, and of its pieces
+# Characters beside Greek letters and raised and lowered ones that reports are written with.
+_MATH = {
+    "−": "-", "≤": r"\le", "≥": r"\ge", "≠": r"\ne", "≈": r"\approx", "√": r"\surd", "∂": r"\partial", "∇": r"\nabla",
+    "∑": r"\sum", "∫": r"\int", "∞": r"\infty", "⊥": r"\perp", "→": r"\to", "←": r"\leftarrow", "↔": r"\leftrightarrow",
+    "∈": r"\in", "′": "'", "⋅": r"\cdot", "∧": r"\wedge", "‖": r"\|", "\u0307": r"\dot{}", "\u0308": r"\ddot{}",
+}  # fmt: skip
+_GREEK = re.compile(r"GREEK (SMALL|CAPITAL) LETTER (\w+)")
+# Capitals that are those of the Latin alphabet, and small letters of other names, in LaTeX.
+_LATIN = {
+    "ALPHA": "A", "BETA": "B", "EPSILON": "E", "ZETA": "Z", "ETA": "H", "IOTA": "I", "KAPPA": "K", "MU": "M", "NU": "N",
+    "OMICRON": "O", "RHO": "P", "TAU": "T", "CHI": "X",
+}  # fmt: skip
+_NAMED = {"OMICRON": "o", "LAMDA": r"\lambda", "FINAL": r"\varsigma"}
+LAST_LATIN = "\u017f"  # to which the encoding T1 knows letters by itself
+_KNOWN = "–—‘’“”…€†‡•™"
+
+
+def plain(text: str) -> str:
+    """A text that is printed as it is; long words may be broken."""
+    words = re.split(r"(\s+)", text)
+    return "".join(_word(word) if number % 2 == 0 else " " for number, word in enumerate(words))
+
+
+def listed(line: str) -> str:
+    """A line of a file, with the spaces it begins with."""
+    body = line.lstrip(" ")
+    return rf"\hspace*{{{len(line) - len(body)}ex}}{plain(body)}"
+
+
+def _word(word: str) -> str:
+    letters = [SPECIAL.get(letter, letter) for letter in word]
+    if len(word) <= LONG:
+        return "".join(letters)
+    return r"\allowbreak{}".join("".join(letters[k : k + PIECE]) for k in range(0, len(letters), PIECE))
+
+
+def declarations(document: str) -> str:
+    """The lines that say how each character of a document is printed that LaTeX does not know: by its number, where
+    there is no sign for it."""
+    unknown = sorted({letter for letter in document if letter > LAST_LATIN and letter not in _KNOWN})
+    return "\n".join(rf"\DeclareUnicodeCharacter{{{ord(one):04X}}}{{{_sign(one)}}}" for one in unknown)
+
+
+def _sign(letter: str) -> str:
+    if letter in _MATH:
+        return rf"\ensuremath{{{_MATH[letter]}}}"
+    if found := _GREEK.fullmatch(unicodedata.name(letter, "")):
+        name = found[2]
+        if found[1] == "CAPITAL":
+            return (
+                rf"\ensuremath{{\mathrm{{{_LATIN[name]}}}}}"
+                if name in _LATIN
+                else _command(name.capitalize())
+            )
+        return rf"\ensuremath{{{_NAMED[name]}}}" if name in _NAMED else _command(name.lower())
+    kind, _, plain_letter = unicodedata.decomposition(letter).partition(" ")
+    if kind in ("<super>", "<sub>") and len(plain_letter) == 4:
+        moved = chr(int(plain_letter, 16))
+        if moved.isascii() and moved.isalnum():
+            return rf"\ensuremath{{{'^' if kind == '<super>' else '_'}{{{moved}}}}}"
+        if moved in "\u2212+":
+            return rf"\ensuremath{{{'^' if kind == '<super>' else '_'}{{{'-' if moved != '+' else '+'}}}}}"
+    return rf"\texttt{{[U+{ord(letter):04X}]}}"
+
+
+def _command(name: str) -> str:
+    return rf"\ensuremath{{\{name.replace('Lamda', 'Lambda')}}}"
