@@ -10,15 +10,21 @@ import signal
 import subprocess
 import sys
 import time
+import types
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import lagcli
+from lagcli import deadline
+from lagcli.analysis.numeric_flag import undecided
+from lagcli.api import cache
 from lagcli.api.sweeps import drawn_points, reductions, sweep_journal
 from lagcli.api.sweeps.point_task import PointRow
 from lagcli.output.tables import read_table
+from lagcli.pfaffian.exact import time_limit
+from lagcli.start import projection
 from tests.helpers import in_process
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -108,6 +114,60 @@ def test_a_point_that_takes_too_long_is_ended_and_is_a_row() -> None:
     assert "longer than 0 s" in rows[1]["message"]
     assert "2 points: 0 done, 2 stopped, 0 invalid" in done.stderr
     assert run(*common, "--limit-each", "1e6").returncode == 0
+
+
+CLOSED = """
+lagcli: 1
+parameters: {L: 1.1, D: 2}
+particles:
+  a: {mass: 1, position: [0.3, 0, -0.8]}
+  b: {mass: 2, position: [1.6, 0, -0.8]}
+holonomic:
+  l1: L = distance(a, [0, 0, 0])
+  l2: L = distance(a, b)
+  l3: L = distance(b, [D, 0, 0])
+  pa: a.y = 0
+  pb: b.y = 0
+simulation: {duration: 0.1, samples: 2, assemble: true}
+"""
+AXLE = (ROOT / "models" / "two-wheel-axle.yaml").read_text(encoding="utf-8")
+# Where the time is spent, and the name that another value makes it spent for.
+LONG = {
+    "assembly": (CLOSED, "L", lambda: (projection.Surface, "descend")),
+    "algebra": (AXLE, "theta.value", lambda: (time_limit, "_limited")),
+    "numbers": (AXLE, "theta.value", lambda: (undecided, "require_time")),
+}
+
+
+@pytest.mark.parametrize("where", LONG)
+def test_a_point_is_ended_before_its_run_too(
+    where: str, tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its clock stands still but where time is spent there, and goes on by an hour."""
+    text, name, place = LONG[where]
+    model = tmp_path / "model.yaml"
+    model.write_text(text, encoding="utf-8")
+    options = ("--duration", "0.1", "--samples", "2", "--reduce", "x=last(t)", "--limit-each", "3600")
+    common = ("sweep", str(model), "--over", f"{name}=1.2", *options)
+    owner, attribute = place()
+    work, clock = getattr(owner, attribute), [0.0]
+
+    def slow(*arguments: object, **named: object) -> object:
+        clock[0] += 3600.0
+        return work(*arguments, **named)
+
+    monkeypatch.setattr(deadline, "time", types.SimpleNamespace(monotonic=lambda: clock[0]))
+    cache.forget()
+    whole = run(*common)
+    assert whole.returncode == 0
+    monkeypatch.setattr(owner, attribute, slow)
+    cache.forget()
+    ended = run(*common)
+    assert ended.returncode == 3
+    told = "it takes longer than 3600 s and was ended before its first row"
+    assert [row["message"] for row in table(ended.stdout)] == [told]
+    monkeypatch.setattr(owner, attribute, work)
+    assert run(*common).stdout == whole.stdout  # nothing was kept of what was ended
 
 
 def test_reductions_are_expressions_over_columns() -> None:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import deadline as whole
 from lagcli.compiled import NumericSystem, paths
 from lagcli.equations.system import System
 from lagcli.start.initial import State
@@ -102,7 +103,8 @@ class LocalPart:
         return np.concatenate(found) * self.scale if found else np.zeros((0, self.rows.size, self.k + 1))
 
     def wait(self) -> None:
-        """Raises `TimeUpError` after the deadline."""
+        """Raises `TimeUpError` after the deadline, and `OverTime` where the time of the whole work is over."""
+        whole.require()
         if time.monotonic() > self.deadline:
             raise LoopTimeUpError
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 
+from lagcli import deadline as whole
+
 
 class Undecided(Exception):
     """The search cannot go on; the text says why."""
@@ -17,6 +19,7 @@ class AmbiguousRank(Undecided):
 
 
 def require_time(deadline: float) -> None:
-    """Raise `Undecided` after a value of `time.monotonic`."""
+    """Raise `Undecided` after a value of `time.monotonic`, and `OverTime` where the time of the whole work is over."""
+    whole.require()
     if time.monotonic() > deadline:
         raise Undecided("the time limit ended the search for brackets")

@@ -16,8 +16,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import progress
-from lagcli.api import prepare_run, run_settings
+from lagcli import deadline, progress
+from lagcli.api import cache, prepare_run, run_settings
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.api.sweeps import reductions
 from lagcli.api.sweeps.point_sources import Point
@@ -85,16 +85,13 @@ def stopped(task: PointTask, number: int, point: Point, message: str) -> PointRo
     return PointRow(number, point, (math.nan,) * len(task.reductions), STOPPED, message, math.nan)
 
 
-class OverTime(Exception):
-    """A point takes longer than it may."""
-
-
 class PointRunner:
     """Runs points of one task; the text is parsed once, and the equations are built once where they fit."""
 
     def __init__(self, task: PointTask) -> None:
         self.task = task
         self.file = document.ParsedFile(task.data, task.path)
+        self._is_built = False
 
     def model(self, point: Point) -> Model:
         """The model of a point. Raises `ModelError`, `OverrideError`."""
@@ -103,37 +100,39 @@ class PointRunner:
     def run(self, number: int, point: Point) -> PointRow:
         """The row of a point."""
         kept = _Kept(self.task)
-        nothing = (math.nan,) * len(self.task.reductions)
+        nothing, most = (math.nan,) * len(self.task.reductions), self.task.limit_each
         try:
-            began = time.monotonic()
             model = self.model(point)
-            chosen = run_settings.chosen(model, self.task.settings)
-            run = prepare_run.prepare(model, chosen, limit=self.task.limit)
-            kept.begin(run, number)
-            try:
-                self._go(run, kept, began)
-                results = kept.results(run)
-            finally:
-                kept.end()
+            if not self._is_built:  # which takes its time once, and not that of a point
+                self._is_built = cache.compiled(model) is not None
+            with deadline.after(math.inf if most is None else most):
+                chosen = run_settings.chosen(model, self.task.settings)
+                run = prepare_run.prepare(model, chosen, limit=self.task.limit)
+                kept.begin(run, number)
+                try:
+                    self._go(run, kept)
+                    results = kept.results(run)
+                finally:
+                    kept.end()
         except diagnostics.ModelError as error:
             return PointRow(number, point, nothing, INVALID, _sentence(error), math.nan)
         except (OverrideError, run_settings.BadSetting, reductions.MissingColumn) as error:
             return PointRow(number, point, nothing, INVALID, _cut(str(error)), math.nan)
         except run_stop.RunStop as stop:
             return PointRow(number, point, nothing, STOPPED, _cut(stop.stop.reason), kept.t_end)
-        except OverTime as over:
-            return PointRow(number, point, nothing, STOPPED, str(over), kept.t_end)
+        except deadline.OverTime:
+            where = "before its first row" if math.isnan(kept.t_end) else f"at t = {kept.t_end:.9g}"
+            told = f"it takes longer than {most:g} s and was ended {where}"
+            return PointRow(number, point, nothing, STOPPED, told, kept.t_end)
         numbers = tuple(found if math.isfinite(found) else math.nan for found in results)
         infinite = [one.name for one, x in zip(self.task.reductions, results, strict=True) if math.isinf(x)]
         message = f"`{infinite[0]}` is infinite" if infinite else ""
         return PointRow(number, point, numbers, DONE, message, kept.t_end)
 
-    def _go(self, run: SimulationRun, kept: _Kept, began: float) -> None:
-        most = self.task.limit_each
+    def _go(self, run: SimulationRun, kept: _Kept) -> None:
         for block in run.blocks():
             kept.take(run, block)
-            if most is not None and time.monotonic() - began > most:
-                raise OverTime(f"it takes longer than {most:g} s and was ended at t = {run.t:.9g}")
+            deadline.require()
 
 
 class _Kept:
