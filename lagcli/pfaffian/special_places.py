@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeAlias
 
 import sympy
 
@@ -18,7 +19,7 @@ from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 STILL, NEAR = 1e-9, 1e-12
 PARTS_OF_PI = 12
 Point = Mapping[sympy.Symbol, float]
-Expression = sympy.Expr  # as an equation: where it is zero
+Expression: TypeAlias = sympy.Expr  # as an equation: where it is zero
 
 
 def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Point) -> Point:
