@@ -1,8 +1,14 @@
-"""The part of the work that is going on, told to whoever listens in this thread: a terminal, or nobody."""
+"""Long work of this thread: the part that is going on, told to whoever listens (a terminal, or nobody), and the time
+by which it has to end.
+
+What is ended has no answer, and so none that depends on the machine: the work is given up as a whole.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import math
+import time
 from collections.abc import Iterator
 from contextvars import ContextVar
 from typing import Protocol
@@ -53,3 +59,27 @@ def phase(name: str) -> Iterator[None]:
         yield
     finally:
         listener.end()
+
+
+class OverTime(Exception):
+    """The work takes longer than it may."""
+
+
+_end: ContextVar[float] = ContextVar("end", default=math.inf)
+
+
+@contextlib.contextmanager
+def ends_after(seconds: float) -> Iterator[None]:
+    """Inside the block, in this thread, `require_time` raises `OverTime` when so many seconds have passed."""
+    token = _end.set(min(_end.get(), time.monotonic() + seconds))
+    try:
+        yield
+    finally:
+        _end.reset(token)
+
+
+def require_time() -> None:
+    """Raise `OverTime` where the time of the work that this thread does is over."""
+    end = _end.get()
+    if end < math.inf and time.monotonic() >= end:
+        raise OverTime

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import deadline
+from lagcli import progress
 from lagcli.compiled import NumericSystem, nearest
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows, rank
@@ -132,7 +132,7 @@ class Search:
 
     def optimum(self, rows: Sequence[int], begin: Floats, q0: Floats) -> Floats | None:
         """By IPOPT the configuration (n,) nearest to q0 that satisfies some rows, a local minimum, or None."""
-        deadline.require()
+        progress.require_time()
         chosen = self.independent(rows, begin)
         if chosen is None or not chosen[0]:
             return None

@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import deadline
+from lagcli import progress
 from lagcli.compiled import NumericSystem
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
@@ -84,7 +84,7 @@ class Surface:
         f, B = self.rows(q)
         best = self._reached(q, f, B)
         for taken in range(MAX_STEPS):
-            deadline.require()
+            progress.require_time()
             if best.is_on or not _are_finite(f, B):
                 break
             rows = MetricRows(B, self._metric)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import deadline
+from lagcli import progress
 from lagcli.analysis.numeric_flag import undecided
 from lagcli.api import cache
 from lagcli.api.sweeps import drawn_points, reductions, sweep_journal
@@ -156,7 +156,7 @@ def test_a_point_is_ended_before_its_run_too(
         clock[0] += 3600.0
         return work(*arguments, **named)
 
-    monkeypatch.setattr(deadline, "time", types.SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr(progress, "time", types.SimpleNamespace(monotonic=lambda: clock[0]))
     cache.forget()
     whole = run(*common)
     assert whole.returncode == 0

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import deadline as whole
+from lagcli import progress
 from lagcli.compiled import NumericSystem, paths
 from lagcli.equations.system import System
 from lagcli.start.initial import State
@@ -104,7 +104,7 @@ class LocalPart:
 
     def wait(self) -> None:
         """Raises `TimeUpError` after the deadline, and `OverTime` where the time of the whole work is over."""
-        whole.require()
+        progress.require_time()
         if time.monotonic() > self.deadline:
             raise LoopTimeUpError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from lagcli import deadline as whole
+from lagcli import progress
 
 
 class Undecided(Exception):
@@ -20,6 +20,6 @@ class AmbiguousRank(Undecided):
 
 def require_time(deadline: float) -> None:
     """Raise `Undecided` after a value of `time.monotonic`, and `OverTime` where the time of the whole work is over."""
-    whole.require()
+    progress.require_time()
     if time.monotonic() > deadline:
         raise Undecided("the time limit ended the search for brackets")

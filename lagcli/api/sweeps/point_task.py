@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import deadline, progress
+from lagcli import progress
 from lagcli.api import cache, prepare_run, run_settings
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.api.sweeps import reductions
@@ -105,7 +105,7 @@ class PointRunner:
             model = self.model(point)
             if not self._is_built:  # which takes its time once, and not that of a point
                 self._is_built = cache.compiled(model) is not None
-            with deadline.after(math.inf if most is None else most):
+            with progress.ends_after(math.inf if most is None else most):
                 chosen = run_settings.chosen(model, self.task.settings)
                 run = prepare_run.prepare(model, chosen, limit=self.task.limit)
                 kept.begin(run, number)
@@ -120,7 +120,7 @@ class PointRunner:
             return PointRow(number, point, nothing, INVALID, _cut(str(error)), math.nan)
         except run_stop.RunStop as stop:
             return PointRow(number, point, nothing, STOPPED, _cut(stop.stop.reason), kept.t_end)
-        except deadline.OverTime:
+        except progress.OverTime:
             where = "before its first row" if math.isnan(kept.t_end) else f"at t = {kept.t_end:.9g}"
             told = f"it takes longer than {most:g} s and was ended {where}"
             return PointRow(number, point, nothing, STOPPED, told, kept.t_end)
@@ -132,7 +132,7 @@ class PointRunner:
     def _go(self, run: SimulationRun, kept: _Kept) -> None:
         for block in run.blocks():
             kept.take(run, block)
-            deadline.require()
+            progress.require_time()
 
 
 class _Kept:

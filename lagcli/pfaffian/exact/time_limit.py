@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 
 from sympy.polys.polyerrors import BasePolynomialError
 
-from lagcli import deadline as whole
+from lagcli import progress
 from lagcli.pfaffian.exact import operations
 
 Value = TypeVar("Value")
@@ -132,7 +132,7 @@ def _limited(until: float, work: Callable[[], Value], budget: int | None) -> Val
     try:
         _start(thread)
         while thread.is_alive():
-            whole.require()
+            progress.require_time()
             rest = min(left(until), spent + seconds - time.process_time())
             if rest <= 0 or operations.done() > end:
                 raise TimeUpError("the limit was reached")
