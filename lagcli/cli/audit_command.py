@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
 import pathlib
 import textwrap
 from typing import TYPE_CHECKING, TypedDict
@@ -9,8 +11,7 @@ from typing import TYPE_CHECKING, TypedDict
 from lagcli.api import audit
 from lagcli.auditing import audit_lines
 from lagcli.auditing.table_input import TableError
-from lagcli.cli import console, exits, json_output
-from lagcli.cli.preflight import AuditOptions
+from lagcli.cli import console, exits, file_conflicts, json_output, preflight
 from lagcli.errors import diagnostics
 from lagcli.output import endings
 from lagcli.output.incident_table import IncidentTable
@@ -23,6 +24,41 @@ if TYPE_CHECKING:
 
 SHOWN = 6  # names of a check that fails
 LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class AuditOptions:
+    """Options of `audit` besides the settings of the run; `has_rows`: --duration or --samples is given."""
+
+    table: str | None
+    events: str | None
+    plot: str | None
+    digits: bool
+    as_json: bool
+    quiet: bool
+    verbose: bool
+    has_rows: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        preflight.require_ending(self.plot, endings.FIGURES)
+        preflight.require_ending(self.table, endings.TABLES)
+        if self.table is not None and not os.path.exists(self.table):
+            raise exits.UsageError(f"--run: there is no file {self.table}")
+        preflight.require_ending(self.events, endings.TABLES)
+        if self.events is not None and self.table is None:
+            raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
+        if self.events is not None and not os.path.exists(self.events):
+            raise exits.UsageError(f"--events: there is no file {self.events}")
+        if self.plot is not None:
+            given = (("--run", self.table), ("--events", self.events))
+            read = [file_conflicts.File(option, file) for option, file in given if file is not None]
+            figure = file_conflicts.File("--plot", self.plot, is_written=True)
+            preflight.require_writable(file_conflicts.model(model), [*read, figure])
+        if self.table is not None and self.has_rows:
+            raise exits.UsageError(
+                "--run: the table has its own rows; --duration and --samples are of a new run"
+            )
 
 
 class AuditedRun(TypedDict):

@@ -6,7 +6,7 @@ import time
 
 from lagcli.api import check as checking
 from lagcli.cli import check_text, exits, json_output, model_reading, witness_command
-from lagcli.cli.preflight import CheckOptions
+from lagcli.cli.asked_check import CheckOptions
 from lagcli.errors import diagnostics
 
 

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 from lagcli.api import compare
 from lagcli.cli import console, exits, json_output, principles_output
-from lagcli.cli.preflight import CompareOptions, RepeatedRuns
+from lagcli.cli.preflight import RepeatedRuns
+from lagcli.cli.principles_output import PrinciplesOptions
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import KINDS, TITLES, Agreement, Comparison
 from lagcli.model.model import Model
 
 LABELS = {"lambda": "λ"}
 COLOURS = {"stopped": "red"}
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class CompareOptions:
+    """Options of `compare` besides the settings of the runs."""
+
+    columns: str | None
+    tolerance: float | None
+    as_json: bool
+    quiet: bool
+    principles: PrinciplesOptions
 
 
 def run(model: Model, other: Model | None, settings: RepeatedRuns, options: CompareOptions) -> None:

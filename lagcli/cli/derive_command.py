@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 import sys
 
 from lagcli.api import derive
 from lagcli.cli import exits, json_output
-from lagcli.cli.preflight import DeriveOptions
 from lagcli.derivation import Derivation
 from lagcli.model.model import Model
 
 # Text is at least and at most so wide on a terminal, and WIDTH where there is none.
 NARROW, WIDE, WIDTH = 60, 140, 100
+
+
+DERIVE_FORMATS = ("text", "latex", "markdown", "html", "json")
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class DeriveOptions:
+    """Options of `derive`; `form`: one of `DERIVE_FORMATS`, `fragment`: its equations alone, `values`: names of
+    parameters to put in as numbers."""
+
+    form: str
+    fragment: bool
+    solve: bool
+    everything: bool
+    values: str
+    limit: float
+
+    def require(self) -> None:
+        """Refuse a format there is not, and a fragment of one that has none."""
+        if self.form not in DERIVE_FORMATS:
+            raise exits.UsageError(f"--format {self.form}: the formats are {', '.join(DERIVE_FORMATS)}")
+        if self.fragment and self.form != "latex":
+            raise exits.UsageError("--fragment is of --format latex; the other formats are pages")
 
 
 def derived(model: Model, options: DeriveOptions) -> Derivation:

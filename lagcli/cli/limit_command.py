@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pathlib
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli.api import limit
-from lagcli.cli import console, exits, json_output, safe_table
-from lagcli.cli.preflight import LimitOptions, RepeatedRuns
+from lagcli.cli import console, exits, json_output, preflight, safe_table
+from lagcli.cli.preflight import RepeatedRuns
 from lagcli.cli.safe_table import TablePlan
 from lagcli.formulations.stiff.ladder import StiffLimit
 from lagcli.model.model import Model
@@ -17,6 +18,24 @@ from lagcli.output import trajectory
 
 if TYPE_CHECKING:
     from lagcli.output.figures.limit_figure import LimitCurves
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class LimitOptions:
+    """Options of `limit` besides the settings of the runs."""
+
+    constraint: str
+    stiffness: str | None
+    unprestressed: bool
+    ramp: float | None
+    output: str | None
+    plot: str | None
+    as_json: bool
+    quiet: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        preflight.require_outputs(model, self.output, self.plot, self.as_json)
 
 
 def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:

@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pathlib
 
 import numpy as np
 
 from lagcli.api import find_modes
-from lagcli.cli import console, exits, json_output
-from lagcli.cli.preflight import ModesOptions
+from lagcli.cli import console, exits, file_conflicts, json_output, preflight
 from lagcli.errors import diagnostics
 from lagcli.linearization.linear_modes import Modes
 from lagcli.model.model import Model
+from lagcli.output import endings
 from lagcli.output.trajectory import SimulationStopped
 
 MOST_MODES, MOST_COORDINATES = 60, 8
 ROUNDING = 1e-12  # a column of the state below this part of the largest is told as 0
 VERDICTS = {True: "stable", False: "unstable", None: "not decided"}
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ModesOptions:
+    """Options of `modes` besides its settings; `animate`: the file of a page."""
+
+    plot: str | None
+    animate: str | None
+    as_json: bool
+    quiet: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done for this MODEL."""
+        preflight.require_models([model])
+        preflight.require_ending(self.animate, ("html",))
+        preflight.require_ending(self.plot, endings.FIGURES)
+        named = (("--plot", self.plot), ("--animate", self.animate))
+        files = [
+            file_conflicts.File(option, name, is_written=True) for option, name in named if name is not None
+        ]
+        if files:
+            preflight.require_writable(file_conflicts.model(model), files)
 
 
 def run(model: Model, settings: find_modes.ModesSettings, options: ModesOptions) -> None:

@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from lagcli.cli import console, exits, model_reading
-from lagcli.cli.preflight import PlotOptions, is_table
+from lagcli.cli.asked_plot import PlotOptions, is_table
 from lagcli.output import endings
 from lagcli.output.charts import chart_table, compose
 from lagcli.output.charts.chart import ChartData

@@ -2,18 +2,39 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pathlib
 from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.cli import exits, safe_table
-from lagcli.cli.preflight import PrinciplesOptions
+from lagcli.cli import exits, preflight, safe_table
 from lagcli.cli.safe_table import TablePlan
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import Comparison, Formulation
 from lagcli.model.model import Model
 from lagcli.output import trajectory
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class PrinciplesOptions:
+    """Options of `compare --vakonomic`: initial multipliers as they were given, and files for table and figure."""
+
+    vakonomic: bool = False
+    mu: tuple[str, ...] = ()
+    output: str | None = None
+    plot: str | None = None
+
+    def require(self, models: list[str], as_json: bool) -> None:
+        """Refuse what cannot be done for these MODELs."""
+        if not self.vakonomic:
+            for option, given in (("--mu", self.mu), ("--output", self.output), ("--plot", self.plot)):
+                if given:
+                    raise exits.UsageError(f"{option} is of the vakonomic motion; give --vakonomic too")
+            return
+        if len(models) > 1:
+            raise exits.UsageError("--vakonomic compares the two principles of one MODEL")
+        preflight.require_outputs(models[0], self.output, self.plot, as_json)
 
 
 def initial_multipliers(given: Sequence[str]) -> dict[str, str]:

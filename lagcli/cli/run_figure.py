@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import exits
-from lagcli.cli.preflight import SimulateOptions
+from lagcli.cli.asked_run import SimulateOptions
 from lagcli.output import column_choice
 from lagcli.output.figures import decimate
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lagcli.api import prepare_run
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import console, exits, json_output, run_figure, safe_table, signals, table_output
-from lagcli.cli.preflight import SimulateOptions
+from lagcli.cli.asked_run import SimulateOptions
 from lagcli.cli.safe_table import RowsBefore, TablePlan
 from lagcli.model.model import Model, Simulation
 from lagcli.output import atomic_file, event_rows, trajectory

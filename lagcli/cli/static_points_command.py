@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 
-from lagcli.cli import console, exits, json_output
-from lagcli.cli.preflight import PointOptions
+from lagcli.cli import console, exits, json_output, preflight
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.output.tables import sinks
@@ -13,6 +13,22 @@ from lagcli.output.trajectory import provenance
 from lagcli.statics.static_report import StaticReport
 
 MOST_COLUMNS, MOST_ROWS = 12, 60
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class PointOptions:
+    """Options of `stationary` and `equilibrium`."""
+
+    output: str | None
+    starts: int
+    seed: int
+    limit: float
+    as_json: bool
+    quiet: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        preflight.require_outputs(model, self.output, None, self.as_json)
 
 
 def tell(model: Model, found: StaticReport, options: PointOptions) -> None:

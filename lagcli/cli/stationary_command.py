@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lagcli.api import stationary
 from lagcli.cli import exits, static_points_command
-from lagcli.cli.preflight import PointOptions
+from lagcli.cli.static_points_command import PointOptions
 from lagcli.model.model import Model
 
 

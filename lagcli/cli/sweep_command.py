@@ -29,7 +29,7 @@ from lagcli.api.sweeps.sweep_plan import SweepPlan
 from lagcli.api.sweeps.sweep_table import SweepTable
 from lagcli.cli import console, exits, json_output, signals
 from lagcli.cli.asked_points import UNREADABLE, AskedPoints
-from lagcli.cli.preflight import SweepFiles
+from lagcli.cli.asked_sweep import SweepFiles
 from lagcli.model.model import Model
 from lagcli.output import atomic_file, endings
 from lagcli.output.tables import sinks

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import exits, safe_table, signals
-from lagcli.cli.preflight import SimulateOptions
+from lagcli.cli.asked_run import SimulateOptions
 from lagcli.cli.safe_table import RowsBefore, SafeTable, TablePlan
 from lagcli.output import checkpoint_file, incident_table
 from lagcli.output.figures import decimate

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from lagcli.cli import console, exits
-from lagcli.cli.preflight import CheckOptions
+from lagcli.cli.asked_check import CheckOptions
 from lagcli.errors import diagnostics
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ import pytest
 import lagcli as package
 from lagcli import __main__ as entry
 from lagcli.api import cache, prepare_run
-from lagcli.cli import console, exits, preflight, run_figure, signals
+from lagcli.cli import asked_run, console, exits, run_figure, signals
 from lagcli.errors import catalogue, diagnostics
 from lagcli.output import endings
 from lagcli.output.figures import figure
@@ -834,7 +834,7 @@ def test_columns_choose_by_name_where_brackets_are_letters(
     wrong = lagcli("simulate", "model.yaml", "--columns", "lambda.rodd")
     assert "lambda.rod" in wrong.err
     # Names with brackets, as of families: the whole contract of the patterns is tested with the export.
-    options = preflight.SimulateOptions(columns="p[1].*")
+    options = asked_run.SimulateOptions(columns="p[1].*")
     assert run_figure.picked(("t", "p[1].x", "p1.x"), options) == [1]
 
 

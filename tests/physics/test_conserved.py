@@ -12,7 +12,7 @@ import sympy
 import lagcli
 from lagcli.analysis.classification.case import Case
 from lagcli.api import cache, known_integrals, prepare_run, run_settings, simulation_run
-from lagcli.cli import preflight
+from lagcli.cli import asked_run
 from lagcli.cli import simulate_command as telling
 from lagcli.compiled import NumericSystem, numeric
 from lagcli.equations.system import System
@@ -497,7 +497,7 @@ def test_notes_stand_in_the_account(capsys: pytest.CaptureFixture[str]) -> None:
     found = held("y/x", ENDING["log"], ENDING["good"])
     for quiet in (False, True):
         going = ready(LINE % (-1, 1, -0.5, 0.5), found, duration=1, samples=3)
-        telling.run(going, preflight.SimulateOptions(quiet=quiet))
+        telling.run(going, asked_run.SimulateOptions(quiet=quiet))
         told = capsys.readouterr().err
         assert ("note: from t = 0." in told) == (not quiet)
         assert ("the integral y/x is held in another form\n" in told) == (not quiet)

@@ -46,10 +46,10 @@ def audit(
 
     Exit 1 where a check fails, 3 where the new run stops before its end.
     """
-    from lagcli.cli import audit_command, preflight
+    from lagcli.cli import audit_command
 
     has_rows = duration is not None or samples is not None
-    asked = preflight.AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)
+    asked = audit_command.AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)
     asked.require(model)
     read = model_reading.read(model, changes, as_json)
     given: audit_command.AuditedRun = {

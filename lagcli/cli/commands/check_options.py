@@ -46,9 +46,9 @@ def check(
 
     With --json one object for one MODEL; for several a list in the order of the MODELs, each with path and title.
     """
-    from lagcli.cli import check_command, preflight, watching
+    from lagcli.cli import asked_check, check_command, watching
 
-    asked = preflight.CheckOptions(strict, assemble, limit, witness, plot, as_json, quiet, verbose)
+    asked = asked_check.CheckOptions(strict, assemble, limit, witness, plot, as_json, quiet, verbose)
     asked.require(models)
     if watch:
         watching.follow(models, lambda: check_command.run(models, changes, asked), quiet)

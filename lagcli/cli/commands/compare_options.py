@@ -74,18 +74,18 @@ def compare(
     makes the action stationary among those that satisfy the rows, which in general is another one. Exit 1 where
     formulations disagree, 3 where a run stops before its end.
     """
-    from lagcli.cli import compare_command, preflight
+    from lagcli.cli import compare_command, preflight, principles_output
 
     paths = [model] if other is None else [model, other]
     preflight.require_models(paths)
-    principles = preflight.PrinciplesOptions(vakonomic, tuple(mu or ()), output, plot)
+    principles = principles_output.PrinciplesOptions(vakonomic, tuple(mu or ()), output, plot)
     principles.require(paths, as_json)
     read = model_reading.reported(lambda: [model_reading.load(path, changes) for path in paths], as_json)
     given: preflight.RepeatedRuns = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
-    asked = preflight.CompareOptions(columns, tolerance, as_json, quiet, principles)
+    asked = compare_command.CompareOptions(columns, tolerance, as_json, quiet, principles)
     if verbose:
         exits.say_all(warning.render() for one in read for warning in one.warnings)
     second = read[1] if other is not None else None

@@ -47,10 +47,10 @@ def derive(
     Constraints, rows, reactions, energies, Newton's and Lagrange's equations, the identity between them verified, and
     the linear system for lambda.
     """
-    from lagcli.cli import derive_command, preflight
+    from lagcli.cli import derive_command
 
     form = "json" if as_json else form
-    asked = preflight.DeriveOptions(form, fragment, solve, everything, values, limit)
+    asked = derive_command.DeriveOptions(form, fragment, solve, everything, values, limit)
     asked.require()
     read = model_reading.read(model, changes, form == "json")
     began = time.perf_counter()

@@ -23,9 +23,9 @@ def equilibrium(
 
     With lambda, R, the effective potential and the type by the bordered Hessian. Exit 4 where none is found.
     """
-    from lagcli.cli import equilibrium_command, preflight
+    from lagcli.cli import equilibrium_command, static_points_command
 
-    asked = preflight.PointOptions(output, starts, seed, limit, as_json, quiet)
+    asked = static_points_command.PointOptions(output, starts, seed, limit, as_json, quiet)
     asked.require(model)
     read = model_reading.read(model, changes, as_json, verbose)
     model_reading.reported(lambda: equilibrium_command.run(read, asked), as_json)

@@ -59,7 +59,9 @@ def limit(
     from lagcli.cli import limit_command, preflight
 
     preflight.require_models([model])
-    asked = preflight.LimitOptions(constraint, stiffness, unprestressed, ramp, output, plot, as_json, quiet)
+    asked = limit_command.LimitOptions(
+        constraint, stiffness, unprestressed, ramp, output, plot, as_json, quiet
+    )
     asked.require(model)
     read = model_reading.read(model, changes, as_json, verbose)
     given: preflight.RepeatedRuns = {

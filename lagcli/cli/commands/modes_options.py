@@ -43,9 +43,9 @@ def modes(
 
     Exit 4 where there is no equilibrium to be found.
     """
-    from lagcli.cli import modes_command, preflight
+    from lagcli.cli import modes_command
 
-    asked = preflight.ModesOptions(plot, animate, as_json, quiet)
+    asked = modes_command.ModesOptions(plot, animate, as_json, quiet)
     asked.require(model)
     read = model_reading.read(model, changes, as_json, verbose)
     given: find_modes.ModesSettings = {

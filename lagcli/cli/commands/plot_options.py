@@ -91,13 +91,13 @@ def plot(
     Without --y and --xy the multipliers. Exit 3 where the run of a model stops before its end: the rows so far are
     drawn.
     """
-    from lagcli.cli import plot_command, preflight, watching
+    from lagcli.cli import asked_plot, plot_command, watching
 
     run = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "method": method, "assemble": True if assemble else None,
     }  # fmt: skip
-    options = preflight.PlotOptions(
+    options = asked_plot.PlotOptions(
         tuple(files), tuple(y or ()), x, tuple(xy or ()), events, log, title, output, show,
         tuple(changes or ()), run, begin, quiet,
     )  # fmt: skip

@@ -57,9 +57,9 @@ def simulate(
     so far are in FILE.partial, and FILE is as it was.
     """
     from lagcli.api import run_settings
-    from lagcli.cli import preflight, simulate_command
+    from lagcli.cli import asked_run, simulate_command
 
-    asked = preflight.SimulateOptions(
+    asked = asked_run.SimulateOptions(
         output, plot, stats, columns, as_json, quiet, verbose,
         checkpoint, resume, limit, digits, events, event_rows,
     )  # fmt: skip

@@ -28,9 +28,9 @@ def stationary(
 
     Masses and forces play no part. Exit 4 where none is found.
     """
-    from lagcli.cli import preflight, stationary_command
+    from lagcli.cli import static_points_command, stationary_command
 
-    asked = preflight.PointOptions(output, starts, seed, limit, as_json, quiet)
+    asked = static_points_command.PointOptions(output, starts, seed, limit, as_json, quiet)
     asked.require(model)
     read = model_reading.read(model, changes, as_json, verbose)
     model_reading.reported(lambda: stationary_command.run(read, of, asked), as_json)

@@ -108,9 +108,9 @@ def sweep(
     draw. Each row is that of `simulate --set`, to the last bit, whatever computes it. Exit 1 where a point is invalid,
     else 3 where one stopped; all have a row. Rows are safe as they come: --resume goes on after any end.
     """
-    from lagcli.cli import asked_points, preflight, sweep_command
+    from lagcli.cli import asked_points, asked_sweep, sweep_command
 
-    files = preflight.SweepFiles(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
+    files = asked_sweep.SweepFiles(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
     if merge:
         asked = (over, points, uncertain, reduce, tables, shard, scheduler, changes)
         sweep_command.merge(models, files, is_alone=not any(asked) and not resume)
