@@ -362,12 +362,13 @@ class Model:
         ]  # fmt: skip
         laws += [(body.name, "rigid", f"{len(body.particles)} particles") for body in self.rigid]
         values = [(one.name, f"{one.value}") for one in self.parameters]
-        counts = (
-            f"{len(self.particle_names)} particles, {len(self.generalized_names)} coordinates, {self.path}"
+        counts = ", ".join(
+            f"{len(names)} {word}{'' if len(names) == 1 else 's'}"
+            for names, word in ((self.particle_names, "particle"), (self.generalized_names, "coordinate"))
         )
         return notebook_html.page(
             self.title or self.path,
-            notebook_html.sentences([counts]),
+            notebook_html.sentences([f"{counts}, {self.path}"]),
             notebook_html.table(("constraint", "kind", "equation"), laws),
             notebook_html.table(("parameter", "value"), values),
         )

@@ -355,6 +355,13 @@ def test_runs_are_named_by_the_parameters_that_differ() -> None:
         "rtol = 1e-06",
     ]
     assert overlay_names.distinguishing(paths, [told[0], None]) == ["a", "b"]
+    # Of one model, parameters that follow from those that were set are not told.
+    follows = [{"sha256": "1", "parameters": {"L": x, "M": 2 * x}, "set": {"L": str(x)}} for x in (1.0, 3.0)]
+    assert overlay_names.distinguishing(paths, follows) == ["L = 1", "L = 3"]
+    follows[0] |= {"set": {}}
+    assert overlay_names.distinguishing(paths, follows) == ["L = 1", "L = 3"]
+    follows[1] |= {"sha256": "2"}
+    assert overlay_names.distinguishing(paths, follows) == ["L = 1, M = 2", "L = 3, M = 6"]
 
 
 @pytest.mark.parametrize(

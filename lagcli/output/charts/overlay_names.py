@@ -16,7 +16,7 @@ def distinguishing(paths: Sequence[str], origins: Sequence[Mapping[str, object] 
         return [""]
     known = [origin for origin in origins if origin is not None]
     if len(known) == len(paths):
-        told = _by_values([_values(origin) for origin in known])
+        told = _by_values(_values(known))
         if told is not None:
             return told
     names = _by_paths(paths)
@@ -27,12 +27,22 @@ def distinguishing(paths: Sequence[str], origins: Sequence[Mapping[str, object] 
     ]
 
 
-def _values(origin: Mapping[str, object]) -> dict[str, object]:
-    parameters = origin.get("parameters")
-    found = dict(parameters) if isinstance(parameters, Mapping) else {}
-    return found | {
-        f" {name}": origin.get(name) for name in SETTINGS
-    }  # a space: no parameter has such a name
+def _values(origins: Sequence[Mapping[str, object]]) -> list[dict[str, object]]:
+    """The parameters and settings of each table; of one model those parameters alone that were set: others follow."""
+    found = [_mapping(origin.get("parameters")) for origin in origins]
+    models = {_text(origin.get("sha256")) for origin in origins}
+    if len(models) == 1 and models != {"none"}:
+        was_set = {name for origin in origins for name in _mapping(origin.get("set"))}
+        found = [{name: value for name, value in one.items() if name in was_set} for one in found]
+    return [
+        parameters
+        | {f" {name}": origin.get(name) for name in SETTINGS}  # a space: no parameter has such a name
+        for parameters, origin in zip(found, origins, strict=True)
+    ]
+
+
+def _mapping(value: object) -> dict[str, object]:
+    return {str(name): one for name, one in value.items()} if isinstance(value, Mapping) else {}
 
 
 def _by_values(tables: Sequence[Mapping[str, object]]) -> list[str] | None:
