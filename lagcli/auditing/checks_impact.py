@@ -27,7 +27,7 @@ LOSSES = CheckedLaw(
     "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"
 )
 SOON = 2.0  # times the time in which a contact comes over its gap: one that is open is struck until then
-SHARPLY = 1e-3  # times the limit of g: contacts that are closed for certain
+SHARPLY = 1e-6  # times the limit of g: contacts that are closed for certain
 MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
 
 

@@ -75,12 +75,13 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
         e[small] = 0.0
         onward = _law(here, near, e)
     others = near[~ended[near]]
-    if others.size > 1 or not approaching[others].all():
+    if near.size > 1 and others.size:
         after = here.moved(onward.x)
-        lifted, pull = _lifted(after, others)
+        told = after if onward is found else here.moved(found.x)
+        lifted, pull = _lifted(told, after, others)
         # With e = 1 there is no end: of that one flight is told.
         left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
-        lasting[lifted], ended[lifted] = 2 * after.speeds[lifted] / (pull * left), True
+        lasting[lifted], ended[lifted] = 2 * told.speeds[lifted] / (pull * left), True
     impulses = np.zeros(e.size)
     impulses[near] = found.of_contacts
     struck = approaching.copy()
@@ -136,13 +137,14 @@ def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Number
     return bouncing[small], pull[small]
 
 
-def _lifted(after: ContactInstant, among: Numbers) -> tuple[Numbers, Floats]:
-    """Contacts that an impact of others lifts so slowly that they stay closed, and -d2g/dt2 of them, which presses."""
-    speeds = after.speeds[among]
+def _lifted(told: ContactInstant, after: ContactInstant, among: Numbers) -> tuple[Numbers, Floats]:
+    """Contacts that part by the law, `told`, but stay closed without the rebounds that are left out, `after`, and
+    -d2g/dt2 of them, which presses: those that an impact of others lifts too slowly, or by such a rebound."""
+    speeds = told.speeds[among]
     lifted = among[speeds > 0]
     if lifted.size:
-        speeds = after.speeds[lifted]
-        lifted = lifted[(speeds <= after.slow[lifted]) & (speeds > after.creeping[lifted])]
+        is_slow = np.abs(after.speeds[lifted]) <= after.slow[lifted]
+        lifted = lifted[is_slow & (told.speeds[lifted] > told.creeping[lifted])]
     if not lifted.size:
         return lifted, np.zeros(0)
     rests = after.near & (np.abs(after.speeds) <= after.slow)

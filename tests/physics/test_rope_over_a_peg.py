@@ -36,6 +36,29 @@ def test_rebounds_within_cycles_of_the_rope_pass_the_audit(e: float) -> None:
     assert failed == []
 
 
+# Values (e, m1, m2, L) at which rope and floor are struck together, or nearly, where rebounds end.
+TOGETHER = (
+    (0.5, 0.5, 2.0, 3.05),
+    (0.452, 1.77, 2.79, 3.37),
+    (0.548, 1.17, 2.57, 3.23),
+    (0.682, 0.46, 1.93, 3.67),
+    (0.639, 0.27, 0.97, 3.18),
+)
+
+
+@pytest.mark.parametrize(("e", "m1", "m2", "L"), TOGETHER)
+def test_contacts_that_part_by_rebounds_that_are_left_out_are_told(
+    e: float, m1: float, m2: float, L: float
+) -> None:
+    """The rope is parted by the last rebound of the floor: without it, it stays taut, and its own flight is told."""
+    model = lagcli.loads(PEG.replace("2.6", "3.0")).with_parameters(e=e, m1=m1, m2=m2, L=L)
+    run = lagcli.simulate(model)
+    failed = [
+        check.name for check in lagcli.audit(model, run, events=run.events).checks if check.verdict == "fail"
+    ]
+    assert failed == []
+
+
 @pytest.mark.parametrize("e", [0.3, 0.5])
 def test_an_event_that_falls_together_with_an_impact_is_told_once(e: float) -> None:
     """The light weight goes up v/g long while the heavy one bounces on the floor: with e = 1/2 an impact there falls
