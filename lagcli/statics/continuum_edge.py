@@ -21,13 +21,6 @@ Floats = npt.NDArray[np.float64]
 NO_SIDE = 1e-7
 
 
-def touching(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
-    """The contacts that touch at a point, those that carry nothing included."""
-    g = problem.at(problem.t, found.q, found.lam).g
-    near = np.flatnonzero(g <= refine.CLOSED * scales.contacts * scales.length)
-    return tuple(sorted({*found.closed, *near.tolist()}))
-
-
 def told_with_its_continuum(
     problem: StaticProblem, found: EquilibriumPoint, scales: Scales
 ) -> EquilibriumPoint:
@@ -35,7 +28,7 @@ def told_with_its_continuum(
 
     A point that touches nothing without a force, or through which no continuum goes, is returned as it is.
     """
-    near = touching(problem, found, scales)
+    near = refine.touching(problem, found, scales)
     carrying = point_type.carrying(problem, found, scales)
     idle = [k for k in near if k not in carrying]
     if not idle:

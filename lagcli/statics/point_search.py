@@ -136,15 +136,14 @@ class PointSearch:
         size = continuum.dimension(equations, x) if kind.freedom else 0
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
-        if any(self._is_on(known, found.closed, found.q, size) for known in self.points):
+        touching = refine.touching(self.problem, found, self.scales)
+        if any(self._is_on(known, touching, found.q, size) for known in self.points):
             return False
         self.points = [known for known in self.points if not self._holds(equations, x, found, size, known)]
         if not size:
             limit = SAME_OF_FLAT if kind.kind == "degenerate" else ROUNDING
             found = self._tidied(equations, found, limit * self.scales.length)
-        self.points.append(
-            FoundPoint(found, kind, size, continuum_edge.touching(self.problem, found, self.scales))
-        )
+        self.points.append(FoundPoint(found, kind, size, touching))
         return True
 
     def wound(self, q: Floats) -> Floats:
@@ -183,10 +182,10 @@ class PointSearch:
             equations, other, self._nearer_turn(found.q, known.point.q)
         )
 
-    def _is_on(self, known: FoundPoint, closed: tuple[int, ...], q: Floats, size: int) -> bool:
+    def _is_on(self, known: FoundPoint, touching: tuple[int, ...], q: Floats, size: int) -> bool:
         """True if a point alone, or one of a smaller continuum, lies on this larger one, of which it is an edge
         where more contacts are closed."""
-        if known.dimension <= size or not set(known.point.closed) <= set(closed):
+        if known.dimension <= size or not set(known.point.closed) <= set(touching):
             return False
         equations = RestEquations(self.problem, known.point.closed, self.scales)
         x = self._unknowns(equations, known.point)
@@ -196,7 +195,7 @@ class PointSearch:
         self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
     ) -> bool:
         """True if a known point or continuum lies on the larger continuum of a new point."""
-        if size <= known.dimension or not set(found.closed) <= set(known.point.closed):
+        if size <= known.dimension or not set(found.closed) <= set(known.touching):
             return False
         return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))
 

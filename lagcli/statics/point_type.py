@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.statics import refine, weak_contacts
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import Scales
 from lagcli.statics.static_problem import StaticProblem
@@ -36,7 +37,7 @@ def classify(
     problem: StaticProblem, point: EquilibriumPoint, scales: Scales, has_potential: bool
 ) -> PointType:
     """The type of a point. Contacts that carry a force count as rows; one that pushes is a wall of a minimum, one that
-    pulls of a maximum."""
+    pulls of a maximum. Those that touch and carry nothing leave a cone of directions."""
     values = problem.at(problem.t, point.q, point.lam)
     B, G = unit(values.B), unit(values.G[list(point.closed)])
     push, is_carrying = _pushes(problem, point, scales)
@@ -50,7 +51,7 @@ def classify(
         return PointType("isolated", 0, unique, rank, 0)
     Z = kernel(np.vstack([B, G[is_carrying]]))
     H = -Z.T @ values.K @ Z
-    H = _scaled(H)
+    H, units = _scaled(H)
     if H.size and np.abs(H - H.T).max() > ASYMMETRIC * np.abs(H).max():
         return PointType(None, None, unique, rank, freedom)
     curvatures = np.linalg.eigvalsh((H + H.T) / 2) if H.size else np.zeros(0)
@@ -59,7 +60,30 @@ def classify(
         flat = np.inf
     up, down = int((curvatures > flat).sum()), int((curvatures < -flat).sum())
     pushes, pulls = bool((push[is_carrying] > 0).any()), bool((push[is_carrying] < 0).any())
-    return PointType(_kind(up, down, len(curvatures), pushes, pulls), down, unique, rank, freedom)
+    idle = [k for k in refine.touching(problem, point, scales) if k not in carrying(problem, point, scales)]
+    weak = unit(values.G[idle]) @ Z / units
+    if len(idle) < 2 or not np.isfinite(weak).all():  # one may be left along a direction or against it
+        return PointType(_kind(up, down, len(curvatures), pushes, pulls), down, unique, rank, freedom)
+    kind, index = _kind_on_cone((H + H.T) / 2, weak, flat, (up, down), (pushes, pulls))
+    return PointType(kind, index, unique, rank, freedom)
+
+
+def _kind_on_cone(
+    H: Floats, weak: Floats, flat: float, counts: tuple[int, int], walls: tuple[bool, bool]
+) -> tuple[Kind, int]:
+    """The kind and the index where only directions u with weak u >= 0 are allowed; counts: the positive and negative
+    curvatures of H, which decide where contacts are too many to be gone through."""
+    up, down = counts
+    if len(weak) > weak_contacts.MOST:
+        is_definite = len(H) in counts
+        return _kind(up, down, len(H), *walls) if is_definite else "degenerate", down
+    found = weak_contacts.extremes(H, weak)
+    if found is None:
+        return _kind(0, 0, 0, *walls) if any(walls) else "isolated", 0
+    least, greatest = found
+    rises, falls = greatest > flat, least < -flat
+    whole = least > flat or greatest < -flat
+    return _kind(int(rises), int(falls), 1 if whole else 2, *walls), down if falls else 0
 
 
 def carrying(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
@@ -113,15 +137,15 @@ def unit(rows: Floats) -> Floats:
     return np.asarray(rows / np.where(lengths > 0, lengths, 1.0))
 
 
-def _scaled(H: Floats) -> Floats:
-    """H with its rows and columns measured by what they hold: signs stay, units go."""
+def _scaled(H: Floats) -> tuple[Floats, Floats]:
+    """H with its rows and columns measured by what they hold, and these units: signs stay, units go."""
     if not H.size:
-        return H
+        return H, np.ones(len(H))
     widest = np.abs(H).max()
     if not widest > 0:
-        return H
+        return H, np.ones(len(H))
     by = np.sqrt(np.maximum(np.abs(H).max(axis=1), 1e-6 * widest))
-    return np.asarray(H / by[:, None] / by[None, :])
+    return np.asarray(H / by[:, None] / by[None, :]), by
 
 
 def _stiffness(K: Floats, scales: Scales) -> float:

@@ -156,6 +156,13 @@ def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) 
     return pulling, below
 
 
+def touching(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
+    """The contacts that touch at a point, those that carry nothing included."""
+    g = problem.at(problem.t, found.q, found.lam).g
+    near = np.flatnonzero(g <= CLOSED * scales.contacts * scales.length)
+    return tuple(sorted({*found.closed, *near.tolist()}))
+
+
 def _complementary(problem: StaticProblem, begin: Floats, scales: Scales) -> tuple[Floats, tuple[int, ...]]:
     """The end of a search with all contacts, and those that are closed there."""
     equations = RestEquations(problem, None, scales)
