@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 
 
 ABOUT = ("auto", "start", "equilibrium")
-NEAREST = ("about the nearest equilibrium, for the start is none and no steady motion",)
+NEAREST = "about the nearest equilibrium, for the start is none and no steady motion"
+FOLLOW = (
+    "; whether the motion from the start comes back, as a large swing does, is looked at with about: start"
+)
 # Motions are followed so many times the duration of the run, of no more than so many coordinates; the first part of it
 # tells whether they are steady.
 LONGEST, MOST_FOLLOWED, FIRST = 2.2, 60, 0.02
@@ -87,10 +90,11 @@ def modes(
                 f" up to {MOST_FOLLOWED} coordinates: this one has {here.q.size}"
             )
         raise NoEquilibriumError("the start is no equilibrium and no steady motion, and does not come back")
+    follow = FOLLOW if about == "auto" and here.q.size <= MOST_FOLLOWED and not closed else ""
     here, closed = _nearest(ready)
     functions = _functions(ready, closed, seconds)
     there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
-    told = (*NEAREST, *_contacts(ready, closed))
+    told = (NEAREST + follow, *_contacts(ready, closed))
     if there.kind != "varying":
         return assembled_modes.modes(functions, there, told, wanted)
     again = _varying(ready, functions, there, told)

@@ -81,7 +81,7 @@ def _multipliers(linear: Linear, lam: npt.NDArray[np.float64], whole: int) -> tu
     """lambda, 0 where its force is rounding beside the largest force."""
     from lagcli.linearization import reference
 
-    B, A = linear.B.toarray(), linear.A.toarray()
+    B, A = (np.array(part) for part in (linear.matrices.B, linear.matrices.A))
     rows = np.vstack([B[:whole], A, B[whole:]])
     forces = np.abs(rows * lam[:, None]).max(axis=1, initial=0.0)
     least = reference.BALANCED * float(linear.load.max(initial=0.0))

@@ -90,6 +90,10 @@ def _animate(found: Modes, model: Model, path: str) -> None:
 
 def _tell(found: Modes) -> None:
     """The modes as a table, then the verdict."""
+    if not found.count:
+        console.paragraph(f"{VERDICTS[found.stable]}: {found.reason}", "    ")
+        console.paragraph(diagnostics.printable(_place(found)), "    ")
+        return
     unit = found.units.time if found.units else "s"
     headers, rows = _multipliers(found) if found.multipliers is not None else _modes(found, unit)
     console.table(headers, rows, {})

@@ -6,11 +6,14 @@ No general simplification: every step costs little, and an expression of many op
 from __future__ import annotations
 
 import functools
+import math
 
 import sympy
 
 # Beyond this many operations nothing is tried.
 MAX_OPERATIONS = 250
+# Parts of an expanded form beyond which it is not made: what is longer than MAX_OPERATIONS by far becomes no shorter.
+MOST_PARTS = 20_000
 # Without sines and cosines so few operations are as short as they get.
 FEW = 5
 
@@ -22,12 +25,34 @@ def tidy(value: sympy.Expr) -> sympy.Expr:
     if operations > MAX_OPERATIONS or (operations <= FEW and not value.has(sympy.sin, sympy.cos)):
         return value
     found = [value, sympy.factor_terms(value)]
+    if math.prod(_expanded(value)) > MOST_PARTS:
+        return min(found, key=_length)
     wide = sympy.expand(value)
     if wide.count_ops() <= MAX_OPERATIONS:
         found += [wide, sympy.factor_terms(wide)]
         if wide.is_Add and wide.has(sympy.sin, sympy.cos):
             found += _trigonometric(wide)
     return min(found, key=_length)
+
+
+def _expanded(value: sympy.Expr) -> tuple[int, int]:
+    """At most how many terms an expanded form would have, before terms cancel, and how many parts one of them."""
+    if not value.args:
+        return 1, 1
+    sizes = [_expanded(part) for part in value.args]
+    if value.is_Add:
+        return sum(terms for terms, _ in sizes), max(parts for _, parts in sizes)
+    if value.is_Mul:
+        return math.prod(terms for terms, _ in sizes), sum(parts for _, parts in sizes)
+    within = sum(terms * parts for terms, parts in sizes)
+    if not value.is_Pow or not value.exp.is_Rational:
+        return 1, within
+    terms, parts = sizes[0]
+    # (a + b)^(7/2) becomes a sum over sqrt(a + b), and the sum of a negative power stays one part of a quotient.
+    power = min(int(abs(value.exp)), MAX_OPERATIONS)
+    if value.exp.is_negative:
+        return 1, terms ** max(1, power) * parts
+    return terms**power, parts if value.exp.is_Integer else parts + within
 
 
 def shorter(*values: sympy.Expr) -> sympy.Expr:

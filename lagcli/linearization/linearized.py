@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -29,6 +30,8 @@ Floats = npt.NDArray[np.float64]
 
 # Points at which a function is looked at, how far they are spread, and what is zero of one.
 POINTS, SPREAD, KEPT = 4, 0.1, 1e-11
+# Of linear equations, by sparse factors.
+SOLVER = "qr"
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -43,28 +46,71 @@ class Reference:
     p: Floats
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class LinearMatrices(NamedTuple):
+    """The matrices of `Linear` as CasADi has them."""
+
+    M: ca.DM
+    C: ca.DM
+    K: ca.DM
+    B: ca.DM
+    A: ca.DM
+    D: ca.DM
+    D_whole: ca.DM
+
+
 class Linear:
     """M, C, K (n, n), B (h, n) with B dq = 0, A, D (d, n) with A dq' + D dq = 0, sparse; D_whole
     (h, n): d(B v + b)/dq of the rows of whole coordinates but for leaves; `residual` (n,) is
-    M a - h - B^T lambda, `load` (n,) the sizes of its terms; cyclic (n,): coordinates that occur nowhere in them."""
+    M a - h - B^T lambda, `load` (n,) the sizes of its terms; cyclic (n,): coordinates that occur nowhere in them.
 
-    M: sparse.csc_array
-    C: sparse.csc_array
-    K: sparse.csc_array
-    B: sparse.csc_array
-    A: sparse.csc_array
-    D: sparse.csc_array
-    D_whole: sparse.csc_array
-    residual: Floats
-    load: Floats
-    cyclic: npt.NDArray[np.bool_]
+    Matrices of SciPy, which loads slowly, are made where they are asked for.
+    """
 
-    @property
+    def __init__(
+        self, matrices: LinearMatrices, residual: Floats, load: Floats, cyclic: npt.NDArray[np.bool_]
+    ) -> None:
+        self.matrices = matrices
+        self.residual, self.load, self.cyclic = residual, load, cyclic
+
+    @cached_property
+    def M(self) -> sparse.csc_array:
+        """The mass matrix."""
+        return _sparse(self.matrices.M)
+
+    @cached_property
+    def C(self) -> sparse.csc_array:
+        """Damping and gyroscopic terms."""
+        return _sparse(self.matrices.C)
+
+    @cached_property
+    def K(self) -> sparse.csc_array:
+        """Stiffness, prestress and circulatory terms."""
+        return _sparse(self.matrices.K)
+
+    @cached_property
+    def B(self) -> sparse.csc_array:
+        """The rows of whole coordinates."""
+        return _sparse(self.matrices.B)
+
+    @cached_property
+    def A(self) -> sparse.csc_array:
+        """The differential rows by the rates."""
+        return _sparse(self.matrices.A)
+
+    @cached_property
+    def D(self) -> sparse.csc_array:
+        """The differential rows by the places."""
+        return _sparse(self.matrices.D)
+
+    @cached_property
+    def D_whole(self) -> sparse.csc_array:
+        """What the rates of the rows of whole coordinates have by the places."""
+        return _sparse(self.matrices.D_whole)
+
+    @cached_property
     def values(self) -> Floats:
         """All entries in one column, for two of them to be compared."""
-        parts = (self.M, self.C, self.K, self.B, self.A, self.D, self.D_whole)
-        return np.concatenate([part.data for part in parts])
+        return np.concatenate([np.zeros(0), *(part.nonzeros() for part in self.matrices)])
 
 
 class LinearizedFunctions:
@@ -116,14 +162,11 @@ class LinearizedFunctions:
     def at(self, here: Reference) -> Linear:
         """The matrices at a reference."""
         found = self._at(here.t, here.q, here.v, here.a, here.lam, here.p)
-        M, C, K, B, A, D, D_whole = (_sparse(part) for part in found[:7])
+        M, C, K, B, A, D, D_whole = found[:7]
         leaves = [_leaf(each(here.t, here.q, here.p)) for each in self._charts]
-        if leaves:
-            from scipy import sparse
-
-            B = sparse.csc_array(sparse.vstack([B, *leaves]))
         residual, load = (np.array(part).ravel() for part in found[7:])
-        return Linear(M, C, K, B, A, D, D_whole, residual, load, self.cyclic)
+        matrices = LinearMatrices(M, C, K, ca.vertcat(B, *leaves), A, D, D_whole)
+        return Linear(matrices, residual, load, self.cyclic)
 
     def values(self, here: Reference) -> Floats:
         """All entries of the matrices at a reference in one column."""
@@ -151,12 +194,12 @@ class LinearizedFunctions:
         return True
 
     def acceleration(self, here: Reference) -> Floats:
-        """a (n,) of M a = h + B^T lambda with the lambda of a reference."""
-        from scipy.sparse import linalg
-
-        residual = self._at(here.t, here.q, here.v, np.zeros_like(here.v), here.lam, here.p)
-        M = _sparse(residual[0])
-        return np.asarray(linalg.spsolve(M, -np.array(residual[7]).ravel())).reshape(-1)
+        """a (n,) of M a = h + B^T lambda with the lambda of a reference, not finite where M is singular."""
+        found = self._at(here.t, here.q, here.v, np.zeros_like(here.v), here.lam, here.p)
+        try:
+            return np.array(ca.solve(found[0], -found[7], SOLVER)).reshape(-1)
+        except RuntimeError:  # what CasADi raises where the factorization fails
+            return np.full(here.v.size, np.nan)
 
 
 def _chart_slopes(built: System, charts: Sequence[level_functions.LevelExpression]) -> ca.Function:
@@ -171,15 +214,13 @@ def _chart_slopes(built: System, charts: Sequence[level_functions.LevelExpressio
     return ca.Function("leaf", [built.symbols.t, q, built.p], [ca.vertcat(*rows)])
 
 
-def _leaf(slopes: ca.DM) -> sparse.csc_array:
+def _leaf(slopes: ca.DM) -> ca.DM:
     """The first gradient that is finite and does not vanish, (1, n); no row where there is none."""
-    from scipy import sparse
-
     every = np.array(slopes)
     for row in every:
         if np.isfinite(row).all() and np.abs(row).max(initial=0.0) > 0:
-            return sparse.csc_array(row[None] / np.linalg.norm(row))
-    return sparse.csc_array((0, every.shape[1]))
+            return ca.DM(row[None] / np.linalg.norm(row))
+    return ca.DM(0, every.shape[1])
 
 
 def _sparse(matrix: ca.DM) -> sparse.csc_array:

@@ -20,6 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 # The rounding of multipliers.
 UNIT = 1e-8
+NO_FREEDOM = "no freedom is left: nothing can swing, and there are no modes"
 MINIMUM = "the potential has a strict minimum there (Lagrange and Dirichlet)"
 
 
@@ -36,9 +37,9 @@ def verdict(
     functions: LinearizedFunctions, here: Reference, found: Spectrum, is_equilibrium: bool
 ) -> StabilityVerdict:
     """The verdict on a reference motion whose linear equations do not depend on t."""
-    growth = (
-        float(found.values.real.max(initial=0.0 if found.zeros else -np.inf)) if found.values.size else 0.0
-    )
+    if not found.values.size:
+        return StabilityVerdict(True, 0.0, NO_FREEDOM)
+    growth = float(found.values.real.max(initial=0.0 if found.zeros else -np.inf))
     if growth > 0:
         return StabilityVerdict(False, growth, _growing(growth))
     if not found.zeros and growth < 0:

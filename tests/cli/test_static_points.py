@@ -152,6 +152,20 @@ def test_a_constant_is_refused(model):
     assert "it is a constant" in done.err
 
 
+def test_modes_of_what_has_no_freedom_are_a_sentence(tmp_path):
+    path = tmp_path / "fixed.yaml"
+    path.write_text(PENDULUM.replace("norm(a) = L\n", "norm(a) = L\n  x: a.x = 1.2\n  y: a.y = 0\n"))
+    done = run("modes", str(path))
+    assert (done.code, done.out.splitlines()) == (
+        0,
+        [
+            "stable: no freedom is left: nothing can swing, and there are no modes",
+            "linearized at a.x = 1.2, a.y = 0, a.z = -1.6",
+        ],
+    )
+    assert json.loads(run("modes", str(path), "--json").out)["frequencies"] == []
+
+
 def test_no_point_is_exit_4(tmp_path):
     path = tmp_path / "fall.yaml"
     path.write_text(PENDULUM.replace("holonomic:\n  rod: norm(a) = L\n", ""))

@@ -12,7 +12,15 @@ MODELS = pathlib.Path(__file__).parents[2] / "models"
 
 
 @pytest.mark.parametrize(
-    "call", ["dof(m)", "check(m)", "displacements(m)", "simulate(m, samples=3)", "compare(m, samples=3)"]
+    "call",
+    [
+        "dof(m)",
+        "check(m)",
+        "displacements(m)",
+        "derive(m)",
+        "simulate(m, samples=3)",
+        "compare(m, samples=3)",
+    ],
 )
 def test_commands_that_linearize_nothing_load_no_scipy(call: str) -> None:
     """SciPy serves points of rest, modes and contacts."""

@@ -26,6 +26,7 @@ from lagcli.derivation import (
     render_mathml,
     render_text,
     symbolic_system,
+    tidy,
 )
 from lagcli.derivation import formula as f
 from lagcli.derivation.calculus import TIME
@@ -646,3 +647,26 @@ def test_rates_in_words_are_letters_with_dots():
     titles = re.findall(r"subsection\*.*", gallery("pendulum").latex())
     assert any(r"$\ddot{q}$" in title for title in titles)
     assert not any("\u0308" in title or "\u0307" in title for title in titles)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(a + b)**3*(a - c)",
+        "a*sqrt(b + c)*(a + sqrt(b + a*(b + c)))",
+        "(a + b)**-2*(a + c)",
+        "sin(a*(b + c))*(a + b)",
+    ],
+)
+def test_the_size_of_an_expanded_form_is_bounded_before_it_is_made(text):
+    """No form has more terms than were counted, and what would fill pages is left as it is."""
+    value = sympy.sympify(text)
+    terms, parts = tidy._expanded(value)
+    wide = sympy.expand(value)
+    assert len(sympy.Add.make_args(wide)) <= terms
+    assert terms * parts <= tidy.MOST_PARTS
+    large = sympy.sympify(
+        "acos((a + b + c + d)*(e + f + g + h)*(i + j + k + l))*(a + b)*(i + k)*(a + e)**4*(c + g)**4"
+    )
+    assert tidy.tidy(large) == sympy.factor_terms(large)
+    assert np.prod(tidy._expanded(large)) > tidy.MOST_PARTS
