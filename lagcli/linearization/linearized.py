@@ -104,7 +104,7 @@ class Linear:
 
     @cached_property
     def D_whole(self) -> sparse.csc_array:
-        """What the rates of the rows of whole coordinates have by the places."""
+        """The gradient of the rates of the rows of whole coordinates by the places."""
         return _sparse(self.matrices.D_whole)
 
     @cached_property
