@@ -22,7 +22,6 @@ from lagcli.model import settings
 from lagcli.model.model import Model, Simulation
 from lagcli.simulation import checkpoint as checkpoints
 from lagcli.simulation import fresh_run, invariants, loop
-from lagcli.simulation.global_error import error_estimate
 from lagcli.start import consistent_start, initial
 from lagcli.start.consistent_start import ConsistentStart
 
@@ -56,6 +55,8 @@ def prepare(
     if resume_from is None:
         return start(model, chosen, limit=seconds, digits=digits)
     if digits:
+        from lagcli.simulation.global_error import error_estimate
+
         raise ValueError(f"digits: {error_estimate.NOT_RESUMED}")
     try:
         run = resume(model, chosen, checkpoints.read(resume_from))

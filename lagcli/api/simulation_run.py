@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis import redundancy
-from lagcli.analysis.classification import led_off
 from lagcli.analysis.classification.verdict import Condition
 from lagcli.api.compiled_model import CompiledModel, Integrals
 from lagcli.compiled import NumericSystem
@@ -23,12 +23,14 @@ from lagcli.output.incident_table import IncidentColumns
 from lagcli.output.trajectory import Outcome, Stats, provenance
 from lagcli.simulation import checkpoint as checkpoints
 from lagcli.simulation import grid, loop, run_stop
-from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
-from lagcli.simulation.global_error.reference_run import RunWithReference
 from lagcli.simulation.incident import Incident
 from lagcli.simulation.singular_point import RankDrop
 from lagcli.start import assembly, assembly_moves, initial, lipschitz, singular_inertia
+
+if TYPE_CHECKING:
+    # Loaded where it is used: most runs are not repeated.
+    from lagcli.simulation.global_error.reference_run import RunWithReference
 
 Floats = npt.NDArray[np.float64]
 
@@ -61,7 +63,7 @@ class SimulationRun:
         self._system, self._numeric = prepared.ready.system, prepared.ready.numeric
         self._start, self._run, self._paired = prepared.start, prepared.loop, prepared.reference
         self.model = self._system.model
-        self.columns = ("t", *self._system.columns, *(error_estimate.COLUMNS if self._paired else ()))
+        self.columns = ("t", *self._system.columns, *(self._paired.COLUMNS if self._paired else ()))
         self.assembly = prepared.assembly
         self.resumed = prepared.resumed
         self.grid = grid.grid(self.model.simulation)
@@ -200,6 +202,9 @@ class SimulationRun:
         """The hidden conditions that the forces do not keep where a run stopped, as a sentence, or nothing."""
         if not self._prepared.conditions:
             return ""
+        # Loaded here: most models have no such rows.
+        from lagcli.analysis.classification import led_off
+
         (q, v), a = np.split(self._run.y[:-1], 2), np.split(self._run.rate[:-1], 2)[1]
         state = initial.State(self.t, q, v, self._start.p)
         return led_off.reason(self._system, self._prepared.conditions, state, a)
@@ -220,10 +225,10 @@ class SimulationRun:
 
     def _known(self, found: Accuracy | None) -> Accuracy | None:
         """The accuracy with the kinds that are zero to rounding."""
-        if found is None:
+        if found is None or self._paired is None:
             return None
         floors = self._floors
-        kinds = zip(KINDS, error_estimate.places(self._system), strict=True)
+        kinds = zip(KINDS, self._paired.places, strict=True)
         return dataclasses.replace(found, zero=frozenset(k for k, at in kinds if floors.are_zero(at)))
 
     @property

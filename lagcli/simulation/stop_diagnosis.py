@@ -9,7 +9,7 @@ import numpy as np
 
 from lagcli.equations import kinks
 from lagcli.equations.system import System
-from lagcli.simulation import contact_gradient, singular_point, stop_reasons, switch_states
+from lagcli.simulation import singular_point, stop_reasons, switch_states
 from lagcli.simulation.invariants import EnforcedInvariants
 from lagcli.simulation.run_stop import CONTACT, NO_SOLUTION, NOT_FINITE, SINGULAR, TOO_SMALL, StepFailure
 from lagcli.start import initial
@@ -66,6 +66,9 @@ def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepF
     jump = _jump(held, here)
     if jump:
         return StepFailure(jump, NO_SOLUTION)
+    # Loaded here, with all that decides contacts: few runs stop.
+    from lagcli.simulation import contact_gradient
+
     kinked, span = kinks.of_contacts(system.model), stop_reasons.time_scale(system, here)
     if edges := contact_gradient.edges(numeric, here, kinked, span):
         return StepFailure(

@@ -32,3 +32,26 @@ def test_commands_that_linearize_nothing_load_no_scipy(call: str) -> None:
         check=True,
     )
     assert done.stdout.split() == ["False"]
+
+
+def test_a_run_without_contacts_and_errors_loads_nothing_of_them() -> None:
+    code = (
+        "import sys, lagcli\n"
+        "lagcli.simulate(lagcli.load(sys.argv[1]), duration=0.1)\n"
+        "print(*(name for name in sys.modules if name.startswith('lagcli.')))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(MODELS / "pendulum.yaml")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = {name.rpartition(".")[2] for name in done.stdout.split()}
+    assert {"dop853", "loop", "fresh_run"} <= loaded
+    assert not loaded & {
+        "contact_event",
+        "contact_gradient",
+        "contact_instant",
+        "impact_law",
+        "reference_run",
+    }

@@ -27,7 +27,12 @@ SAME_TIME = 1e-12
 
 
 class RunWithReference:
-    """A run from its start and the same run at another tolerance, which is kept no farther ahead than a block."""
+    """A run from its start and the same run at another tolerance, which is kept no farther ahead than a block.
+
+    places: the columns of each kind, of whose errors the columns `COLUMNS` tell.
+    """
+
+    COLUMNS = error_estimate.COLUMNS
 
     def __init__(
         self,
@@ -50,9 +55,9 @@ class RunWithReference:
         window = divergence.window(run.grid.count) if held.has_time else 0
         relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
         parted = divergence.Parting(window, relative, settings.atol or 0.0)
-        places, factor = error_estimate.places(system), error_estimate.safety(settings)
-        self._errors = error_estimate.Errors(places, factor, parted)
-        self._at_incidents = IncidentErrors(places, factor)
+        self.places, factor = error_estimate.places(system), error_estimate.safety(settings)
+        self._errors = error_estimate.Errors(self.places, factor, parted)
+        self._at_incidents = IncidentErrors(self.places, factor)
         self._last: Floats | None = None  # t and errors of the row before the block
         # The run as it stood behind the last whole block, and where rows end within one: only where the repeated run
         # has stopped there.
