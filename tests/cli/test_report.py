@@ -339,6 +339,16 @@ def test_latex_takes_every_text():
     assert latex_pdf.printed(str(latex_pdf.found()), document, figures).startswith(b"%PDF")
 
 
+@pytest.mark.filterwarnings("error:Glyph .* missing")
+def test_pictures_of_a_report_hold_no_text_that_acts():
+    r"""Neither a formula of the title nor an escape sequence of a unit, in none of their formats."""
+    page = page_of(written(title=r"'$x_{ \\'", unit='"m"').replace("time: s", r'time: "s\e[2J $y_{"'))
+    for figure in page.contents.figures:
+        assert figure.pdf().startswith(b"%PDF")
+        assert b"\x1b" not in figure.content
+    assert "\x1b" not in page.html()
+
+
 def test_a_document_in_latex_holds_no_command_of_a_model():
     name = r"\input{x} $y$ #1 & % ~ ^ _ {{ <% raw %> << 7 >> \end{document}"
     document = report_writer.latex_page(page_of(written(title=repr(name), comment=name)).contents)

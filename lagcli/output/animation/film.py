@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import pathlib
@@ -40,6 +41,11 @@ def require(fmt: str) -> None:
         raise NoFilmWriter("mp4 needs the program ffmpeg, which is not found; write .gif or .html")
 
 
+def _look() -> contextlib.AbstractContextManager[None]:
+    """The look of films; texts of a model are no formulas."""
+    return matplotlib.rc_context({"text.parse_math": False, "font.size": 8})
+
+
 @progress.phase("drawing the film")
 def write(path: pathlib.Path, scene: Scene, fmt: str) -> int:
     """Write the film aside and move it into place; return how many pictures it has. Raises `NoFilmWriter`, OSError."""
@@ -56,9 +62,10 @@ def write(path: pathlib.Path, scene: Scene, fmt: str) -> int:
 
 def picture(scene: Scene, fmt: str) -> bytes:
     """The first instant as a file of a format of figures."""
-    drawing = _Drawing(scene)
-    drawing.show(0)
-    return sheet.content(fmt, drawing.figure)
+    with _look():
+        drawing = _Drawing(scene)
+        drawing.show(0)
+        return sheet.content(fmt, drawing.figure)
 
 
 def pictures(scene: Scene, fmt: str) -> tuple[npt.NDArray[np.int64], float]:
@@ -81,7 +88,7 @@ def _made(path: pathlib.Path, scene: Scene, fmt: str) -> int:
         writer = animation.PillowWriter(fps=rate)  # type: ignore[arg-type] # a part of a second is fine
     else:
         writer = animation.FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # type: ignore[arg-type]
-    with matplotlib.rc_context({"text.parse_math": False, "font.size": 8}):
+    with _look():
         drawing = _Drawing(scene)
         with writer.saving(drawing.figure, str(path), DPI):
             for frame in shown:

@@ -56,7 +56,8 @@ def compose(found: Audit, unit: str = "s") -> figure.Figure:
             strip.set_ylabel(label, fontsize=7, rotation=0, ha="right", va="center", color=colour, labelpad=8)
             strip.set_xlim(found.start, found.end if found.end > found.start else found.start + 1)
         strips[-1].set_xlabel(
-            f"t ({unit})     (each curve: worst value as a part of its limit, dashed)", fontsize=8
+            f"t ({labels.shortened(unit, labels.UNIT)})     (each curve: worst value as a part of its limit, dashed)",
+            fontsize=8,
         )
         return drawn
 

@@ -85,7 +85,7 @@ def _panel(plot: axes.Axes, found: Modes, k: int) -> None:
 
 
 def _heading(found: Modes, k: int) -> str:
-    unit = found.units.time if found.units else "s"
+    unit = labels.shortened(found.units.time, labels.UNIT) if found.units else "s"
     if found.frequencies is not None:
         return f"ω = {found.frequencies[k]:.6g}/{unit}"
     z = found.eigenvalues[k]
