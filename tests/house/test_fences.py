@@ -104,7 +104,7 @@ def places() -> tuple[Path, ...]:
 
 
 # Constants that no comment explains: a debt.
-MOST_BARE_CONSTANTS = 70
+MOST_BARE_CONSTANTS = 68
 
 
 def is_number(node: ast.expr) -> bool:

@@ -35,7 +35,8 @@ inequality: {sphere: "r >= R"}
 
 
 def derived(text: str, solve: bool = False) -> derivation.Derivation:
-    return derivation.derive(system.build(lagcli.loads(text)), derivation.Options(solve))
+    # A limit beyond every machine: on a busy one twenty seconds of wall time were too few.
+    return derivation.derive(system.build(lagcli.loads(text)), derivation.Options(solve, limit=600.0))
 
 
 def lines(text: str, section: str, solve: bool = False) -> list[str]:
