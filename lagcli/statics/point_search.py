@@ -15,6 +15,7 @@ import numpy.typing as npt
 from lagcli.statics import (
     continuum,
     continuum_edge,
+    homotopy,
     newton,
     point_type,
     refine,
@@ -36,6 +37,8 @@ SAME, SAME_OF_FLAT, ROUNDING = 1e-6, 3e-4, 1e-15
 SPREAD = (0.3, 1.0, 2.5)
 # Rounds with known points taken out, from one start; above so many unknowns it costs too much.
 ROUNDS, MOST_UNKNOWNS, DAMPED = 2, 60, 60
+# Starts from which a homotopy is followed.
+PATHS = 8
 # Rounds without a new point, after which no more are made.
 MOST_VAIN = 12
 MOST_POINTS = 400
@@ -233,7 +236,10 @@ class PointSearch:
                 place = surface_descent.lowest(equations, begin, sign)
                 if place is not None:
                     self.take(refine.reached(self.problem, place, closed, self.scales))
-        if is_large or self._vain >= MOST_VAIN:
+        if is_large:
+            return
+        self._along_path(equations, begin)
+        if self._vain >= MOST_VAIN:
             return
         for _ in range(ROUNDS):
             known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
@@ -248,6 +254,15 @@ class PointSearch:
             if not self.take(refine.settled(equations, again)):
                 return
             self._vain = 0
+
+    def _along_path(self, equations: RestEquations, begin: Floats) -> None:
+        """The points on the path of a homotopy from one start."""
+        x = refine.begun(equations, begin)
+        if x is None or self.starts >= PATHS:
+            return
+        for place in homotopy.near_zeros(equations, x):
+            if equations(place) is not None:
+                self.take(refine.settled(equations, newton.refined(equations, place)))
 
     def _all_sets(self) -> Iterator[tuple[int, ...]]:
         """Sets of closed contacts, the small ones first; that of the start is the first of all."""

@@ -1,0 +1,97 @@
+"""Zeros on the real paths F(x) = s F(x_0), which begin at a start with s = 1 (Newton's homotopy).
+
+A path is followed past s = 0: it turns, comes back, and goes through further zeros, which nothing else may lead to
+(Keller, *Global homotopies and Newton methods*, 1978; Allgower and Georg, *Numerical Continuation Methods*, 1990).
+Predictor and corrector: a step along the tangent, then the shortest Newton steps back onto the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.statics.rest_equations import RestEquations
+
+Floats = npt.NDArray[np.float64]
+
+# Steps of one way along a path, and corrections of one step.
+MOST_STEPS, CORRECTIONS = 160, 4
+# Lengths of steps as parts of the size of things: the first, the longest, the shortest.
+FIRST, LONGEST, SHORTEST = 0.05, 0.3, 1e-5
+# What a corrected place may be off its path, and how far a path is followed.
+OFF, FAR = 1e-7, 30.0
+# Of two tangents the least cosine: a step that bends more may have come onto another path.
+BENT = 0.7
+
+
+def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
+    """Places next to zeros of the equations, on both ways of the path through x.
+
+    None where the equations are not as many as the unknowns, or x is a zero itself.
+    """
+    found = equations(x)
+    if found is None or found[1].shape[0] != found[1].shape[1] or not np.linalg.norm(found[0]) > OFF:
+        return
+    path = _Path(equations, x, found)
+    for sense in (1.0, -1.0):
+        yield from path.followed(sense)
+
+
+class _Path:
+    """z = (x / units, s) with F(x) - s F(x_0) = 0."""
+
+    def __init__(self, equations: RestEquations, x: Floats, found: tuple[Floats, Floats]) -> None:
+        self._equations = equations
+        self._first, J = found
+        n = equations.problem.n
+        widths = np.linalg.norm(J, axis=0)
+        self._units = np.where(widths > 0, 1 / np.where(widths > 0, widths, 1.0), 1.0)
+        self._units[:n] = equations.scales.length
+        self._begin = np.append(x / self._units, 1.0)
+
+    def followed(self, sense: float) -> Iterator[Floats]:
+        """The places x at which s changes its sign along one way."""
+        z = self._begin
+        along = self._tangent(z)
+        if along is None:
+            return
+        along, length = sense * along, FIRST
+        for _ in range(MOST_STEPS):
+            there = self._corrected(z + length * along)
+            turned = None if there is None else self._tangent(there)
+            if there is None or turned is None or abs(turned @ along) < BENT:
+                length /= 3
+                if length < SHORTEST:
+                    return
+                continue
+            turned *= np.sign(turned @ along)
+            if (z[-1] > 0) != (there[-1] > 0):
+                part = z[-1] / (z[-1] - there[-1])
+                yield (z + part * (there - z))[:-1] * self._units
+            z, along, length = there, turned, min(1.6 * length, LONGEST)
+            if np.abs(z).max() > FAR:
+                return
+
+    def _values(self, z: Floats) -> tuple[Floats, Floats] | None:
+        found = self._equations(z[:-1] * self._units)
+        if found is None:
+            return None
+        F, J = found
+        return F - z[-1] * self._first, np.column_stack([J * self._units, -self._first])
+
+    def _tangent(self, z: Floats) -> Floats | None:
+        values = self._values(z)
+        return None if values is None else np.asarray(np.linalg.svd(values[1])[2][-1])
+
+    def _corrected(self, z: Floats) -> Floats | None:
+        for _ in range(CORRECTIONS):
+            values = self._values(z)
+            if values is None:
+                return None
+            if np.linalg.norm(values[0]) <= OFF:
+                return z
+            z = z - np.linalg.lstsq(values[1], values[0], rcond=None)[0]
+        values = self._values(z)
+        return z if values is not None and np.linalg.norm(values[0]) <= OFF else None
