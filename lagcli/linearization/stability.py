@@ -37,7 +37,7 @@ def verdict(
     functions: LinearizedFunctions, here: Reference, found: Spectrum, is_equilibrium: bool
 ) -> StabilityVerdict:
     """The verdict on a reference motion whose linear equations do not depend on t."""
-    if not found.values.size:
+    if not found.values.size and not found.zeros:
         return StabilityVerdict(True, 0.0, NO_FREEDOM)
     growth = float(found.values.real.max(initial=0.0 if found.zeros else -np.inf))
     if growth > 0:

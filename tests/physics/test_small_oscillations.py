@@ -262,3 +262,16 @@ lagrangian: m/2*(rate(r)**2 + r**2*rate(phi)**2) - k/2*(r - L)**2
     assert found.about == "steady"
     assert found.frequencies is not None
     np.testing.assert_allclose(found.frequencies[-1], np.sqrt(k / m + 3 * w**2), rtol=1e-12)
+
+
+def test_a_particle_that_falls_freely_is_not_one_without_freedom() -> None:
+    """All eigenvalues are zero, which is not that there are none."""
+    found = lagcli.modes(
+        lagcli.loads("""
+lagcli: 1
+particles: {a: {mass: 1, position: [0, 0, 1]}}
+forces: {weight: {to: all, force: [0, 0, -9.81*m]}}
+""")
+    )
+    assert found.stable is None
+    assert found.reason.startswith("6 eigenvalues are zero")
