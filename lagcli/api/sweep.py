@@ -113,7 +113,9 @@ def _points(
     if hasattr(points, "columns"):
         names = [str(name) for name in points.columns]
         return [point_sources.TableOfPoints(names, np.array(points, dtype=np.float64), "points")]
-    names = list(points[0]) if len(points) else []
+    if not len(points):
+        raise ValueError("points: there are none")
+    names = list(points[0])
     if any(list(point) != names for point in points):
         raise ValueError("points: all of them need the same names in the same order")
     numbers = np.array([[float(value) for value in point.values()] for point in points])

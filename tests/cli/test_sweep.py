@@ -207,6 +207,7 @@ def test_reductions_are_expressions_over_columns() -> None:
         (("--over", "L=1:2:2", "--shard", "3/2"), "--shard 3/2"),
         (("--over", "L=1:2:2", "--samples", "0"), "samples"),
         (("--over", "L=1:2:2", "--resume"), "-o FILE"),
+        (("--over", "L=1:2:2", "--limit-each", "nan"), "limit_each: a number of seconds"),
         (("--over", "L=1:2:2", "-o", "x.txt"), "unknown format"),
         (("--uncertain", "L~gauss(1, 2)"), "the distributions are normal(MEAN, SD)"),
         (("--uncertain", "L~normal(1)"), "write normal(MEAN, SD)"),
@@ -484,5 +485,14 @@ def test_python_gives_a_frame_and_takes_any_executor() -> None:
         one = lagcli.simulate(lagcli.load(PENDULUM, {"L": row.L, "m": row.m}), duration=0.3, samples=4)
         assert one["lambda.rod"].max() == row.peak
     assert alone.attrs["done"] == 6
+    for wrong, told in (
+        ({"points": []}, "there are none"),
+        ({"points": {}}, "there are none"),
+        ({"points": grid, "jobs": 0}, "jobs: a whole number"),
+        ({"points": grid, "limit_each": -1}, "limit_each: a number of seconds"),
+        ({"uncertain": {"L": "normal(1, 0.1)"}, "draws": 1.5}, "--draws: a whole number"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            lagcli.sweep(PENDULUM, **wrong, **options)
     with pytest.raises(ValueError, match="points LL: there is no parameter"):
         lagcli.sweep(PENDULUM, {"LL": [1]})

@@ -101,13 +101,13 @@ def _fault(found: Uncertain) -> str:
 
 def draw(uncertain: Sequence[Uncertain], draws: int, seed: int, sampling: str = "sobol") -> TableOfPoints:
     """So many points of these distributions, the same for the same seed. Raises `BadPoints`."""
-    if draws < 1:
+    if draws < 1 or draws != int(draws):
         raise BadPoints("--draws: a whole number, 1 or more, is needed")
     if draws > MOST_DRAWS or draws * len(uncertain) > MOST_NUMBERS:
         raise BadPoints(
             f"--draws {draws}: at most {min(MOST_DRAWS, MOST_NUMBERS // len(uncertain))} are drawn"
         )
-    u = _cube(len(uncertain), draws, seed, sampling)
+    u = _cube(len(uncertain), int(draws), seed, sampling)
     values = [one.at(u[:, k]) for k, one in enumerate(uncertain)]
     return TableOfPoints([one.name for one in uncertain], np.column_stack(values), LABEL)
 

@@ -62,7 +62,9 @@ class Engine:
 
 @contextlib.contextmanager
 def local(jobs: int) -> Iterator[Engine]:
-    """This process for one job, else so many processes of this machine, which end with this one."""
+    """This process for one job, else processes of this machine, which end with this one. Raises `ValueError`."""
+    if jobs < 1 or jobs != int(jobs):
+        raise ValueError("jobs: a whole number of processes is needed, 1 or more")
     if jobs == 1:
         yield Engine()
         return

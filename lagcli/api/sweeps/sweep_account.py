@@ -80,7 +80,7 @@ class SweepAccount:
     def sentence(self) -> str:
         """The outcome in words."""
         parts = [f"{self.done} done", f"{self.stopped} stopped", f"{self.invalid} invalid"]
-        return f"{self.points} points: {', '.join(parts)}"
+        return f"{self.points} point{'s' * (self.points != 1)}: {', '.join(parts)}"
 
     def of_workers(self) -> str:
         """The workers that were lost, in words."""

@@ -126,6 +126,8 @@ def plan(
     if not isinstance(origin, document.ModelOrigin):
         raise ValueError("the start of this model was changed after it was read: load the file anew")
     run_settings.chosen(model, settings.runs)
+    if settings.limit_each is not None and not settings.limit_each >= 0:  # nan neither
+        raise ValueError("limit_each: a number of seconds is needed, 0 or more")
     points = joined(parts)
     if not points.count:
         raise BadPoints("there are no points")
