@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from lagcli.api.simulate import simulate
     from lagcli.api.stationary import stationary
     from lagcli.api.sweep import sweep
-    from lagcli.auditing.audit_report import Audit
-    from lagcli.derivation.derivation_page import Derivation
+    from lagcli.auditing.checks.audit_report import Audit
+    from lagcli.derivation.sections.derivation_page import Derivation
     from lagcli.errors.diagnostics import ModelError
     from lagcli.formulations.comparison import Comparison
     from lagcli.formulations.stiff.ladder import StiffLimit
@@ -84,9 +84,9 @@ __all__ = [
 ]
 
 _CLASSES = {
-    "Audit": "auditing.audit_report",
+    "Audit": "auditing.checks.audit_report",
     "Comparison": "formulations.comparison",
-    "Derivation": "derivation.derivation_page",
+    "Derivation": "derivation.sections.derivation_page",
     "Displacements": "analysis.displacements.displacement_set",
     "DofCount": "analysis.dof",
     "Model": "model.model",

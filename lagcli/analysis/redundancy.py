@@ -18,7 +18,7 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows, rank
-from lagcli.simulation.singular_point import RankDrop
+from lagcli.simulation.singularity.singular_point import RankDrop
 from lagcli.start import conflict, initial, sample_points
 from lagcli.start.initial import State
 

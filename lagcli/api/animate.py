@@ -95,7 +95,7 @@ def _wanted(columns: Sequence[str], names: Sequence[str], model: Model | None) -
 
 def _require_own(path: str, model: Model, table: Table) -> None:
     """Refuse a table with multipliers of rows that the model does not have: it is of another model."""
-    from lagcli.auditing.laws import ModelLaws
+    from lagcli.auditing.evidence.laws import ModelLaws
 
     laws = ModelLaws(model)
     known = {f"lambda.{row}" for row in (*laws.rows, *laws.contacts)}
@@ -208,7 +208,7 @@ def _state(model: Model, table: Table) -> tuple[Floats, Floats, Floats] | None:
 
 def forces(model: Model, table: Table) -> Floats | None:
     """F_k on all particles (T, N, 3), of forces and potentials; None where the table lacks a state."""
-    from lagcli.auditing.laws import ModelLaws
+    from lagcli.auditing.evidence.laws import ModelLaws
 
     state = _state(model, table)
     if state is None:
@@ -225,7 +225,7 @@ def forces(model: Model, table: Table) -> Floats | None:
 
 def positions(model: Model, t: Floats, q: Floats) -> Floats:
     """The places of all particles (T, N, 3) at t (T,) and q (T, n)."""
-    from lagcli.auditing.model_values import ModelIndex, ModelOnTable
+    from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 
     cast = ModelIndex(model)
     found = np.zeros((len(t), len(cast.particles), 3))
@@ -241,7 +241,7 @@ def positions(model: Model, t: Floats, q: Floats) -> Floats:
 
 def ties(model: Model) -> list[tied.Tie]:
     """Distances that are kept whatever the coordinates are, of particles whose places are functions of them."""
-    from lagcli.auditing.model_values import ModelIndex
+    from lagcli.auditing.evidence.model_values import ModelIndex
 
     cast = ModelIndex(model)
     if not 0 < cast.dependent.size <= tied.MOST:

@@ -18,12 +18,13 @@ from lagcli.model.model import Model, Simulation
 from lagcli.output import incident_table, table_columns
 from lagcli.output.incident_table import IncidentTable
 from lagcli.output.trajectory import SimulationStopped, Trajectory
-from lagcli.simulation import run_stop, step_tolerance
 from lagcli.simulation.global_error import error_estimate
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.scheme import step_tolerance
 
 if TYPE_CHECKING:
-    from lagcli.auditing.audit_report import Audit
-    from lagcli.auditing.incident_record import EventTable
+    from lagcli.auditing.checks.audit_report import Audit
+    from lagcli.auditing.evidence.incident_record import EventTable
 
 Floats = npt.NDArray[np.float64]
 
@@ -56,7 +57,8 @@ def audit(
     lacks columns and for bad options, `OSError`.
     """
     # Other commands audit nothing and read no tables.
-    from lagcli.auditing import all_checks, tolerances
+    from lagcli.auditing import all_checks
+    from lagcli.auditing.evidence import tolerances
 
     changes = {
         "duration": duration, "samples": samples, "output_step": output_step, "method": method, "rtol": rtol,
@@ -124,7 +126,7 @@ def _at_rest(model: Model, path: Path) -> Audit | None:
 
 def _event_table(events: IncidentTable | None) -> EventTable | None:
     """The incidents as an audit takes them: it knows nothing of their tables."""
-    from lagcli.auditing.incident_record import EventTable
+    from lagcli.auditing.evidence.incident_record import EventTable
 
     if events is None:
         return None

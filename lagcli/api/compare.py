@@ -17,7 +17,7 @@ from lagcli.api.simulation_run import SimulationRun
 from lagcli.equations import particle_form, size_limits
 from lagcli.model.model import Model, Simulation
 from lagcli.output import column_choice, table_columns
-from lagcli.simulation import run_stop
+from lagcli.simulation.run_state import run_stop
 
 if TYPE_CHECKING:
     from lagcli.formulations.comparison import Comparison, Formulation

@@ -9,7 +9,7 @@ from lagcli.api import known_integrals
 from lagcli.equations import system, time_functions
 from lagcli.model import settings
 from lagcli.model.model import Model
-from lagcli.simulation import invariants
+from lagcli.simulation.scheme import invariants
 from lagcli.start import known_starts
 
 Integrals = known_integrals.Integrals

@@ -15,7 +15,7 @@ from lagcli.errors import diagnostics
 from lagcli.formulations.stiff import slow_start, stiff_system
 from lagcli.formulations.stiff.slow_start import StiffRow
 from lagcli.model.model import Model, Simulation
-from lagcli.simulation import run_stop
+from lagcli.simulation.run_state import run_stop
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]

@@ -12,7 +12,7 @@ from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 
 if TYPE_CHECKING:
-    from lagcli.derivation.derivation_page import Derivation
+    from lagcli.derivation.sections.derivation_page import Derivation
 
 
 @progress.phase("deriving the equations")

@@ -16,7 +16,7 @@ from lagcli.output.trajectory import SimulationStopped
 from lagcli.start import initial
 
 if TYPE_CHECKING:
-    from lagcli.derivation.linear_matrices import LinearPoint
+    from lagcli.derivation.symbolic.linear_matrices import LinearPoint
     from lagcli.linearization.linearized import Linear, Reference
 
 # What is rounding beside the largest coordinate or rate.
@@ -42,7 +42,7 @@ def start(model: Model) -> tuple[Reference, tuple[int, ...]]:
 
 def of_start(model: Model) -> LinearPoint:
     """The declared start as a point of linear equations, or why there are none about it."""
-    from lagcli.derivation.linear_matrices import MOST, LinearPoint
+    from lagcli.derivation.symbolic.linear_matrices import MOST, LinearPoint
     from lagcli.linearization import reference
     from lagcli.linearization.linearized import LinearizedFunctions
 

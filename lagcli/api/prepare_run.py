@@ -20,8 +20,9 @@ from lagcli.errors import diagnostics
 from lagcli.expression.tree import ExpressionError
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation
-from lagcli.simulation import checkpoint as checkpoints
-from lagcli.simulation import fresh_run, invariants, loop
+from lagcli.simulation import fresh_run, loop
+from lagcli.simulation.run_state import checkpoint as checkpoints
+from lagcli.simulation.scheme import invariants
 from lagcli.start import consistent_start, initial
 from lagcli.start.consistent_start import ConsistentStart
 

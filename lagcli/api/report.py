@@ -15,11 +15,11 @@ from lagcli.model import dimension_facts
 from lagcli.model.model import Model
 from lagcli.output import table_columns
 from lagcli.output.trajectory import SimulationStopped, Trajectory
-from lagcli.simulation import step_tolerance
+from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import initial
 
 if TYPE_CHECKING:
-    from lagcli.auditing.audit_report import Audit
+    from lagcli.auditing.checks.audit_report import Audit
     from lagcli.output.animation.scene import Scene
     from lagcli.output.report.report_contents import PageEquations, PageFigure
     from lagcli.output.report.report_page import ReportPage

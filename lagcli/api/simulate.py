@@ -19,7 +19,7 @@ from lagcli.model.model import Model
 from lagcli.output import checkpoint_file, column_choice, incident_table
 from lagcli.output.figures import decimate
 from lagcli.output.trajectory import SimulationStopped, Trajectory
-from lagcli.simulation import run_stop
+from lagcli.simulation.run_state import run_stop
 
 Floats = npt.NDArray[np.float64]
 

@@ -21,11 +21,13 @@ from lagcli.model import settings
 from lagcli.output import event_rows, incident_table, table_columns
 from lagcli.output.incident_table import IncidentColumns
 from lagcli.output.trajectory import Outcome, Stats, provenance
-from lagcli.simulation import checkpoint as checkpoints
-from lagcli.simulation import grid, loop, run_stop
+from lagcli.simulation import loop
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
-from lagcli.simulation.incident import Incident
-from lagcli.simulation.singular_point import RankDrop
+from lagcli.simulation.run_state import checkpoint as checkpoints
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.singularity.singular_point import RankDrop
+from lagcli.simulation.stepping import grid
 from lagcli.start import assembly, assembly_moves, initial, lipschitz, singular_inertia
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from lagcli.formulations.stiff.ladder import Rung, StiffLimit
 from lagcli.formulations.stiff.stiff_system import Stiffness
 from lagcli.model.model import Model, Simulation
 from lagcli.output import table_columns
-from lagcli.simulation import run_stop
+from lagcli.simulation.run_state import run_stop
 
 Floats = npt.NDArray[np.float64]
 

@@ -3,8 +3,9 @@
 In: `model.Model` and a table
 Out: `audit_report.Audit`
 
-`table_input` reads the table; `autodiff` differentiates the model's own expressions over numpy arrays, all rows of the
-table at once; `model_values` gives names their values; `laws` evaluates rows, forces and energies; `differences`
-differentiates and integrates the recorded motion and says how well; `all_checks` makes the checks and
-`audit_report` holds them. Nothing here knows the solver: no symbols of `equations`, nothing of `compiled`.
+`evidence` holds what is known of a table: `table_input` reads it, `autodiff` differentiates the model's own
+expressions over numpy arrays, all rows at once, `laws` evaluates rows, forces and energies, `differences`
+differentiates and integrates the recorded motion and says how well. `checks` has the laws, one family a file, and
+`audit_report` holds their findings. `all_checks` makes the audit of a motion, `one_sided` of one with incidents,
+`rest_audit` of points of rest. Nothing here knows the solver: no symbols of `equations`, nothing of `compiled`.
 """

@@ -7,25 +7,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.auditing import (
+from lagcli.auditing import one_sided
+from lagcli.auditing.checks import (
     checks_motion,
     checks_outputs,
     checks_pointwise,
     checks_steps,
     hamilton,
-    incident_record,
     momenta,
-    one_sided,
-    table_input,
     uniqueness_text,
 )
-from lagcli.auditing.audit_report import Audit, Check, CheckedLaw, judge
-from lagcli.auditing.autodiff import Array
-from lagcli.auditing.differences import Estimate
-from lagcli.auditing.incident_record import EventTable
-from lagcli.auditing.laws import ModelLaws, start
-from lagcli.auditing.table_input import Record
-from lagcli.auditing.tolerances import RESOLVED, Evidence, Tolerance
+from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
+from lagcli.auditing.evidence import incident_record, table_input
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import Estimate
+from lagcli.auditing.evidence.incident_record import EventTable
+from lagcli.auditing.evidence.laws import ModelLaws, start
+from lagcli.auditing.evidence.table_input import Record
+from lagcli.auditing.evidence.tolerances import RESOLVED, Evidence, Tolerance
 from lagcli.model import model as nouns
 
 NUMBERS = CheckedLaw("numbers", "", "every entry is a finite number")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from lagcli.auditing.audit_report import Check, TableLocation
+from lagcli.auditing.checks.audit_report import Check, TableLocation
 
 UNREAD = 12  # names of columns that no check looks at
 

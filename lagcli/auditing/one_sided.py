@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.auditing import (
+from lagcli.auditing.checks import (
     checks_contact,
     checks_flight,
     checks_impact,
@@ -20,11 +20,11 @@ from lagcli.auditing import (
     stretches,
     uniqueness_text,
 )
-from lagcli.auditing.audit_report import Check
-from lagcli.auditing.autodiff import Array
-from lagcli.auditing.incident_record import Incidents
-from lagcli.auditing.stretches import ContactStates
-from lagcli.auditing.tolerances import Evidence
+from lagcli.auditing.checks.audit_report import Check
+from lagcli.auditing.checks.stretches import ContactStates
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.incident_record import Incidents
+from lagcli.auditing.evidence.tolerances import Evidence
 
 MOST = 60  # stretches, the longest ones, that are examined by differences
 MOST_MODES = 60  # sets of closed contacts, those with most rows

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.auditing import table_input
-from lagcli.auditing.audit_report import Audit, Check, CheckedLaw, judge
-from lagcli.auditing.autodiff import Array
-from lagcli.auditing.laws import LawValues, ModelLaws
-from lagcli.auditing.laws import start as declared_start
+from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
+from lagcli.auditing.evidence import table_input
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.laws import LawValues, ModelLaws
+from lagcli.auditing.evidence.laws import start as declared_start
 from lagcli.model import model as nouns
 
 PLACES = CheckedLaw("places", "D.2", "f(r, q, t) = 0, and b = 0 of rows at rest")

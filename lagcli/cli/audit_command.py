@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 from lagcli.api import audit
 from lagcli.auditing import audit_lines
-from lagcli.auditing.table_input import TableError
+from lagcli.auditing.evidence.table_input import TableError
 from lagcli.cli import console, exits, file_conflicts, json_output, preflight
 from lagcli.errors import diagnostics
 from lagcli.output import endings
@@ -19,7 +19,7 @@ from lagcli.output.tables import read_events, read_table
 from lagcli.output.tables.sinks import MissingExtra
 
 if TYPE_CHECKING:
-    from lagcli.auditing.audit_report import Audit, Check
+    from lagcli.auditing.checks.audit_report import Audit, Check
     from lagcli.model.model import Model
 
 SHOWN = 6  # names of a check that fails

@@ -18,7 +18,7 @@ from lagcli.cli import exits, signals
 from lagcli.output import atomic_file, checkpoint_file
 from lagcli.output.checkpoint_file import KeptRows
 from lagcli.output.tables import row_file, sinks, text_cells
-from lagcli.simulation.checkpoint import CheckpointTable
+from lagcli.simulation.run_state.checkpoint import CheckpointTable
 
 Floats = npt.NDArray[np.float64]
 

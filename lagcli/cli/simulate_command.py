@@ -22,7 +22,8 @@ from lagcli.model.model import Model, Simulation
 from lagcli.output import atomic_file, event_rows, trajectory
 from lagcli.output.figures import decimate
 from lagcli.output.trajectory import Outcome, Stats, Stopped
-from lagcli.simulation import checkpoint, run_stop, step_tolerance
+from lagcli.simulation.run_state import checkpoint, run_stop
+from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import assembly_moves
 
 Floats = npt.NDArray[np.float64]

@@ -17,8 +17,8 @@ from lagcli.output import checkpoint_file, incident_table
 from lagcli.output.figures import decimate
 from lagcli.output.incident_table import IncidentColumns
 from lagcli.output.trajectory import provenance
-from lagcli.simulation import checkpoint
-from lagcli.simulation.incident import KINDS, Incident
+from lagcli.simulation.run_state import checkpoint
+from lagcli.simulation.run_state.incident import KINDS, Incident
 
 Floats = npt.NDArray[np.float64]
 NO_INCIDENTS: tuple[Incident, ...] = ()

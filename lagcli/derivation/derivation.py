@@ -7,24 +7,19 @@ from collections.abc import Iterable, Iterator
 
 import sympy
 
-from lagcli.derivation import (
-    closed_form,
-    linear_section,
-    multiplier_equations,
-    statics_section,
-    vakonomic_sections,
-)
-from lagcli.derivation import formula as f
-from lagcli.derivation.calculus import ZERO
-from lagcli.derivation.derivation_page import Derivation, Line, Section
-from lagcli.derivation.linear_matrices import LinearPoint
-from lagcli.derivation.one_sided_sections import TITLE, OneSided
-from lagcli.derivation.page_sections import Sections, joined, triple
-from lagcli.derivation.signs import Signs
-from lagcli.derivation.symbolic_system import Symbolic, symbolic
-from lagcli.derivation.tidy import polynomial, tidy
-from lagcli.derivation.vakonomic_sections import Vakonomic
-from lagcli.derivation.vectors import NOTHING
+from lagcli.derivation.sections import linear_section, statics_section, vakonomic_sections
+from lagcli.derivation.sections.derivation_page import Derivation, Line, Section
+from lagcli.derivation.sections.one_sided_sections import TITLE, OneSided
+from lagcli.derivation.sections.page_sections import Sections, joined, triple
+from lagcli.derivation.sections.vakonomic_sections import Vakonomic
+from lagcli.derivation.symbolic import closed_form, multiplier_equations
+from lagcli.derivation.symbolic.calculus import ZERO
+from lagcli.derivation.symbolic.linear_matrices import LinearPoint
+from lagcli.derivation.symbolic.signs import Signs
+from lagcli.derivation.symbolic.symbolic_system import Symbolic, symbolic
+from lagcli.derivation.symbolic.tidy import polynomial, tidy
+from lagcli.derivation.symbolic.vectors import NOTHING
+from lagcli.derivation.writing import formula as f
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.model import settings

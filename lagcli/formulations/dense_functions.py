@@ -12,7 +12,7 @@ from lagcli.compiled import output_row, parts
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations import time_functions
 from lagcli.equations.system import System
-from lagcli.simulation.angle_turns import Turns
+from lagcli.simulation.run_state.angle_turns import Turns
 
 Floats = npt.NDArray[np.float64]
 

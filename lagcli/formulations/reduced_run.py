@@ -9,7 +9,7 @@ from lagcli.equations.system import System
 from lagcli.formulations import maggi, reduced_steps
 from lagcli.formulations.dense_functions import DenseFunctions
 from lagcli.model.model import Simulation
-from lagcli.simulation.grid import Grid
+from lagcli.simulation.stepping.grid import Grid
 
 Floats = npt.NDArray[np.float64]
 

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from lagcli.formulations.dense_functions import DenseFunctions
 from lagcli.formulations.maggi import Chart, ChartError, ReducedMotion
 from lagcli.model.model import Simulation
-from lagcli.simulation import controller, dop853_tableau, step_tolerance
-from lagcli.simulation.grid import Grid
-from lagcli.simulation.timetable import Timetable
+from lagcli.simulation.scheme import controller, dop853_tableau, step_tolerance
+from lagcli.simulation.stepping.grid import Grid
+from lagcli.simulation.stepping.timetable import Timetable
 
 Floats = npt.NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lagcli.output import atomic_file
 from lagcli.output.tables import row_file
-from lagcli.simulation import checkpoint
+from lagcli.simulation.run_state import checkpoint
 
 EVERY = 30.0  # seconds
 

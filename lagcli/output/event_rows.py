@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.incident import Incident
+from lagcli.simulation.run_state.incident import Incident
 
 Floats = npt.NDArray[np.float64]
 

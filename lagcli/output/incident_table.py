@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.simulation.incident import KINDS, Incident
+from lagcli.simulation.run_state.incident import KINDS, Incident
 
 Floats = npt.NDArray[np.float64]
 Words = npt.NDArray[np.str_]

@@ -18,8 +18,8 @@ from lagcli.model.model import Model, Simulation, Vector3
 from lagcli.output import incident_table, table_facts
 from lagcli.output.incident_table import IncidentTable
 from lagcli.output.table_facts import TableFacts
-from lagcli.simulation import run_stop
 from lagcli.simulation.global_error.accuracy import Accuracy
+from lagcli.simulation.run_state import run_stop
 from lagcli.start.assembly_moves import Moves
 
 if TYPE_CHECKING:

@@ -3,11 +3,14 @@
 In: `numeric.NumericSystem` and a consistent state
 Out: rows of the table, a `RunState` to go on from, statistics
 
-`loop` starts, resumes and hands out rows; `stepper` takes the steps, their lengths from `controller`; `row_writer`
-writes the rows; an `event` is what ordinary steps do not lead over, `singular_event` the passing of a singular
-configuration with `singularity_monitor` and `singularity_step`; `stop_diagnosis` words why a run stopped.
-`method` says what a scheme is and which there are, `dop853` is one, with its coefficients in `dop853_tableau`;
-`step_end` projects and judges the step of any, `line_functions` are its rows. `grid` gives the times of the rows,
-`invariants` enforces first integrals, `timetable` ends steps where functions of t switch, `checkpoint` keeps a run,
-`global_error` estimates its error.
+`loop` starts, resumes and hands out rows, which `row_writer` writes; `fresh_run` is the door to it. Each room below
+imports only from those before it:
+
+- `scheme`: one step of a method, with its projection and the integrals it holds
+- `singularity`: singular configurations, foreseen and passed
+- `closed_contacts`: one-sided constraints at one instant
+- `run_state`: what a run is between two steps, and checkpoints of it
+- `stepping`: one step after the other, and why there is no next one
+- `events`: instants within a step that it does not lead over
+- `global_error`: the digits of a run that are right
 """

@@ -6,8 +6,9 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from lagcli.equations.time_functions import TimeFunctions
-from lagcli.simulation import invariants, loop
+from lagcli.simulation import loop
 from lagcli.simulation.run_start import RunStart
+from lagcli.simulation.scheme import invariants
 from lagcli.start import initial
 
 if TYPE_CHECKING:

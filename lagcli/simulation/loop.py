@@ -16,22 +16,23 @@ import numpy.typing as npt
 from lagcli.compiled.selection import Selection
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
-from lagcli.simulation import grid as grids
-from lagcli.simulation import line_functions, run_start
-from lagcli.simulation.angle_turns import Turns
-from lagcli.simulation.checkpoint import CheckpointError, RunState
-from lagcli.simulation.event import Event
-from lagcli.simulation.impulse_event import ImpulseEvent
-from lagcli.simulation.incident import Incident
-from lagcli.simulation.invariants import EnforcedInvariants
-from lagcli.simulation.row_gaps import RowGaps
+from lagcli.simulation import run_start
+from lagcli.simulation.closed_contacts.row_gaps import RowGaps
+from lagcli.simulation.events.event import Event
+from lagcli.simulation.events.impulse_event import ImpulseEvent
+from lagcli.simulation.events.singular_event import SingularEvent
+from lagcli.simulation.events.switch_event import SwitchEvent
 from lagcli.simulation.row_writer import RowWriter
 from lagcli.simulation.run_start import RunStart
-from lagcli.simulation.run_stop import RunStop, StepFailure, Stop
-from lagcli.simulation.singular_event import SingularEvent
-from lagcli.simulation.statistics import Figures, RunStatistics
-from lagcli.simulation.stepper import Stepper
-from lagcli.simulation.switch_event import SwitchEvent
+from lagcli.simulation.run_state.angle_turns import Turns
+from lagcli.simulation.run_state.checkpoint import CheckpointError, RunState
+from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.run_stop import RunStop, StepFailure, Stop
+from lagcli.simulation.run_state.statistics import Figures, RunStatistics
+from lagcli.simulation.scheme import line_functions
+from lagcli.simulation.scheme.invariants import EnforcedInvariants
+from lagcli.simulation.stepping import grid as grids
+from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
 
@@ -45,7 +46,7 @@ def _contacts(stepper: Stepper) -> Event | None:
     system = stepper.bound.held.integrals.system
     if not (system.contacts.count or system.event_values.numel()):
         return None
-    from lagcli.simulation.contact_event import ContactEvent
+    from lagcli.simulation.events.contact_event import ContactEvent
 
     return ContactEvent.of(stepper)
 

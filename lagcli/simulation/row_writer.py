@@ -7,8 +7,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation import interpolate_rows, passage_line, stop_diagnosis
-from lagcli.simulation.stepper import Stepper
+from lagcli.simulation.events import passage_line
+from lagcli.simulation.stepping import interpolate_rows, stop_diagnosis
+from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
 

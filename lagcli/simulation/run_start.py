@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation import first_step, stop_diagnosis
-from lagcli.simulation.run_stop import NOT_FINITE, StepFailure
-from lagcli.simulation.singularity_monitor import BACK, CLOSE_START
-from lagcli.simulation.stepper import LANDING, Stepper
+from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
+from lagcli.simulation.singularity.singularity_monitor import BACK, CLOSE_START
+from lagcli.simulation.stepping import first_step, stop_diagnosis
+from lagcli.simulation.stepping.stepper import LANDING, Stepper
 
 Floats = npt.NDArray[np.float64]
 

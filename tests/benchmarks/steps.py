@@ -18,7 +18,7 @@ import lagcli
 from lagcli.api import cache
 from lagcli.compiled import bound_function
 from lagcli.model.model import Simulation
-from lagcli.simulation import method, step_tolerance
+from lagcli.simulation.scheme import method, step_tolerance
 from lagcli.start import initial
 
 from . import models, networks, yardstick

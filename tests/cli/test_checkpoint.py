@@ -18,7 +18,8 @@ import lagcli
 from lagcli.api import known_integrals, prepare_run, run_settings, simulation_run
 from lagcli.model import invariant
 from lagcli.output import checkpoint_file
-from lagcli.simulation import checkpoint, loop, saved_form
+from lagcli.simulation import loop
+from lagcli.simulation.run_state import checkpoint, saved_form
 
 PENDULUM = """\
 lagcli: 1

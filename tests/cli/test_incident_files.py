@@ -11,8 +11,9 @@ import lagcli
 from lagcli.cli import table_output
 from lagcli.output import atomic_file, checkpoint_file, event_rows, incident_table
 from lagcli.output.tables import read_events, read_table, sinks
-from lagcli.simulation import loop, stepper
-from lagcli.simulation.incident import Incident
+from lagcli.simulation import loop
+from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.stepping import stepper
 from tests.helpers import pendulum
 from tests.helpers.in_process import command
 

@@ -19,7 +19,9 @@ from lagcli.api import prepare_run, simulation_run
 from lagcli.cli import signals, table_output
 from lagcli.output import atomic_file, checkpoint_file
 from lagcli.output.tables import read_table, row_file, sinks
-from lagcli.simulation import checkpoint, controller, loop
+from lagcli.simulation import loop
+from lagcli.simulation.run_state import checkpoint
+from lagcli.simulation.scheme import controller
 from tests.helpers import pendulum
 from tests.helpers.in_process import command
 

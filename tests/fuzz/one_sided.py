@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 import lagcli
-from lagcli.simulation import run_stop
+from lagcli.simulation.run_state import run_stop
 from tests.helpers import chain_models, free_flight, motion_legs, one_sided_models, recorded_runs
 from tests.helpers.one_sided_models import Floats, Scene
 

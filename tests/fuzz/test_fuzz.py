@@ -32,7 +32,7 @@ import lagcli
 from lagcli.api import prepare_run, run_settings, simulation_run
 from lagcli.errors import catalogue, diagnostics
 from lagcli.expression import evaluate, facts, integers, parser, tree
-from lagcli.simulation import checkpoint, run_stop
+from lagcli.simulation.run_state import checkpoint, run_stop
 from tests.helpers import documents, jets, systems
 
 # An interrupt of late algebra may land in a callback of the garbage collector set by hypothesis; it is repeated.

@@ -5,7 +5,7 @@ import numpy as np
 from lagcli.model.model import Model
 from lagcli.output import incident_table
 from lagcli.output.incident_table import IncidentColumns
-from lagcli.simulation.incident import Incident, Kind
+from lagcli.simulation.run_state.incident import Incident, Kind
 
 BALL = """
 lagcli: 1

@@ -8,7 +8,7 @@ import numpy as np
 
 import lagcli
 from lagcli.api import prepare_run, run_settings
-from lagcli.simulation.incident import Incident
+from lagcli.simulation.run_state.incident import Incident
 from tests.helpers.motion_legs import Instant, Recorded
 from tests.helpers.one_sided_models import Floats, Scene
 

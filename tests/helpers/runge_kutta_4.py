@@ -5,7 +5,7 @@ from typing import Any
 import casadi as ca
 
 from lagcli.compiled import NumericSystem
-from lagcli.simulation import step_end
+from lagcli.simulation.scheme import step_end
 
 
 class RungeKutta4:

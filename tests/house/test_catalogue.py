@@ -15,7 +15,7 @@ from lagcli.errors.catalogue import Page
 from lagcli.expression import facts
 from lagcli.input import document
 from lagcli.output import trajectory
-from lagcli.simulation import run_stop
+from lagcli.simulation.run_state import run_stop
 
 PACKAGE = pathlib.Path(lagcli.__file__).parent
 PAGES = [page for code in catalogue.codes() if (page := catalogue.page(code)) is not None]

@@ -13,11 +13,12 @@ import numpy.typing as npt
 import pytest
 
 import lagcli
-from lagcli.auditing import differences, momenta, table_input
-from lagcli.auditing.audit_report import Audit, CheckedLaw, judge
-from lagcli.auditing.laws import ModelLaws, start
-from lagcli.auditing.model_values import ModelIndex, ModelOnTable
-from lagcli.auditing.tolerances import Evidence, Tolerance
+from lagcli.auditing.checks import momenta
+from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
+from lagcli.auditing.evidence import differences, table_input
+from lagcli.auditing.evidence.laws import ModelLaws, start
+from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
+from lagcli.auditing.evidence.tolerances import Evidence, Tolerance
 from lagcli.output.figures import audit_figure
 from lagcli.output.tables import read_table, sinks
 from lagcli.output.trajectory import Trajectory

@@ -9,12 +9,14 @@ import numpy.typing as npt
 import pytest
 
 import lagcli
-from lagcli.auditing import all_checks, checks_outputs, checks_steps, table_input
-from lagcli.auditing import checks_motion as motions
+from lagcli.auditing import all_checks
 from lagcli.auditing.all_checks import AuditedTable
-from lagcli.auditing.audit_report import Audit, CheckedLaw, judge
-from lagcli.auditing.laws import ModelLaws
-from lagcli.auditing.tolerances import Evidence, Tolerance
+from lagcli.auditing.checks import checks_motion as motions
+from lagcli.auditing.checks import checks_outputs, checks_steps
+from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
+from lagcli.auditing.evidence import table_input
+from lagcli.auditing.evidence.laws import ModelLaws
+from lagcli.auditing.evidence.tolerances import Evidence, Tolerance
 from lagcli.output.tables import sinks
 from lagcli.output.trajectory import Trajectory
 

@@ -12,9 +12,9 @@ import pytest
 import lagcli
 from lagcli.auditing import all_checks
 from lagcli.auditing.all_checks import AuditedTable
-from lagcli.auditing.audit_report import Audit
-from lagcli.auditing.incident_record import EventTable
-from lagcli.auditing.tolerances import Tolerance
+from lagcli.auditing.checks.audit_report import Audit
+from lagcli.auditing.evidence.incident_record import EventTable
+from lagcli.auditing.evidence.tolerances import Tolerance
 
 RTOL, ATOL = 1e-11, 1e-13
 # A dumbbell that is led along x, thrown on a floor that goes up and down: walls, a row and Cartesian particles.

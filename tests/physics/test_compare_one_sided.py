@@ -11,7 +11,7 @@ from lagcli.formulations.event_times import RunEvent
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.simulation.global_error.incident_sides import ImpactGrowth, IncidentSides
-from lagcli.simulation.incident import Incident, Kind
+from lagcli.simulation.run_state.incident import Incident, Kind
 
 BOX = """\
 lagcli: 1

@@ -18,7 +18,8 @@ from lagcli.compiled import NumericSystem, numeric
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral, LevelFunction
 from lagcli.pfaffian import level_charts
-from lagcli.simulation import invariants, run_stop
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.scheme import invariants
 
 x, y, z, th, u, t = sympy.symbols("x y z th u t", real=True)
 a, b, k, R = CONSTANTS = sympy.symbols("a b k R", real=True)

@@ -6,7 +6,7 @@ import pytest
 import lagcli
 from lagcli.compiled import numeric
 from lagcli.equations import system
-from lagcli.simulation import row_gaps
+from lagcli.simulation.closed_contacts import row_gaps
 
 pytestmark = pytest.mark.numeric
 

@@ -14,17 +14,11 @@ import scipy.integrate
 import lagcli
 from lagcli.api import cache, prepare_run, run_settings
 from lagcli.compiled import numeric
-from lagcli.simulation import (
-    checkpoint,
-    collocation,
-    dop853,
-    dop853_tableau,
-    interpolate_rows,
-    loop,
-    run_stop,
-    singular_point,
-    singularity_monitor,
-)
+from lagcli.simulation import loop
+from lagcli.simulation.run_state import checkpoint, run_stop
+from lagcli.simulation.scheme import collocation, dop853, dop853_tableau
+from lagcli.simulation.singularity import singular_point, singularity_monitor
+from lagcli.simulation.stepping import interpolate_rows
 from lagcli.start import initial
 
 pytestmark = pytest.mark.numeric

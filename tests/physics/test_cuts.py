@@ -13,7 +13,7 @@ from lagcli.compiled import pattern
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.output.trajectory import Trajectory
-from lagcli.simulation import checkpoint
+from lagcli.simulation.run_state import checkpoint
 
 HELIX = """\
 lagcli: 1

@@ -18,18 +18,10 @@ import lagcli
 from lagcli import derivation
 from lagcli.api import cache
 from lagcli.cli.app import app
-from lagcli.derivation import (
-    closed_form,
-    identity,
-    multiplier_equations,
-    render_latex,
-    render_mathml,
-    render_text,
-    symbolic_system,
-    tidy,
-)
-from lagcli.derivation import formula as f
-from lagcli.derivation.calculus import TIME
+from lagcli.derivation.symbolic import closed_form, identity, multiplier_equations, symbolic_system, tidy
+from lagcli.derivation.symbolic.calculus import TIME
+from lagcli.derivation.writing import formula as f
+from lagcli.derivation.writing import render_latex, render_mathml, render_text
 from lagcli.equations import system as compiled_system
 from lagcli.errors import diagnostics
 

@@ -9,8 +9,8 @@ from scipy import linalg
 
 import lagcli
 from lagcli.api import cache, linear_point
-from lagcli.derivation import linear_matrices
-from lagcli.derivation.linear_section import TITLE
+from lagcli.derivation.sections.linear_section import TITLE
+from lagcli.derivation.symbolic import linear_matrices
 from lagcli.linearization import reference
 from lagcli.linearization.linearized import LinearizedFunctions
 

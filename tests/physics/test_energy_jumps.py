@@ -11,7 +11,7 @@ import pytest
 import lagcli
 from lagcli.equations import branch_cuts, jump_search, jump_switches, operation_graph, value_bounds
 from lagcli.equations import system as mechanics
-from lagcli.simulation import jump_curve
+from lagcli.simulation.events import jump_curve
 
 POTENTIAL = """\
 lagcli: 1

@@ -8,9 +8,9 @@ import pytest
 
 import lagcli
 from lagcli.simulation import loop
-from lagcli.simulation.event import Event
-from lagcli.simulation.run_stop import StepFailure
-from lagcli.simulation.stepper import Stepper
+from lagcli.simulation.events.event import Event
+from lagcli.simulation.run_state.run_stop import StepFailure
+from lagcli.simulation.stepping.stepper import Stepper
 
 MODEL = """\
 lagcli: 1

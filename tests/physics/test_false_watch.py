@@ -5,7 +5,7 @@ import pathlib
 import pytest
 
 import lagcli
-from lagcli.simulation import singularity_step
+from lagcli.simulation.singularity import singularity_step
 
 ROOT = pathlib.Path(__file__).parents[2]
 NONHOLONOMIC = ("rolling-disk", "rolling-disk-particles", "knife-edge", "two-wheel-axle", "car-with-trailer")

@@ -6,7 +6,7 @@ import pytest
 import lagcli
 from lagcli.api import run_settings
 from lagcli.model.model import Simulation
-from lagcli.simulation import dop853, dop853_tableau, step_tolerance
+from lagcli.simulation.scheme import dop853, dop853_tableau, step_tolerance
 
 
 def driven(force, value=0, rate=0):

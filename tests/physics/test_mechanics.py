@@ -8,7 +8,7 @@ import pytest
 
 import lagcli
 from lagcli.api import cache
-from lagcli.simulation import method
+from lagcli.simulation.scheme import method
 
 MODELS = pathlib.Path(__file__).parents[2] / "models"
 G = 9.81

@@ -17,8 +17,8 @@ import scipy.integrate
 
 import lagcli
 from lagcli.equations import time_functions
-from lagcli.simulation import timetable
-from lagcli.simulation.timetable import Timetable
+from lagcli.simulation.stepping import timetable
+from lagcli.simulation.stepping.timetable import Timetable
 from tests.helpers.in_process import command as command
 
 Floats = npt.NDArray[np.float64]

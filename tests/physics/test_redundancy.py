@@ -16,7 +16,7 @@ from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
-from lagcli.simulation import run_stop
+from lagcli.simulation.run_state import run_stop
 
 pytestmark = pytest.mark.numeric
 

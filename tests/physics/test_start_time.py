@@ -5,7 +5,7 @@ import pytest
 
 import lagcli
 from lagcli.api import prepare_run, run_settings
-from lagcli.simulation import checkpoint
+from lagcli.simulation.run_state import checkpoint
 
 PENDULUM = """\
 lagcli: 1

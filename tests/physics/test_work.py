@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.simulation import work_integral
-from lagcli.simulation.work_integral import WorkIntegral
+from lagcli.simulation.scheme import work_integral
+from lagcli.simulation.scheme.work_integral import WorkIntegral
 
 MOTOR = """lagcli: 1
 parameters: {om: 10, m: 1, L: 0.3}
@@ -77,7 +77,7 @@ def test_a_resumed_run_remembers_that_work_is_unknown(tmp_path: Path) -> None:
 
 
 def test_a_motion_at_rest_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lagcli.simulation.stepper.within", None)
+    monkeypatch.setattr("lagcli.simulation.stepping.stepper.within", None)
     text = MOTOR.replace("holonomic: {motor: th = om*t}\n", "").replace("multiplier(motor)", "th")
     stats = lagcli.simulate(lagcli.loads(text), duration=5).stats
     assert stats.energy_imbalance is not None

@@ -6,8 +6,8 @@ import pytest
 import lagcli
 from lagcli.compiled import NumericSystem
 from lagcli.equations import system
-from lagcli.simulation import step_watch
-from lagcli.simulation.watch_functions import WatchFunctions
+from lagcli.simulation.events import step_watch
+from lagcli.simulation.events.watch_functions import WatchFunctions
 
 CONDITIONS = (
     "a.x + 2*a.y - 3*a.z*c >= -20",

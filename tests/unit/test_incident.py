@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lagcli.simulation import saved_form
-from lagcli.simulation.incident import NONE, Incident, Kind, Tally
-from lagcli.simulation.statistics import RunStatistics
+from lagcli.simulation.run_state import saved_form
+from lagcli.simulation.run_state.incident import NONE, Incident, Kind, Tally
+from lagcli.simulation.run_state.statistics import RunStatistics
 
 
 def incident(t: float, kind: Kind, name: str = "floor") -> Incident:

@@ -11,8 +11,8 @@ import lagcli
 from lagcli.input import keys
 from lagcli.model import settings
 from lagcli.model.model import Simulation
-from lagcli.simulation import method
-from lagcli.simulation.method import Method
+from lagcli.simulation.scheme import method
+from lagcli.simulation.scheme.method import Method
 from tests.helpers.runge_kutta_4 import RungeKutta4
 
 # The disk on an incline, pushed so that nothing is a polynomial of t.

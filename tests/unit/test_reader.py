@@ -10,7 +10,7 @@ import pytest
 from lagcli.errors import diagnostics
 from lagcli.input import document, keys, overrides
 from lagcli.model import model
-from lagcli.simulation import step_tolerance
+from lagcli.simulation.scheme import step_tolerance
 from tests.helpers.spent import at_most_calls
 
 GALLERY = sorted((pathlib.Path(__file__).parents[2] / "models").glob("*.yaml"))

@@ -12,7 +12,11 @@ from lagcli.contact.single_contact import Response
 from lagcli.contact.touching_rows import TouchingRows
 from lagcli.equations import system
 from lagcli.linear.metric import Metric
-from lagcli.simulation.contact_instant import ContactInstant, ContactParameters, ContactRowValues
+from lagcli.simulation.closed_contacts.contact_instant import (
+    ContactInstant,
+    ContactParameters,
+    ContactRowValues,
+)
 from lagcli.start.initial import State
 
 DUMBBELL = """lagcli: 1

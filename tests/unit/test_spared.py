@@ -7,7 +7,7 @@ import lagcli
 from lagcli.api import cache, prepare_run
 from lagcli.equations import time_functions
 from lagcli.linear import metric_rows
-from lagcli.simulation import timetable
+from lagcli.simulation.stepping import timetable
 from lagcli.start import initial, lipschitz, sample_points
 
 PENDULUM = """\

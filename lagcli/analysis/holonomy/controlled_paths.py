@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lagcli.analysis.holonomy.local_system import LocalPart
 from lagcli.compiled import paths
-from lagcli.simulation import dop853_tableau
+from lagcli.simulation.scheme import dop853_tableau
 
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]

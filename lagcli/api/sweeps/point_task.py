@@ -28,7 +28,7 @@ from lagcli.input import document
 from lagcli.input.overrides import OverrideError
 from lagcli.model.model import Model
 from lagcli.output.tables import sinks
-from lagcli.simulation import run_stop
+from lagcli.simulation.run_state import run_stop
 from lagcli.start import assembly
 
 Floats = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import axes, figure
 from matplotlib.backends import backend_agg
 
-from lagcli.auditing.audit_report import Audit, Check
+from lagcli.auditing.checks.audit_report import Audit, Check
 from lagcli.output import endings
 from lagcli.output.figures import labels, sheet
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.simulation.incident import KINDS
+from lagcli.simulation.run_state.incident import KINDS
 
 # A figure is some 1 500 pixels wide; this many points on one curve show more than that.
 FEWEST_ROWS = 4096

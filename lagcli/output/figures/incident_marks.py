@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.simulation.incident import KINDS
+from lagcli.simulation.run_state.incident import KINDS
 
 MOST = 300  # lines of one kind across a figure; closer ones cannot be told apart
 DENSE = 60  # from so many on lines are thinner

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from lagcli.analysis import check_lines
 from lagcli.analysis.check_report import Report
 from lagcli.auditing import audit_lines
-from lagcli.auditing.audit_report import Audit
+from lagcli.auditing.checks.audit_report import Audit
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows
 from lagcli.model.model import Model, Units

@@ -10,7 +10,7 @@ from lagcli.output import incident_table
 from lagcli.output.incident_table import IncidentTable
 from lagcli.output.tables import read_table
 from lagcli.output.tables.unreadable import SHOWN, UnreadableTable
-from lagcli.simulation.incident import KINDS
+from lagcli.simulation.run_state.incident import KINDS
 
 
 def read_events(path: str | os.PathLike[str]) -> IncidentTable:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.simulation.global_error.incident_sides import LATE
-from lagcli.simulation.incident import Incident
+from lagcli.simulation.run_state.incident import Incident
 
 Floats = npt.NDArray[np.float64]
 

@@ -12,13 +12,15 @@ import numpy.typing as npt
 from lagcli.equations import time_functions
 from lagcli.equations.system import System
 from lagcli.model.model import Simulation
-from lagcli.simulation import loop, run_start, run_stop, step_tolerance
-from lagcli.simulation.checkpoint import RunState
+from lagcli.simulation import loop, run_start
 from lagcli.simulation.global_error import divergence, error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.simulation.global_error.incident_errors import IncidentErrors
-from lagcli.simulation.incident import Incident, Tally
-from lagcli.simulation.invariants import EnforcedInvariants
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.checkpoint import RunState
+from lagcli.simulation.run_state.incident import Incident, Tally
+from lagcli.simulation.scheme import step_tolerance
+from lagcli.simulation.scheme.invariants import EnforcedInvariants
 
 Floats = npt.NDArray[np.float64]
 

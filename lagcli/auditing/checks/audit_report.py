@@ -1,0 +1,255 @@
+"""The findings of an audit: the checks, each with its worst place and the limit it was held against, and sentences."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.model import notebook_html
+
+Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]
+NAMED = 12
+NEARLY_ALL = (
+    0.9  # of the entries must be judged before a check says `pass`: kinks may leave the rows around them open
+)
+HARDLY = 0.1  # of the entries that show the motion: less, and nothing is known of it
+MOTION = ("steps", "rates", "newton")  # checks that hold rows against their neighbours, at every row
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class TableLocation:
+    """One entry that a check looked at: the name of a row, particle or coordinate, the time, value and limit."""
+
+    name: str
+    t: float
+    value: float
+    limit: float
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Check:
+    """One check. `worst` is the entry nearest to its limit or farthest beyond it; `failing` the worst entry of each
+    name that is beyond, `failures` how many names are; `judged` of `entries` could be decided at this spacing.
+
+    `pass` is said where nearly all entries were judged, `partly judged` where fewer were and none of them fails."""
+
+    name: str
+    law: str
+    equation: str
+    verdict: Verdict
+    worst: TableLocation | None
+    failing: tuple[TableLocation, ...] = ()
+    failures: int = 0
+    judged: int = 0
+    entries: int = 0
+    note: str = ""
+    curve: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def fraction(self) -> float | None:
+        """The part of the entries that was judged; None where there are none."""
+        return self.judged / self.entries if self.entries else None
+
+    def as_json(self) -> dict[str, Any]:
+        """The check as it stands in the JSON; numbers that are not finite are null."""
+        return {
+            "name": self.name,
+            "law": self.law,
+            "equation": self.equation,
+            "verdict": self.verdict,
+            "worst": _place(self.worst),
+            "failing": [_place(place) for place in self.failing],
+            "failures": self.failures,
+            "judged": self.judged,
+            "entries": self.entries,
+            "fraction": self.fraction,
+            "note": self.note,
+        }
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Audit:
+    """The second opinion on a run; `passed` where no check fails. `figures`: numbers beside the checks;
+    `unread`: columns of the table that no check looked at; `complete`: whether a run that was made for it reached its
+    end; `of_rest`: the rows are points of rest, not of a motion; `digits`: what is known of the error of the rows,
+    where that was asked for."""
+
+    title: str
+    path: str
+    rows: int
+    start: float
+    end: float
+    rtol: float
+    atol: float
+    checks: tuple[Check, ...]
+    sentences: tuple[str, ...]
+    notes: tuple[str, ...]
+    figures: tuple[tuple[str, float], ...]
+    unread: tuple[str, ...] = ()
+    complete: bool = True
+    of_rest: bool = False
+    digits: dict[str, Any] | None = None
+
+    def __repr__(self) -> str:
+        verdict = "passed" if self.passed else "failed"
+        checks = ", ".join(f"{check.name} {check.verdict}" for check in self.checks)
+        return f"<Audit of {self.path}: {verdict}, {self.rows} rows; {checks}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                check.name,
+                check.law,
+                check.verdict,
+                "" if (worst := check.worst) is None else f"{worst.value:.3g} of {worst.limit:.3g}",
+                "" if worst is None else f"{worst.name}, t = {worst.t:.6g}",
+            )
+            for check in self.checks
+        ]
+        return notebook_html.page(
+            f"Audit of {self.title or self.path}",
+            notebook_html.table(("check", "law", "verdict", "worst", "where"), rows),
+            notebook_html.sentences([self.conclusion, *self.sentences, *self.notes]),
+        )
+
+    @property
+    def passed(self) -> bool:
+        """True if no check fails; what could not be judged is in `unjudged`."""
+        return all(check.verdict != "fail" for check in self.checks)
+
+    @property
+    def unjudged(self) -> tuple[str, ...]:
+        """Checks of which some entries or all could not be judged."""
+        return tuple(check.name for check in self.checks if check.judged < check.entries)
+
+    @property
+    def conclusion(self) -> str:
+        """The verdict of all checks, in a sentence."""
+        failed = sum(check.verdict == "fail" for check in self.checks)
+        if failed:
+            word = "checks fail" if failed > 1 else "check fails"
+            what = "does not hold points of rest" if self.of_rest else "is not a motion"
+            return f"{failed} {word}: the table {what} of this model."
+        thin = [check.name for check in self.checks if check.verdict in ("not judged", "partly judged")]
+        if not thin:
+            return "All checks passed."
+        shown = [check for check in self.checks if check.name in MOTION]
+        if sum(check.judged for check in shown) < HARDLY * sum(check.entries for check in shown):
+            return (
+                "Nothing was found wrong, but almost nothing of the motion could be judged: the rows are too far"
+                f" apart to show it. Not judged, or only in part: {', '.join(thin)}."
+            )
+        return f"All checks passed where they could judge. Not judged, or only in part: {', '.join(thin)}."
+
+    def check(self, name: str) -> Check:
+        """The check of a name. Raises `KeyError`."""
+        for check in self.checks:
+            if check.name == name:
+                return check
+        raise KeyError(name)
+
+    def as_json(self) -> dict[str, Any]:
+        """The object of `lagcli audit --json`."""
+        return {
+            "title": self.title,
+            "path": self.path,
+            "passed": self.passed,
+            "conclusion": self.conclusion,
+            "complete": self.complete,
+            "rows": self.rows,
+            "start": self.start,
+            "end": self.end,
+            "rtol": self.rtol,
+            "atol": self.atol,
+            "checks": [check.as_json() for check in self.checks],
+            "unjudged": list(self.unjudged),
+            "unread": list(self.unread),
+            "uniqueness": list(self.sentences),
+            "figures": {name: _finite(number) for name, number in self.figures},
+            "notes": list(self.notes),
+            **({} if self.digits is None else {"accuracy": self.digits}),
+        }
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class CheckedLaw:
+    """The name of a check, the law it is about and its equation."""
+
+    name: str
+    law: str
+    equation: str
+
+
+def judge(
+    law: CheckedLaw,
+    names: Sequence[str],
+    t: Array,
+    residual: Array,
+    limit: Array,
+    judged: Array | None = None,
+) -> Check:
+    """Hold residuals (M, k) against limits (M, k) at the times t (M,); `judged` tells which can be decided.
+
+    A residual that is no number is beyond every limit.
+    """
+    shape = residual.shape
+    if not residual.size:
+        return Check(law.name, law.law, law.equation, "nothing", None)
+    size = np.where(np.isnan(residual), np.inf, np.abs(residual))
+    limit = np.broadcast_to(limit, shape)
+    decided = np.broadcast_to(True if judged is None else judged, shape) & ~np.isnan(limit)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(size == 0, 0.0, size / limit)
+    ratio = np.where(decided, ratio, -1.0)
+    count = int(decided.sum())
+    note = (
+        "" if count == decided.size else f"{decided.size - count} of {decided.size} entries cannot be judged"
+    )
+    if not count:
+        note = "cannot be judged at this spacing of rows"
+        return Check(law.name, law.law, law.equation, "not judged", None, entries=residual.size, note=note)
+
+    def place(i: int, j: int) -> TableLocation:
+        return TableLocation(names[j], float(t[i]), float(size[i, j]), float(limit[i, j]))
+
+    worst = np.unravel_index(int(np.argmax(ratio)), shape)
+    rows, highest = np.argmax(ratio, axis=0), ratio.max(axis=0)
+    beyond = [j for j in np.argsort(-highest, kind="stable").tolist() if highest[j] > 1.0]
+    return Check(
+        law.name,
+        law.law,
+        law.equation,
+        "fail" if beyond else "pass" if count >= NEARLY_ALL * decided.size else "partly judged",
+        place(int(worst[0]), int(worst[1])),
+        tuple(place(int(rows[j]), j) for j in beyond[:NAMED]),
+        len(beyond),
+        count,
+        residual.size,
+        note,
+        _curve(t, ratio.max(axis=1)),
+    )
+
+
+def _curve(t: Array, ratio: Array) -> tuple[tuple[float, float], ...]:
+    """Residual over limit at the rows, for the figure; where nothing was judged it is left out."""
+    known = ratio >= 0
+    return tuple(zip(t[known].tolist(), ratio[known].tolist(), strict=True))
+
+
+def _place(place: TableLocation | None) -> dict[str, object] | None:
+    if place is None:
+        return None
+    return {
+        "name": place.name,
+        "t": place.t,
+        "value": _finite(place.value),
+        "limit": _finite(place.limit),
+    }
+
+
+def _finite(number: float) -> float | None:
+    return number if np.isfinite(number) else None

@@ -1,0 +1,245 @@
+"""The motion from an incident to the next row or incident, and the energy of a whole run with what impacts take.
+
+Around incidents rows stand too far apart for differences, and the states of the incidents have no reactions. Where
+the rows that are equations and those of contacts that rest are independent, accelerations follow from places and
+velocities: with a_F = F/m and W the matrix of B m^(-1/2), m^(1/2) (a - a_F) = -W^+ (d/dt (B v + b) along a_F), (D.24).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from lagcli.auditing.checks.audit_report import NEARLY_ALL, Check, CheckedLaw, judge
+from lagcli.auditing.checks.checks_impact import ImpactEvidence
+from lagcli.auditing.checks.checks_pointwise import TINY
+from lagcli.auditing.checks.stretches import ContactStates
+from lagcli.auditing.evidence import flight_quadrature
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.impact_energy import energy_of_motion, moved
+from lagcli.auditing.evidence.incident_record import CHANGING
+from lagcli.auditing.evidence.laws import ModelLaws
+from lagcli.auditing.evidence.table_input import Record
+from lagcli.auditing.evidence.tolerances import COST, RESOLVED, SAFETY, Evidence
+from lagcli.auditing.evidence.virtual_space import NEAR
+
+FLIGHTS = CheckedLaw("flights", "D.23, D.24", "r and m v from an incident to the next row or incident")
+BALANCE = CheckedLaw("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
+FEW = 1e-13  # of the length of a flight: what is shorter is none
+MOST_SETS = 60  # sets of contacts that rest, those with most flights
+LEAST, STATES = 24, 4  # flights that are looked at in any case; states of a flight at which B is taken apart
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Flights:
+    """P flights: states at their beginning and end, contacts that rest meanwhile (P, K), whether these are the same at
+    both ends, and whether it has rebounds that are no longer told, (P,)."""
+
+    begin: Record
+    end: Record
+    closed: Array
+    is_known: Array
+    has_rebounds: Array
+
+
+def flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flights:
+    """From each incident to the next row or incident, and from rows to incidents."""
+    incidents, r = impact.incidents, e.record
+    # At one instant one thing may follow another: rebounds end, and what comes next is an impact.
+    first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
+    before, after = incidents.before.part(first), incidents.after.part(last)
+    same = np.isin(r.t, before.t)
+    rows = np.flatnonzero(~same)
+    row = r.part(rows)
+    # Each state once: rows, and the states before and after each instant.
+    ends = _joined(row, before)
+    begins = _joined(row, after)
+    order = np.argsort(ends.t, kind="stable")
+    is_instant = np.arange(len(ends.t)) >= len(rows)
+    pairs = np.stack([order[:-1], order[1:]], axis=1)
+    pairs = pairs[is_instant[pairs].any(axis=1)]
+    before_it, after_it = _rests(impact)
+    at_begin = np.concatenate([states.is_closed[rows], after_it[last]])
+    at_end = np.concatenate([states.is_closed[rows], before_it[first]])
+    begin, end = begins.part(pairs[:, 0]), ends.part(pairs[:, 1])
+    long = end.t - begin.t > FEW * np.abs(r.t).max()
+    closed = at_begin[pairs[:, 0]]
+    known = (closed == at_end[pairs[:, 1]]).all(axis=1) & long
+    rebounds = np.zeros(len(end.t), dtype=bool)
+    for _, since, until in impact.untold_rebounds:
+        rebounds |= (end.t > since) & (end.t <= until)
+    return Flights(begin, end, closed, known, rebounds)
+
+
+def _rests(impact: ImpactEvidence) -> tuple[Array, Array]:
+    """True for contacts that are closed before and after an incident, (E, K) each."""
+    at = impact.contacts
+    is_near = np.abs(impact.before.values.f[:, at]) <= impact.before.noise("f")[:, at] + impact.tolerance.atol
+
+    def still(e: Evidence) -> Array:
+        return np.asarray(
+            is_near & (np.abs(e.values.w[:, at]) <= e.noise("w")[:, at] + impact.tolerance.atol)
+        )
+
+    return still(impact.before), still(impact.after)
+
+
+def _joined(one: Record, other: Record) -> Record:
+    fields = (f.name for f in dataclasses.fields(Record))
+    return Record(**{name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in fields})
+
+
+def flown(e: Evidence, found: Flights) -> Check:
+    """Momenta and places over each flight, of models in Cartesian coordinates."""
+    names = (*e.names.q, *e.names.v)
+    every = np.arange(len(found.closed))
+    sets, which = np.unique(found.closed, axis=0, return_inverse=True)
+    groups = [every[(which.ravel() == number) & found.is_known] for number in range(len(sets))]
+    longest = sorted((k for k in zip(sets, groups, strict=True) if k[1].size), key=lambda k: -k[1].size)
+    parts, count = [], 0
+    for closed, numbers in longest[:MOST_SETS]:
+        motion = _FreeMotion(e, np.flatnonzero(closed).tolist())
+        k = motion.looked_at(numbers)
+        parts.append((found.end.t[k], *_flown(e, motion, found, k)))
+        count += len(k)
+    if not parts:
+        note = "contacts open or close all along"
+        entries = len(every) * len(names)
+        return Check(
+            FLIGHTS.name, FLIGHTS.law, FLIGHTS.equation, "not judged", None, entries=entries, note=note
+        )
+    t, residual, limit, judged = (np.concatenate(each) for each in zip(*parts, strict=True))
+    order = np.argsort(t, kind="stable")
+    check = judge(FLIGHTS, names, t[order], residual[order], limit[order], judged[order])
+    left = (len(every) - count) * len(names)
+    entries = check.entries + left
+    if not left:
+        return check
+    note = f"{entries - check.judged} of {entries} entries cannot be judged"
+    verdict = check.verdict if check.verdict != "nothing" else "not judged"
+    if verdict == "pass" and check.judged < NEARLY_ALL * entries:
+        verdict = "partly judged"
+    return dataclasses.replace(check, verdict=verdict, entries=entries, note=note)
+
+
+def _flown(e: Evidence, motion: _FreeMotion, found: Flights, k: Array) -> tuple[Array, Array, Array]:
+    """Residuals, their limits, and which are judged, of the flights k, (p, 2 n) each."""
+    one, other = found.begin.part(k), found.end.part(k)
+    h = (other.t - one.t)[:, None]
+    way = flight_quadrature.integrals(one, other, motion.accelerations)
+    unknown_v = way.unknown_velocities + np.abs(way.velocities) * SAFETY * e.tolerance.rtol
+    if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
+        unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(way.middle, way.acceleration))
+    residual_v = other.v - one.v - way.velocities
+    unknown_bend = way.unknown_places
+    residual_q = other.q - one.q - h / 2 * (one.v + other.v) - way.places
+    size_v = np.abs(e.record.v).max(axis=0, initial=0.0)
+    size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * one.v))
+    if motion.has_rows:
+        unknown_bend = _of_particles(unknown_bend)
+        size_v, size_q = _of_particles(size_v[None]), _of_particles(size_q)
+    rebounds = found.has_rebounds[k][:, None]
+    unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v), unknown_v)
+    unknown_q = unknown_bend + np.where(rebounds, 0.0, h * unknown_v)
+    unknown_q = np.where(rebounds, np.maximum(unknown_q, RESOLVED * size_q), unknown_q)
+    limit_v, limit_q = 2 * SAFETY * e.off_v + unknown_v, 2 * SAFETY * (e.off_q + h * e.off_v) + unknown_q
+    judged_v = unknown_v <= np.maximum(RESOLVED * size_v, 2 * SAFETY * e.off_v)
+    judged_q = unknown_q <= np.maximum(RESOLVED * size_q, 2 * SAFETY * e.off_q)
+    return (
+        np.concatenate([residual_q, residual_v], axis=1),
+        np.concatenate([limit_q, limit_v], axis=1),
+        np.concatenate([judged_q, judged_v], axis=1),
+    )
+
+
+def _of_particles(y: Array) -> Array:
+    """The largest size of the three components of each particle, (P, n)."""
+    return np.asarray(np.repeat(np.abs(y).reshape(len(y), -1, 3).max(axis=2), 3, axis=1))
+
+
+class _FreeMotion:
+    """Accelerations of Cartesian particles while some contacts rest, by their numbers, and all others are open: from
+    places and velocities alone."""
+
+    def __init__(self, e: Evidence, closed: Sequence[int]) -> None:
+        self._e = e
+        self._laws = ModelLaws(e.laws.model, e.tolerance.jumps, closed)
+        self._roots = np.sqrt(e.masses)
+        self._random = np.random.default_rng(6)
+
+    @property
+    def has_rows(self) -> bool:
+        """True if there are rows that are equations, or contacts that rest."""
+        return self._laws.C > 0
+
+    def looked_at(self, flights: Array) -> Array:
+        """Of the numbers of flights as many as the size of B allows, evenly."""
+        C, n = self._laws.C, self._laws.cast.n
+        most = max(LEAST, int(COST / max(1, STATES * 4 * C * C * n)))
+        if most >= len(flights):
+            return flights
+        return np.asarray(flights[np.unique(np.linspace(0, len(flights) - 1, most).astype(np.int64))])
+
+    def accelerations(self, r: Record) -> Array:
+        """a (P, n); no numbers where rows depend on each other, or almost, and multipliers need not tell the motion."""
+        e, laws = self._e, self._laws
+        values = e.laws.values(r.t, r.q, r.v, np.zeros((len(r.t), e.laws.C)))
+        a = np.asarray((values.F.reshape(len(r.t), -1) - values.V_q) / e.masses)
+        if not self.has_rows:
+            return a
+        step = 1j * TINY
+        _, w = laws.residuals(r.t + step, r.q + step * r.v, r.v + step * a)
+        W = laws.matrix(r.t, r.q, r.v) / self._roots
+        lengths = np.linalg.norm(W, axis=2)
+        usable = np.isfinite(W).all(axis=(1, 2)) & (lengths > 0).all(axis=1) & np.isfinite(w).all(axis=1)
+        usable &= W.shape[1] <= W.shape[2]
+        found = np.full(a.shape, np.nan)
+        if not usable.any():
+            return found
+        W, lengths, demand = W[usable], lengths[usable], w.imag[usable] / TINY
+        left, sigma, across = np.linalg.svd(W / lengths[:, :, None], full_matrices=False)
+        along = np.einsum("pik,pi->pk", left, demand / lengths) / np.where(sigma > 0, sigma, np.nan)
+        pulled = np.einsum("pkj,pk->pj", across, along) / self._roots
+        independent = sigma[:, -1] > NEAR * sigma[:, 0]
+        found[usable] = np.where(independent[:, None], a[usable] - pulled, np.nan)
+        return found
+
+    def spread(self, r: Record, a: Array) -> Array:
+        """By how much a (P, n) at states changes as these are moved by parts of their tolerance."""
+        e = self._e
+        signs = self._random.choice((-1.0, 1.0), size=(2, *r.q.shape))
+        q, v = r.q + signs[0] * e.off_q, r.v + signs[1] * e.off_v
+        return np.asarray(np.abs(self.accelerations(dataclasses.replace(r, q=q, v=v)) - a))
+
+
+def is_conservative(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> bool:
+    """True if nothing but impacts changes T + V: contacts that move may be struck, but never rest."""
+    values = e.values
+    if any(np.any(part) for part in (values.F, values.Q, values.V_t, values.L_t, values.x_t)):
+        return False
+    moves: Array = np.asarray((values.b != 0).any(axis=0))
+    rests: Array = np.asarray(states.is_closed.any(axis=0))
+    told = zip(impact.incidents.kinds, impact.incidents.contact.tolist(), strict=True)
+    rests[[j for kind, j in told if kind in CHANGING - {"impact"}]] = True
+    works = np.concatenate([moves[impact.rows], moves[impact.contacts] & rests])
+    return not works.any()
+
+
+def balance(e: Evidence, E: Array, impact: ImpactEvidence) -> Check:
+    """The energy of all rows, E (T,), with what impacts take; of models in which nothing else changes it."""
+    incidents = impact.incidents
+    before, after = (energy_of_motion(s, s.record, s.values) for s in (impact.before, impact.after))
+    before, after = before[incidents.is_first], after[incidents.is_last]
+    t = incidents.t[incidents.is_first]
+    count = np.searchsorted(t, e.record.t, "right")
+    total = np.concatenate([[0.0], np.cumsum(after - before)])[count]
+    E_moved = energy_of_motion(e, moved(e), e.moved_values) + e.moved_values.V
+    noise = e.spread(E[:, None], E_moved[:, None])[:, 0].max(initial=0.0)
+    limit = noise * (1 + (np.arange(len(E)) + count) / SAFETY) + e.tolerance.atol
+    apart = (E - E[0] - total)[:, None]
+    judged = np.concatenate(
+        [np.diff(e.record.t) > 0, [True]]
+    )  # of rows at one time the last, which is after it
+    return judge(BALANCE, ("the whole system",), e.record.t, apart, limit[:, None], judged[:, None])

@@ -1,0 +1,195 @@
+"""The law of impact at every recorded incident: momenta, rows, restitution, and the energy that is lost.
+
+M (v+ - v-) = B^T Lambda + G^T Lambda_G,  B v+ + b = 0,  0 <= Lambda_j  _|_  dg_j+ + e_j min(dg_j-, 0) >= 0
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+
+import numpy as np
+
+from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.evidence import impact_energy
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.impact_energy import energy_of_motion
+from lagcli.auditing.evidence.incident_record import Incidents
+from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
+
+JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
+KEPT = CheckedLaw("kept", "D.2, D.6", "f = 0 and B v(+) + b = 0 at every incident")
+IMPACTS = CheckedLaw("impacts", "", "0 <= impulse_j, dg_j(+) + e_j min(dg_j(-), 0) >= 0, one of them 0")
+TOUCHED = CheckedLaw(
+    "touched", "", "g_j = 0 where an incident names it, and where it has an impulse; g_j >= 0"
+)
+LOSSES = CheckedLaw(
+    "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"
+)
+SOON = 2.0  # times the time in which a contact comes over its gap: one that is open is struck until then
+SHARPLY = 1e-6  # times the limit of g: contacts that are closed for certain
+MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
+
+
+class ImpactEvidence:
+    """The states before and after every incident beside what the model says there."""
+
+    def __init__(self, e: Evidence, incidents: Incidents) -> None:
+        """e: of the whole record, and of laws with all inequalities closed."""
+        self.laws, self.incidents, self.tolerance = e.laws, incidents, e.tolerance
+        self.before = Evidence(e.laws, incidents.before, e.tolerance, e.record)
+        self.after = Evidence(e.laws, incidents.after, e.tolerance, e.record)
+        count = len(e.laws.contacts)
+        self.contacts = slice(e.laws.s - count, e.laws.s)
+        is_row = np.ones(e.laws.C, dtype=bool)
+        is_row[self.contacts] = False
+        self.rows = np.flatnonzero(is_row)
+        largest = np.abs(incidents.impulses).max(initial=0.0)
+        self.impulse_limit = float(SAFETY * e.tolerance.rtol * largest + e.tolerance.atol)
+
+    def checks(self) -> list[Check]:
+        """All checks of incidents."""
+        found = [self.jumps(), self.touched(), self.impacts()]
+        if self.rows.size:
+            found.append(self.kept())
+        return [*found, self.losses()]
+
+    def jumps(self) -> Check:
+        """The jump of the momenta of all coordinates."""
+        one, other = self.before, self.after
+        p, off_p = momenta(one)
+        p_after, off_after = momenta(other)
+        limit = off_p + off_after + one.noise("pull") + self.tolerance.atol
+        names = [f"p({name})" for name in one.names.q]
+        return judge(JUMPS, names, self.incidents.t, p_after - p - one.values.pull, limit)
+
+    def kept(self) -> Check:
+        """The rows that are equations, before and after."""
+        laws, t = self.laws, self.incidents.t
+        own = [i for i in self.rows if i < laws.s]
+        places = self.before.values.f[:, own]
+        residual = np.concatenate([places, self.after.values.w[:, self.rows]], axis=1)
+        limit = np.concatenate([self.before.noise("f")[:, own], self.after.noise("w")[:, self.rows]], axis=1)
+        names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows)]
+        return judge(KEPT, names, t, residual, limit + self.tolerance.atol)
+
+    @property
+    def _gaps(self) -> tuple[Array, Array]:
+        """g (E, K) with its limit."""
+        limit = self.before.noise("f")[:, self.contacts] + self.tolerance.atol
+        return self.before.values.f[:, self.contacts], limit
+
+    def touched(self) -> Check:
+        """Contacts that an incident names, or that push, are closed; none is passed through."""
+        g, limit = self._gaps
+        incidents = self.incidents
+        named = np.zeros(g.shape, dtype=bool)
+        told = np.flatnonzero(incidents.cuts)
+        named[told, incidents.contact[told]] = True
+        acts = named | (np.abs(incidents.impulses[:, self.contacts]) > self.impulse_limit)
+        residual = np.where(acts, g, np.minimum(g, 0.0))
+        return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * limit)
+
+    @cached_property
+    def untold_rebounds(self) -> tuple[tuple[int, float, float], ...]:
+        """The contacts whose rebounds end in an accumulation, each with the time of its last impact or
+        release before, from which they are no longer told, and that of the accumulation."""
+        incidents, found = self.incidents, []
+        kinds = np.array(incidents.kinds, dtype=np.str_)
+        for k in np.flatnonzero(kinds == "accumulation").tolist():
+            j = int(incidents.contact[k])
+            leaves = np.isin(kinds, ("impact", "release")) & (incidents.contact == j)
+            end = float(incidents.t[k])
+            found.append((j, float(incidents.t[leaves & (incidents.t < end)].max(initial=-np.inf)), end))
+        return tuple(found)
+
+    @property
+    def _ends_rebounds(self) -> Array:
+        """True for contacts while they have rebounds that are no longer told, with both ends of that, (E, K)."""
+        t = self.incidents.t
+        found = np.zeros((len(t), len(self.laws.contacts)), dtype=bool)
+        for j, begin, end in self.untold_rebounds:
+            found[(t >= begin) & (t <= end), j] = True
+        return found
+
+    def _are_struck_soon(self, most: Array, rates: Array) -> Array:
+        """True for contacts that approach at rates (E, K) and of which an impact or a contact is told as soon as they
+        come over gaps (E, K), which are the most that they may have: they were open yet, (E, K)."""
+        incidents, found = self.incidents, np.zeros(rates.shape, dtype=bool)
+        closing = np.array([kind in ("impact", "contact") for kind in incidents.kinds], dtype=bool)
+        for j in range(rates.shape[1]):
+            rows = np.flatnonzero(closing & (incidents.contact == j))
+            following = np.searchsorted(rows, np.arange(len(rates)), "right")
+            k = np.flatnonzero((following < len(rows)) & (rates[:, j] < 0))
+            way = -rates[k, j] * (incidents.t[rows[following[k]]] - incidents.t[k])
+            found[k, j] = way <= SOON * most[k, j]
+        return found
+
+    def impacts(self) -> Check:
+        """Complementarity of impulses and rates after, of the contacts with g = 0; others have no impulse."""
+        g, limit_g = self._gaps
+        impulse = self.incidents.impulses[:, self.contacts]
+        before, after = (e.values.w[:, self.contacts] for e in (self.before, self.after))
+        e = np.concatenate([np.zeros(0), *(law.restitution for law in self.laws.model.inequality)])
+        rebound = after + e * np.minimum(before, 0.0)
+        limit = self.after.noise("w")[:, self.contacts] + self.before.noise("w")[:, self.contacts]
+        limit = (
+            limit
+            + self.tolerance.atol
+            + np.where(self._ends_rebounds, np.abs(e * before), 0.0).clip(
+                max=RESOLVED * np.abs(before).max(initial=0.0)
+            )
+        )
+        pushes = impulse > self.impulse_limit
+        wrong = np.where(pushes, rebound, np.minimum(rebound, 0.0))
+        wrong = np.where(np.abs(g) <= np.where(pushes, MERGED, 1.0) * limit_g, wrong, 0.0)
+        # Within the limit it may be open all the same: then it parts, or is struck as soon as it comes.
+        is_open = (after >= 0) & (np.abs(g) > SHARPLY * limit_g) | self._are_struck_soon(g + limit_g, after)
+        wrong = np.where(~pushes & is_open, 0.0, wrong)
+        sign = np.minimum(impulse, 0.0)
+        residual = np.concatenate([wrong, sign], axis=1)
+        limits = np.concatenate([limit, np.full(sign.shape, self.impulse_limit)], axis=1)
+        names = [*self.laws.contacts, *(f"impulse.{name}" for name in self.laws.contacts)]
+        return judge(IMPACTS, names, self.incidents.t, residual, limits)
+
+    def losses(self) -> Check:
+        """The energy lost, by velocities and by impulses, beside the work of rows and places that move with t; no more
+        than rounding is gained."""
+        one, other = self.before, self.after
+        impulses, b = self.incidents.impulses, one.values.b
+        (H, off), (H_after, off_after) = impact_energy.hamiltonian(one), impact_energy.hamiltonian(other)
+        rates = (one.values.w + other.values.w) / 2
+        change = H_after - H + (impulses * b).sum(axis=1)
+        known = np.abs(impulses) * (one.noise("w") + other.noise("w") + one.noise("b"))
+        limit = off + off_after + known.sum(axis=1) + self.tolerance.atol
+        limit = limit + self.tolerance.rtol * SAFETY * (np.abs(impulses) * (np.abs(rates) + np.abs(b))).sum(
+            axis=1
+        )
+        residual = np.stack([change - (impulses * rates).sum(axis=1), np.maximum(change, 0.0)], axis=1)
+        names = ("impulses and velocities", "energy created")
+        judged = impact_energy.is_quadratic(one, other)[:, None]
+        check = judge(LOSSES, names, self.incidents.t, residual, np.stack([limit, limit], axis=1), judged)
+        if judged.all():
+            return check
+        left = int((~judged).sum())
+        return dataclasses.replace(
+            check, note=f"momenta are not linear in the rates at {left} of {len(judged)} incidents"
+        )
+
+    @property
+    def lost(self) -> float:
+        """The energy that all incidents took; what moves with t may have given some."""
+        before, after = (energy_of_motion(e, e.record, e.values) for e in (self.before, self.after))
+        return float(before[self.incidents.is_first].sum() - after[self.incidents.is_last].sum())
+
+
+def momenta(e: Evidence) -> tuple[Array, Array]:
+    """p = dL/dv (E, n) of all coordinates, and by how much it may be off."""
+
+    def at(q: Array, v: Array, u: Array, L_v: Array, L_u: Array) -> Array:
+        return np.asarray(e.masses * v + L_v + e.laws.pushed(e.record.t, q, v, e.masses_x * u + L_u))
+
+    r, one, other = e.record, e.values, e.moved_values
+    p, own = (at(r.q, r.v, u, one.L_v, one.L_u) for u in (r.u, one.u))
+    moved = at(*e.moved, other.u, other.L_v, other.L_u)
+    return p, e.spread(own, moved) + SAFETY * e.masses * e.off_v

@@ -1,0 +1,271 @@
+"""Checks that need the recorded motion differentiated or integrated: rates, Newton, d'Alembert, energy."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import Estimate
+from lagcli.auditing.evidence.laws import LawValues
+from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
+
+RATES = CheckedLaw("rates", "D.24", "dr_k/dt = v_k")
+PATH = CheckedLaw("path", "D.24", "r_k(t) - r_k(0) = integral of v_k dt")
+IMPULSE = CheckedLaw("impulse", "D.23", "m_k v_k(t) - m_k v_k(0) = integral of F_k + R_k dt")
+NEWTON = CheckedLaw("newton", "D.23, D.53", "m_k a_k = F_k + R_k")
+DALEMBERT = CheckedLaw("dalembert", "D.26", "sum_k (m_k a_k - F_k) . dr_k = 0 over virtual displacements")
+ENERGY = CheckedLaw("energy", "D.10, D.35", "d(T + V)/dt = F_nc . v + Q_nc . q' + dV/dt - dL/dt + R . v")
+
+
+def rates(e: Evidence) -> Check:
+    """The recorded rates against differences of the recorded places."""
+    r = e.record
+    q = e.grid.derivative(r.q, SAFETY * e.off_q)
+    limit = q.noise + SAFETY * e.off_v
+    size = _grouped(np.abs(r.v).max(axis=0), e)
+    truncation = q.truncation + e.grid.roughness(r.q, r.v)
+    judged = e.is_resolved[0] & (truncation <= np.maximum(RESOLVED * size, limit))
+    limit = _sum(limit, truncation)
+    judged = e.unaliased(q.value - r.v, limit, judged)
+    return judge(RATES, e.names.v, r.t, q.value - r.v, limit, judged)
+
+
+def path(e: Evidence) -> Check:
+    """The recorded places against the integrals of the recorded rates: a slow drift adds up."""
+    r = e.record
+    return _integrated(e, PATH, (e.names.q, e.names.x), (r.q, r.x), (r.v, r.u), (SAFETY * e.off_q, 0.0))
+
+
+def impulse(e: Evidence) -> Check:
+    """Momenta against the integrals of forces and reactions; of coordinates that carry no dependent particles."""
+    r, values, cast = e.record, e.values, e.laws.cast
+    own, rows = cast.first_generalized, len(r.t)
+    force = r.R_q - values.V_q + values.Q + values.L_q
+    force[:, :own] += values.F[:, cast.cartesian].reshape(rows, -1)
+    force_x = r.R_x + e.particle_forces[:, cast.dependent].reshape(rows, -1)
+    p = e.masses * r.v + values.L_v
+    off = SAFETY * e.masses * e.off_v + e.noise("L_v").max(axis=0, initial=0.0)
+    if r.x.size:  # their inertia belongs to the coordinates
+        p, force, off = p[:, :own], force[:, :own], off[:own]
+    names = (e.names.R_q[: p.shape[1]], e.names.R_x)
+    rounded = np.concatenate([e.force_rounding.q[: p.shape[1]], e.force_rounding.x])
+    return _integrated(e, IMPULSE, names, (p, e.masses_x * r.u), (force, force_x), (off, rounded))
+
+
+def _integrated(
+    e: Evidence,
+    law: CheckedLaw,
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    y: tuple[Array, Array],
+    rate: tuple[Array, Array],
+    off: tuple[Array, Array | float],
+) -> Check:
+    """y(t) - y(0) against the integral of its rate, of coordinates and of dependent particles; off: by how much y of
+    coordinates may be off, and the rounding of the rates."""
+    rows = len(e.record.t)
+    whole, moving = np.concatenate(y, axis=1), np.concatenate(rate, axis=1)
+    size_x = np.abs(y[1]).max(initial=0.0)
+    off_x = SAFETY * (e.tolerance.rtol * size_x + e.tolerance.atol * (1 + e.masses_x))
+    largest = np.abs(moving).max(axis=0, initial=0.0)
+    own = e.laws.cast.first_generalized
+    for part in (largest[:own], largest[y[0].shape[1] :]):  # the components of a particle have one size
+        part[:] = np.repeat(part.reshape(-1, 3).max(axis=1, initial=0.0), 3)
+    small = SAFETY * e.tolerance.rtol * largest + e.tolerance.atol + off[1]
+    total = e.grid.integral(moving, small)
+    span = np.abs(e.record.t - e.record.t[0])[:, None]
+    limit = np.concatenate([off[0], off_x]) * (1 + np.arange(rows) / SAFETY)[:, None] + small * span
+    limit = limit + total.noise
+    residual = whole - whole[0] - total.value
+    size = np.maximum(np.abs(whole - whole[0]).max(axis=0), np.abs(total.value).max(axis=0))
+    judged = (total.truncation <= np.maximum(RESOLVED * size, limit)) & e.is_slow & (rows > 2)
+    judged &= e.is_seen
+    limit = _sum(limit, total.truncation)
+    judged = e.unaliased(residual, limit, judged)
+    return judge(law, (*names[0], *names[1]), e.record.t, residual, limit, judged)
+
+
+def _sum(limit: Array, truncation: Array) -> Array:
+    return np.asarray(limit + np.where(np.isfinite(truncation), truncation, 0.0))
+
+
+def _grouped(size: Array, e: Evidence) -> Array:
+    """The largest of the three components of each Cartesian particle, others as they are, (n,)."""
+    own = e.laws.cast.first_generalized
+    found = size.copy()
+    found[:own] = np.repeat(size[:own].reshape(-1, 3).max(axis=1, initial=0.0), 3)
+    return found
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Balance:
+    """m a - F on coordinates (T, n) and on dependent particles (T, 3 Nd), with limits and what can be judged."""
+
+    inertia: Array
+    limit: Array
+    judged: Array
+    inertia_x: Array
+    limit_x: Array
+    judged_x: Array
+
+
+class RecordedMotion:
+    """The balance of forces along the recorded motion."""
+
+    def __init__(self, e: Evidence) -> None:
+        self._e = e
+
+    @functools.cached_property
+    def balance(self) -> Balance:
+        """m a - F from the recorded velocities; of generalized coordinates d/dt dL/dq' - dL/dq - Q (D.34)."""
+        e, r, values, cast = self._e, self._e.record, self._e.values, self._e.laws.cast
+        rows, own = len(r.t), cast.first_generalized
+        F, noise = (y.reshape(rows, -1, 3) for y in (e.particle_forces, e.particle_noise))
+        a, rate = e.acceleration, e.momentum_rate[0]
+        force = -values.V_q + values.Q + values.L_q
+        force[:, :own] = F[:, cast.cartesian].reshape(rows, -1) + (values.Q + values.L_q)[:, :own]
+        inertia = e.masses * a.value + rate.value - force
+        limit = e.masses * a.noise + rate.noise + e.noise("Q") + e.noise("L_q") + e.noise("V_q")
+        limit[:, :own] += noise[:, cast.cartesian].reshape(rows, -1)
+        truncation = np.where(e.masses > 0, e.masses * a.truncation, 0.0)
+        truncation = truncation + np.where(np.abs(values.L_v).max(axis=0) > 0, rate.truncation, 0.0)
+        truncation = truncation + e.grid.roughness(e.masses * r.v + values.L_v, force + r.R_q)
+        size = np.maximum(np.abs(e.masses * a.value), np.abs(force))
+        inertia_x, limit_x, truncation_x, size_x = self._dependent(F, noise)
+        if r.x.size:
+            inner = inertia_x - (values.L_x - e.momentum_rate[1].value)
+            inertia = inertia + e.pushed(inner)
+            limit = limit + e.pushed_limit(limit_x + e.noise("L_x") + e.momentum_rate[1].noise)
+            moved = e.laws.pushed(r.t, *e.moved, inner)
+            limit = limit + e.spread(e.pushed(inner), moved)
+            truncation = truncation + self._pushed_truncation(truncation_x)
+            size = np.maximum(size, e.pushed_limit(size_x))
+        largest = _grouped(np.maximum(size, np.abs(r.R_q)).max(axis=0), e)
+        limit = limit + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.force_rounding.q
+        judged = self._resolved() & (truncation <= np.maximum(RESOLVED * largest, limit))
+        top_x = np.repeat(np.maximum(size_x, np.abs(r.R_x)).max(axis=0).reshape(-1, 3).max(axis=1), 3)
+        limit_x = limit_x + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_x) + e.force_rounding.x
+        judged_x = e.is_resolved[1] & (truncation_x <= np.maximum(RESOLVED * top_x, limit_x))
+        return Balance(
+            inertia, _sum(limit, truncation), judged, inertia_x, _sum(limit_x, truncation_x), judged_x
+        )
+
+    def _resolved(self) -> Array:
+        """True where the rows are close enough for each coordinate, (T, n); generalized ones carry particles."""
+        slow, slow_x = self._e.is_resolved
+        found = slow.copy()
+        found[:, self._e.laws.cast.first_generalized :] &= np.all(slow_x, axis=1, keepdims=True)
+        return found
+
+    def _dependent(self, F: Array, noise: Array) -> tuple[Array, Array, Array, Array]:
+        """m a - F of the dependent particles with limit, truncation and size, (T, 3 Nd) each."""
+        e, dependent = self._e, self._e.laws.cast.dependent
+        if not dependent.size:
+            nothing = np.zeros(e.record.x.shape)
+            return nothing, nothing, nothing, nothing
+        a: Estimate = e.acceleration_x
+        force = F[:, dependent].reshape(a.value.shape)
+        limit = e.masses_x * a.noise + noise[:, dependent].reshape(a.value.shape)
+        size = np.maximum(np.abs(e.masses_x * a.value), np.abs(force))
+        rough = e.grid.roughness(e.masses_x * e.record.u, force + e.record.R_x)
+        return e.masses_x * a.value - force, limit, e.masses_x * a.truncation + rough, size
+
+    def _pushed_truncation(self, truncation: Array) -> Array:
+        found = self._e.pushed_limit(truncation)
+        unknown = ~np.isfinite(truncation).all(axis=1)
+        found[unknown] = np.inf
+        return found
+
+    def newton(self) -> Check:
+        """m a = F + R of every coordinate and of every dependent particle."""
+        e, b, r = self._e, self.balance, self._e.record
+        residual = np.concatenate([b.inertia - r.R_q, b.inertia_x - r.R_x], axis=1)
+        limit = np.concatenate([b.limit, b.limit_x], axis=1)
+        names = (*e.names.R_q, *e.names.R_x)
+        judged = e.unaliased(residual, limit, np.concatenate([b.judged, b.judged_x], axis=1))
+        return judge(NEWTON, names, r.t, residual, limit, judged)
+
+    def dalembert(self) -> Check:
+        """The part of m a - F along virtual displacements."""
+        e, b, d, rows = self._e, self.balance, self._e.displacements, self._e.looked_at
+        w = b.inertia[rows]
+        limit = np.sqrt((b.limit[rows] ** 2).sum(axis=1))[:, None]
+        limit = limit + 1e-14 * d.condition[:, None] * np.linalg.norm(w, axis=1)[:, None]
+        judged = (b.judged[rows].all(axis=1) & ~d.is_singular)[:, None]
+        found = d.virtual(w)
+        judged = np.broadcast_to(judged, found.shape) & ~(e.is_fast[rows].any() & (np.abs(found) > limit))
+        return judge(DALEMBERT, e.names.q, e.record.t[rows], found, limit, judged)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Energies:
+    """E (T,) = T + V + (q' dL/dq' - L), and of the moved states; work (T,) of the constraints, of all that changes E,
+    and their limits."""
+
+    E: Array
+    E_moved: Array
+    constraints: Array
+    work: Estimate
+    limit: Array
+    judged: Array
+
+
+def _is_driven(values: LawValues) -> bool:
+    """True if the `lagrangian` holds particles that time itself moves: how it changes with them at rest is not known
+    here, and what they bring to the energy cannot be told."""
+    through = (np.abs(slope).max(initial=0.0) > 0 for slope in (values.L_x, values.L_u))
+    return bool(np.abs(values.x_t).max(initial=0.0) > 0 and any(through))
+
+
+def energies(e: Evidence) -> Energies:
+    """Energy and work along the motion, by the recorded v and R."""
+    r, values, cast = e.record, e.values, e.laws.cast
+
+    def total(v: Array, u: Array, at: LawValues) -> Array:
+        T = (e.masses * v**2).sum(axis=1) / 2 + (e.masses_x * u**2).sum(axis=1) / 2
+        return np.asarray(T + at.V + (v * at.L_v).sum(axis=1) + ((u - at.x_t) * at.L_u).sum(axis=1) - at.L)
+
+    E = total(r.v, r.u, values)
+    E_moved = total(e.moved[1], e.moved_values.u, e.moved_values)
+    rows = len(r.t)
+    F = values.F
+    constraint = (r.R_q * r.v).sum(axis=1) + (r.R_x * values.x_t).sum(axis=1)
+    other = (F[:, cast.cartesian].reshape(rows, -1) * r.v[:, : cast.first_generalized]).sum(axis=1)
+    other = other + (F[:, cast.dependent].reshape(rows, -1) * r.u).sum(axis=1)
+    other = other + (values.Q * r.v).sum(axis=1) + values.V_t - values.L_t
+    size = np.abs(r.R_q * r.v).sum(axis=1) + np.abs(r.R_x * values.x_t).sum(axis=1) + np.abs(other)
+    power = np.stack([constraint + other, constraint, size], axis=1)
+    small = SAFETY * e.tolerance.rtol * size.max(initial=0.0) + e.tolerance.atol
+    work = e.grid.integral(power, np.array([small, small, np.inf]))
+    # Each step of a run may be off by the tolerance, and no more is known of their number than the rows.
+    noise = e.spread(E[:, None], E_moved[:, None])[:, 0]
+    # Where a force jumps, a run may be off by more than its estimate of a smooth step.
+    noise = noise.max(initial=0.0) * (1 + np.arange(rows) / SAFETY + np.cumsum(_is_rough(e)))
+    rounding = SAFETY * e.tolerance.rtol * work.value[:, 2] + e.tolerance.atol
+    largest = max(float(np.ptp(E)), float(np.ptp(values.V)), float(work.value[-1, 2]))
+    truncation = work.truncation[:, 0]
+    judged = (truncation <= np.maximum(RESOLVED * largest, noise)) & e.is_slow & (rows > 2)
+    judged &= e.is_seen[:, 0] & (not _is_driven(values))
+    limit = _sum(noise + rounding, truncation)
+    return Energies(E, E_moved, work.value[:, 1], work, limit, judged)
+
+
+def _is_rough(e: Evidence) -> Array:
+    """Rows (T,) around which the forces have a kink or a jump: stencils do not come closer together."""
+    r = e.record
+    values, own = e.values, e.laws.cast.first_generalized
+    force = r.R_q - values.V_q + values.Q + values.L_q
+    force[:, :own] += values.F[:, e.laws.cast.cartesian].reshape(len(r.t), -1)
+    small = SAFETY * e.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
+    return np.asarray(~e.grid.resolved(force, small).all(axis=1)) & bool(e.is_slow)
+
+
+def energy(e: Evidence, found: Energies) -> Check:
+    """Energy gained against the work done on the way."""
+    apart = (found.E - found.E[0] - found.work.value[:, 0])[:, None]
+    limit = found.limit[:, None]
+    judged = e.unaliased(apart, limit, found.judged[:, None])
+    return judge(ENERGY, ("the whole system",), e.record.t, apart, limit, judged)

@@ -1,0 +1,141 @@
+"""Checks that each row of a table must stand alone: constraints, reactions, multipliers, virtual work."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import widest
+from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
+
+POSITIONS = CheckedLaw("positions", "D.2", "f_i(r, t) = 0")
+VELOCITIES = CheckedLaw("velocities", "D.6", "sum_k B_ik . v_k + B_it = 0")
+DEPENDENT = CheckedLaw("dependent", "D.27", "r_k = x_k(q, t), v_k = dx_k/dt")
+DEMAND = CheckedLaw("accelerations", "D.24", "d/dt (B v + b) = 0 with a_k = (F_k + R_k)/m_k")
+REACTIONS = CheckedLaw("reactions", "D.22", "R_k = sum_i lambda_i B_ik")
+MULTIPLIERS = CheckedLaw("multipliers", "D.22", "lambda_i is that of R where it is unique")
+IDEAL = CheckedLaw("ideal", "D.11", "sum_k R_k . dr_k = 0 over virtual displacements")
+CARRIED = CheckedLaw("generalized", "D.30", "sum_k R_k . dr_k/dq_j = R_j + what acts on q_j itself")
+POWER = CheckedLaw("work", "D.6", "sum_k R_k . v_k = - sum_i lambda_i B_it")
+TINY = 1e-100  # a complex step: its square is nothing
+
+
+def constraints(e: Evidence) -> list[Check]:
+    """f and B v + b, and the positions and velocities of dependent particles."""
+    r, values, names = e.record, e.values, e.names
+    found = [
+        judge(POSITIONS, e.laws.holonomic, r.t, values.f, e.noise("f") + e.tolerance.atol),
+        judge(VELOCITIES, e.laws.rows, r.t, values.w, e.noise("w") + e.tolerance.atol),
+    ]
+    if r.x.size:
+        apart = np.concatenate([r.x - values.x, r.u - values.u], axis=1)
+        limit = np.concatenate([e.noise("x"), e.noise("u")], axis=1) + e.tolerance.atol
+        found.append(judge(DEPENDENT, (*names.x, *names.u), r.t, apart, limit))
+    return found
+
+
+def demand(e: Evidence) -> list[Check]:
+    """The demand of the forces on B v + b, without any difference of rows; of models in Cartesian coordinates alone."""
+    laws, rows = e.laws, e.looked_at
+    r = e.record.part(rows)
+    if not laws.C or len(laws.cast.coordinates) or laws.model.lagrangian is not None:
+        return []
+
+    def second(q: Array, v: Array, forces: Array) -> Array:
+        a = (forces.reshape(len(q), -1) + r.R_q) / e.masses
+        step = 1j * TINY
+        _, w = laws.residuals(r.t + step, q + step * v, v + step * a)
+        return np.asarray(w.imag / TINY)
+
+    forces = e.particle_forces[rows]
+    found = second(r.q, r.v, forces)
+    limit = e.spread(found, second(e.moved[0][rows], e.moved[1][rows], forces)) + e.tolerance.atol
+    # F is known to its own noise, R to that of B^T lambda.
+    off = e.particle_noise[rows].reshape(len(r.t), -1) + e.reaction_limit[rows]
+    off = off + SAFETY * e.tolerance.rtol * np.abs(r.R_q).max(axis=1, initial=0.0)[:, None]
+    random = np.random.default_rng(6)
+    for _ in range(2):
+        shaken = forces + (off * random.choice((-1.0, 1.0), size=off.shape)).reshape(forces.shape)
+        limit = limit + np.abs(second(r.q, r.v, shaken) - found)
+    return [
+        judge(DEMAND, laws.rows, r.t, found, widest(limit), ~np.any(np.isnan(r.lam), axis=1, keepdims=True))
+    ]
+
+
+def reactions(e: Evidence) -> list[Check]:
+    """R = B^T lambda, and lambda from R."""
+    r = e.record
+    if not e.laws.C:
+        return [judge(REACTIONS, e.names.R_q, r.t, r.R_q, e.reaction_limit)]
+    apart = r.R_q - e.values.pull
+    known = np.isfinite(r.lam).all(axis=1)
+    return [
+        judge(REACTIONS, e.names.R_q, r.t[known], apart[known], e.reaction_limit[known]),
+        _multipliers(e),
+    ]
+
+
+def _multipliers(e: Evidence) -> Check:
+    """lambda of the rows looked at, where it is unique; one that is no number must have a pole there."""
+    rows, d, r = e.looked_at, e.displacements, e.record
+    found, spread = d.multipliers(r.R_q[rows], e.reaction_limit[rows])
+    lam = r.lam[rows]
+    limit = spread + SAFETY * e.tolerance.rtol * d.condition[:, None] * np.abs(found) + e.tolerance.atol
+    judged = d.is_unique & ~d.is_singular[:, None]
+    missing = np.isnan(lam)
+    apart = np.where(missing, np.inf, lam - np.nan_to_num(found))
+    judged |= missing & ~d.is_singular[:, None]
+    limit = np.where(missing, e.tolerance.atol, limit)
+    # A multiplier that is unique nowhere is not held against R; that it is not is said in words.
+    told = np.flatnonzero((d.is_unique | missing).any(axis=0) | d.is_singular.all())
+    names = [e.laws.rows[i] for i in told]
+    return judge(MULTIPLIERS, names, r.t[rows], apart[:, told], limit[:, told], judged[:, told])
+
+
+def ideal(e: Evidence) -> list[Check]:
+    """Virtual work (D.11) on an orthonormal basis, by the part of R along it, and the real power beside it."""
+    rows, d, r = e.looked_at, e.displacements, e.record
+    R = r.R_q[rows]
+    size = np.linalg.norm(R, axis=1)[:, None]
+    limit = np.linalg.norm(e.reaction_limit[rows], axis=1)[:, None] + 1e-14 * d.condition[:, None] * size
+    checks = [judge(IDEAL, e.names.R_q, r.t[rows], d.virtual(R), limit, ~d.is_singular[:, None])]
+    if e.laws.C:
+        real = (r.R_q * r.v).sum(axis=1)
+        given = -(r.lam * e.values.b).sum(axis=1)
+        speed = np.abs(r.v)
+        limit = (e.reaction_limit * speed).sum(axis=1) + (np.abs(r.R_q) * SAFETY * e.off_v).sum(axis=1)
+        limit += np.nan_to_num(np.abs(r.lam) * (e.noise("b") + e.noise("w"))).sum(axis=1) + e.tolerance.atol
+        known = np.isfinite(given)
+        checks.append(
+            judge(POWER, ("all particles",), r.t[known], (real - given)[known, None], limit[known, None])
+        )
+    return checks
+
+
+def carried(e: Evidence) -> list[Check]:
+    """The virtual work of R of the dependent particles: that of the multipliers and of what acts on q itself."""
+    r, values = e.record, e.values
+    if not r.x.size:
+        return []
+    own = e.laws.cast.first_generalized
+    rate, rate_x = e.momentum_rate
+    acting = (-values.V_q + values.Q + values.L_q - rate.value)[:, own:]
+    carriers = e.pushed(r.R_x - values.L_x + rate_x.value)[:, own:]
+    found = carriers - acting - r.R_q[:, own:]
+    moved = e.laws.pushed(r.t, *e.moved, r.R_x)
+    limit = e.spread(e.pushed(r.R_x), moved)[:, own:] + e.pushed_limit(_reaction_noise(e))[:, own:]
+    limit += (e.noise("V_q") + e.noise("Q") + e.noise("L_q") + rate.noise)[:, own:] + e.tolerance.atol
+    truncation = rate.truncation[:, own:] + np.abs(e.pushed_limit(rate_x.truncation))[:, own:]
+    limit += np.abs(e.pushed_limit(e.noise("L_x") + rate_x.noise))[:, own:]
+    judged = truncation <= np.maximum(1e-3 * np.abs(acting).max(axis=0), limit)
+    limit = limit + np.where(np.isfinite(truncation), truncation, 0.0)
+    return [judge(CARRIED, e.names.q[own:], r.t, found, limit, judged)]
+
+
+def _reaction_noise(e: Evidence) -> Array:
+    """The noise of R of dependent particles, (T, 3 Nd): by rounding, and as F is."""
+    cast = e.laws.cast
+    size = np.abs(e.record.R_x)
+    noise = e.particle_noise[:, cast.dependent].reshape(size.shape)
+    return np.asarray(SAFETY * e.tolerance.rtol * (size + size.max(axis=0, initial=0.0)) + noise)

@@ -1,0 +1,283 @@
+"""Each step of a table by itself: what changes from one row to the next against the rates at the rows.
+
+A wrong row spoils the differences of its neighbours and with them the bounds that are made of these differences. So
+the bounds here are made of the rates alone: of the forces and reactions of the rows, not of the velocities that are
+judged, and of the recorded rates where a coordinate is judged. A fault of the size e in a velocity then makes the
+bound of a step h of a motion of frequency w larger by h w e, which is less than e wherever rows show the motion.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from lagcli.auditing.checks import pulses_between
+from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.evidence import differences
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.tolerances import COARSE, OFTEN, REACHED, SAFETY, Evidence
+
+STEPS = CheckedLaw(
+    "steps", "D.23, D.24", "r and m v of a row and the next: integrals of v and F + R over the step"
+)
+ORDERS = {2: 2.0, 4: 0.5, 6: 0.125}
+"""Rows of the interpolant of the rates with the part of their differences of that order that bounds its error.
+
+A rate that jumps by J within a step is off by J/2 on average, and its differences of order 2, 4, 6 around are J, 3 J,
+10 J: the bound is twice what one jump needs. Of a kink the differences are larger yet beside the error, and of a smooth
+rate the error is a hundredth of the difference.
+"""
+NODES = 4  # of a quadrature that is exact for the polynomials of six rows and their moments
+LEAST = 3  # differences of an order, of which one may vanish by chance
+UNSEEN = 4.0  # times the differences of order 2 where a swing is sampled slowly: they do not show all of it
+FAR = 4.0  # times the way at the largest speed of all rows, and what the largest acceleration adds
+SUDDEN = 2.0  # times how the forces of the rows bend: a push that is larger was not seen by them
+OPEN = 0.1  # of the largest step of a quantity: a bound beyond that judges nothing
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Quantity:
+    """Columns y (T, k) with their rates, by how much both may be off, (T, k), and which cannot be shown, (k,).
+
+    size: the largest rate; root: of the mass, 1 where there is none. second: the rates of the rates, which make the
+    bounds then.
+    """
+
+    names: tuple[str, ...]
+    y: Array
+    rate: Array
+    off: Array
+    off_rate: Array
+    coarse: Array
+    size: Array
+    root: Array
+    second: Array | None = None
+    off_second: Array | None = None
+
+
+class TableSteps:
+    """The T - 1 steps of the times t (T,) and the polynomials through rows around each."""
+
+    def __init__(self, t: Array) -> None:
+        self.t, self.h = t, np.diff(t)
+        self.orders = [m for m in ORDERS if len(t) >= m + LEAST]
+
+    @functools.cached_property
+    def weights(self) -> dict[int, tuple[Array, Array, Array]]:
+        """By order: places (T - 1, m), weights of the integral of s -> y and of s -> (h/2 - s) y over each step."""
+        nodes, shares = np.polynomial.legendre.leggauss(NODES)
+        found = {}
+        for m in self.orders:
+            first = np.clip(np.arange(len(self.h)) - (m // 2 - 1), 0, len(self.t) - m)
+            places = first[:, None] + np.arange(m)
+            plain, moment = np.zeros(places.shape), np.zeros(places.shape)
+            for node, share in zip(nodes, shares, strict=True):
+                s = self.h * (1 + node) / 2
+                here = differences.values_at(self.t[places] - (self.t[:-1] + s)[:, None])
+                here *= (share / 2 * self.h)[:, None]
+                plain += here
+                moment += here * (self.h / 2 - s)[:, None]
+            found[m] = places, plain, moment
+        return found
+
+    @functools.cached_property
+    def is_around(self) -> dict[int, Array]:
+        """By order: steps (T - 1,) around which the rows of the interpolant stand; others see half of a jump only."""
+        i = np.arange(len(self.h))
+        return {m: (i >= m // 2 - 1) & (i <= len(self.h) - m // 2) for m in self.orders}
+
+    def spread(self, m: int, y: Array) -> Array:
+        """The largest differences of order m of columns y (T, k) around each step, (T - 1, k)."""
+        size = np.abs(differences.scaled_differences(self.t, y, m))
+        # Differences of the rows j to j + m count for the steps j - 1 to j + m.
+        padded = np.zeros((len(self.h) + m + 1, y.shape[1]))
+        padded[m : m + len(size)] = size
+        return np.asarray(
+            np.lib.stride_tricks.sliding_window_view(padded, m + 2, axis=0).max(axis=2)[: len(self.h)]
+        )
+
+
+def quantities(e: Evidence) -> list[Quantity]:
+    """Places with their velocities, momenta with forces and reactions: of particles, then of coordinates."""
+    own, n, r = e.laws.cast.first_generalized, e.laws.cast.n, e.record
+    found = _of_particles(e, _cartesian(e)) if own else []
+    if r.x.size:
+        found += _of_particles(e, _dependent(e))
+    if n > own:
+        found += _of_coordinates(e)
+    return found
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Particles:
+    """Places and velocities of particles, (T, 3 K), with the forces on them, and by how much all may be off."""
+
+    names: tuple[tuple[str, ...], tuple[str, ...]]
+    y: Array
+    v: Array
+    force: Array
+    off: tuple[Array, Array, Array]
+    masses: Array
+    momentum: Array
+    off_momentum: Array
+    coarse: Array
+    is_plain: bool
+
+
+def _cartesian(e: Evidence) -> _Particles:
+    r, values, own = e.record, e.values, e.laws.cast.first_generalized
+    k = slice(0, own)
+    force, noise = total_force(e)
+    off_q, off_v = SAFETY * e.off_q[k], SAFETY * e.off_v[k]
+    return _Particles(
+        (e.names.q[k], e.names.v[k]), r.q[:, k], r.v[:, k], force[:, k], (off_q, off_v, noise[:, k]),
+        e.masses[k], (e.masses * r.v + values.L_v)[:, k], e.masses[k] * off_v + e.noise("L_v")[:, k],
+        e.is_coarse[0][k], not np.any(values.L_v[:, k]),
+    )  # fmt: skip
+
+
+def _dependent(e: Evidence) -> _Particles:
+    r, cast, m = e.record, e.laws.cast, e.masses_x
+    inner = SAFETY * e.tolerance.rtol
+    force = r.R_x + e.particle_forces[:, cast.dependent].reshape(r.x.shape)
+    noise = e.particle_noise[:, cast.dependent].reshape(r.x.shape) + inner * np.abs(r.R_x)
+    noise = noise + inner * np.abs(r.R_x).max(axis=0) + e.tolerance.atol
+    off_x, off_u = e.noise("x"), e.noise("u")
+    return _Particles(
+        (e.names.x, e.names.u), r.x, r.u, force, (off_x, off_u, noise), m, m * r.u, m * off_u, e.is_coarse[1], True
+    )  # fmt: skip
+
+
+def total_force(e: Evidence) -> tuple[Array, Array]:
+    """F + R on the coordinates without what dependent particles carry, (T, n), and by how much it may be off."""
+    r, values, cast, own = e.record, e.values, e.laws.cast, e.laws.cast.first_generalized
+    force = r.R_q - values.V_q + values.Q + values.L_q
+    force[:, :own] += values.F[:, cast.cartesian].reshape(len(r.t), -1)
+    noise = e.noise("Q") + e.noise("L_q") + e.noise("V_q") + e.reaction_limit
+    noise[:, :own] += e.particle_noise[:, cast.cartesian].reshape(len(r.t), -1)
+    return force, noise + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.tolerance.atol
+
+
+def _of_particles(e: Evidence, p: _Particles) -> list[Quantity]:
+    off_y, off_v, off_force = (np.broadcast_to(off, p.y.shape) for off in p.off)
+    heavy = p.is_plain and bool((p.masses > 0).all())
+    a = (p.force / p.masses, off_force / p.masses) if heavy else (None, None)
+    roots = np.sqrt(np.where(p.masses > 0, p.masses, 1.0))
+    off_p = np.broadcast_to(p.off_momentum, p.y.shape)
+    return [
+        Quantity(p.names[0], p.y, p.v, off_y, off_v, p.coarse, _of_triples(p.v), roots, *a),
+        Quantity(p.names[1], p.momentum, p.force, off_p, off_force, p.coarse, _of_triples(p.force), roots),
+    ]
+
+
+def _of_coordinates(e: Evidence) -> list[Quantity]:
+    """Generalized coordinates; their momenta where no particles depend on them."""
+    r, own = e.record, e.laws.cast.first_generalized
+    k = slice(own, None)
+    q, v = r.q[:, k], r.v[:, k]
+    coarse = np.full(q.shape[1], bool(e.is_coarse[1].any()))
+    off_q, off_v = (np.broadcast_to(SAFETY * off[k], q.shape) for off in (e.off_q, e.off_v))
+    found, roots = [], np.ones(q.shape[1])
+    if not r.x.size:
+        force, noise = (y[:, k] for y in total_force(e))
+        p, off_p = e.values.L_v[:, k], e.noise("L_v")[:, k]
+        step = float(np.median(np.diff(r.t))) if len(r.t) > 1 else np.inf
+        push, size = (np.sqrt((y**2).mean(axis=0)) for y in (force, p))
+        coarse = coarse | np.any(step * push > COARSE * size)
+        found.append(Quantity(e.names.v[k], p, force, off_p, noise, coarse, np.abs(force).max(axis=0), roots))
+    found.append(Quantity(e.names.q[k], q, v, off_q, off_v, coarse, np.abs(v).max(axis=0), roots))
+    return found
+
+
+def _of_triples(y: Array) -> Array:
+    """The largest of each particle, three times."""
+    return np.repeat(np.abs(y).max(axis=0).reshape(-1, 3).max(axis=1), 3)
+
+
+def steps(e: Evidence) -> Check:
+    """Every step of every quantity. Steps with a push that no row shows are kept in `e.hidden`."""
+    grid = TableSteps(e.record.t)
+    rows = np.asarray(e.is_fast.any(axis=1))
+    fast = rows[1:] | rows[:-1]
+    found = quantities(e)
+    parts = [judged_steps(grid, one, fast) for one in found]
+    names = [name for one in found for name in one.names]
+    residual, limit, judged = (np.concatenate([part[k] for part in parts], axis=1) for k in range(3))
+    beyond = judged & (np.abs(residual) > limit)
+    if beyond.any():
+        worst = np.max(np.where(beyond, np.abs(residual) / limit, 0.0), axis=1)
+        wrong = np.argsort(-worst, kind="stable")[: int(beyond.any(axis=1).sum())]
+        push = pulses_between.hidden_push(e, wrong, SUDDEN * _shown_push(grid, found))
+        e.hidden |= push > 0
+        limit = limit + np.concatenate([_pushed(grid.h, one, push) for one in found], axis=1)
+    beyond = judged & (np.abs(residual) > limit) & fast[:, None]
+    if np.any(beyond, axis=1).sum() > max(2 * REACHED, OFTEN * len(residual)):
+        judged &= (
+            ~beyond
+        )  # so a motion looks that is too fast for the rows; an error of the table is wrong at some
+    far = np.concatenate([_too_far(grid, one) for one in found], axis=1)
+    judged |= far & (np.abs(residual) > limit)
+    return judge(STEPS, names, e.record.t[:-1], residual, limit, judged)
+
+
+def _shown_push(grid: TableSteps, found: list[Quantity]) -> Array:
+    """By how much the forces of the rows bend around each step, divided by the root of the mass, (T - 1,)."""
+    if 2 not in grid.orders:
+        return np.full(len(grid.h), np.inf)
+    bends = [grid.spread(2, one.rate) / one.root for one in found if one.second is None]
+    return np.asarray(np.linalg.norm(np.concatenate(bends, axis=1), axis=1))
+
+
+def _pushed(h: Array, one: Quantity, push: Array) -> Array:
+    """The most that a push (T - 1,) within the steps may change, (T - 1, k)."""
+    if one.second is None:
+        return np.asarray((h * push)[:, None] * one.root)
+    return np.asarray((h * h * push)[:, None] / one.root)
+
+
+def _too_far(grid: TableSteps, one: Quantity) -> Array:
+    """True where a particle is farther from its last place than it can come, however fast it swings between rows."""
+    if one.second is None:
+        return np.zeros((len(grid.h), one.y.shape[1]), dtype=bool)
+    h = grid.h[:, None]
+    return np.asarray(
+        np.abs(np.diff(one.y, axis=0)) > one.off[1:] + FAR * h * (one.size + h * _of_triples(one.second))
+    )
+
+
+def judged_steps(grid: TableSteps, one: Quantity, fast: Array) -> tuple[Array, Array, Array]:
+    """Residuals and limits of the steps of a quantity and what can be judged, (T - 1, k) each.
+
+    fast (T - 1,): where particles may swing faster than the rows show, so that a polynomial of high order is none.
+    """
+    shape = (len(grid.h), one.y.shape[1])
+    residual, best, truncation = np.zeros(shape), np.full(shape, np.inf), np.full(shape, np.inf)
+    h = grid.h[:, None]
+    change = np.diff(one.y, axis=0)
+    off = np.maximum(one.off[1:], one.off[:-1])
+    off = off + differences.CLOCK * (np.abs(grid.t).max() * np.abs(one.rate[1:]) + np.abs(one.y[1:]))
+    off_rate = np.maximum(one.off_rate[1:], one.off_rate[:-1])
+    for m, (places, plain, moment) in grid.weights.items():
+        if one.second is None:
+            found = change - differences.combined(places, plain, one.rate)
+            open_ = ORDERS[m] * h * grid.spread(m, one.rate)
+            limit = off + h * off_rate + open_
+        else:
+            assert one.off_second is not None
+            found = change - h * (one.rate[1:] + one.rate[:-1]) / 2
+            found = found - differences.combined(places, moment, one.second)
+            open_ = ORDERS[m] * h * h / 4 * grid.spread(m, one.second)
+            off_second = np.maximum(one.off_second[1:], one.off_second[:-1])
+            limit = off + h * off_rate + h * h / 4 * off_second + open_
+        if m == 2:
+            limit = limit + np.where(fast[:, None], (UNSEEN - 1) * open_, 0.0)
+        better = (limit < best) & grid.is_around[m][:, None] & ~(fast[:, None] & (m > 2))
+        residual, best, truncation = (
+            np.where(better, new, old) for new, old in ((found, residual), (limit, best), (open_, truncation))
+        )
+    # A wide bound is no reason to pass, but what is beyond it fails all the same.
+    close = truncation <= np.maximum(OPEN * h * one.size, best - truncation)
+    judged = (close | (np.abs(residual) > best)) & ~one.coarse
+    return residual, best, judged

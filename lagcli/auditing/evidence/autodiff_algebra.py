@@ -1,0 +1,116 @@
+"""The operations of the model's expressions on a tape, with the derivative of each.
+
+Numbers may be complex with a tiny imaginary part, which carries one more derivative (the complex step): what is not
+analytic goes by the real part.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+
+from lagcli.auditing.evidence.autodiff import Array, Scalar, Tape, Value, value
+from lagcli.expression import tree
+from lagcli.model.resolve import Reference
+
+Derivative = Callable[[Array, Array], Array]
+
+
+def _sign(x: Array) -> Array:
+    return np.asarray(np.sign(x.real))
+
+
+_FUNCTIONS: dict[str, tuple[Callable[[Array], Array], Derivative]] = {
+    "sin": (np.sin, lambda x, y: np.cos(x)),
+    "cos": (np.cos, lambda x, y: -np.sin(x)),
+    "tan": (np.tan, lambda x, y: 1 + y * y),
+    "asin": (np.arcsin, lambda x, y: 1 / np.sqrt(1 - x * x)),
+    "acos": (np.arccos, lambda x, y: -1 / np.sqrt(1 - x * x)),
+    "atan": (np.arctan, lambda x, y: 1 / (1 + x * x)),
+    "sinh": (np.sinh, lambda x, y: np.cosh(x)),
+    "cosh": (np.cosh, lambda x, y: np.sinh(x)),
+    "tanh": (np.tanh, lambda x, y: 1 - y * y),
+    "exp": (np.exp, lambda x, y: y),
+    "log": (np.log, lambda x, y: 1 / x),
+    "sqrt": (np.sqrt, lambda x, y: 0.5 / y),
+    "abs": (lambda x: x * _sign(x), lambda x, y: _sign(x)),
+    "sign": (_sign, lambda x, y: np.zeros_like(y)),
+}  # value, and derivative from argument and value
+
+
+class NumberAlgebra:
+    """Scalars are nodes of a tape or plain arrays; see `evaluate.Algebra`. Names come from `atom` and `special`."""
+
+    def __init__(
+        self,
+        tape: Tape,
+        atom: Callable[[Reference], Value],
+        special: Callable[[tree.Call, NumberAlgebra], Value],
+    ) -> None:
+        self._tape, self.atom, self._special = tape, atom, special
+
+    def special(self, node: tree.Call) -> Value:
+        return self._special(node, self)
+
+    def number(self, node: tree.Number) -> Scalar:
+        return np.full((1, 1), float(node.text))
+
+    def add(self, node: tree.Node, left: Scalar, sign: int, right: Scalar) -> Scalar:
+        a, b = value(left), value(right)
+        return self._tape.result(a + b if sign > 0 else a - b, (left, 1.0), (right, float(sign)))
+
+    def negate(self, node: tree.Node, x: Scalar) -> Scalar:
+        return self._tape.result(-value(x), (x, -1.0))
+
+    def multiply(self, node: tree.Node, left: Scalar, right: Scalar) -> Scalar:
+        a, b = value(left), value(right)
+        return self._tape.result(a * b, (left, b), (right, a))
+
+    def divide(self, node: tree.Node, left: Scalar, right: Scalar) -> Scalar:
+        a, b = value(left), value(right)
+        quotient = a / b
+        return self._tape.result(quotient, (left, 1 / b), (right, -quotient / b))
+
+    def power(self, node: tree.Node, base: Scalar, exponent: Scalar) -> Scalar:
+        x, e = value(base), value(exponent)
+        if np.all(e == 0.5):
+            return self.function(node, "sqrt", (base,))
+        result = _power(x, e)
+        by_base = np.where(e == 0.0, 0.0, e * _power(x, np.where(e == 0.0, 1.0, e - 1.0)))
+        by_exponent: Array | float = 0.0
+        if value(exponent) is not exponent:  # it is a node: the base is positive then
+            by_exponent = result * np.log(x)
+        return self._tape.result(result, (base, by_base), (exponent, by_exponent))
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[Scalar, ...]) -> Scalar:
+        if name in ("min", "max"):
+            return functools.reduce(lambda a, b: self._extreme(name, a, b), arguments)
+        if name == "atan2":
+            return self._angle(*arguments)
+        (x,) = arguments
+        compute, derivative = _FUNCTIONS[name]
+        argument = value(x)
+        result = compute(argument)
+        return self._tape.result(result, (x, derivative(argument, result)))
+
+    def _extreme(self, name: str, left: Scalar, right: Scalar) -> Scalar:
+        a, b = value(left), value(right)
+        first = a.real <= b.real if name == "min" else a.real >= b.real
+        return self._tape.result(np.where(first, a, b), (left, first * 1.0), (right, ~first * 1.0))
+
+    def _angle(self, left: Scalar, right: Scalar) -> Scalar:
+        y, x = value(left), value(right)
+        square = x * x + y * y
+        result: Array = np.arctan2(y.real, x.real)
+        if np.iscomplexobj(square):
+            result = result + 1j * (x.real * y.imag - y.real * x.imag) / square.real
+        return self._tape.result(result, (left, x / square), (right, -y / square))
+
+
+def _power(x: Array, e: Array) -> Array:
+    whole = e.size == 1 and float(e.real.flat[0]) == round(float(e.real.flat[0]))
+    if whole and abs(float(e.real.flat[0])) <= 64:
+        return np.asarray(np.power(x, float(e.real.flat[0])) if np.isrealobj(x) else x ** int(e.real.flat[0]))
+    return np.asarray(np.power(x, e))

@@ -1,0 +1,274 @@
+"""Derivatives and integrals of recorded columns, each with a bound on its own error.
+
+Weights by Fornberg (Math. Comp. 51 (1988) 699) on the times as they are. Of stencils of several widths the one with
+the least bound is taken, row by row: the truncation is the difference from the next narrower stencil, the largest
+within a few rows; the noise is that of the column times the sum of the weights. No row is used beyond the table, so
+that the ends have one-sided stencils and wider bounds.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+
+import numpy as np
+
+from lagcli.auditing.evidence.autodiff import Array
+
+# Rows of a stencil, the narrowest first: wider ones have less truncation and more noise.
+WIDTHS = (5, 7, 9, 11, 13)
+REACH = 4  # rows on either side within which a truncation counts
+GAUSS = 6  # nodes of the quadrature of an interpolant of 12 rows, of which it is exact
+BLOCK = 64  # rows
+CAUTION = 8.0  # times the difference of two stencils
+LAST = 0.1  # of the difference before that of two stencils counts: one may vanish by chance
+ONE_SIDED = 6.0  # times that where they do not stand around the row
+CONVERGING = 0.5  # the next stencil must come closer by that factor, or ...
+SMOOTH = 1e-6  # ... both differences be that part of the slopes around
+ROUGH, AROUND = 8, 6  # the order of differences that show a kink; rows on either side from which it is felt
+KINKED, KINKED_END = 0.1, 1.5
+"""Of the differences of order 8 of rates: what the derivative of what they are the rates of may be off by at a kink.
+
+A jump J makes differences of 35 J and an error of J/2; a kink 20 and 1/10 of its change over a step, a jump of the
+curvature 10 and 1/30. At an end of the table the difference shows a jump once.
+"""
+EPS = float(np.finfo(float).eps)
+CLOCK = 8 * EPS  # of the largest time: how well the times are known
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """A value (T, k) with the bounds of its noise and of its truncation, (T, k) each."""
+
+    value: Array
+    noise: Array
+    truncation: Array
+
+    @property
+    def bound(self) -> Array:
+        """The sum of both."""
+        return self.noise + self.truncation
+
+
+class DifferenceGrid:
+    """The T times of a table, strictly increasing."""
+
+    def __init__(self, t: Array) -> None:
+        self.t = t
+        self._steps = np.diff(t)
+
+    @functools.cached_property
+    def _stencils(self) -> list[tuple[Array, Array]]:
+        """Places (T, S) and weights (T, S) of d/dt, by width; narrower than the table."""
+        found = []
+        for width in WIDTHS:
+            if width <= len(self.t):
+                places = self._around(np.arange(len(self.t)) - width // 2, width)
+                found.append((places, _weights(self.t[places] - self.t[:, None])[1]))
+        return found
+
+    def derivative(self, y: Array, noise: Array) -> Estimate:
+        """d/dt of columns y (T, k) whose entries are known to `noise`, (k,) or (T, k)."""
+        if len(self._stencils) < 2:
+            nothing = np.zeros(y.shape)
+            return Estimate(nothing, nothing, np.full(y.shape, np.inf))
+        clock = CLOCK * np.abs(self.t).max() / self._nearest[:, None]
+        best: Estimate | None = None
+        narrower, before = None, np.zeros(y.shape)
+        for places, weights in self._stencils:
+            found = _combined(places, weights, y)
+            if narrower is not None:
+                now = np.abs(found - narrower)
+                wrong = CAUTION * widest(np.maximum(now, LAST * before), REACH)
+                before = now
+                wrong[places[:, 0] != np.arange(len(y)) - places.shape[1] // 2] *= ONE_SIDED
+                sizes = np.abs(weights)
+                if noise.ndim == 1:
+                    spread = sizes.sum(axis=1)[:, None] * noise
+                else:
+                    spread = _combined(places, sizes, noise, about=False)
+                spread = spread + clock * np.abs(found) + 4 * EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
+                best = _better(best, Estimate(found, spread, wrong))
+            narrower = found
+        assert best is not None
+        return best
+
+    def resolved(self, y: Array, noise: Array) -> Array:
+        """True where columns y (T, k) vary slowly enough for the spacing: wider stencils come closer together."""
+        if len(self._stencils) < 3:
+            return np.zeros(y.shape, dtype=bool)
+        slopes, spread = [], np.zeros(y.shape)
+        for places, weights in self._stencils[-3:]:
+            slopes.append(_combined(places, weights, y))
+            spread = np.abs(weights).sum(axis=1)[:, None] * noise
+        before, now = (widest(np.abs(b - a), REACH) for a, b in itertools.pairwise(slopes))
+        small = np.maximum(SMOOTH * widest(np.abs(slopes[-1]), 2 * REACH), spread)
+        return np.asarray((now <= CONVERGING * before) | (np.maximum(now, before) <= small))
+
+    def integral(self, y: Array, noise: Array) -> Estimate:
+        """The integrals of columns y (T, k), known to `noise`, from the first row to each; the noise is that of sums.
+
+        Where the spacing does not resolve them, at a kink or all along, the second differences around bound a step.
+        """
+        increments, wrong = np.zeros((len(self.t) - 1, y.shape[1])), np.zeros((len(self.t) - 1, y.shape[1]))
+        if len(self.t) > 1:
+            sums = [_combined(places, weights, y, about=False) for places, weights in self._quadrature]
+            increments = sums[0]
+            wrong = np.maximum(np.abs(sums[0] - sums[1]), LAST * np.abs(sums[1] - sums[2]))
+            wrong = CAUTION * widest(wrong, REACH)
+            wrong[self._is_one_sided] *= ONE_SIDED
+            clear = self.resolved(y, noise)
+            wrong = np.where(clear[1:] & clear[:-1], wrong, np.maximum(wrong, self._unresolved(y)))
+        begin = np.zeros((1, y.shape[1]))
+        total = np.concatenate([begin, np.cumsum(increments, axis=0)])
+        rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * EPS
+        rounding = rounding + np.abs(self.t).max() * self._mistimed(y)
+        return Estimate(total, rounding, np.concatenate([begin, np.cumsum(wrong, axis=0)]))
+
+    @staticmethod
+    def _mistimed(y: Array) -> Array:
+        """The effect of the rounding of times on integrals of columns y (T, k), as a part of the largest time, (T, k).
+
+        Each time is an end of two steps: with an integrand that stays the same no more is left of them all than of the
+        first and the last.
+        """
+        ways = np.concatenate([np.zeros((1, y.shape[1])), np.cumsum(np.abs(np.diff(y, axis=0)), axis=0)])
+        return np.asarray(CLOCK * np.maximum(np.abs(y), np.abs(y[0])) + EPS * ways)
+
+    def _unresolved(self, y: Array) -> Array:
+        """A bound of the integral over each step (T - 1, k) where y may have a kink or a jump within it."""
+        if len(self.t) < 4:
+            return np.full((len(self.t) - 1, y.shape[1]), np.inf)
+        second = np.abs(scaled_differences(self.t, y, 2))
+        ends = np.concatenate([second[:1], second, second[-1:]])
+        return np.asarray(widest(np.maximum(ends[1:], ends[:-1]), 1) * self._steps[:, None])
+
+    def roughness(self, y: Array, rate: Array) -> Array:
+        """The effect that a jump or a kink of the rates (T, k) may have on the derivative of columns y (T, k), (T, k).
+
+        A stencil across a kink converges by chance: two widths agree and both are wrong. Differences of high order
+        show the kink, of y and of its rates alike; what one of them alone shows is an error of the table and excuses
+        nothing.
+        """
+        order = min(ROUGH, len(self.t) - 3)
+        if order < 2:
+            return np.zeros(rate.shape)
+        steps = np.lib.stride_tricks.sliding_window_view(self._steps, order + 1).max(axis=1)[:, None]
+        ours = scaled_differences(self.t, y, order + 1) / steps
+        return np.minimum(
+            self._felt(ours, order + 1), self._felt(scaled_differences(self.t, rate, order), order)
+        )
+
+    def _felt(self, found: Array, order: int) -> Array:
+        """Of differences of an order at each row the largest that its stencils may feel."""
+        weights = np.full(len(found), KINKED)
+        weights[: order // 2] = weights[-(order // 2) :] = KINKED_END
+        centred = np.zeros((len(self.t), found.shape[1]))
+        centred[order // 2 : order // 2 + len(found)] = np.abs(found) * weights[:, None]
+        return widest(centred, AROUND)
+
+    @functools.cached_property
+    def _nearest(self) -> Array:
+        """The shorter of the steps at each row, (T,)."""
+        ends = np.concatenate([self._steps[:1], self._steps, self._steps[-1:]])
+        return np.asarray(np.minimum(ends[:-1], ends[1:]))
+
+    @functools.cached_property
+    def _is_one_sided(self) -> Array:
+        """Steps (T - 1,) around which the widest stencil does not stand."""
+        first = self._quadrature[0][0][:, 0]
+        return np.asarray(first != np.arange(len(first)) - (self._quadrature[0][0].shape[1] - 1) // 2)
+
+    @functools.cached_property
+    def _quadrature(self) -> list[tuple[Array, Array]]:
+        """Places and weights (T - 1, S) of the integral over each step, by three widths, the widest first."""
+        nodes, shares = np.polynomial.legendre.leggauss(GAUSS)
+        found: list[tuple[Array, Array]] = []
+        widest = min(2 * GAUSS, len(self.t))
+        for width in (widest, max(1, widest - 2), max(1, widest - 4)):
+            places = self._around(np.arange(len(self.t) - 1) - (width - 1) // 2, width)
+            weights = np.zeros(places.shape)
+            for node, share in zip(nodes, shares, strict=True):
+                at = self.t[:-1] + self._steps * (1 + node) / 2
+                weights += share / 2 * self._steps[:, None] * _weights(self.t[places] - at[:, None])[0]
+            found.append((places, weights))
+        return found
+
+    def _around(self, first: Array, width: int) -> Array:
+        first = np.clip(first, 0, len(self.t) - width)
+        return np.asarray(first[:, None] + np.arange(width))
+
+
+def _combined(places: Array, weights: Array, y: Array, about: bool = True) -> Array:
+    """sum_s weights[i, s] y[places[i, s]] (M, k), in blocks; `about` a near row, where the weights add up to 0."""
+    found = np.empty((len(places), y.shape[1]))
+    for start in range(0, len(places), BLOCK):
+        rows = slice(start, start + BLOCK)
+        low, high = int(places[rows].min()), int(places[rows].max()) + 1
+        band = np.zeros((len(places[rows]), high - low))
+        np.put_along_axis(band, places[rows] - low, weights[rows], axis=1)
+        found[rows] = band @ (y[low:high] - (y[(low + high) // 2] if about else 0.0))
+    return found
+
+
+def combined(places: Array, weights: Array, y: Array) -> Array:
+    """sum_s weights[i, s] y[places[i, s]] of columns y (T, k) for places and weights (M, S): (M, k)."""
+    return _combined(places, weights, y, about=False)
+
+
+def scaled_differences(t: Array, y: Array, order: int) -> Array:
+    """Differences (T - order, k) of columns y (T, k): of equal steps the usual ones, of others as the longest."""
+    found = y
+    for k in range(1, order + 1):
+        found = (found[1:] - found[:-1]) / (t[k:] - t[:-k])[:, None]
+    steps = np.lib.stride_tricks.sliding_window_view(np.diff(t), order).max(axis=1)
+    return np.asarray(found * (math.factorial(order) * steps**order)[:, None])
+
+
+def values_at(x: Array) -> Array:
+    """The weights (M, S) of the value at 0 of the polynomials through what is known at x (M, S)."""
+    return _weights(x)[0]
+
+
+def _better(one: Estimate | None, other: Estimate) -> Estimate:
+    if one is None:
+        return other
+    first = one.bound <= other.bound
+    return Estimate(*(np.where(first, a, b) for a, b in zip(_parts(one), _parts(other), strict=True)))
+
+
+def _parts(e: Estimate) -> tuple[Array, Array, Array]:
+    return e.value, e.noise, e.truncation
+
+
+def widest(y: Array, reach: int = 2) -> Array:
+    """The largest of each column within `reach` rows."""
+    found = y.copy()
+    for k in range(1, min(reach, len(y) - 1) + 1):
+        np.maximum(found[k:], y[:-k], out=found[k:])
+        np.maximum(found[:-k], y[k:], out=found[:-k])
+    return found
+
+
+def _weights(x: Array) -> tuple[Array, Array]:
+    """Weights (M, S) of the value and of the derivative at 0 of what is known at x (M, S)."""
+    size = np.abs(x).max(axis=1, keepdims=True)
+    x = x / size
+    value, slope = np.zeros(x.shape), np.zeros(x.shape)
+    value[:, 0] = 1.0
+    before, now = np.ones(len(x)), x[:, 0]
+    for i in range(1, x.shape[1]):
+        product, last = np.ones(len(x)), now
+        now = x[:, i]
+        for j in range(i):
+            gap = now - x[:, j]
+            product = product * gap
+            if j == i - 1:
+                slope[:, i] = before * (value[:, j] - last * slope[:, j]) / product
+                value[:, i] = -before * last * value[:, j] / product
+            slope[:, j] = (now * slope[:, j] - value[:, j]) / gap
+            value[:, j] = now * value[:, j] / gap
+        before = product
+    return value, slope / size

@@ -1,0 +1,466 @@
+"""Rows, forces and energies of a model at the rows of a table, from its own expressions over arrays.
+
+Symbols as in (D.6) and (D.34): T rows of the table, n coordinates, N particles, Nd of them dependent, C rows of
+which s are holonomic. Units are those of the model.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from lagcli.auditing.evidence import row_turns
+from lagcli.auditing.evidence.autodiff import Array, Directions, Scalar, TapeNode, Triple, Value, scatter
+from lagcli.auditing.evidence.autodiff_algebra import NumberAlgebra
+from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
+from lagcli.equations import rigid
+from lagcli.expression import evaluate, tree
+from lagcli.model import model as nouns
+from lagcli.model.family import Whole
+
+SPOT = tree.Node(0, 0)
+CHUNK = 200_000  # values of one array: what a cache holds
+
+
+@dataclasses.dataclass(slots=True)
+class LawValues:
+    """The values of a model at T rows.
+
+    x, u, x_t (T, 3 Nd): positions, velocities and explicit rates of the dependent particles; f (T, s); w = B v + b,
+    b (T, C); pull (T, n) = B^T lambda (D.22). V, V_t (T,); V_q (T, n), V_x (T, 3 Nd). L, L_t (T,); L_q, L_v (T, n);
+    L_x, L_u (T, 3 Nd): of the `lagrangian`. F (T, N, 3): forces on particles without a potential; Q (T, n): declared
+    generalized forces.
+    """
+
+    x: Array
+    u: Array
+    x_t: Array
+    f: Array
+    w: Array
+    b: Array
+    pull: Array
+    V: Array
+    V_t: Array
+    V_q: Array
+    V_x: Array
+    L: Array
+    L_t: Array
+    L_q: Array
+    L_v: Array
+    L_x: Array
+    L_u: Array
+    F: Array
+    Q: Array
+
+
+NOTHING: Mapping[int, tuple[float, ...]] = {}
+
+
+class ModelLaws:
+    """The laws of a model, ready to be evaluated at any rows. jumps: those of `tolerances.Tolerance`; closed: numbers
+    of inequalities that hold as equations g = 0, in their order, which stand after the other holonomic rows."""
+
+    def __init__(
+        self,
+        model: nouns.Model,
+        jumps: Mapping[int, tuple[float, ...]] = NOTHING,
+        closed: Sequence[int] = (),
+    ) -> None:
+        self.model, self.cast = model, ModelIndex(model)
+        self.bodies = self._geometries() if model.rigid else ()
+        self.holonomic = [name for law in model.holonomic for name in law.rows]
+        for body, geometry in zip(model.rigid, self.bodies, strict=True):
+            count = len(geometry.pairs) + 3 * len(geometry.further)
+            self.holonomic += [f"{body.name}.{i}" for i in range(1, count + 1)]
+        self.contacts = tuple(name for law in model.inequality for name in law.rows)
+        self.holonomic += [self.contacts[j] for j in closed]
+        self._closed = list(_members(model.inequality, np.array(closed, dtype=np.int64)))
+        self.rows = (*self.holonomic, *(name for law in model.differential for name in law.rows))
+        self.s, self.C = len(self.holonomic), len(self.rows)
+        self._pattern: Array | None = None
+        self._jumps = jumps
+
+    def values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
+        """Everything at T rows: t (T,), q and v (T, n), lam (T, C)."""
+        chunks = [self._values(t[k][:, None], q[k], v[k], lam[k]) for k in self._chunks(len(t))]
+        fields = [field.name for field in dataclasses.fields(LawValues)]
+        return LawValues(
+            **{name: np.concatenate([getattr(part, name) for part in chunks]) for name in fields}
+        )
+
+    def pushed(self, t: Array, q: Array, v: Array, F: Array) -> Array:
+        """sum_k F_k . dr_k/dq_j over the dependent particles (D.30): F (T, 3 Nd) to (T, n)."""
+        if not self.cast.dependent.size:
+            return np.zeros(q.shape)
+        found = []
+        for k in self._chunks(len(t)):
+            scene = ModelOnTable(self.cast, t[k][:, None], q[k], v[k])
+            parts = scene.position(self.cast.dependent)
+            found.append(scene.tape.gradient([(p, F[k][:, axis::3]) for axis, p in enumerate(parts)])["q"])
+        return np.concatenate(found)
+
+    def displaced(self, t: Array, q: Array, v: Array, dq: Array) -> Array:
+        """dr_k = sum_j dr_k/dq_j dq_j of the dependent particles (D.28): (T, n) to (T, 3 Nd)."""
+        if not self.cast.dependent.size:
+            return np.zeros((len(t), 0))
+        found = []
+        for k in self._chunks(len(t)):
+            scene = ModelOnTable(self.cast, t[k][:, None], q[k], v[k])
+            parts = scene.position(self.cast.dependent)
+            found.append(_changed(scene, parts, {"q": dq[k]}))
+        return np.concatenate(found)
+
+    def matrix(self, t: Array, q: Array, v: Array) -> Array:
+        """B (T, C, n) at few rows: rows that share no coordinate are differentiated together."""
+        if not self.C:
+            return np.zeros((len(t), 0, q.shape[1]))
+        pattern = self.pattern(t, q, v)
+        B = np.zeros((len(t), self.C, q.shape[1]))
+        for colour in _colours(pattern):
+            seeds = np.zeros((1, self.C))
+            seeds[0, colour] = 1.0
+            combined = self.combined(t, q, v, np.broadcast_to(seeds, (len(t), self.C)))
+            for i in colour:
+                B[:, i, pattern[i]] = combined[:, pattern[i]]
+        return B
+
+    def combined(self, t: Array, q: Array, v: Array, lam: Array) -> Array:
+        """sum_i lam_i B_i, (T, C) to (T, n)."""
+        true, free = self._scenes(t[:, None], q, v)
+        return self._pull(true, free, *self._laid(free), lam)
+
+    def pattern(self, t: Array, q: Array, v: Array) -> Array:
+        """True for the coordinates that stand in a row, bool (C, n): whatever a rate that is no number spoils."""
+        if self._pattern is None:
+            n = q.shape[1]
+            moving = np.tile(v[:1], (n, 1))
+            np.fill_diagonal(moving, np.nan)
+            place = np.tile(q[:1], (n, 1))
+            _, free = self._scenes(np.full((n, 1), t[0]), place, moving)
+            _, w = self._residuals(free, *self._laid(free))
+            self._pattern = np.isnan(w).T
+        return self._pattern
+
+    def residuals(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """f (T, s) and w = B v + b (T, C); the numbers may be complex."""
+        _, free = self._scenes(t[:, None], q, v)
+        return self._residuals(free, *self._laid(free))
+
+    def whole_lagrangian(self, t: Array, q: Array, v: Array) -> Array:
+        """L = T - V + `lagrangian` (T,) of the whole system (D.36); the numbers may be complex."""
+        _, free = self._scenes(t[:, None], q, v)
+        cast = self.cast
+        own = np.repeat(cast.masses[cast.cartesian], 3)
+        total = (own * v[:, : own.size] ** 2 / 2).sum(axis=1)
+        if cast.dependent.size:
+            total = total + (np.repeat(cast.masses[cast.dependent], 3) * free.data["u"] ** 2 / 2).sum(axis=1)
+        for x, count, sign in (*((p, c, -1.0) for p, c in self._potentials(free)), *self._extra(free)):
+            total = total + sign * free.wide(x, count).sum(axis=1)
+        return np.asarray(total)
+
+    def potential(self, scene: ModelOnTable) -> Array:
+        """V (T,) of the declared potentials and of constant forces."""
+        return np.asarray(
+            sum((scene.wide(p, c).sum(axis=1) for p, c in self._potentials(scene)), np.zeros(scene.rows))
+        )
+
+    def parts_of_reactions(self, scene: ModelOnTable, lam: Array) -> Array:
+        """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); scene: as of `free`."""
+        surfaces, laws = self._laid(scene)
+        onto = scene.tape.virtual(
+            [(x, lam[:, places]) for x, places in laws], [(x, lam[:, places]) for x, places in surfaces]
+        )
+        found = np.zeros((scene.rows, 3 * len(self.cast.particles)))
+        for numbers, kind in ((self.cast.cartesian, "q"), (self.cast.dependent, "x")):
+            if numbers.size:
+                places = (3 * numbers[:, None] + np.arange(3)).ravel()
+                found[:, places] = onto[kind][:, : places.size]
+        return found
+
+    def free(self, t: Array, q: Array, v: Array) -> ModelOnTable:
+        """The scene of rows t (T,), q and v (T, n), in which places of dependent particles are numbers."""
+        return self._scenes(t[:, None], q, v)[1]
+
+    def chunks(self, rows: int) -> Iterator[slice]:
+        """Parts of T rows that a cache holds."""
+        return self._chunks(rows)
+
+    def _chunks(self, rows: int) -> Iterator[slice]:
+        step = max(8, CHUNK // max(1, self.cast.n, self.C))
+        return (slice(start, start + step) for start in range(0, max(rows, 1), step))
+
+    def _scenes(self, t: Array, q: Array, v: Array) -> tuple[ModelOnTable, ModelOnTable]:
+        """The true one, and the one in which dependent particles are leaves."""
+        true = ModelOnTable(self.cast, t, q, v)
+        dependent = self.cast.dependent
+        if not dependent.size:
+            return true, true
+        parts = true.position(dependent)
+        x = _interleaved(true, parts, _numbers)
+        u = _interleaved(true, parts, lambda p: _moved(true, p))
+        return true, ModelOnTable(self.cast, t, q, v, (x, u))
+
+    def _values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
+        true, free = self._scenes(t, q, v)
+        dependent = self.cast.dependent
+        nothing = np.zeros((len(q), 0))
+        x, u, x_t = nothing, nothing, nothing
+        if dependent.size:
+            x, u = free.data["x"], free.data["u"]
+            x_t = _changed(true, true.position(dependent), {"t": np.ones_like(t)})
+        laid = self._laid(free)
+        f, w = self._residuals(free, *laid)
+        potentials = list(self._potentials(free))
+        V = sum((free.wide(p, c).sum(axis=1) for p, c in potentials), np.zeros(len(q)))
+        slope = free.tape.gradient([(p, np.ones((1, c))) for p, c in potentials])
+        extra = [p for p, _, _ in self._extra(free)]
+        L = sum((free.wide(p, 1)[:, 0] for p in extra), np.zeros(len(q)))
+        pull_of_L = free.tape.gradient([(p, np.ones((1, 1))) for p in extra])
+        F, Q = self._forces(free)
+        kinds = dependent.size > 0
+        return LawValues(
+            x=x, u=u, x_t=x_t, f=f, w=w, b=self._still(t, q, v, x, x_t),
+            pull=self._pull(true, free, *laid, lam),
+            V=V, V_t=slope["t"][:, 0], V_q=slope["q"], V_x=slope["x"] if kinds else nothing,
+            L=L, L_t=pull_of_L["t"][:, 0], L_q=pull_of_L["q"], L_v=pull_of_L["v"],
+            L_x=pull_of_L["x"] if kinds else nothing, L_u=pull_of_L["u"] if kinds else nothing,
+            F=F, Q=Q,
+        )  # fmt: skip
+
+    def _still(self, t: Array, q: Array, v: Array, x: Array, x_t: Array) -> Array:
+        """b (T, C): what is left of B v + b where nothing moves but time."""
+        if not self.C:
+            return np.zeros((len(q), 0))
+        rest = np.zeros_like(v)
+        free = ModelOnTable(self.cast, t, q, rest, (x, x_t) if x.shape[1] else None)
+        return self._residuals(free, *self._laid(free))[1]
+
+    def _laid(self, scene: ModelOnTable) -> tuple[list[tuple[Scalar, Whole]], list[tuple[Scalar, Whole]]]:
+        """Values of the holonomic and of the differential rows with their places among all rows."""
+        surfaces: list[tuple[Scalar, Whole]] = []
+        laws: list[tuple[Scalar, Whole]] = []
+        first = 0
+        for holonomic in self.model.holonomic:
+            first = _lay(scene, holonomic, surfaces, first)
+        for body, geometry in zip(self.model.rigid, self.bodies, strict=True):
+            numbers = np.array(body.particles, dtype=np.int64)
+            for x, offsets in _rigid_rows(scene, numbers, geometry):
+                surfaces.append((x, first + offsets))
+            first += len(geometry.pairs) + 3 * len(geometry.further)
+        for inequality, members in self._closed:
+            assert isinstance(inequality.equation.tree, tree.Relation)
+            algebra = scene.algebra(inequality.members.taken(members))
+            surfaces.append(
+                (evaluate.difference(inequality.equation.tree, algebra)[0], first + np.arange(members.size))
+            )
+            first += members.size
+        for differential in self.model.differential:
+            first = _lay(scene, differential, laws, first)
+        return surfaces, laws
+
+    def _residuals(
+        self, scene: ModelOnTable, surfaces: list[tuple[Scalar, Whole]], laws: list[tuple[Scalar, Whole]]
+    ) -> tuple[Array, Array]:
+        kind = scene.data["q"].dtype
+        f, w = np.zeros((scene.rows, self.s), dtype=kind), np.zeros((scene.rows, self.C), dtype=kind)
+        for x, places in surfaces:
+            f[:, places] = scene.wide(x, places.size)
+            w[:, places] = np.broadcast_to(_moved(scene, x), (scene.rows, places.size))
+        row_turns.reduced(f, self._jumps)
+        for x, places in laws:
+            w[:, places] = scene.wide(x, places.size)
+        return f, w
+
+    def _pull(
+        self,
+        true: ModelOnTable,
+        free: ModelOnTable,
+        surfaces: list[tuple[Scalar, Whole]],
+        laws: list[tuple[Scalar, Whole]],
+        lam: Array,
+    ) -> Array:
+        found = free.tape.virtual(
+            [(x, lam[:, places]) for x, places in laws], [(x, lam[:, places]) for x, places in surfaces]
+        )
+        if true is free:
+            return found["q"]
+        parts, onto = true.position(self.cast.dependent), found["x"]
+        return found["q"] + true.tape.gradient([(p, onto[:, axis::3]) for axis, p in enumerate(parts)])["q"]
+
+    def _potentials(self, scene: ModelOnTable) -> Iterator[tuple[Scalar, int]]:
+        """V in parts with the number of members to sum over: declared ones, and -F . r of constant forces."""
+        for force in self.model.forces:
+            if isinstance(force, nouns.Potential) and force.members.count:
+                algebra = scene.algebra(force.members.variables)
+                yield evaluate.scalar(force.expression.tree, algebra), force.members.count
+        for targets, F, algebra in self._on_particles(scene, constant=True):
+            for part, place in zip(F, scene.position(targets), strict=True):
+                yield algebra.negate(SPOT, algebra.multiply(SPOT, part, place)), targets.size
+
+    def _extra(self, scene: ModelOnTable) -> Iterator[tuple[Scalar, int, float]]:
+        """The `lagrangian`."""
+        if self.model.lagrangian is not None:
+            yield evaluate.scalar(self.model.lagrangian.tree, scene.algebra()), 1, 1.0
+
+    def _on_particles(
+        self, scene: ModelOnTable, constant: bool
+    ) -> Iterator[tuple[Whole, Triple, NumberAlgebra]]:
+        for force in self.model.forces:
+            if not isinstance(force, nouns.ParticleForce) or force.constant != constant:
+                continue
+            targets = force.action.targets
+            if targets.size == 0:
+                continue
+            own: dict[str, Value] = {
+                "m": self.cast.masses[targets][None, :],
+                "r": scene.position(targets),
+                "v": scene.velocity(targets),
+            }
+            algebra = scene.algebra(force.action.variables(force.members), own)
+            yield targets, scene.vector(force.force, algebra), algebra
+
+    def _forces(self, scene: ModelOnTable) -> tuple[Array, Array]:
+        """F (T, N, 3) without potential on particles and Q (T, n) on coordinates."""
+        cast = self.cast
+        F, Q = np.zeros((scene.rows, 3 * len(cast.particles))), np.zeros((scene.rows, cast.n))
+        for targets, parts, _ in self._on_particles(scene, constant=False):
+            for axis, part in enumerate(parts):
+                _scatter(F, 3 * targets + axis, scene.wide(part, targets.size))
+        for force in self.model.forces:
+            if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
+                algebra = scene.algebra(force.action.variables(force.members))
+                found = scene.wide(evaluate.scalar(force.force.tree, algebra), force.action.targets.size)
+                _scatter(Q, cast.first_generalized + force.action.targets, found)
+        return F.reshape(scene.rows, len(cast.particles), 3), Q
+
+    def _geometries(self) -> tuple[rigid.Geometry, ...]:
+        """The geometry of each rigid body at the declared start."""
+        t, q, v = start(self.model)
+        scene = ModelOnTable(self.cast, np.full((1, 1), t), q[None, :], v[None, :])
+        found = []
+        for body in self.model.rigid:
+            numbers = np.array(body.particles, dtype=np.int64)
+            parts = scene.position(numbers)
+            found.append(rigid.geometry(np.stack([scene.wide(p, numbers.size)[0] for p in parts], axis=1)))
+        return tuple(found)
+
+
+def start(model: nouns.Model) -> tuple[float, Array, Array]:
+    """t, q (n,) and v (n,) of the declared start."""
+    cartesian = [(p.start, p.start_velocity) for p in model.particles if p.start is not None]
+    q = [place.ravel() for place, _ in cartesian] + [c.value for c in model.coordinates]
+    v = [moving.ravel() for _, moving in cartesian] + [c.rate for c in model.coordinates]
+    nothing = np.zeros(0)
+    return model.simulation.start, np.concatenate([nothing, *q]), np.concatenate([nothing, *v])
+
+
+def _lay(
+    scene: ModelOnTable,
+    law: nouns.Holonomic | nouns.Differential,
+    into: list[tuple[Scalar, Whole]],
+    first: int,
+) -> int:
+    """Add the rows of a law, left - right; those of one member stand together. The number of rows so far."""
+    if not law.members.count:
+        return first
+    assert isinstance(law.equation.tree, tree.Relation)
+    parts = evaluate.difference(law.equation.tree, scene.algebra(law.members.variables))
+    members = np.arange(law.members.count, dtype=np.int64)
+    for axis, part in enumerate(parts):
+        into.append((part, first + len(parts) * members + axis))
+    return first + len(parts) * law.members.count
+
+
+def _members(laws: Sequence[nouns.Inequality], numbers: Whole) -> Iterator[tuple[nouns.Inequality, Whole]]:
+    """The inequalities with those of their members that are among these numbers of all."""
+    first = 0
+    for law in laws:
+        count = law.members.count
+        found = numbers[(numbers >= first) & (numbers < first + count)] - first
+        if found.size:
+            yield law, found
+        first += count
+
+
+def _rigid_rows(
+    scene: ModelOnTable, numbers: Whole, geometry: rigid.Geometry
+) -> Iterator[tuple[Scalar, Whole]]:
+    """The rows of a rigid body: distances of the base, then each further particle by its coefficients."""
+    a, base = scene.algebra(), numbers[list(geometry.base)]
+
+    def minus(left: Triple, right: Triple) -> list[Scalar]:
+        return [a.add(SPOT, u, -1, w) for u, w in zip(left, right, strict=True)]
+
+    def place(j: int) -> Triple:
+        return scene.position(base[j : j + 1])
+
+    if geometry.pairs:
+        one, other = (base[[pair[side] for pair in geometry.pairs]] for side in (0, 1))
+        square: Scalar = np.zeros((1, 1))
+        for part in minus(scene.position(one), scene.position(other)):
+            square = a.add(SPOT, square, 1, a.multiply(SPOT, part, part))
+        distances = np.array(geometry.distances)[None, :]
+        yield a.add(SPOT, a.function(SPOT, "sqrt", (square,)), -1, distances), np.arange(len(geometry.pairs))
+    if not geometry.further:
+        return
+    further = scene.position(numbers[list(geometry.further)])
+    normal: list[Scalar] = [np.zeros((1, 1))] * 3
+    if geometry.gamma.size:
+        (p, q, r), (x, y, z) = minus(place(1), place(0)), minus(place(2), place(0))
+        for axis, (c, d, e, f) in enumerate(((q, z, r, y), (r, x, p, z), (p, y, q, x))):
+            minor = a.add(SPOT, a.multiply(SPOT, c, d), -1, a.multiply(SPOT, e, f))
+            normal[axis] = a.multiply(SPOT, minor, geometry.gamma[None, :])
+    places = len(geometry.pairs) + 3 * np.arange(len(geometry.further))
+    for axis in range(3):
+        row = a.add(SPOT, further[axis], -1, normal[axis])
+        for j in range(len(geometry.base)):
+            row = a.add(SPOT, row, -1, a.multiply(SPOT, place(j)[axis], geometry.alpha[None, :, j]))
+        yield row, places + axis
+
+
+def _colours(pattern: Array) -> list[list[int]]:
+    """Groups of rows of which no two share a coordinate, greedily."""
+    groups: list[list[int]] = []
+    taken: list[Array] = []
+    for i, row in enumerate(pattern):
+        for group, used in zip(groups, taken, strict=True):
+            if not (used & row).any():
+                group.append(i)
+                used |= row
+                break
+        else:
+            groups.append([i])
+            taken.append(row.copy())
+    return groups
+
+
+def _numbers(x: Scalar) -> Array:
+    return x.value if isinstance(x, TapeNode) else np.asarray(x)
+
+
+def _moved(scene: ModelOnTable, x: Scalar) -> Array:
+    return scene.tape.moved(x) if isinstance(x, TapeNode) else np.zeros((1, 1))
+
+
+def _changed(scene: ModelOnTable, parts: Sequence[Scalar], directions: Directions) -> Array:
+    """The change of vectors along directions of the leaves, (T, 3 K)."""
+    changes = scene.tape.forward(directions)
+
+    def take(x: Scalar) -> Array:
+        found = changes[x.number] if isinstance(x, TapeNode) else None
+        return np.zeros((1, 1)) if found is None else found
+
+    return _interleaved(scene, parts, take)
+
+
+def _interleaved(scene: ModelOnTable, parts: Sequence[Scalar], take: Callable[[Scalar], Array]) -> Array:
+    """x1, y1, z1, x2, ... of vectors of K members, (T, 3 K)."""
+    count = scene.cast.dependent.size
+    found = [np.broadcast_to(take(part), (scene.rows, count)) for part in parts]
+    return np.stack(found, axis=2).reshape(scene.rows, 3 * count)
+
+
+def _scatter(target: Array, places: Whole, values: Array) -> None:
+    scatter(target, places, np.ascontiguousarray(values))

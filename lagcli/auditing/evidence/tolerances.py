@@ -1,0 +1,330 @@
+"""The ground of all checks: the record, what the model says at its rows, and how well each of it is known.
+
+A run is made to a tolerance, so its states are off by delta = rtol |y| + atol. What a quantity gains by that is
+measured: everything is evaluated once more at states moved by delta with random signs. A limit is `SAFETY` times
+that, and where the motion is differentiated or integrated the bounds of `differences` come on top.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+
+from lagcli.auditing.evidence import balanced_forces, differences, table_input
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.balanced_forces import ForceRounding
+from lagcli.auditing.evidence.differences import DifferenceGrid, Estimate, widest
+from lagcli.auditing.evidence.laws import LawValues, ModelLaws
+from lagcli.auditing.evidence.table_input import Record, TableNames
+from lagcli.auditing.evidence.virtual_space import VirtualSpace
+
+# A limit is so many times the noise that evaluations at states moved by delta show.
+SAFETY = 30.0
+RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
+COARSE = 1.0  # a row to the next may change a velocity by that part of itself
+LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
+ROUNDING = balanced_forces.ROUNDING
+OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
+FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
+NEARLY = 2.0  # times a limit is no certain fault where a fast motion may be sampled slowly
+WORSE = 1e6  # a limit grows by no more than that towards a singular configuration
+COST = 3e8  # of the singular values of B, in multiplications
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Tolerance:
+    """The distance a table may have from the laws: the tolerance of the run, and the constants by which rows jump where
+    an angle passes its cut, by number of the row."""
+
+    rtol: float
+    atol: float
+    jumps: Mapping[int, tuple[float, ...]] = dataclasses.field(default_factory=dict)
+
+
+class Evidence:
+    """The record of a run beside what the model says at its rows. All numbers of the record are finite but lambda.
+
+    whole: the record of which `found` is a part; the sizes to which a run was made are those of all its rows.
+    """
+
+    def __init__(
+        self, laws: ModelLaws, found: Record, tolerance: Tolerance, whole: Record | None = None
+    ) -> None:
+        self._whole = whole or found
+        self.laws, self.record, self.tolerance = laws, found, tolerance
+        self.names: TableNames = table_input.names(laws)
+        self.grid = DifferenceGrid(found.t)
+        self.values: LawValues = laws.values(found.t, found.q, found.v, found.lam)
+        cast = laws.cast
+        self.masses = np.zeros(cast.n)
+        self.masses[: cast.first_generalized] = np.repeat(cast.masses[cast.cartesian], 3)
+        self.masses_x = np.repeat(cast.masses[cast.dependent], 3)
+        self.hidden = np.zeros(max(0, len(found.t) - 1), dtype=bool)  # steps with a push that no row shows
+        self._random = np.random.default_rng(6)
+
+    @property
+    def is_seen(self) -> Array:
+        """Rows (T, 1) up to which sums over the rows hold all that pushes."""
+        return np.concatenate([[True], ~np.logical_or.accumulate(self.hidden)])[:, None]
+
+    @functools.cached_property
+    def off_q(self) -> Array:
+        """By how much the coordinates may be off, (n,)."""
+        return self._off(self._whole.q, self._whole.x) + self.force_rounding.a * self._apart**2
+
+    @functools.cached_property
+    def off_v(self) -> Array:
+        """By how much their rates may be off, (n,)."""
+        return self._off(self._whole.v, self._whole.u) + self.force_rounding.a * self._apart
+
+    @functools.cached_property
+    def force_rounding(self) -> ForceRounding:
+        """The rounding of forces that balance each other."""
+        return balanced_forces.rounding(self.laws, self.record, self.values)
+
+    @property
+    def _apart(self) -> float:
+        """The longest time between two rows."""
+        return float(np.abs(np.diff(self.record.t)).max(initial=0.0))
+
+    def _off(self, y: Array, beside: Array) -> Array:
+        """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""
+        size = np.abs(y).max(axis=0)
+        first = self.laws.cast.first_generalized
+        size[:first] = max(size[:first].max(initial=0.0), np.abs(beside).max(initial=0.0))
+        return np.asarray(self.tolerance.rtol * size + self.tolerance.atol)
+
+    @functools.cached_property
+    def moved(self) -> tuple[Array, Array]:
+        """The states (T, n) each moved by its tolerance."""
+        q, v = self.record.q, self.record.v
+        # Of unlike sizes, so that they do not cancel in a difference.
+        parts = self._random.choice((-1.0, 1.0), size=(2, *q.shape)) * self._random.uniform(
+            0.5, 1.0, (2, *q.shape)
+        )
+        return q + parts[0] * self.off_q, v + parts[1] * self.off_v
+
+    @functools.cached_property
+    def moved_values(self) -> LawValues:
+        """The values of the model at those states, at times moved by their rounding: a force may jump at a row."""
+        t = self.record.t
+        return self.laws.values(
+            t + differences.CLOCK * np.abs(t).max(initial=0.0), *self.moved, self.record.lam
+        )
+
+    def noise(self, name: str) -> Array:
+        """The noise of one of the `Values`, of its own shape, time first."""
+        return self.spread(getattr(self.values, name), getattr(self.moved_values, name))
+
+    def spread(self, one: Array, moved: Array) -> Array:
+        """The noise of any quantity from its values at the states and at the moved ones."""
+        change = np.abs(one - moved)
+        flat = change.reshape(len(change), int(np.prod(change.shape[1:])))
+        usual = _usual(flat)
+        found = np.maximum(widest(np.nan_to_num(flat)), usual)
+        size = np.nan_to_num(np.abs(one).reshape(flat.shape))
+        return np.asarray((SAFETY * found + ROUNDING * size).reshape(one.shape))
+
+    @functools.cached_property
+    def acceleration(self) -> Estimate:
+        """d/dt of the recorded rates, (T, n)."""
+        return self.grid.derivative(self.record.v, SAFETY * self.off_v)
+
+    @functools.cached_property
+    def acceleration_x(self) -> Estimate:
+        """d/dt of the recorded velocities of dependent particles, (T, 3 Nd)."""
+        return self.grid.derivative(self.record.u, SAFETY * self._off_x + self.noise("u"))
+
+    @functools.cached_property
+    def is_resolved(self) -> tuple[Array, Array]:
+        """True where the spacing resolves the motion of coordinates (T, n) and of dependent particles (T, 3 Nd).
+
+        The recorded rates say so, or the forces and reactions: an error in one of them leaves the others smooth.
+        """
+        r, values, cast = self.record, self.values, self.laws.cast
+        rows, own = len(r.t), cast.first_generalized
+        force = r.R_q - values.V_q + values.Q + values.L_q
+        force[:, :own] += values.F[:, cast.cartesian].reshape(rows, -1)
+        force_x = r.R_x + self.particle_forces[:, cast.dependent].reshape(rows, -1)
+        slow = self.grid.resolved(r.v, SAFETY * self.off_v) | self.grid.resolved(
+            force, SAFETY * self.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
+        )
+        slow_x = self.grid.resolved(r.u, SAFETY * self._off_x) | self.grid.resolved(
+            force_x, SAFETY * self.tolerance.rtol * np.abs(force_x).max(axis=0, initial=0.0)
+        )
+        if r.x.size:
+            slow[:, own:] &= (
+                np.all(slow_x, axis=1, keepdims=True) | self.grid.resolved(r.v, SAFETY * self.off_v)[:, own:]
+            )
+        if self.is_coarse[1].any():
+            slow[:, own:] = False
+        return slow & ~self.is_coarse[0], slow_x & ~self.is_coarse[1]
+
+    @functools.cached_property
+    def is_fast(self) -> Array:
+        """True where particles can swing faster than the rows show, (T, n): the forces, those of the rows at the same
+        lambda included, change so much with the positions that (step)^2 dF/dr > m. Sampled so far apart, a swing
+        looks slow."""
+        found = np.zeros(self.record.q.shape, dtype=bool)
+        own = self.laws.cast.first_generalized
+        if own and len(found) > 1:
+            found[:, :own] = np.repeat(widest(self._swing) > COARSE, 3, axis=1)
+        return found
+
+    @functools.cached_property
+    def _swing(self) -> Array:
+        """(step)^2 dF/dr / m of Cartesian particles, (T, K)."""
+        r, one, other = self.record, self.values, self.moved_values
+        own, rows = self.laws.cast.first_generalized, len(r.t)
+        change = np.abs(one.pull - other.pull - one.V_q + other.V_q)[:, :own]
+        change = change + np.abs(one.F - other.F)[:, self.laws.cast.cartesian].reshape(rows, -1)
+        stiffness = np.nan_to_num(change) / self.off_q[:own] / self.masses[:own]
+        step = float(np.median(np.diff(r.t)))
+        return np.asarray(step * step * stiffness.reshape(rows, -1, 3).max(axis=2))
+
+    @property
+    def is_slow(self) -> bool:
+        """True if no particle can move much faster than the rows show."""
+        return not (self.is_coarse[0].any() or self.is_coarse[1].any())
+
+    def unaliased(self, residual: Array, limit: Array, judged: Array) -> Array:
+        """The places that can be judged, less those that may only look wrong as a fast motion is sampled slowly.
+
+        An error of the table is wrong at some rows; a motion too fast for the rows is so all along.
+        """
+        beyond = judged & (np.abs(residual) > limit) & np.any(self.is_fast, axis=1, keepdims=True)
+        nearly = beyond & (np.abs(residual) <= NEARLY * limit)
+        rows = ((beyond & ~nearly) | ~judged).sum(axis=0)
+        often = (rows > max(2 * REACHED, OFTEN * len(residual))) | (len(residual) < FEW)
+        return np.asarray(judged & ~np.where(often, beyond, nearly))
+
+    @functools.cached_property
+    def momentum_rate(self) -> tuple[Estimate, Estimate]:
+        """d/dt of dL/dv (T, n) and of dL/du (T, 3 Nd) of the `lagrangian`."""
+        return (
+            self.grid.derivative(self.values.L_v, self.noise("L_v")),
+            self.grid.derivative(self.values.L_u, self.noise("L_u")),
+        )
+
+    @property
+    def _off_x(self) -> Array:
+        """By how much velocities of dependent particles may be off."""
+        size = np.abs(self._whole.u).max(initial=0.0)
+        return np.asarray(self.tolerance.rtol * size + self.tolerance.atol)
+
+    @functools.cached_property
+    def is_coarse(self) -> tuple[Array, Array]:
+        """True where a step of the table changes a velocity by more than itself, (n,) and (3 Nd,): no row speaks for
+        its neighbourhood there, whatever the differences say."""
+        cast, r = self.laws.cast, self.record
+        if len(r.t) < 2:
+            return np.ones(cast.n, dtype=bool), np.ones(r.x.shape[1], dtype=bool)
+        step = float(np.median(np.diff(r.t)))
+        forces = self.particle_forces
+        own = cast.first_generalized
+        a = (forces[:, cast.cartesian].reshape(len(r.t), -1) + r.R_q[:, :own]) / self.masses[:own]
+        a_x = (forces[:, cast.dependent].reshape(len(r.t), -1) + r.R_x) / self.masses_x
+        found = np.zeros(cast.n, dtype=bool)
+        size = max(float(np.abs(r.q[:, :own]).max(initial=0.0)), float(np.abs(r.x).max(initial=0.0)))
+        coarse = _coarse(r.v[:, :own], a, step, size)
+        if own and not np.any(self.values.b):
+            # Nothing swings that fast, and what is at rest under a force is no motion.
+            coarse &= self._swing.max(axis=0) > LAZY
+        found[:own] = np.repeat(coarse, 3)
+        return found, np.repeat(_coarse(r.u, a_x, step, size), 3)
+
+    @functools.cached_property
+    def particle_forces(self) -> Array:
+        """F_k of all forces and potentials declared, (T, N, 3)."""
+        cast, values = self.laws.cast, self.values
+        found = values.F.copy()
+        own = cast.first_generalized
+        found[:, cast.cartesian] -= values.V_q[:, :own].reshape(len(found), -1, 3)
+        found[:, cast.dependent] -= values.V_x.reshape(len(found), -1, 3)
+        return found
+
+    @functools.cached_property
+    def particle_noise(self) -> Array:
+        """The noise of F_k, (T, N, 3)."""
+        cast, found = self.laws.cast, self.noise("F")
+        own = cast.first_generalized
+        found[:, cast.cartesian] += self.noise("V_q")[:, :own].reshape(len(found), -1, 3)
+        found[:, cast.dependent] += self.noise("V_x").reshape(len(found), -1, 3)
+        return found
+
+    @functools.cached_property
+    def looked_at(self) -> Array:
+        """Rows whose B is taken apart: all, or as many as the size of B allows, evenly, and the first doubtful ones."""
+        T, C, n = len(self.record.t), self.laws.C, self.laws.cast.n
+        most = max(24, int(COST / max(1.0, 4.0 * C * C * n)))
+        if most >= T:
+            return np.arange(T)
+        rows = np.unique(np.linspace(0, T - 1, most).astype(np.int64))
+        open_ = np.flatnonzero(np.isnan(self.record.lam).any(axis=1))[:most]
+        apart = np.abs(self.record.R_q - self.values.pull) / self._reaction_noise
+        doubtful = np.argsort(-np.nan_to_num(apart.max(axis=1)))[: max(4, most // 8)]
+        return np.unique(np.concatenate([rows, open_, doubtful]))
+
+    @functools.cached_property
+    def _reaction_noise(self) -> Array:
+        """The noise of B^T lambda against R in a regular configuration, (T, n)."""
+        R = np.abs(self.record.R_q)
+        return np.asarray(self.noise("pull") + ROUNDING * (R + R.max(initial=0.0)) + self.tolerance.atol)
+
+    @functools.cached_property
+    def reaction_limit(self) -> Array:
+        """The limit of B^T lambda against R, (T, n): where rows may almost depend on each other R has fewer digits."""
+        factor = np.ones(len(self.record.t))
+        condition = self.displacements.condition
+        usual = float(np.median(condition)) if condition.size else 1.0
+        factor[self.looked_at] = np.clip(
+            np.nan_to_num(condition / usual, nan=WORSE, posinf=WORSE), 1.0, WORSE
+        )
+        noise = self._reaction_noise
+        near = (factor > 2)[:, None]
+        own = self.laws.cast.first_generalized
+        shared = noise.copy()
+        shared[:, :own] = np.maximum(noise[:, :own], noise[:, :own].max(axis=1, initial=0.0)[:, None])
+        return np.asarray(np.where(near, shared * factor[:, None], noise))
+
+    @functools.cached_property
+    def displacements(self) -> VirtualSpace:
+        """B and the virtual displacements at the rows looked at."""
+        rows = self.looked_at
+        r = self.record
+        return VirtualSpace(self.laws.matrix(r.t[rows], r.q[rows], r.v[rows]))
+
+    def pushed(self, F: Array) -> Array:
+        """sum_k F_k . dr_k/dq_j of forces on the dependent particles, (T, 3 Nd) to (T, n)."""
+        return self.laws.pushed(self.record.t, self.record.q, self.record.v, F)
+
+    def pushed_limit(self, limit: Array) -> Array:
+        """Limits pushed alike: with random signs, of which the largest counts."""
+        if not limit.size:
+            return np.zeros(self.record.q.shape)
+        finite = np.where(np.isfinite(limit), limit, 0.0)
+        draws = [
+            np.abs(self.pushed(finite * self._random.choice((-1.0, 1.0), size=limit.shape))) for _ in range(3)
+        ]
+        return np.asarray(2 * widest(np.maximum.reduce(draws)))
+
+
+def _usual(flat: Array) -> Array:
+    """The bound that nine in ten entries of each column are below: a pole at some rows is not the usual."""
+    if not flat.size:
+        return np.zeros(flat.shape[1])
+    known = np.where(np.isfinite(flat), flat, 0.0)
+    place = min(len(known) - 1, int(0.9 * len(known)))
+    return np.asarray(np.partition(known, place, axis=0)[place])
+
+
+def _coarse(v: Array, a: Array, step: float, size: float) -> Array:
+    """Of particles (K,), from velocities and accelerations (T, 3 K): roots of mean squares compared.
+
+    What moves by less than rounding beside the `size` of the system is at rest.
+    """
+    speed, push = (np.sqrt((y.reshape(len(y), -1, 3) ** 2).sum(axis=2).mean(axis=0)) for y in (v, a))
+    return np.asarray((step * push > COARSE * speed) & (step * step * push > 1e-9 * size))

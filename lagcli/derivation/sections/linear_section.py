@@ -1,0 +1,129 @@
+"""The lines about small oscillations: M dq'' + C dq' + K dq = B^T dlambda and its rows, about a reference motion."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import sympy
+
+from lagcli.derivation.sections.derivation_page import Line
+from lagcli.derivation.sections.page_sections import NIL, joined, terms_of
+from lagcli.derivation.symbolic.linear_matrices import LinearPoint, Matrices, NotLinearizedError, matrices
+from lagcli.derivation.symbolic.signs import Signs
+from lagcli.derivation.symbolic.symbolic_system import Symbolic
+from lagcli.derivation.writing import formula as f
+
+TITLE = "Small oscillations  M δq̈ + C δq̇ + K δq = Bᵀ δλ"
+ABOUT = {
+    "equilibrium": "About the declared start, an equilibrium; what is zero there is put in.",
+    "steady": "About the declared start, an instant of a steady motion; what is zero there is put in.",
+    "general": (
+        "The declared start is no equilibrium and no steady motion. About any point of rest, with the coordinates and λ"
+        " of that point (`lagcli equilibrium` finds them):"
+    ),
+}
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Deviations:
+    """The symbols of dq, dq', dq'' by coordinate, and of dlambda by row."""
+
+    q: tuple[sympy.Symbol, ...]
+    v: tuple[sympy.Symbol, ...]
+    a: tuple[sympy.Symbol, ...]
+    lam: tuple[sympy.Symbol, ...]
+
+
+def lines(whole: Symbolic, signs: Signs, point: LinearPoint) -> Iterator[Line]:
+    """The linear equations coordinate by coordinate and row by row, then the values at the start of what is in them;
+    or why they are not written."""
+    if point.reason:
+        yield Line(note=f"Not written out: {point.reason}.")
+        return
+    system = whole.closed(point.closed)
+    try:
+        found = matrices(system, point)
+    except NotLinearizedError as error:
+        general = "the declared start is no equilibrium and no steady motion, and about any point of rest "
+        yield Line(note=f"Not written out: {general if point.kind == 'general' else ''}{error}.")
+        return
+    yield Line(note=ABOUT[point.kind])
+    if point.closed:
+        names = ", ".join(whole.contacts.rows[j].name for j in point.closed)
+        yield Line(note=f"Contacts that press count as rows: {names}.")
+    elif whole.contacts.rows:
+        yield Line(note="No contact counts as a row: they are open.")
+    if not (found.C or found.K or found.B or found.D):
+        yield Line(note="C and K are zero, and there are no rows: M δq̈ = 0, deviations drift.")
+        return
+    shown = _shown(system, signs)
+    yield from _motion(system, signs, found, shown)
+    yield from _rows(system, signs, found, shown)
+    yield from _values(system, signs, found, point)
+
+
+def _shown(system: Symbolic, signs: Signs) -> _Deviations:
+    """Symbols of deviations with their signs."""
+    levels: list[tuple[sympy.Symbol, ...]] = []
+    for dots, letters in enumerate((system.q, system.q, system.q, system.lam)):
+        symbols = tuple(sympy.Symbol(f"deviation {dots} {letter}") for letter in letters)
+        for symbol, letter in zip(symbols, letters, strict=True):
+            signs.show_deviation(symbol, letter, dots % 3)
+        levels.append(symbols)
+    return _Deviations(*levels)
+
+
+def _motion(system: Symbolic, signs: Signs, found: Matrices, shown: _Deviations) -> Iterator[Line]:
+    for i in range(len(system.q)):
+        left: list[tuple[int, f.FormulaNode]] = []
+        for part, symbols in ((found.M, shown.a), (found.C, shown.v), (found.K, shown.q)):
+            left += _terms(signs, part, i, symbols)
+        right: list[tuple[int, f.FormulaNode]] = []
+        for r, lam in enumerate(shown.lam):
+            if (r, i) in found.B:
+                right += terms_of(signs.node(found.B[r, i] * lam))
+        yield Line(sides=(joined(left), joined(right)), kind="deviation", family=_family(system, i))
+
+
+def _rows(system: Symbolic, signs: Signs, found: Matrices, shown: _Deviations) -> Iterator[Line]:
+    """B dq = 0 of whole coordinates, A dq' + D dq = 0 of differential rows."""
+    for r, row in enumerate(system.rows):
+        if row.f is not None:
+            left = _terms(signs, found.B, r, shown.q)
+        else:
+            left = [*_terms(signs, found.B, r, shown.v), *_terms(signs, found.D, r, shown.q)]
+        if left:
+            yield Line(sides=(joined(left), NIL), kind="deviation row", family=row.family)
+
+
+def _terms(
+    signs: Signs, part: dict[tuple[int, int], sympy.Expr], i: int, symbols: tuple[sympy.Symbol, ...]
+) -> list[tuple[int, f.FormulaNode]]:
+    """The terms of one row of a matrix times deviations."""
+    terms: list[tuple[int, f.FormulaNode]] = []
+    for j, symbol in enumerate(symbols):
+        if (i, j) in part:
+            terms += terms_of(signs.node(part[i, j] * symbol))
+    return terms
+
+
+def _values(system: Symbolic, signs: Signs, found: Matrices, point: LinearPoint) -> Iterator[Line]:
+    """The values of letters at the start, as far as they are in the equations."""
+    if point.kind == "general":
+        return
+    present = found.symbols
+    for letters, numbers in zip((system.q, system.v, system.a, system.lam), point.numbers, strict=True):
+        for letter, number in zip(letters, numbers, strict=True):
+            if letter in present:
+                value: f.FormulaNode = f.FormulaNumber(f"{abs(number):.10g}")
+                yield Line(
+                    sides=(signs.node(letter), f.negative(value) if number < 0 else value),
+                    kind="at the start",
+                    family="start",
+                )
+
+
+def _family(system: Symbolic, i: int) -> str:
+    base = system.names[i].partition("[")[0]
+    return base if base != system.names[i] else ""

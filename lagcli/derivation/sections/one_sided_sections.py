@@ -1,0 +1,221 @@
+"""The lines about inequalities: conditions and gradients, contact, and the law of impact of the theory.
+
+0 <= lambda_j  _|_  g_j >= 0,   while closed   0 <= lambda_j  _|_  d2g_j/dt2 >= 0
+M (v+ - v-) = B^T Lambda + G^T Lambda_G,   B v+ + b = 0,   0 <= Lambda_j  _|_  g'_j+ + e_j min(g'_j-, 0) >= 0
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+
+import sympy
+
+from lagcli.derivation.sections.derivation_page import Line
+from lagcli.derivation.sections.page_sections import NIL, Sections, joined
+from lagcli.derivation.symbolic import closed_form
+from lagcli.derivation.symbolic.calculus import ZERO
+from lagcli.derivation.symbolic.multiplier_equations import Equation, part
+from lagcli.derivation.symbolic.signs import Signs
+from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
+from lagcli.derivation.symbolic.tidy import tidy
+from lagcli.derivation.writing import formula as f
+
+COMPLEMENTARY = ("≤", "⊥", "≥")
+TITLE = "Contact  0 ≤ λ ⊥ G a − γ ≥ 0"
+
+
+class OneSided:
+    """The lines of the inequalities of one system."""
+
+    def __init__(self, system: Symbolic, signs: Signs, parts: Sections) -> None:
+        self._system, self._signs, self._parts = system, signs, parts
+        self._every, self._contacts = system.all_closed, system.contacts
+        self._free = {system.place(number): number for number in system.newton}
+        self._impulses = tuple(sympy.Symbol(f"impulse.{row.name}", real=True) for row in self._every.rows)
+        self._letters: dict[str, f.Sign] = {}
+        if self._contacts.rows:
+            for symbol, row in zip(self._impulses, self._every.rows, strict=True):
+                signs.show(symbol, Signs.of_row("Λ", row.name), f"impulse.{row.name}")
+            for row in self._contacts.rows:
+                for letter, word in (("g", "gap"), ("e", "restitution")):
+                    symbol, name = sympy.Symbol(f"{word} {row.name}"), f"{word}.{row.name}"
+                    self._letters[symbol.name] = signs.show(symbol, Signs.of_row(letter, row.name), name)
+
+    def _g(self, row: SymbolicRow, dots: int = 0, sup: str = "") -> f.Sign:
+        return dataclasses.replace(self._letters[f"gap {row.name}"], dots=dots, sup=sup)
+
+    def conditions(self) -> Iterator[Line]:
+        """g >= 0, and lambda only where g = 0."""
+        for row in self._contacts.rows:
+            assert row.f is not None
+            defined = (self._g(row), self._signs.node(tidy(row.f)), NIL)
+            yield Line("", defined, kind="g", family=row.family, signs=("=", "≥"))
+        if self._contacts.rows:
+            yield Line(note="A contact pushes and never pulls, and only where it touches:")
+        for row, lam in zip(self._contacts.rows, self._contacts.lam, strict=True):
+            sides = (NIL, self._signs.node(lam), self._g(row), NIL)
+            yield Line("", sides, kind="complementarity", family=row.family, signs=COMPLEMENTARY)
+
+    def rows(self) -> Iterator[Line]:
+        """G_jk and G_jt, the gradients of g, and dg/dt."""
+        signs = self._signs
+        for row in self._contacts.rows:
+            for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
+                name = self._system.world.particles.names[self._free[first]]
+                left = signs.of_row("G", row.name, *signs.of_particle("G", name).sub)
+                yield self._line((left, signs.vector(part(row.B, first))), "G", row)
+            for i, slope in row.B.items():
+                if i - i % 3 not in self._free:
+                    yield self._line(
+                        (signs.of_row("G", row.name, signs.label(i)), signs.node(slope)), "G", row
+                    )
+            if row.b != 0:
+                yield self._line((signs.of_row("G", row.name, "t"), signs.node(row.b)), "G", row)
+        for row in self._contacts.rows:
+            assert row.f is not None
+            rate = tidy(self._system.world.calculus.rate(row.f))
+            yield self._line((self._g(row, 1), signs.node(rate)), "rate", row)
+
+    @staticmethod
+    def _line(sides: tuple[f.FormulaNode, ...], kind: str, row: SymbolicRow) -> Line:
+        return Line("", sides, kind=f"contact {kind}", family=row.family)
+
+    def contact(self, equation: Equation | None) -> Iterator[Line]:
+        """d2g/dt2 of closed contacts, with S lambda - right of `equation` where that is written out."""
+        if not self._contacts.rows:
+            return
+        others = "with those of the rows " if self._system.rows else ""
+        yield Line(
+            note="Closed contacts (g = 0, ġ = 0) have the λ, found together "
+            f"{others}for all of them at once, with which none is pressed in. Open ones have λ = 0."
+        )
+        first = len(self._system.rows)
+        for j, row in enumerate(self._contacts.rows):
+            yield self._line(
+                (self._g(row, 2), self._signs.node(self._second(first + j, equation))), "second", row
+            )
+        for row, lam in zip(self._contacts.rows, self._contacts.lam, strict=True):
+            sides = (NIL, self._signs.node(lam), self._g(row, 2), NIL)
+            yield Line("", sides, kind="contact", family=row.family, signs=COMPLEMENTARY)
+        yield Line(note="A contact opens at the instant at which its λ would become negative.")
+
+    def _second(self, r: int, equation: Equation | None) -> sympy.Expr:
+        """d2g/dt2 in lambda, or in accelerations."""
+        every = self._every
+        if equation is not None:
+            terms = (equation.S.get((r, k), ZERO) * lam for k, lam in enumerate(every.lam))
+            return sum(terms, -equation.right[r])
+        row = every.rows[r]
+        return sum((slope * every.a[i] for i, slope in row.B.items()), -row.gamma)
+
+    def impact(self) -> Iterator[Line]:
+        """The law of impact."""
+        if not self._contacts.rows:
+            return
+        yield Line(
+            note="At the instant at which contacts with g = 0 have ġ < 0, velocities jump and positions do not. All"
+            " rows and all contacts with g = 0 take part; + is just after and - just before."
+        )
+        yield from self._jumps()
+        yield from self._kept()
+        for row, impulse, e in zip(
+            self._contacts.rows, self._contact_impulses, self._contacts.restitution, strict=True
+        ):
+            sides = (NIL, self._signs.node(impulse), self._rebound(row, e), NIL)
+            yield Line("", sides, kind="impact", family=row.family, signs=COMPLEMENTARY)
+        for row, e in zip(self._contacts.rows, self._contacts.restitution, strict=True):
+            if e:
+                yield self._line(
+                    (self._letters[f"restitution {row.name}"], f.FormulaNumber(f"{e:g}")), "e", row
+                )
+        yield Line(
+            note="So a contact gives back the part e of the ġ it is met with, 0 where none is written, and there is"
+            " an impulse only where it would be pressed in without."
+        )
+        if all(row.b == 0 for row in self._every.rows):
+            yield Line("", self._energy(), kind="energy")
+            yield Line(
+                note="An impact takes energy or none. With different e at one instant this could be positive, and"
+                " that is refused."
+            )
+
+    def _energy(self) -> tuple[f.FormulaNode, ...]:
+        """T+ - T- = 1/2 sum of Lambda_j (g'_j+ + g'_j-)."""
+        T, g = self._signs.energies["T"], f.Sign("g", ("j",), 1)
+        jump = f.FormulaSum(((1, dataclasses.replace(T, sup="+")), (-1, dataclasses.replace(T, sup="-"))))
+        sides = f.FormulaSum(((1, dataclasses.replace(g, sup="+")), (1, dataclasses.replace(g, sup="-"))))
+        half = f.Fraction(f.ONE, f.FormulaNumber("2"))
+        return jump, f.FormulaProduct((half, f.Sign("Σ", ("j",)), f.Sign("Λ", ("j",)), sides))
+
+    @property
+    def _contact_impulses(self) -> tuple[sympy.Symbol, ...]:
+        return self._impulses[len(self._system.rows) :]
+
+    def _rebound(self, row: SymbolicRow, e: float) -> f.FormulaNode:
+        """g'+ + e min(g'-, 0)."""
+        after = self._g(row, 1, "+")
+        if not e:
+            return after
+        met = f.Apply("min", (self._g(row, 1, "-"), NIL))
+        return f.FormulaSum(
+            ((1, after), (1, f.FormulaProduct((self._letters[f"restitution {row.name}"], met))))
+        )
+
+    def _jumps(self) -> Iterator[Line]:
+        """M (v+ - v-) = B^T Lambda + G^T Lambda_G."""
+        signs, system = self._signs, self._system
+        for first, number in self._free.items():
+            terms = self._parts.reaction(first, self._impulses)
+            if terms:
+                name = system.world.particles.names[number]
+                m, v = signs.node(system.world.mass(number)), signs.of_particle("r", name, dots=1)
+                jump = f.FormulaSum(
+                    ((1, dataclasses.replace(v, sup="+")), (-1, dataclasses.replace(v, sup="-")))
+                )
+                family = name.partition("[")[0] if "[" in name else ""
+                yield Line("", (f.FormulaProduct((m, jump)), joined(terms)), kind="jump", family=family)
+        jumps = tuple(sympy.Symbol(f"jump {name}", real=True) for name in system.names)
+        for i in system.lagrange:
+            signs.show_jump(jumps[i], i)
+        for i in system.lagrange:
+            left = sum((system.matrix(i, j) * jumps[j] for j in system.lagrange), ZERO)
+            pairs = zip(self._every.rows, self._impulses, strict=True)
+            right = sum((row.B[i] * impulse for row, impulse in pairs if i in row.B), ZERO)
+            yield Line("", (signs.node(left), signs.node(right)), kind="jump")
+
+    def _kept(self) -> Iterator[Line]:
+        """B v+ + b = 0 of the rows that are equations."""
+        signs, system = self._signs, self._system
+        for row in system.rows:
+            if row.f is not None:
+                rate = dataclasses.replace(signs.of_row("f", row.name), dots=1, sup="+")
+                yield Line("", (rate, NIL), kind="kept", family=row.family)
+                continue
+            total = row.b
+            for i, slope in row.B.items():
+                after = sympy.Symbol(f"after {system.names[i]}", real=True)
+                signs.show_after(after, i)
+                total += slope * after
+            yield Line("", (signs.node(total), NIL), kind="kept", family=row.family)
+
+    def alone(self, j: int, equation: Equation, on: Mapping[sympy.Symbol, sympy.Expr]) -> Iterator[Line]:
+        """Lambda of an impact on contact j alone, -(1 + e) g'- / (G P G^T), with what the rows say put in."""
+        first = len(self._system.rows)
+        if first >= closed_form.MAX_ROWS:
+            return
+        chosen = [*range(first), first + j]
+        matrix = sympy.Matrix([[equation.S.get((r, k), ZERO) for k in chosen] for r in chosen])
+        matrix = matrix.applyfunc(lambda value: tidy(closed_form.put(self._system, value, dict(on))))
+        held = tidy(matrix[:first, :first].det(method="berkowitz")) if first else sympy.Integer(1)
+        if held == 0:
+            return
+        pressed = tidy(tidy(matrix.det(method="berkowitz")) / held)
+        if pressed == 0 or pressed.count_ops() > closed_form.MAX_OPERATIONS:
+            return
+        row, e = self._contacts.rows[j], self._contacts.restitution[j]
+        one = f.FormulaSum(((1, f.ONE), (1, self._letters[f"restitution {row.name}"])))
+        factors = (self._signs.node(tidy(1 / pressed)), *((one,) if e else ()), self._g(row, 1, "-"))
+        value = f.negative(f.FormulaProduct(factors))
+        yield Line(note=f"An impact on {row.name} alone has the impulse")
+        yield Line("", (self._signs.node(self._contact_impulses[j]), value), kind="impulse")

@@ -1,0 +1,310 @@
+"""The contents of the page, with the numbers of the text: positions, rows, reactions, energies, motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import sympy
+
+from lagcli.derivation.sections.derivation_page import Line
+from lagcli.derivation.symbolic import identity
+from lagcli.derivation.symbolic.calculus import ZERO
+from lagcli.derivation.symbolic.multiplier_equations import part
+from lagcli.derivation.symbolic.signs import Signs
+from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
+from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
+from lagcli.derivation.symbolic.vectors import NOTHING, Key, Triple
+from lagcli.derivation.writing import formula as f
+from lagcli.derivation.writing import paper_names
+from lagcli.model import model as nouns
+
+NIL = f.ZERO
+_ALONE = ""
+# Operations up to which V is multiplied out to find what its terms share.
+MAX_SORTED = 2000
+
+
+class Sections:
+    """The lines of each section of one system."""
+
+    def __init__(self, system: Symbolic, signs: Signs) -> None:
+        self._system, self.signs, self._world = system, signs, system.world
+        self._every = system.all_closed
+        self._free = {system.place(number): number for number in system.newton}
+        self._families = [_family(p.members.base, p.members.count) for p in self._entries()]
+
+    def _entries(self) -> list[nouns.Particle]:
+        return [p for p in self._world.model.particles for _ in range(p.members.count)]
+
+    def positions(self) -> Iterator[Line]:
+        """x_n(q, t) of dependent particles (D.27) and their virtual displacements (D.28)."""
+        signs, calculus = self.signs, self._world.calculus
+        for number, name in enumerate(self._world.particles.names):
+            if not self._world.is_dependent(number):
+                continue
+            position = self._world.position(number)
+            family = self._families[number]
+            r = signs.of_particle("r", name)
+            yield Line("D.27", (r, signs.vector(position)), kind="r", family=family)
+            terms: list[tuple[int, f.FormulaNode]] = []
+            present = frozenset().union(*(calculus.symbols(x) for x in position))
+            for i, q in enumerate(self._system.q):
+                if q in present:
+                    slope = tuple(tidy(calculus.partial(x, q)) for x in position)
+                    vector = signs.vector((slope[0], slope[1], slope[2]))
+                    if vector != NIL:
+                        terms.append((1, f.FormulaProduct((vector, signs.variation(i)))))
+            variation = f.FormulaSum(tuple(terms)) if len(terms) > 1 else terms[0][1] if terms else NIL
+            delta = f.Sign("δr", r.sub, vector=True)
+            yield Line("D.28", (delta, variation), kind="δr", family=family)
+
+    def constraints(self) -> Iterator[Line]:
+        """f = 0 (D.2), and the differential rows as they are written (D.3, D.4)."""
+        signs, system = self.signs, self._system
+        forms = {n: law.form for law in self._world.model.differential for n in law.rows}
+        for row in system.rows:
+            if row.f is not None:
+                left = signs.of_row("f", row.name)
+                yield Line("D.2", (left, signs.node(tidy(row.f)), NIL), kind="f", family=row.family)
+            elif forms[row.name] == "velocities":
+                yield Line("D.4", (self._velocity(row), NIL), kind="f", family=row.family)
+            else:
+                yield Line("D.3", (self._form(row), NIL), kind="f", family=row.family)
+
+    def lengths(self) -> Iterator[Line]:
+        """The meanings of the abbreviations."""
+        for symbol, meaning in self.signs.definitions():
+            yield Line(sides=(symbol, meaning), kind="where", family="lengths")
+
+    def _velocity(self, row: SymbolicRow) -> f.FormulaNode:
+        """B v + b."""
+        slopes = (slope * self._system.v[i] for i, slope in row.B.items())
+        return self.signs.node(polynomial(sum(slopes, row.b), self._system.v))
+
+    def _form(self, row: SymbolicRow) -> f.FormulaNode:
+        """sum of A_in dq_n + A_it dt."""
+        terms: list[tuple[int, f.FormulaNode]] = []
+        for i, slope in row.B.items():
+            terms.append(_times(self.signs.node(slope), self.signs.differential(i)))
+        if row.b != 0:
+            terms.append(_times(self.signs.node(row.b), f.Sign("dt")))
+        return f.FormulaSum(tuple(terms))
+
+    def rows(self) -> Iterator[Line]:
+        """B_ik and B_it (D.7), and the rows in velocities (D.6)."""
+        signs, system = self.signs, self._system
+        for row in system.rows:
+            for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
+                name = self._world.particles.names[self._free[first]]
+                left = signs.of_row("B", row.name, _short(name))
+                yield self._of_row("D.7", (left, signs.vector(part(row.B, first))), row)
+            for i, slope in row.B.items():
+                if i - i % 3 not in self._free:
+                    left = signs.of_row("B", row.name, signs.label(i))
+                    yield self._of_row("D.7", (left, signs.node(slope)), row)
+            if row.b != 0:
+                yield self._of_row("D.7", (signs.of_row("B", row.name, "t"), signs.node(row.b)), row)
+        still = [row.name for row in system.rows if row.b == 0]
+        if still:
+            every = len(still) == len(system.rows)
+            rows = "every row i" if every else "the other rows i"
+            yield Line("D.7", (f.Sign("B", ("it",)), NIL), note=f"for {rows}", kind="still")
+        for row in system.rows:
+            if row.f is not None:
+                rate = tidy(self._world.calculus.rate(row.f))
+                left = f.Sign("f", (_short(row.name),), dots=1)
+                yield Line("D.6", (left, signs.node(rate), NIL), kind="rate", family=row.family)
+
+    @staticmethod
+    def _of_row(number: str, sides: tuple[f.FormulaNode, ...], row: SymbolicRow) -> Line:
+        return Line(number, sides, kind="B", family=row.family)
+
+    def reactions(self) -> Iterator[Line]:
+        """R_k = sum_i lambda_i B_ik (D.22), and Q'_n = sum_i lambda_i A_in (D.53)."""
+        signs, system = self.signs, self._every
+        for first, number in self._free.items():
+            name = self._world.particles.names[number]
+            R = joined(self.reaction(first, system.lam))
+            yield Line("D.22", (signs.of_particle("R", name), R), kind="R", family=self._families[number])
+        for i in system.lagrange:
+            if any(i in row.B for row in system.rows):
+                left = f.Sign("Q'", (signs.label(i),))
+                yield Line("D.53", (left, signs.node(self._simulating(i))), kind="Q'", family=self._kin(i))
+
+    def reaction(
+        self,
+        first: int,
+        factors: Sequence[sympy.Expr],
+        lengths: Mapping[sympy.Symbol, sympy.Expr] | None = None,
+    ) -> list[tuple[int, f.FormulaNode]]:
+        """The terms of sum_i factor_i B_ik of rows and contacts on the particle whose x is coordinate number `first`.
+
+        `lengths`: values of lengths that rows hold, to be put in.
+        """
+        terms: list[tuple[int, f.FormulaNode]] = []
+        for row, factor in zip(self._every.rows, factors, strict=True):
+            slopes = part(row.B, first)
+            if lengths:
+                x, y, z = (slope.xreplace(lengths) for slope in slopes)
+                slopes = x, y, z
+            if slopes != NOTHING and factor != 0:
+                terms += self.signs.scaled(factor, slopes)
+        return terms
+
+    def _simulating(self, i: int) -> sympy.Expr:
+        pairs = zip(self._every.rows, self._every.lam, strict=True)
+        return sum((row.B[i] * lam for row, lam in pairs if i in row.B), ZERO)
+
+    def energies(self) -> Iterator[Line]:
+        """T, V and, with generalized coordinates, L (D.34-D.38)."""
+        system, signs = self._system, self.signs
+        letters = signs.energies
+        T: sympy.Expr = system.general
+        for number in range(len(self._world.particles)):
+            if not self._world.is_dependent(number):
+                T += self._world.mass(number) * self._speed(number) / 2
+        V = sympy.Add(*(tidy(term) for term in system.potentials))
+        if V.count_ops() < MAX_SORTED:
+            V = shorter(tidy(V), sympy.factor_terms(sympy.expand(V)))
+        grouped = polynomial(T, system.v) if system.general == T else _grouped(T)
+        if len(self._world.particles):
+            yield Line("D.34", (letters["T"], signs.node(grouped)), kind="T")
+        if system.potentials:
+            yield Line("D.35", (letters["V"], signs.node(V)), kind="V")
+        if system.lagrange:
+            sides: list[f.FormulaNode] = [letters["L"]]
+            if len(self._world.particles) and system.extra == 0 and V != 0:
+                sides.append(f.FormulaSum(((1, letters["T"]), (-1, letters["V"]))))
+            whole = sympy.Add(*(polynomial(term, system.v) for term in (T + system.extra,))) - V
+            yield Line("D.38", (*sides, signs.node(whole)), kind="L")
+
+    def _speed(self, number: int) -> sympy.Expr:
+        if number in self._system.newton:
+            name = self._world.particles.names[number]
+            key: Key = ((f"v {name}", sympy.Integer(1)),), NOTHING
+            return self._world.product(key, key)
+        return sum((x**2 for x in self._world.velocity(number)), ZERO)
+
+    def forces(self) -> Iterator[Line]:
+        """Q_j of the forces without a potential (D.30)."""
+        for i in self._system.lagrange:
+            Q = self._system.Q.get(i, ZERO)
+            if Q != 0:
+                left = f.Sign("Q", (self.signs.label(i),))
+                yield Line("D.30", (left, self.signs.node(Q)), kind="Q", family=self._kin(i))
+
+    def newton(self) -> Iterator[Line]:
+        """m_k a_k = F_k + sum_i lambda_i B_ik (D.23)."""
+        signs, world = self.signs, self._world
+        for first, number in self._free.items():
+            name = world.particles.names[number]
+            m = signs.node(world.mass(number))
+            a = signs.of_particle("r", name, dots=2)
+            left = a if world.mass(number) == 1 else f.FormulaProduct((m, a))
+            F = signs.vector(triple(self._system.h, first))
+            terms = ([] if F == NIL else terms_of(F)) + self.reaction(first, self._every.lam)
+            yield Line("D.23", (left, joined(terms)), kind="newton", family=self._families[number])
+
+    def inertia(self) -> Iterator[Line]:
+        """M_ij of the generalized coordinates."""
+        signs = self.signs
+        for (i, j), value in sorted(self._system.M.items()):
+            if i in self._system.lagrange:
+                comma = "," if max(len(signs.label(i)), len(signs.label(j))) > 1 else ""
+                left = f.Sign("M", (f"{signs.label(i)}{comma}{signs.label(j)}",))
+                yield Line("D.34", (left, signs.node(value)), kind="M", family=self._kin(i))
+
+    def lagrange(self) -> Iterator[Line]:
+        """d/dt dL/dq' - dL/dq = Q + sum_i lambda_i A_in (D.34, D.39, D.53)."""
+        system, signs = self._system, self.signs
+        bound = any(i in row.B for row in self._every.rows for i in system.lagrange)
+        driven = any(system.Q.get(i, ZERO) != 0 for i in system.lagrange)
+        number = "D.53" if bound else "D.34" if driven else "D.39"
+        for i in system.lagrange:
+            # h = Q - (what d/dt dL/dq' - dL/dq holds besides M a).
+            held = polynomial(system.Q.get(i, ZERO) - system.h[i], system.v)
+            accelerated = ((system.matrix(i, j), a) for j, a in enumerate(system.a))
+            left = held + sum((m * a for m, a in accelerated if m != 0), ZERO)
+            right = system.Q.get(i, ZERO) + self._simulating(i)
+            q, q_dot = signs.node(system.q[i]), signs.node(system.v[i])
+            assert isinstance(q, f.Sign)
+            assert isinstance(q_dot, f.Sign)
+            sides = f.lagrange(signs.energies["L"], q, q_dot), signs.node(left), signs.node(right)
+            yield Line(number, sides, kind="lagrange", family=self._kin(i))
+
+    def identity(self) -> Iterator[Line]:
+        """The identity that leads from d'Alembert to Lagrange (D.31), verified for this model."""
+        signs = self.signs
+        for verdict in identity.verify(self._system):
+            i = verdict.coordinate
+            q, q_dot = signs.node(self._system.q[i]), signs.node(self._system.v[i])
+            assert isinstance(q, f.Sign)
+            assert isinstance(q_dot, f.Sign)
+            r = f.Sign("r", ("k",), vector=True)
+            work = f.Dot(f.Sign("r", ("k",), 2, vector=True), f.Slope(r, q))
+            left = f.FormulaProduct((f.Sign("Σ", ("k",)), f.Sign("m", ("k",)), work))
+            note = f"holds {verdict.method}" if verdict.holds else f"DOES NOT HOLD {verdict.method}"
+            yield Line(
+                "D.31", (left, f.lagrange(signs.energies["T"], q, q_dot)), note, "identity", self._kin(i)
+            )
+
+    def gammas(self) -> Iterator[Line]:
+        """gamma_i = -(B' v + b'), what B a must be."""
+        for row in self._system.rows:
+            left = self.signs.of_row("γ", row.name)
+            yield Line("D.24", (left, self.signs.node(row.gamma)), kind="gamma", family=row.family)
+
+    def _kin(self, i: int) -> str:
+        """The family of a coordinate."""
+        name = self._system.names[i]
+        base = name.partition("[")[0]
+        return base if base != name else _ALONE
+
+
+def _family(base: str, count: int) -> str:
+    return base if count > 1 else _ALONE
+
+
+def _short(name: str) -> str:
+    return paper_names.subscript(name)
+
+
+def triple(values: tuple[sympy.Expr, ...], first: int) -> Triple:
+    """Three neighbours."""
+    return values[first], values[first + 1], values[first + 2]
+
+
+def _grouped(T: sympy.Expr) -> sympy.Expr:
+    """Terms of equal coefficients together: m (v_a^2 + v_b^2)/2."""
+    groups: dict[sympy.Expr, list[sympy.Expr]] = {}
+    for term in sympy.Add.make_args(T):
+        speeds = [x for x in sympy.Mul.make_args(term) if str(x).startswith("product ")]
+        if len(speeds) == 1:
+            groups.setdefault(term / speeds[0], []).append(speeds[0])
+        else:
+            groups.setdefault(term, []).append(sympy.Integer(1))
+    return sympy.Add(*(c * sympy.Add(*members) for c, members in groups.items()))
+
+
+def _times(coefficient: f.FormulaNode, factor: f.FormulaNode) -> tuple[int, f.FormulaNode]:
+    """A term of a form: its sign, and coefficient and factor without it."""
+    sign = 1
+    if isinstance(coefficient, f.FormulaSum) and len(coefficient.terms) == 1:
+        sign, coefficient = coefficient.terms[0]
+    if coefficient == f.ONE:
+        return sign, factor
+    if isinstance(coefficient, f.FormulaProduct):
+        return sign, f.FormulaProduct((*coefficient.factors, factor))
+    return sign, f.FormulaProduct((coefficient, factor))
+
+
+def terms_of(node: f.FormulaNode) -> list[tuple[int, f.FormulaNode]]:
+    """The terms of a sum with their signs; of anything else itself."""
+    return list(node.terms) if isinstance(node, f.FormulaSum) else [(1, node)]
+
+
+def joined(terms: list[tuple[int, f.FormulaNode]]) -> f.FormulaNode:
+    """A sum of terms; 0 where there are none."""
+    if not terms:
+        return NIL
+    return terms[0][1] if len(terms) == 1 and terms[0][0] > 0 else f.FormulaSum(tuple(terms))

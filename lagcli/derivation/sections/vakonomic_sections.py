@@ -1,0 +1,115 @@
+"""The lines about the other principle: Lagrange's equations of L + sum_i mu_i (A_i v + b_i), over differential rows.
+
+M a + ... + A^T mu' = ... + J^T lambda + mu . (curl of the rows) v, beside (D.53).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import sympy
+
+from lagcli.derivation.sections.derivation_page import Line
+from lagcli.derivation.sections.page_sections import Sections
+from lagcli.derivation.symbolic.calculus import ZERO
+from lagcli.derivation.symbolic.signs import Signs
+from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
+from lagcli.derivation.symbolic.tidy import polynomial, tidy
+from lagcli.derivation.writing import formula as f
+
+TITLE = "The other principle: vakonomic motion"
+NIL = f.ZERO
+
+
+class Vakonomic:
+    """The lines of the vakonomic equations of one system; none where they are (D.53) or there is no action."""
+
+    def __init__(self, system: Symbolic, signs: Signs, parts: Sections) -> None:
+        self._system, self._signs, self._parts = system, signs, parts
+        self._rows = tuple(row for row in system.rows if row.f is None)
+        self._mu: dict[str, sympy.Symbol] = {}
+        self._mu_rate: dict[str, sympy.Symbol] = {}
+
+    @property
+    def is_asked(self) -> bool:
+        """True if there are differential rows, and nothing that is in no action."""
+        return bool(self._rows) and not self._system.contacts.rows and not self._is_driven
+
+    @property
+    def _why_not(self) -> str:
+        if self._system.contacts.rows:
+            return "one-sided constraints push without being equations of the paths"
+        return (
+            "a force that is declared without a potential depends on more than time, and may be in no action;"
+            " `compare --vakonomic` tells whether it has a potential"
+        )
+
+    @property
+    def _is_driven(self) -> bool:
+        """True if a force without a declared potential depends on more than time, so that it may have none."""
+        system = self._system
+        moving = {*system.q, *system.v}
+        parts = [*system.Q.values(), *(part for force in system.forces.values() for part in force)]
+        return any(not moving.isdisjoint(system.world.calculus.symbols(part)) for part in parts)
+
+    def lines(self) -> Iterator[Line]:
+        """L + sum mu_i phi_i and its equations, coordinate by coordinate."""
+        if not self.is_asked:
+            if self._rows:
+                yield Line(note=f"Not written out: {self._why_not}.")
+            return
+        signs = self._signs
+        for row in self._rows:
+            mu = self._mu[row.name] = sympy.Symbol(f"mu.{row.name}", real=True)
+            rate = self._mu_rate[row.name] = sympy.Symbol(f"mu'.{row.name}", real=True)
+            signs.show(mu, Signs.of_row("μ", row.name), f"mu.{row.name}")
+            signs.show_rate(rate, mu)
+        yield Line(
+            note="Stationary action among the paths that satisfy the rows, d'Alembert's motion only where they can be"
+            " integrated (`compare --vakonomic`). With L + Σ μᵢ (Aᵢ v + bᵢ) over the differential rows:"
+        )
+        for first in map(self._system.place, self._system.newton):
+            touched = [row for row in self._rows if any(i in row.B for i in range(first, first + 3))]
+            if touched or any(self._curls(i) != 0 for i in range(first, first + 3)):
+                for axis in range(3):
+                    yield self._equation(first + axis)
+        for i in self._system.lagrange:
+            yield self._equation(i)
+        yield Line(
+            note="These, with the rows differentiated once, give accelerations, λ of the holonomic rows and μ̇; μ needs"
+            " a value at the start."
+        )
+
+    def _equation(self, i: int) -> Line:
+        """d/dt d(L + mu phi)/dq' - d(L + mu phi)/dq = sum lambda_j df_j/dq of one coordinate."""
+        system, signs = self._system, self._signs
+        accelerated = ((system.matrix(i, j), a) for j, a in enumerate(system.a))
+        inertial = sum((m * a for m, a in accelerated if m != 0), ZERO) + polynomial(-system.h[i], system.v)
+        carried = sum((self._carried(row, row.B[i]) for row in self._rows if i in row.B), ZERO)
+        left = inertial + carried - self._curls(i)
+        pairs = zip(system.rows, system.lam, strict=True)
+        right = sum((row.B[i] * lam for row, lam in pairs if row.f is not None and i in row.B), ZERO)
+        number = "D.53" if any(row.f is not None for row in system.rows) else "D.39"
+        return Line(
+            number, (signs.node(left), signs.node(tidy(right))), kind="vakonomic", family=self._family(i)
+        )
+
+    def _carried(self, row: SymbolicRow, slope: sympy.Expr) -> sympy.Expr:
+        """A mu', with the sign before it."""
+        rate = self._mu_rate[row.name]
+        return -(rate * -slope) if slope.could_extract_minus_sign() else rate * slope
+
+    def _family(self, i: int) -> str:
+        base = self._system.names[i].partition("[")[0]
+        return base if base != self._system.names[i] else ""
+
+    def _curls(self, i: int) -> sympy.Expr:
+        """sum of mu_r (d(A_r v + b_r)/dq_i - dA_ri/dt)."""
+        return sum((self._mu[row.name] * self._curl(row, i) for row in self._rows), ZERO)
+
+    def _curl(self, row: SymbolicRow, i: int) -> sympy.Expr:
+        system = self._system
+        calculus = system.world.calculus
+        phi = sum((slope * system.v[j] for j, slope in row.B.items()), row.b)
+        turned = calculus.rate(row.B[i]) if i in row.B else ZERO
+        return polynomial(tidy(calculus.partial(phi, system.q[i]) - turned), system.v)

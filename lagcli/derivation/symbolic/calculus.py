@@ -1,0 +1,105 @@
+"""Derivatives with abbreviations: a distance stays one symbol, and is differentiated by the chain rule.
+
+With d = |U| the derivative is dd = U . dU / d, so that nothing with a square root is ever expanded: equations stay
+as short as they are on paper, and cheap at any number of particles.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import sympy
+
+from lagcli.derivation.symbolic.slope import slope
+from lagcli.derivation.symbolic.vectors import Key
+
+TIME = sympy.Symbol("t", real=True)
+ZERO = sympy.Integer(0)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Abbreviation:
+    """A symbol for a root of `inner` (`is_root`) or for `inner` itself.
+
+    `left` and `right`: where `inner` is a product of vectors left . right, their texts for printing.
+    """
+
+    inner: sympy.Expr
+    is_root: bool
+    left: Key | None = None
+    right: Key | None = None
+
+
+class Calculus:
+    """Partial derivatives and rates of expressions in coordinates, rates, time and abbreviations."""
+
+    def __init__(self, coordinates: list[sympy.Symbol], rates: list[sympy.Symbol]) -> None:
+        self.moving = dict(zip(coordinates, rates, strict=True))
+        self.known: dict[sympy.Symbol, Abbreviation] = {}
+        # d -> (U . dU/dt, |dU/dt|^2) of a distance whose U is linear in positions.
+        self.products: dict[sympy.Symbol, tuple[sympy.Expr, sympy.Expr]] = {}
+        self.rates: dict[sympy.Symbol, sympy.Expr] = {}  # those of products of vectors, with velocities held
+        # (U, W) -> the symbol of U . W, or of |U|; of another root, what is under it -> its symbol.
+        self.by_vectors: dict[tuple[Key, Key] | sympy.Expr, sympy.Symbol] = {}
+        self._symbols: dict[sympy.Symbol, frozenset[sympy.Symbol]] = {}
+        self._partials: dict[tuple[sympy.Symbol, sympy.Symbol], sympy.Expr] = {}
+        self.has_jumps = False
+
+    def symbols(self, value: sympy.Expr) -> frozenset[sympy.Symbol]:
+        """Everything a value depends on, also through abbreviations, these included."""
+        found = set(value.free_symbols)
+        for symbol in value.free_symbols & self.known.keys():
+            if symbol not in self._symbols:
+                self._symbols[symbol] = self.symbols(self.known[symbol].inner)
+            found |= self._symbols[symbol]
+        return frozenset(found)
+
+    def partial(self, value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
+        """dvalue/dx with everything else held."""
+        total = self._plain(value, x) if x in value.free_symbols else ZERO
+        for symbol in sorted(value.free_symbols & self.known.keys(), key=str):
+            inner = self._of(symbol, x)
+            if inner != 0:
+                total += self._plain(value, symbol) * inner
+        return total
+
+    def rate(self, value: sympy.Expr) -> sympy.Expr:
+        """d/dt of a function of coordinates and time; of one that holds rates too, with the rates held."""
+        total = self._plain(value, TIME) if TIME in value.free_symbols else ZERO
+        for x in sorted(value.free_symbols & self.moving.keys(), key=str):
+            total += self._plain(value, x) * self.moving[x]
+        for symbol in sorted(value.free_symbols & self.known.keys(), key=str):
+            total += self._plain(value, symbol) * self._rate_of(symbol)
+        return total
+
+    def expanded(self, value: sympy.Expr) -> sympy.Expr:
+        """The value without abbreviations."""
+        while present := value.free_symbols & self.known.keys():
+            found = {}
+            for symbol in present:
+                known = self.known[symbol]
+                found[symbol] = sympy.sqrt(known.inner) if known.is_root else known.inner
+            value = value.xreplace(found)
+        return value
+
+    def _plain(self, value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
+        found = slope(value, x)
+        # A jump has no slope; where it stands the compiled equations have none either.
+        return found.replace(sympy.DiracDelta, lambda *_: ZERO) if self.has_jumps else found
+
+    def _of(self, symbol: sympy.Symbol, x: sympy.Symbol) -> sympy.Expr:
+        """The slope of an abbreviation."""
+        if (symbol, x) not in self._partials:
+            known = self.known[symbol]
+            inner = self.partial(known.inner, x) if x in self.symbols(known.inner) else ZERO
+            self._partials[symbol, x] = inner / (2 * symbol) if known.is_root else inner
+        return self._partials[symbol, x]
+
+    def _rate_of(self, symbol: sympy.Symbol) -> sympy.Expr:
+        if symbol in self.products:
+            return self.products[symbol][0] / symbol
+        if symbol in self.rates:
+            return self.rates[symbol]
+        known = self.known[symbol]
+        inner = self.rate(known.inner)
+        return inner / (2 * symbol) if known.is_root else inner

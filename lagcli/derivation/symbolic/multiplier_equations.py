@@ -1,0 +1,164 @@
+"""(B M^-1 B^T) lambda = gamma - B M^-1 h, row by row, without inverting more than small blocks of M."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import sympy
+
+from lagcli.derivation.symbolic.calculus import ZERO
+from lagcli.derivation.symbolic.symbolic_system import Symbolic
+from lagcli.derivation.symbolic.tidy import tidy
+from lagcli.derivation.symbolic.vectors import Key, RecognizedVector, Triple, pieces
+
+# The largest block of M that is inverted in symbols, and the most operations its inverse may have.
+MAX_BLOCK, MAX_OPERATIONS = 3, 400
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Equation:
+    """S lambda = right: S by numbers of rows (all pairs that are not zero, both ways), right (C)."""
+
+    S: dict[tuple[int, int], sympy.Expr]
+    right: tuple[sympy.Expr, ...]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Inverse:
+    """M^-1 by numbers of coordinates; None with the reason where it is not written out."""
+
+    entries: dict[tuple[int, int], sympy.Expr] | None
+    reason: str = ""
+
+
+def inverse(system: Symbolic) -> Inverse:
+    """M^-1 for the coordinates that do not obey Newton's equations, block by block."""
+    found: dict[tuple[int, int], sympy.Expr] = {}
+    for block in _blocks(system):
+        if len(block) > MAX_BLOCK:
+            return Inverse(None, f"M has a block of {len(block)} coupled coordinates, more than {MAX_BLOCK}")
+        matrix = sympy.Matrix([[system.matrix(i, j) for j in block] for i in block])
+        determinant = tidy(matrix.det(method="berkowitz"))
+        if determinant == 0:
+            return Inverse(None, "M is singular")
+        adjugate = matrix.adjugate()
+        for row, i in enumerate(block):
+            for column, j in enumerate(block):
+                entry = tidy(tidy(adjugate[row, column]) / determinant)
+                if entry.count_ops() > MAX_OPERATIONS:
+                    return Inverse(None, f"an entry of M⁻¹ has {entry.count_ops()} operations")
+                if entry != 0:
+                    found[i, j] = entry
+    return Inverse(found)
+
+
+def _blocks(system: Symbolic) -> list[list[int]]:
+    """The coordinates that M couples."""
+    neighbours: dict[int, set[int]] = {i: {i} for i in system.lagrange}
+    for i, j in system.M:
+        if i in neighbours and j in neighbours:
+            neighbours[i].add(j)
+            neighbours[j].add(i)
+    return components(neighbours)
+
+
+def components(neighbours: dict[int, set[int]]) -> list[list[int]]:
+    """The connected parts of a graph, each in order."""
+    found, seen = [], set[int]()
+    for start in neighbours:
+        if start in seen:
+            continue
+        part, stack = {start}, [start]
+        while stack:
+            for other in neighbours[stack.pop()] - part:
+                part.add(other)
+                stack.append(other)
+        seen |= part
+        found.append(sorted(part))
+    return found
+
+
+class Products:
+    """Scalar products u . w in the vectors of the model, as a person writes them."""
+
+    def __init__(self, system: Symbolic) -> None:
+        self._system, self._world = system, system.world
+        self._known: dict[Triple, list[tuple[sympy.Expr, Key]] | None] = {}
+
+    def dot(self, u: Triple, w: Triple) -> sympy.Expr:
+        """u . w."""
+        one, other = self._pieces(u), self._pieces(w)
+        if one is None or other is None:
+            return self._by_components(u, w)
+        return sum((c * e * self._plain(k, m) for c, k in one for e, m in other), ZERO)
+
+    def _by_components(self, u: Triple, w: Triple) -> sympy.Expr:
+        """The sum of products; 1 where it is the square of a root over itself."""
+        value = sum((a * b for a, b in zip(u, w, strict=True)), ZERO)
+        known = self._world.calculus.known
+        for symbol in sorted(value.free_symbols & known.keys(), key=str):
+            inner = known[symbol].inner
+            if known[symbol].is_root and value.count_ops() < 100 and inner.count_ops() < 100:
+                above = tidy(sympy.expand(value * symbol**2) - sympy.expand(inner))
+                if above == 0:
+                    return sympy.Integer(1)
+        return value
+
+    def _plain(self, one: Key, other: Key) -> sympy.Expr:
+        if one[0] and other[0]:
+            return self._world.product(one, other)
+        a, b = self._world.collapse.components(one), self._world.collapse.components(other)
+        return sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
+
+    def _pieces(self, triple: Triple) -> list[tuple[sympy.Expr, Key]] | None:
+        if triple not in self._known:
+            vector: RecognizedVector | None = self._world.collapse.vector(triple)
+            self._known[triple] = None if vector is None else pieces(vector)
+        return self._known[triple]
+
+
+def equation(system: Symbolic, inverted: dict[tuple[int, int], sympy.Expr]) -> Equation:
+    """The linear system for lambda (D.24)."""
+    S: dict[tuple[int, int], sympy.Expr] = {}
+    right = [row.gamma for row in system.rows]
+    free = {system.place(number): number for number in system.newton}
+    _newton(system, free, S, right)
+    slopes: dict[int, list[tuple[int, sympy.Expr]]] = {}
+    for r, row in enumerate(system.rows):
+        for i, slope in row.B.items():
+            if i - i % 3 not in free:
+                slopes.setdefault(i, []).append((r, slope))
+    for (i, j), entry in inverted.items():
+        for r, slope in slopes.get(i, ()):
+            right[r] -= slope * entry * system.h[j]
+            for other, across in slopes.get(j, ()):
+                S[r, other] = S.get((r, other), ZERO) + slope * entry * across
+    short: dict[tuple[int, int], sympy.Expr] = {}
+    for (r, other), value in S.items():
+        if other >= r and (entry := tidy(value)) != 0:
+            short[r, other] = short[other, r] = entry
+    return Equation(short, tuple(tidy(value) for value in right))
+
+
+def _newton(
+    system: Symbolic, free: dict[int, int], S: dict[tuple[int, int], sympy.Expr], right: list[sympy.Expr]
+) -> None:
+    """The terms of particles that obey Newton's equations: 1/m B_ik . B_jk, 1/m B_ik . F_k."""
+    products = Products(system)
+    touching: dict[int, list[tuple[int, Triple]]] = {}
+    for r, row in enumerate(system.rows):
+        for first in sorted({i - i % 3 for i in row.B if i - i % 3 in free}):
+            touching.setdefault(first, []).append((r, part(row.B, first)))
+    for first, rows in touching.items():
+        mass = system.world.mass(free[first])
+        h = (system.h[first], system.h[first + 1], system.h[first + 2])
+        for r, u in rows:
+            right[r] -= products.dot(u, h) / mass
+            for other, w in rows:
+                if other >= r:
+                    S[r, other] = S.get((r, other), ZERO) + products.dot(u, w) / mass
+
+
+def part(values: dict[int, sympy.Expr], first: int) -> Triple:
+    """Three neighbours of a sparse vector."""
+    return values.get(first, ZERO), values.get(first + 1, ZERO), values.get(first + 2, ZERO)

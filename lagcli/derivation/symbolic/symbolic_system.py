@@ -1,0 +1,416 @@
+"""M, h, f, B, b, gamma of a model in SymPy symbols, from its own expressions (D.5-D.7, D.23, D.30, D.53)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import sympy
+
+from lagcli.derivation.symbolic.calculus import TIME, ZERO, Calculus
+from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
+from lagcli.derivation.symbolic.vectors import Triple
+from lagcli.derivation.symbolic.world import World, view
+from lagcli.equations import rigid
+from lagcli.errors import diagnostics
+from lagcli.model import model as nouns
+
+# Products dr_k/dq_i . dr_k/dq_j that are written out for T of dependent particles.
+MAX_PRODUCTS = 30_000
+# Operations up to which a force is ordered by rates.
+MAX_EXPANDED = 20_000
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class SymbolicRow:
+    """A scalar row: f (None for a differential one), B by number of coordinate, b, gamma = -(B' v + b')."""
+
+    name: str
+    family: str
+    f: sympy.Expr | None
+    B: dict[int, sympy.Expr]
+    b: sympy.Expr
+    gamma: sympy.Expr
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class SymbolicContacts:
+    """The K inequalities g >= 0: rows with f = g, their lambda, and their coefficients of restitution."""
+
+    rows: tuple[SymbolicRow, ...] = ()
+    lam: tuple[sympy.Symbol, ...] = ()
+    restitution: tuple[float, ...] = ()
+
+    def taken(self, numbers: Sequence[int]) -> SymbolicContacts:
+        """Some of them."""
+        return SymbolicContacts(
+            tuple(self.rows[j] for j in numbers),
+            tuple(self.lam[j] for j in numbers),
+            tuple(self.restitution[j] for j in numbers),
+        )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Symbolic:
+    """The system M a = h + B^T lambda in symbols, with the abbreviations of `world.calculus`.
+
+    names, q, v, a (n): coordinates as in the compiled system. M by numbers of coordinates, those with i <= j that
+    are not zero. newton: numbers of the Cartesian particles whose coordinates enter neither T of dependent particles
+    nor the `lagrangian`: they obey Newton's equations by themselves; lagrange: numbers of all other coordinates.
+    general: T of the dependent particles, extra: the `lagrangian`, potentials: the terms of V, forces: F_k without
+    those, by particle; Q (n): of forces without a potential; contacts: the inequalities, which are no rows here.
+    """
+
+    world: World
+    names: tuple[str, ...]
+    q: tuple[sympy.Symbol, ...]
+    v: tuple[sympy.Symbol, ...]
+    a: tuple[sympy.Symbol, ...]
+    newton: tuple[int, ...]
+    lagrange: tuple[int, ...]
+    general: sympy.Expr
+    extra: sympy.Expr
+    potentials: tuple[sympy.Expr, ...]
+    forces: dict[int, Triple]
+    Q: dict[int, sympy.Expr]
+    M: dict[tuple[int, int], sympy.Expr]
+    h: tuple[sympy.Expr, ...]
+    rows: tuple[SymbolicRow, ...]
+    lam: tuple[sympy.Symbol, ...]
+    constants: dict[sympy.Symbol, float]
+    contacts: SymbolicContacts
+
+    def closed(self, numbers: Sequence[int]) -> Symbolic:
+        """The system in which these contacts are rows after the others, and there are no further ones."""
+        taken = self.contacts.taken(numbers)
+        rows, lam = (*self.rows, *taken.rows), (*self.lam, *taken.lam)
+        return dataclasses.replace(self, rows=rows, lam=lam, contacts=SymbolicContacts())
+
+    @property
+    def all_closed(self) -> Symbolic:
+        """The system with all contacts as rows."""
+        return self.closed(range(len(self.contacts.rows)))
+
+    def place(self, number: int) -> int:
+        """The number of the coordinate x of a Cartesian particle."""
+        return self.names.index(f"{self.world.particles.names[number]}.x")
+
+    def matrix(self, i: int, j: int) -> sympy.Expr:
+        """M_ij."""
+        return self.M.get((min(i, j), max(i, j)), ZERO)
+
+    @property
+    def values(self) -> dict[sympy.Symbol, float]:
+        """The numbers of parameters, and of the constants of rigid bodies."""
+        return self.world.parameter_values | self.constants
+
+
+def symbolic(
+    model: nouns.Model, bodies: tuple[rigid.Geometry, ...], values: frozenset[str] = frozenset()
+) -> Symbolic:
+    """The system of a model. `values`: parameters to put in as numbers. Raises `diagnostics.ModelError`."""
+    world = World(model, values)
+    names = tuple(world.coordinates)
+    q, v = tuple(world.coordinates.values()), tuple(world.rates.values())
+    rows, constants = _rows(world, bodies)
+    potentials = tuple(_potentials(world))
+    forces, Q = _forces(world)
+    inertia = _Inertia(world)
+    general = inertia.kinetic()
+    extra = ZERO if model.lagrangian is None else world.evaluated(model.lagrangian)
+    through = world.calculus.symbols(general + extra)
+    newton = tuple(
+        number
+        for number, name in enumerate(world.particles.names)
+        if not world.is_dependent(number)
+        and not any({world.coordinates[c], world.rates[c]} & through for c in _components(name))
+    )
+    alone = {names.index(c) for number in newton for c in _components(world.particles.names[number])}
+    M, h = _lagrange(world, general, extra, names)
+    index = {x: i for i, x in enumerate(q)}
+    for number, name in enumerate(world.particles.names):
+        if not world.is_dependent(number):
+            for c in _components(name):
+                i = names.index(c) if number not in newton else index[world.coordinates[c]]
+                M[i, i] = M.get((i, i), ZERO) + world.mass(number)
+    for i, force in Q.items():
+        h[i] += force
+    for term in potentials:
+        for x in world.calculus.symbols(term) & index.keys():
+            h[index[x]] -= world.calculus.partial(term, x)
+    return Symbolic(
+        world=world,
+        names=names,
+        q=q,
+        v=v,
+        a=tuple(world.accelerations.values()),
+        newton=newton,
+        lagrange=tuple(i for i in range(len(names)) if i not in alone),
+        general=general,
+        extra=extra,
+        potentials=potentials,
+        forces=forces,
+        Q=Q,
+        M=M,
+        h=tuple(h),
+        rows=rows,
+        lam=_multipliers(rows),
+        constants=constants,
+        contacts=_contacts(world, index),
+    )
+
+
+def _multipliers(rows: tuple[SymbolicRow, ...]) -> tuple[sympy.Symbol, ...]:
+    return tuple(sympy.Symbol(f"lambda.{row.name}", real=True) for row in rows)
+
+
+def _contacts(world: World, index: dict[sympy.Symbol, int]) -> SymbolicContacts:
+    """The inequalities of a model, each as the row that it is while it is closed."""
+    rows: list[SymbolicRow] = []
+    restitution: list[float] = []
+    for law in world.model.inequality:
+        for place, name in enumerate(law.rows):
+            (g,) = world.difference(law.equation, view(law.members, place))
+            rows.append(_holonomic(world, name, law.members.base, g, index))
+            restitution.append(float(law.restitution[place]))
+    return SymbolicContacts(tuple(rows), _multipliers(tuple(rows)), tuple(restitution))
+
+
+def _components(name: str) -> tuple[str, ...]:
+    return tuple(f"{name}.{axis}" for axis in "xyz")
+
+
+def _potentials(world: World) -> Iterator[sympy.Expr]:
+    """The terms of V: declared potentials, and -F.r of constant forces."""
+    for force in world.model.forces:
+        if isinstance(force, nouns.Potential):
+            for place in range(force.members.count):
+                yield world.evaluated(force.expression, view(force.members, place))
+        elif isinstance(force, nouns.ParticleForce) and force.constant:
+            for number, F in _on_particles(world, force):
+                r = world.position(number)
+                yield -sum((f * x for f, x in zip(F, r, strict=True)), ZERO)
+
+
+def _on_particles(world: World, force: nouns.ParticleForce) -> Iterator[tuple[int, Triple]]:
+    for target, acting in zip(force.action.targets.tolist(), force.action.acting.tolist(), strict=True):
+        yield target, world.triple(force.force, view(force.members, acting, world.own(target)))
+
+
+def _forces(world: World) -> tuple[dict[int, Triple], dict[int, sympy.Expr]]:
+    """F_k of forces without a potential, and Q_j = sum_k F_k . dr_k/dq_j (D.30) with the generalized ones."""
+    forces: dict[int, Triple] = {}
+    Q: dict[int, sympy.Expr] = {}
+    index = {x: i for i, x in enumerate(world.coordinates.values())}
+    first = len(index) - len(world.generalized)
+    for force in world.model.forces:
+        if isinstance(force, nouns.ParticleForce) and not force.constant:
+            for number, F in _on_particles(world, force):
+                old = forces.get(number, (ZERO, ZERO, ZERO))
+                forces[number] = (old[0] + F[0], old[1] + F[1], old[2] + F[2])
+        elif isinstance(force, nouns.GeneralizedForce):
+            action = force.action
+            for target, acting in zip(action.targets.tolist(), action.acting.tolist(), strict=True):
+                value = world.evaluated(force.force, view(force.members, acting))
+                Q[first + target] = Q.get(first + target, ZERO) + value
+    for number, F in forces.items():
+        for f, x in zip(F, world.position(number), strict=True):
+            for symbol in world.calculus.symbols(x) & index.keys():
+                i = index[symbol]
+                Q[i] = Q.get(i, ZERO) + f * world.calculus.partial(x, symbol)
+    rates = tuple(world.rates.values())
+    return forces, {i: _short(value, rates) for i, value in Q.items()}
+
+
+def _short(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> sympy.Expr:
+    """A force ordered by rates, where that is shorter."""
+    if value.count_ops() > MAX_EXPANDED:
+        return value
+    return shorter(tidy(value), polynomial(value, rates))
+
+
+class _Inertia:
+    """T of the dependent particles: M_ij = sum_k m_k dr_k/dq_i . dr_k/dq_j, with the parts of a moving base."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def kinetic(self) -> sympy.Expr:
+        """T, quadratic in the rates, with every coefficient tidied."""
+        world, products = self._world, 0
+        sums: dict[tuple[sympy.Symbol, sympy.Symbol], list[sympy.Expr]] = {}
+        for number in range(len(world.particles)):
+            if not world.is_dependent(number):
+                continue
+            slopes = self.slopes(number)
+            products += len(slopes) ** 2
+            self._require_few(number, products)
+            half = world.mass(number) / 2
+            pairs = list(slopes.items())
+            for i, (x, u) in enumerate(pairs):
+                for y, w in pairs[i:]:
+                    term = sum((a * b for a, b in zip(u, w, strict=True)), ZERO)
+                    if term != 0:
+                        sums.setdefault((x, y), []).append(half * term * (1 if x == y else 2))
+        moving = {**world.calculus.moving, TIME: sympy.Integer(1)}
+        total = [tidy(sympy.Add(*terms)) * moving[x] * moving[y] for (x, y), terms in sums.items()]
+        return sympy.Add(*total)
+
+    def slopes(self, number: int) -> dict[sympy.Symbol, Triple]:
+        """dr_k/dq_j and dr_k/dt, those that are not zero."""
+        calculus = self._world.calculus
+        position = self._world.position(number)
+        found: dict[sympy.Symbol, Triple] = {}
+        present = frozenset().union(*(calculus.symbols(part) for part in position))
+        for x in (*calculus.moving, TIME):
+            if x in present:
+                a, b, c = (calculus.partial(part, x) for part in position)
+                found[x] = (a, b, c)
+        return found
+
+    def _require_few(self, number: int, products: int) -> None:
+        if products <= MAX_PRODUCTS:
+            return
+        particle = next(p for p in self._world.model.particles if p.is_dependent)
+        name = self._world.particles.names[number]
+        message = (
+            "the equations cannot be written out: T of the particles has more than"
+            f" {MAX_PRODUCTS} products of slopes from `{name}` on"
+        )
+        hint = "Cartesian particles with rows have equations of bounded length"
+        found = diagnostics.Diagnostic("too-large-to-derive", message, particle.location, hint)
+        raise diagnostics.ModelError([found])
+
+
+def _lagrange(
+    world: World, general: sympy.Expr, extra: sympy.Expr, names: tuple[str, ...]
+) -> tuple[dict[tuple[int, int], sympy.Expr], list[sympy.Expr]]:
+    """M and h of T + the `lagrangian`: d/dt dL/dv - dL/dq = M a - h."""
+    calculus = world.calculus
+    moving = list(calculus.moving.items())
+    M: dict[tuple[int, int], sympy.Expr] = {}
+    h = [ZERO] * len(names)
+    L = general + extra
+    present = calculus.symbols(L)
+    rates = tuple(v for _, v in moving)
+    for i, (x, v) in enumerate(moving):
+        if v in present:
+            momentum = calculus.partial(L, v)
+            inside = calculus.symbols(momentum)
+            for j in range(i, len(moving)):
+                if moving[j][1] in inside:
+                    entry = tidy(calculus.partial(momentum, moving[j][1]))
+                    if entry != 0:
+                        M[i, j] = entry
+            h[i] -= calculus.rate(momentum)
+        if x in present:
+            h[i] += calculus.partial(L, x)
+        if h[i] != 0 and h[i].count_ops() < MAX_EXPANDED:
+            h[i] = polynomial(h[i], rates)
+    return M, h
+
+
+def _rows(
+    world: World, bodies: tuple[rigid.Geometry, ...]
+) -> tuple[tuple[SymbolicRow, ...], dict[sympy.Symbol, float]]:
+    """All rows in the order of the multipliers, and the numbers of the constants of rigid bodies."""
+    rows: list[SymbolicRow] = []
+    constants: dict[sympy.Symbol, float] = {}
+    index = {x: i for i, x in enumerate(world.coordinates.values())}
+    rates = {v: i for i, v in enumerate(world.rates.values())}
+    for law in world.model.holonomic:
+        for name, value in _values(world, law):
+            rows.append(_holonomic(world, name, law.members.base, value, index))
+    for body, geometry in zip(world.model.rigid, bodies, strict=True):
+        for number, value in enumerate(_rigid(world, body, geometry, constants), 1):
+            rows.append(_holonomic(world, f"{body.name}.{number}", body.name, value, index))
+    for rule in world.model.differential:
+        for name, value in _values(world, rule):
+            rows.append(_differential(world, name, rule.members.base, value, rates))
+    return tuple(rows), constants
+
+
+def _values(world: World, law: nouns.Holonomic | nouns.Differential) -> Iterator[tuple[str, sympy.Expr]]:
+    each = 3 if law.is_vector else 1
+    for place in range(law.members.count):
+        parts = world.difference(law.equation, view(law.members, place))
+        yield from zip(law.rows[place * each : (place + 1) * each], parts, strict=True)
+
+
+def _holonomic(
+    world: World, name: str, family: str, f: sympy.Expr, index: dict[sympy.Symbol, int]
+) -> SymbolicRow:
+    calculus = world.calculus
+    present = calculus.symbols(f)
+    slopes = ((i, calculus.partial(f, x)) for x, i in index.items() if x in present)
+    B = {i: tidy(slope) for i, slope in slopes if slope != 0}
+    rate = calculus.rate(f)
+    b = _at_rest(world, rate)
+    return SymbolicRow(name, family, f, B, tidy(b), tidy(-calculus.rate(rate)))
+
+
+def _differential(
+    world: World, name: str, family: str, value: sympy.Expr, rates: dict[sympy.Symbol, int]
+) -> SymbolicRow:
+    calculus = world.calculus
+    present = calculus.symbols(value)
+    slopes = ((i, calculus.partial(value, v)) for v, i in rates.items() if v in present)
+    B = {i: tidy(slope) for i, slope in slopes if slope != 0}
+    return SymbolicRow(name, family, None, B, tidy(_at_rest(world, value)), tidy(-calculus.rate(value)))
+
+
+def _at_rest(world: World, value: sympy.Expr) -> sympy.Expr:
+    """The part of a rate that is left where nothing moves: the term beside dt."""
+    calculus = world.calculus
+    moving = frozenset(calculus.moving.values())
+    still = {
+        s: ZERO
+        for s in calculus.symbols(value)
+        if s in moving or (s in calculus.known and not calculus.known[s].is_root and _moves(calculus, s))
+    }
+    return value.xreplace(still)
+
+
+def _moves(calculus: Calculus, symbol: sympy.Symbol) -> bool:
+    moving = frozenset(calculus.moving.values())
+    return bool(calculus.symbols(calculus.known[symbol].inner) & moving)
+
+
+def _rigid(
+    world: World, body: nouns.RigidBody, geometry: rigid.Geometry, constants: dict[sympy.Symbol, float]
+) -> Iterator[sympy.Expr]:
+    """The rows of a rigid body: distances in its base, then x, y, z of each further particle."""
+    places = [world.position(number) for number in body.particles]
+    names = [world.particles.names[number] for number in body.particles]
+    base = [places[k] for k in geometry.base]
+
+    def constant(name: str, value: float, positive: bool = False) -> sympy.Symbol:
+        symbol = sympy.Symbol(name, real=True, positive=True if positive else None)
+        constants[symbol] = value
+        return symbol
+
+    for (i, j), value in zip(geometry.pairs, geometry.distances, strict=True):
+        x, y, z = (u - w for u, w in zip(base[i], base[j], strict=True))
+        label = f"{names[geometry.base[i]]},{names[geometry.base[j]]}"
+        length = constant(f"length {body.name} {label}", value, positive=True)
+        yield world.root(x**2 + y**2 + z**2, (x, y, z)) - length
+    for row, k in enumerate(geometry.further):
+        weights = [
+            constant(f"weight {body.name} {names[k]},{names[b]}", float(geometry.alpha[row, column]))
+            for column, b in enumerate(geometry.base)
+        ]
+        height = None
+        if geometry.gamma.size:
+            height = constant(f"height {body.name} {names[k]}", float(geometry.gamma[row]))
+            normal = _normal(base)
+        for axis in range(3):
+            place = sum((w * r[axis] for w, r in zip(weights, base, strict=True)), ZERO)
+            if height is not None:
+                place += height * normal[axis]
+            yield places[k][axis] - place
+
+
+def _normal(base: list[Triple]) -> Triple:
+    """(r_2 - r_1) x (r_3 - r_1)."""
+    (a, b, c), (x, y, z) = ([p - q for p, q in zip(base[i], base[0], strict=True)] for i in (1, 2))
+    return b * z - c * y, c * x - a * z, a * y - b * x

@@ -1,0 +1,358 @@
+"""The symbols of a model and what its expressions stand for in them: an algebra for `expression.evaluate`."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import TypeVar
+
+import numpy as np
+import sympy
+
+from lagcli.derivation.symbolic.calculus import TIME, ZERO, Abbreviation, Calculus
+from lagcli.derivation.symbolic.vectors import Collapse, Key, RecognizedVector, Triple
+from lagcli.errors import diagnostics
+from lagcli.expression import evaluate, tree
+from lagcli.expression.evaluate import Value
+from lagcli.expression.operators import Operators
+from lagcli.model import model as nouns
+from lagcli.model.family import Family, Whole
+from lagcli.model.resolve import ModelNames, Reference, Resolver
+from lagcli.pfaffian.translate import FUNCTIONS, constants
+
+# Beyond these an expression is no longer one a person could read, and SymPy needs minutes for it.
+MAX_NODES, MAX_OPERATIONS, MAX_DIGITS, MAX_EXPONENT = 4000, 6000, 300, 200
+
+_JUMPING = frozenset(("abs", "sign", "min", "max"))
+
+
+T = TypeVar("T")
+
+
+class _TooLarge(Exception):
+    """The value of an expression is too large to be derived."""
+
+
+class World:
+    """All symbols, and the values of definitions, masses and positions.
+
+    `parameters`: the symbols (or numbers, for those in `values`) of parameters; `zeros`: components of vector
+    parameters that are zero, which are left out.
+    """
+
+    def __init__(self, model: nouns.Model, values: frozenset[str] = frozenset()) -> None:
+        self.model = model
+        self.coordinates = {n: sympy.Symbol(n, real=True) for n in model.coordinate_names}
+        self.rates = {n: sympy.Symbol(f"rate({n})", real=True) for n in self.coordinates}
+        self.accelerations = {n: sympy.Symbol(f"rate(rate({n}))", real=True) for n in self.coordinates}
+        self.calculus = Calculus(list(self.coordinates.values()), list(self.rates.values()))
+        self.collapse = Collapse()
+        self.names = ModelNames(model)
+        self.particles, self.generalized = self.names.particles, self.names.coordinates
+        self.constants = constants(model)
+        self.parameter_values: dict[sympy.Symbol, float] = {}
+        self.parameters: dict[str, Value[sympy.Expr]] = {}
+        self.substituted: dict[str, Value[sympy.Expr]] = {}
+        self._definitions = {d.name: d.expression for d in model.definitions}
+        self._defined: dict[str, Value[sympy.Expr]] = {}
+        self._positions: dict[int, Triple] = {}
+        self._velocities: dict[int, Triple] = {}
+        self._masses: dict[int, sympy.Expr] = {}
+        for parameter in model.parameters:
+            self._declare(parameter, parameter.name in values)
+        self._fill()
+
+    def _declare(self, parameter: nouns.Parameter, as_number: bool) -> None:
+        name, value = parameter.name, parameter.value
+        if as_number:
+            self.parameters[name] = self.substituted[name] = self._number_of(parameter)
+        elif isinstance(value, tuple):
+            parts = [sympy.Symbol(f"{name}.{axis}", real=True) for axis in "xyz"]
+            # A component that is zero is no quantity: it is left out.
+            kept = [part if number else ZERO for part, number in zip(parts, value, strict=True)]
+            self.parameters[name] = tuple(kept)
+            self.parameter_values |= {s: n for s, n in zip(kept, value, strict=True) if s != 0}
+            if all(value):
+                self.collapse.know(name, kept)
+            else:
+                self.substituted[name] = tuple(kept)
+        else:
+            self.parameters[name] = symbol = sympy.Symbol(name, real=True)
+            self.parameter_values[symbol] = value
+
+    def _number_of(self, parameter: nouns.Parameter) -> Value[sympy.Expr]:
+        """The value of a parameter, pi/3 rather than its decimals where it is written so."""
+        if isinstance(parameter.value, tuple):
+            x, y, z = map(exact, parameter.value)
+            return x, y, z
+        if parameter.formula is not None and not tree.names(parameter.formula.tree) - self.constants.keys():
+            return self._value(parameter.formula, View())
+        return exact(parameter.value)
+
+    def _fill(self) -> None:
+        """In the model's order each finds what it uses: a chain of any length needs no recursion."""
+        for number, name in enumerate(self.particles.names):
+            entry = int(self.particles.entries(np.array([number]))[0])
+            if not self.model.particles[entry].is_dependent:
+                place = tuple(self.coordinates[f"{name}.{axis}"] for axis in "xyz")
+                moving = tuple(self.rates[f"{name}.{axis}"] for axis in "xyz")
+                self._positions[number], self._velocities[number] = place, moving
+                self.collapse.know(f"r {name}", place)
+                self.collapse.know(f"v {name}", moving)
+                self.collapse.know(f"a {name}", [self.accelerations[f"{name}.{axis}"] for axis in "xyz"])
+        for step in self.model.order:
+            if isinstance(step, str):
+                # What is too large is met again where a law uses it, and else does no harm.
+                with contextlib.suppress(diagnostics.ModelError):
+                    self.definition(step)
+                continue
+            for place_ in step.places.tolist():
+                self.position(self.particles.first(step.entry) + place_)
+
+    def evaluated(self, expression: nouns.Expression, view: View | None = None) -> sympy.Expr:
+        """A scalar. Raises `diagnostics.ModelError` for what is too large."""
+        value = self._value(expression, view or View())
+        assert not isinstance(value, tuple)
+        return value
+
+    def _value(self, expression: nouns.Expression, view: View) -> Value[sympy.Expr]:
+        """A scalar or a triple."""
+        with _located(expression):
+            _require_short(expression.tree)
+            return _require_small(evaluate.evaluate(expression.tree, SympyAlgebra(self, view)))
+
+    def triple(self, vector: nouns.VectorExpression, view: View) -> Triple:
+        """A vector expression, or three scalar ones."""
+        if len(vector.parts) == 1:
+            whole = self._value(vector.parts[0], view)
+            assert isinstance(whole, tuple)
+            x, y, z = whole
+        else:
+            x, y, z = (self.evaluated(part, view) for part in vector.parts)
+        return x, y, z
+
+    def difference(self, equation: nouns.Expression, view: View) -> tuple[sympy.Expr, ...]:
+        """left - right of a law, one scalar or three."""
+        assert isinstance(equation.tree, tree.Relation)
+        with _located(equation):
+            _require_short(equation.tree)
+            parts = evaluate.difference(equation.tree, SympyAlgebra(self, view))
+            return tuple(_require_small(part) for part in parts)
+
+    def definition(self, name: str) -> Value[sympy.Expr]:
+        """The value of a definition."""
+        if name not in self._defined:
+            self._defined[name] = self._value(self._definitions[name], View())
+        return self._defined[name]
+
+    def is_dependent(self, number: int) -> bool:
+        """True if the position of a particle is a function of coordinates and time."""
+        return self._entry(number)[0].is_dependent
+
+    def _entry(self, number: int) -> tuple[nouns.Particle, View]:
+        entry = int(self.particles.entries(np.array([number]))[0])
+        particle = self.model.particles[entry]
+        return particle, view(particle.members, number - self.particles.first(entry))
+
+    def position(self, number: int) -> Triple:
+        """r of a particle."""
+        if number not in self._positions:
+            particle, there = self._entry(number)
+            self._positions[number] = self.triple(particle.position, there)
+        return self._positions[number]
+
+    def velocity(self, number: int) -> Triple:
+        """v of a particle; of a dependent one the total time derivative of x(q, t)."""
+        if number not in self._velocities:
+            x, y, z = (self.calculus.rate(part) for part in self.position(number))
+            self._velocities[number] = (x, y, z)
+        return self._velocities[number]
+
+    def mass(self, number: int) -> sympy.Expr:
+        """m of a particle."""
+        if number not in self._masses:
+            particle, there = self._entry(number)
+            self._masses[number] = self.evaluated(particle.mass, there)
+        return self._masses[number]
+
+    def own(self, number: int) -> dict[str, Value[sympy.Expr]]:
+        """`m`, `r`, `v` of a particle in the force on it."""
+        return {"m": self.mass(number), "r": self.position(number), "v": self.velocity(number)}
+
+    def root(self, inner: sympy.Expr, triple: Triple | None) -> sympy.Expr:
+        """The square root, as one symbol where it is that of a sum that moves."""
+        moving = self.calculus.symbols(inner) - self.parameter_values.keys()
+        if not inner.is_Add or not moving:
+            return sympy.sqrt(inner)
+        vector = self.collapse.vector(triple) if triple is not None else None
+        if vector is None or any(c.free_symbols for c in vector.parts.values()) or not vector.parts:
+            return self._abbreviated(inner, None)
+        return self._length(self.normal(vector))
+
+    @staticmethod
+    def normal(vector: RecognizedVector) -> Key:
+        """The vector up to its sign, the first vector positive."""
+        first = next(iter(vector.parts.values()))
+        sign = -1 if first.is_negative else 1
+        x, y, z = (sign * part for part in vector.rest)
+        return tuple((n, sign * c) for n, c in vector.parts.items()), (x, y, z)
+
+    def _length(self, key: Key) -> sympy.Expr:
+        """|U| of a combination of vectors."""
+        x, y, z = self.collapse.components(key)
+        length = self._abbreviated(x**2 + y**2 + z**2, key)
+        at_rest = not any(TIME in part.free_symbols for part in key[1])
+        if at_rest and all(name.startswith("r ") for name, _ in key[0] if name[:2] in ("r ", "v ")):
+            moving = tuple((f"v{n[1:]}", c) for n, c in key[0] if n.startswith("r "))
+            rate: Key = moving, (ZERO, ZERO, ZERO)
+            product, square = self.product(key, rate), self.product(rate, rate)
+            self.calculus.products[length] = (product, square)
+            self.calculus.rates |= {product: square, square: ZERO}
+        return length
+
+    def product(self, one: Key, other: Key) -> sympy.Expr:
+        """A symbol for U . W; d^2 where both are the U of a distance."""
+        known = self.calculus.by_vectors
+        symbol = known.get((one, other)) or known.get((other, one))
+        if symbol is not None:
+            return symbol**2 if self.calculus.known[symbol].is_root else symbol
+        a, b = self.collapse.components(one), self.collapse.components(other)
+        inner = sum((u * w for u, w in zip(a, b, strict=True)), ZERO)
+        symbol = sympy.Symbol(f"product {len(self.calculus.known)}", real=True)
+        self.calculus.known[symbol] = Abbreviation(inner, False, one, other)
+        known[one, other] = symbol
+        return symbol
+
+    def _abbreviated(self, inner: sympy.Expr, key: Key | None) -> sympy.Expr:
+        known = self.calculus.by_vectors
+        if (found := known.get(inner)) is not None:
+            return found
+        symbol = sympy.Symbol(f"root {len(self.calculus.known)}", positive=True)
+        self.calculus.known[symbol] = Abbreviation(inner, True, key, key)
+        known[inner] = symbol
+        if key is not None:
+            known[key, key] = symbol
+        return symbol
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class View:
+    """The values of the names of one member of a family: its indices, and `m`, `r`, `v` of a particle."""
+
+    indices: Mapping[str, int] = dataclasses.field(default_factory=dict)
+    own: Mapping[str, Value[sympy.Expr]] = dataclasses.field(default_factory=dict)
+
+
+def view(members: Family, place: int, own: Mapping[str, Value[sympy.Expr]] | None = None) -> View:
+    """The view of a member."""
+    return View({n: int(values[place]) for n, values in members.variables.items()}, own or {})
+
+
+class SympyAlgebra(Operators[sympy.Expr]):
+    """SymPy scalars as an algebra for `expression.evaluate`."""
+
+    def __init__(self, world: World, there: View) -> None:
+        self._world = world
+        self._resolver = Resolver(world.names, self, there.indices, there.own)
+
+    def number(self, node: tree.Number) -> sympy.Expr:
+        if float(node.text) == 0.0:
+            return ZERO
+        if len(node.text) > MAX_DIGITS:
+            raise _TooLarge("a number has too many digits")
+        return sympy.Rational(node.text)
+
+    def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
+        if exponent.is_Rational and abs(exponent) > MAX_EXPONENT:
+            raise _TooLarge(f"the exponent {exponent} is too large")
+        if base.is_Rational and exponent.is_Rational and abs(exponent) * len(str(base)) > 4 * MAX_DIGITS:
+            raise _TooLarge("a number has too many digits")
+        if exponent == sympy.Rational(1, 2):
+            return self._world.root(base, None)
+        return base**exponent
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[sympy.Expr, ...]) -> sympy.Expr:
+        if name in _JUMPING:
+            self._world.calculus.has_jumps = True
+        if name != "sqrt":
+            return FUNCTIONS[name](*arguments)
+        triple: Triple | None = None
+        if isinstance(node, tree.Call) and node.function in ("norm", "distance"):
+            parts = [evaluate.vector(argument, self) for argument in node.arguments]
+            x, y, z = parts[0] if len(parts) == 1 else (u - w for u, w in zip(*parts, strict=True))
+            triple = (x, y, z)
+        return self._world.root(arguments[0], triple)
+
+    def atom(self, node: Reference) -> Value[sympy.Expr]:
+        return self._resolver.atom(node)
+
+    def special(self, node: tree.Call) -> Value[sympy.Expr]:
+        return self._resolver.special(node, self)
+
+    def constant(self, name: str) -> Value[sympy.Expr] | None:
+        """t, dt, a constant or a parameter; None for another name."""
+        world = self._world
+        known: Mapping[str, Value[sympy.Expr]]
+        for known in ({"t": TIME, "dt": sympy.Integer(1)}, world.constants, world.parameters):
+            if name in known:
+                return known[name]
+        return None
+
+    def position(self, numbers: Whole) -> Triple:
+        """r of a particle."""
+        return self._world.position(int(numbers[0]))
+
+    def velocity(self, numbers: Whole) -> Triple:
+        """v of a particle."""
+        return self._world.velocity(int(numbers[0]))
+
+    def generalized(self, numbers: Whole, rates: bool) -> sympy.Expr:
+        """A generalized coordinate, or its rate."""
+        world = self._world
+        return (world.rates if rates else world.coordinates)[world.generalized.names[int(numbers[0])]]
+
+    def variable(self, name: str, values: int) -> sympy.Expr:
+        """The value of an index variable."""
+        return sympy.Integer(values)
+
+    def definition(self, name: str) -> Value[sympy.Expr]:
+        """The value of a definition."""
+        return self._world.definition(name)
+
+    def differential(self, value: sympy.Expr) -> sympy.Expr:
+        """The rate of change with the motion."""
+        return self._world.calculus.rate(value)
+
+
+def exact(value: float) -> sympy.Expr:
+    """The shortest decimal that reads as this double."""
+    return sympy.Rational(repr(float(value)))
+
+
+@contextlib.contextmanager
+def _located(expression: nouns.Expression) -> Iterator[None]:
+    try:
+        yield
+    except _TooLarge as failure:
+        message = f"the equations cannot be written out: {failure}"
+        hint = "`check` and `simulate` have no such limit"
+        found = diagnostics.Diagnostic("too-large-to-derive", message, expression.location, hint)
+        raise diagnostics.ModelError([found]) from None
+
+
+def _require_short(node: tree.Node) -> None:
+    if sum(1 for _ in itertools.islice(tree.walk(node), MAX_NODES + 1)) > MAX_NODES:
+        raise _TooLarge(f"this has more than {MAX_NODES} terms and factors")
+
+
+def _require_small(value: T) -> T:
+    """The value, unless written out it has too many operations or too large powers."""
+    for part in value if isinstance(value, tuple) else (value,):
+        for count, inner in enumerate(sympy.preorder_traversal(part)):
+            if count >= MAX_OPERATIONS:
+                raise _TooLarge(f"this has more than {MAX_OPERATIONS} operations when it is written out")
+            if inner.is_Pow and inner.exp.is_Rational and abs(inner.exp) > MAX_EXPONENT:
+                raise _TooLarge(f"the exponent {inner.exp} is too large")
+    return value

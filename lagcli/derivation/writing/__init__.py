@@ -1,0 +1,5 @@
+"""Formulas as they are written: one tree, three dialects.
+
+In: `formula` trees
+Out: text, LaTeX, MathML
+"""

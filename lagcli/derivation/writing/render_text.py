@@ -1,0 +1,145 @@
+"""Formulas as Unicode text for a terminal."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Callable
+
+from lagcli.derivation.writing import formula as f
+
+_SUB = str.maketrans("0123456789,", "₀₁₂₃₄₅₆₇₈₉,")
+_SUPER = str.maketrans("0123456789-+", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺")
+_DOTS = {0: "", 1: "\u0307", 2: "\u0308"}
+_HALVES = {("1", "2"): "½", ("1", "3"): "⅓", ("2", "3"): "⅔", ("1", "4"): "¼", ("3", "4"): "¾"}
+
+# How tightly a text holds together: a sum, a product or quotient, one function applied, a single sign.
+SUM, PRODUCT, APPLIED, ATOM = range(4)
+
+
+def width(text: str) -> int:
+    """Columns on a terminal: marks above letters take none."""
+    return sum(1 for letter in text if not unicodedata.combining(letter))
+
+
+def text(node: f.FormulaNode) -> str:
+    """The formula on one line."""
+    return _write(node)[0]
+
+
+def sign(node: f.Sign) -> str:
+    """A sign with dots and subscripts: θ̇₁, ẋ_a."""
+    base = node.base
+    if node.dots:
+        if len(base.removeprefix("δ")) == 1:
+            base = unicodedata.normalize("NFC", base + _DOTS[node.dots])
+        else:
+            for _ in range(node.dots):
+                base = f"rate({base})"
+    after = node.sup.translate(_SUPER)
+    if not node.sub:
+        return base + after
+    sub = ",".join(node.sub)
+    if sub.replace(",", "").isdecimal() and sub.isascii():
+        return base + sub.translate(_SUB) + after
+    return f"{base}_{sub}{after}"
+
+
+def _write(node: f.FormulaNode) -> tuple[str, int]:
+    """The text and how tightly it holds together."""
+    return _WRITERS[type(node)](node)
+
+
+def _held(node: f.FormulaNode, least: int) -> str:
+    """In parentheses where it holds together less than that."""
+    written, hold = _write(node)
+    return written if hold >= least else f"({written})"
+
+
+def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
+    parts = []
+    for place, (sign_, term) in enumerate(terms):
+        written = _held(term, PRODUCT)
+        if place == 0:
+            parts.append(f"−{written}" if sign_ < 0 else written)
+        else:
+            parts.append(f" {'−' if sign_ < 0 else '+'} {written}")
+    return "".join(parts)
+
+
+def _product(factors: tuple[f.FormulaNode, ...]) -> str:
+    parts = []
+    for place, factor in enumerate(factors):
+        last = place == len(factors) - 1
+        following = None if last else factors[place + 1]
+        if isinstance(factor, f.Apply) and not (last or isinstance(following, f.Apply) or _moves(following)):
+            # "sin θ r" would be read as sin(θ r).
+            parts.append(_apply(factor, closed=True)[0])
+        elif isinstance(factor, f.Fraction) and place == 0 and _small(factor):
+            parts.append(_write(factor)[0])
+        else:
+            parts.append(_held(factor, APPLIED))
+    return " ".join(parts)
+
+
+def _moves(node: f.FormulaNode | None) -> bool:
+    """True if this is a differential: sin θ dφ is read right."""
+    return isinstance(node, f.Sign) and len(node.base) == 2 and node.base[0] in "dδ"
+
+
+def _small(node: f.Fraction) -> str | None:
+    """The single letter for a half and the like, or None."""
+    if isinstance(node.above, f.FormulaNumber) and isinstance(node.below, f.FormulaNumber):
+        return _HALVES.get((node.above.text, node.below.text))
+    return None
+
+
+# Each part of a formula is written once: written twice at every level, a nested one would take 2^depth steps.
+def _fraction(node: f.Fraction) -> str:
+    return _small(node) or f"{_held(node.above, PRODUCT)}/{_held(node.below, APPLIED)}"
+
+
+def _power(base: f.FormulaNode, exponent: f.FormulaNode) -> str:
+    held = _held(base, ATOM)
+    digits = text(exponent).replace("−", "-")
+    if digits.lstrip("-").isdecimal() and digits.isascii():
+        return held + digits.translate(_SUPER)
+    return f"{held}^{_held(exponent, ATOM)}"
+
+
+def _apply(node: f.Apply, closed: bool = False) -> tuple[str, int]:
+    name = node.name
+    if node.power is not None:
+        digits = text(node.power).replace("−", "-")
+        name += digits.translate(_SUPER) if digits.lstrip("-").isdecimal() else f"^{digits}"
+    if len(node.arguments) == 1 and not closed and isinstance(node.arguments[0], (f.Sign, f.FormulaNumber)):
+        inner, hold = _write(node.arguments[0])
+        if hold == ATOM:
+            return f"{name} {inner}", APPLIED
+    return f"{name}({', '.join(map(text, node.arguments))})", APPLIED
+
+
+def _number(node: f.FormulaNumber) -> tuple[str, int]:
+    digits, letter, exponent = node.text.partition("e")
+    return (f"{digits}·10{exponent.translate(_SUPER)}", APPLIED) if letter else (digits, ATOM)
+
+
+def _slope(node: f.Slope) -> tuple[str, int]:
+    letter = "d" if node.total else "∂"
+    return f"{letter}{text(node.above) if node.above else ''}/{letter}{text(node.below)}", APPLIED
+
+
+_WRITERS: dict[type[f.FormulaNode], Callable[..., tuple[str, int]]] = {
+    f.Sign: lambda node: (sign(node), ATOM),
+    f.FormulaNumber: _number,
+    f.FormulaWords: lambda node: (node.text, ATOM),
+    f.FormulaSum: lambda node: (_sum(node.terms), SUM),
+    f.FormulaProduct: lambda node: (_product(node.factors), PRODUCT),
+    f.Fraction: lambda node: (_fraction(node), PRODUCT),
+    f.FormulaPower: lambda node: (_power(node.base, node.exponent), ATOM),
+    f.Root: lambda node: (f"√{_held(node.inner, ATOM)}", ATOM),
+    f.Bars: lambda node: (f"|{text(node.inner)}|", ATOM),
+    f.Apply: _apply,
+    f.Triple: lambda node: (f"({', '.join(map(text, node.parts))})", ATOM),
+    f.Slope: _slope,
+    f.Dot: lambda node: (f"{_held(node.left, PRODUCT)}·{_held(node.right, PRODUCT)}", PRODUCT),
+}

@@ -1,0 +1,215 @@
+"""Contacts at one instant: impacts, and those that press (theory of one-sided constraints)."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Iterable
+
+import numpy as np
+
+from lagcli.contact import impact_law
+from lagcli.contact.impact_law import SAFE
+from lagcli.contact.nonnegative import EPS
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
+
+# The tail of a series of rebounds is left out where its coefficient is below this.
+ELASTIC = 1.0
+NOT_LINEAR = "momenta are not linear in the velocities, and the law of impact is for those that are"
+
+
+class ContactsUndecided(Exception):
+    """The law has no answer for some of the contacts, which are told by their numbers."""
+
+    def __init__(self, text: str, contacts: Iterable[int]) -> None:
+        super().__init__(text)
+        self.contacts = tuple(sorted(int(j) for j in contacts))
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Blow:
+    """An impact: the velocities after it (n,), impulses of the equality rows (C,) and of the contacts
+    (K,).
+
+    onward: the velocities with which the run goes on, without the rebounds that are left out (n,); struck: contacts
+    that approached, or take an impulse; ended: contacts whose rebounds end here, or that would rise no higher than
+    those, with the time `lasting` that what is left out would have taken, (K,) each; shared: numbers of the rows among
+    all C + K whose impulses are not unique.
+    """
+
+    v: Floats
+    onward: Floats
+    of_equalities: Floats
+    of_contacts: Floats
+    struck: Flags
+    ended: Flags
+    lasting: Floats
+    shared: tuple[int, ...]
+
+
+def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
+    """The impact of all contacts that are closed; None where none approaches.
+
+    Rebounds that cannot be resolved, of contacts that are pressed, are left out: their series ends.
+    Raises `ContactsUndecided`.
+    """
+    approaching = here.near & (here.speeds < -here.slow)
+    if not approaching.any():
+        return None
+    if not here.has_linear_momenta:
+        # The jump of M v is not that of dL/dq', and what half the sum of the speeds does is not the energy.
+        raise ContactsUndecided(NOT_LINEAR, np.flatnonzero(approaching))
+    e = restitution.copy()
+    lasting, ended = np.zeros(e.size), np.zeros(e.size, dtype=bool)
+    near = np.flatnonzero(here.near)
+    _require_gradients(here, near)
+    found = onward = _law(here, near, e)
+    # Each turn ends the series of some contact, so that there are few.
+    for _ in near[(e[near] > 0) & (e[near] < ELASTIC)]:
+        after = here.moved(onward.x)
+        small, pull = _unresolved(after, near, e)
+        if not small.size:
+            break
+        lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
+        ended[small] = approaching[small]
+        e[small] = 0.0
+        onward = _law(here, near, e)
+    others = near[~ended[near]]
+    if near.size > 1 and others.size:
+        after = here.moved(onward.x)
+        told = after if onward is found else here.moved(found.x)
+        lifted, pull = _lifted(told, after, others)
+        # With e = 1 there is no end: of that one flight is told.
+        left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
+        lasting[lifted], ended[lifted] = 2 * told.speeds[lifted] / (pull * left), True
+    impulses = np.zeros(e.size)
+    impulses[near] = found.of_contacts
+    struck = approaching.copy()
+    others = near[(found.of_contacts > 0) & ~struck[near]]
+    if others.size:
+        struck[others] = impulses[others] > here.slow[others] / here.squares(others)
+    rows = np.concatenate([np.arange(found.of_equalities.size), found.of_equalities.size + near])
+    shared = tuple(rows[~found.unique].tolist())
+    return Blow(found.x, onward.x, found.of_equalities, impulses, struck, ended, lasting, shared)
+
+
+def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
+    """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
+    try:
+        if near.size == 1 and here.is_lean:
+            j = int(near[0])
+            single = impact_law.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
+            if single is not None:
+                return single
+        few = here.few(near)
+        if few is not None and near.size > 1:
+            # The general law knows what energy is at hand, of which rounding is a part.
+            with contextlib.suppress(impact_law.EnergyCreated):
+                found = few.impact(here.state.v, here.speeds[near], e[near], here.terms(near))
+                if found is not None:
+                    return found
+        B, b, _ = here.equalities
+        contacts = here.gradients(near), here.g_t[near], e[near]
+        return impact_law.impact(here.metric, here.state.v, (B, b), contacts)
+    except impact_law.LawError as error:
+        raise ContactsUndecided(str(error), near[list(error.contacts)]) from None
+
+
+def _require_gradients(here: ContactInstant, contacts: Numbers) -> None:
+    without = contacts[~here.has_gradient[contacts]]
+    if without.size:
+        raise ContactsUndecided("there is no gradient where the contact closes", without)
+
+
+def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Numbers, Floats]:
+    """Contacts that rebound and are pressed so that they rise no higher than rounding, and -d2g/dt2 of them."""
+    speeds = after.speeds[near]
+    bouncing = near[(speeds > 0) & (e[near] > 0) & (e[near] < ELASTIC)]
+    if bouncing.size:
+        # They rise at most as their largest acceleration lets them: most are told at once.
+        bouncing = bouncing[_is_low(after, bouncing, after.pull[bouncing])]
+    if not bouncing.size:
+        return bouncing, np.zeros(0)
+    lying = after.near & (np.abs(after.speeds) <= after.slow)
+    lying[bouncing] = False
+    pull = -pressing(after, lying).accelerations[bouncing]
+    small = (pull > 0) & _is_low(after, bouncing, pull)
+    return bouncing[small], pull[small]
+
+
+def _lifted(told: ContactInstant, after: ContactInstant, among: Numbers) -> tuple[Numbers, Floats]:
+    """Contacts that part by the law, `told`, but stay closed without the rebounds that are left out, `after`, and
+    -d2g/dt2 of them, which presses: those that an impact of others lifts too slowly, or by such a rebound."""
+    speeds = told.speeds[among]
+    lifted = among[speeds > 0]
+    if lifted.size:
+        is_slow = np.abs(after.speeds[lifted]) <= after.slow[lifted]
+        lifted = lifted[is_slow & (told.speeds[lifted] > told.creeping[lifted])]
+    if not lifted.size:
+        return lifted, np.zeros(0)
+    rests = after.near & (np.abs(after.speeds) <= after.slow)
+    rests[lifted] = False
+    pull = -pressing(after, rests).accelerations[lifted]
+    return lifted[pull > 0], pull[pull > 0]
+
+
+def _is_low(after: ContactInstant, bouncing: Numbers, pull: Floats) -> Flags:
+    """Contacts that rise no higher than rounding under a pull (k,), or so slowly that they count as closed."""
+    speeds = after.speeds[bouncing]
+    return np.asarray((speeds**2 <= 2 * pull * after.lowest[bouncing]) | (speeds <= after.slow[bouncing]))
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Pressing:
+    """Accelerations x (n,), d2g/dt2 of all contacts (K,), and those that are closed and press."""
+
+    x: Floats
+    accelerations: Floats
+    closed: tuple[int, ...]
+
+
+def pressing(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> Pressing:
+    """The forces of contacts that are closed and neither approach nor part: 0 <= lambda ⊥ d2g/dt2 >= 0.
+
+    sunk (K,): contacts that creep in: they press with any force, and where nothing takes them out.
+    Raises `ContactsUndecided`.
+    """
+    numbers = np.flatnonzero(among)
+    _require_gradients(here, numbers)
+    few = _pressing_few(here, numbers, sunk)
+    if few is not None:
+        return few
+    B, _, gamma = here.equalities
+    try:
+        found = impact_law.forces(
+            here.metric, here.force, (B, gamma), (here.gradients(numbers), here.gamma[numbers])
+        )
+    except impact_law.LawError as error:
+        raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
+    return _pressed(here, numbers, (found.x, found.of_contacts), sunk)
+
+
+def _pressing_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -> Pressing | None:
+    """That for few contacts, by formulas; None where rounding is too large for them."""
+    few = here.few(numbers)
+    if few is None:
+        return None
+    free = here.open_acceleration
+    c = here.changes(free) - here.gamma
+    rounding = SAFE * EPS * (here.sizes_of_changes(free) + np.abs(here.gamma))
+    z = few.solve(c[numbers], rounding[numbers])
+    return None if z is None else _pressed(here, numbers, (few.moved(free, z), z), sunk)
+
+
+def _pressed(
+    here: ContactInstant, numbers: Numbers, found: tuple[Floats, Floats], sunk: Flags | None
+) -> Pressing:
+    """Those that press, of accelerations (n,) and forces of contacts (k,)."""
+    x, forces = found
+    accelerations = here.changes(x) - here.gamma
+    presses = forces > here.least_forces(numbers, x)
+    if sunk is not None:
+        # Within a step nothing takes it out again.
+        none = accelerations * here.span**2 <= here.nearness
+        presses |= sunk[numbers] & ((forces > 0.0) | none[numbers])
+    return Pressing(x, accelerations, tuple(numbers[presses].tolist()))

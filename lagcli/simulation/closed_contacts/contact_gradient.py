@@ -1,0 +1,108 @@
+"""Gradients of contacts: where one vanishes or jumps it tells no direction of the push."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+
+import numpy as np
+
+from lagcli.compiled import NumericSystem
+from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
+from lagcli.start.initial import State
+
+# A gradient that has fallen to this part of what it was a step before is looked at.
+FALLEN = 1e-3
+# How far aside is looked, as a part of the size of the motion, and as many times the way to the zero of the gap: the
+# zero of a power of a distance is as far away as its root is known.
+ASIDE, TIMES = 1e-10, 10.0
+# Of a gap whose gradient does not vanish the change there is known to this part.
+OFF = 0.5
+# Two sides of a jump are so many times what counts as closed apart, and looked at again this much farther off; a
+# gradient jumps by this part of itself, and does not draw near with the distance.
+CLOSED, FARTHER, JUMP, STAYS = 10.0, 100.0, 1e-3, 0.1
+PAIRS = 3
+# How far before and behind a state the edge is looked for that it could not pass, as parts of its size.
+NEAR, FAR = 1e-6, 1e-4
+
+
+def require(here: ContactInstant, fallen: Flags, kinked: Flags) -> None:
+    """Raise `ContactsUndecided` for a contact that is closed and has no gradient to push along, (K,): one of those
+    that have `fallen`, which vanishes, or one that is `kinked` by its expression, and jumps."""
+    vanishing = [j for j in np.flatnonzero(fallen & here.has_gradient).tolist() if _vanishes(here, j)]
+    if vanishing:
+        raise ContactsUndecided(
+            "the gradient vanishes where the contact closes, so that it tells no direction of the push (write the"
+            " condition with a slope at its surface, as `x >= 0` in place of `x**3 >= 0`)",
+            vanishing,
+        )
+    jumping = [j for j in np.flatnonzero(here.near & kinked & here.has_gradient).tolist() if _jumps(here, j)]
+    if jumping:
+        raise ContactsUndecided(
+            "the gradient jumps where the contact closes: at an edge or in a corner one condition has no single"
+            " direction of the push (declare each side as an inequality of its own)",
+            jumping,
+        )
+
+
+def edges(numeric: NumericSystem, state: State, kinked: Flags, span: float) -> tuple[int, ...]:
+    """The rows of closed contacts whose gradients jump a little before or after a state, on the way of its motion;
+    span: the time that the motion has gone on."""
+    first = numeric.selection.count - kinked.size
+    closed = [i for i in numeric.closed_rows if kinked[i - first]]
+    speed = float(np.abs(state.v).max(initial=0.0))
+    if not closed or not speed > 0:
+        return ()
+    step = max(float(np.abs(state.q).max(initial=0.0)) / speed, span)
+
+    def change(part: float) -> Floats:
+        sides = (
+            np.array(numeric.contacts(state.t + h, state.q + h * state.v, state.v, state.p)[1])
+            for h in (-part * step, part * step)
+        )
+        one, other = (G[[i - first for i in closed]] for G in sides)
+        return np.asarray(np.abs(other - one).max(axis=1) / (1e-300 + np.abs(one).max(axis=1)))
+
+    near, far = change(NEAR), change(FAR)
+    return tuple(i for i, jumps in zip(closed, (near > JUMP) & (near > STAYS * far), strict=True) if jumps)
+
+
+def fallen(here: ContactInstant, extents: Floats, contacts: Iterable[int]) -> Flags:
+    """Those of some contacts whose gradients are far smaller than they were, (K,); extents (K,): as `lowest`, of the
+    step before; zero where nothing is known of it."""
+    found = np.zeros(here.g.size, dtype=bool)
+    found[list(contacts)] = True
+    return np.asarray(found & (here.lowest <= FALLEN * extents))
+
+
+def _vanishes(here: ContactInstant, contact: int) -> bool:
+    """True if a gap changes far from its gradient where its zero may be."""
+    way, slope = here.direction(contact)
+    if not slope > 0:
+        return True
+    size = here.size or 1.0
+    aside = max(TIMES * abs(float(here.g[contact])) / slope, ASIDE * size)
+    changes = [float(_displaced(here, part * way).g[contact] - here.g[contact]) for part in (aside, -aside)]
+    off = [abs(change / (part * slope) - 1.0) for change, part in zip(changes, (aside, -aside), strict=True)]
+    return max(off) > OFF
+
+
+def _jumps(here: ContactInstant, contact: int) -> bool:
+    """True if a gradient has another value on another side of the place, however near."""
+    slope, own = here.direction(contact)[1], here.entries(contact)
+    if not slope > 0:
+        return False
+    random, aside = np.random.default_rng(0), CLOSED * float(here.nearness[contact]) / slope
+    near = far = 0.0
+    for _ in range(PAIRS):
+        way = random.standard_normal(here.units.size) * here.units
+        for part in (aside, -aside):
+            sides = (_displaced(here, times * part * way).entries(contact) for times in (1.0, FARTHER))
+            changes = [float(np.abs(side - own).max(initial=0.0)) for side in sides]
+            near, far = max(near, changes[0]), max(far, changes[1])
+    return near > JUMP * (float(np.abs(own).max(initial=0.0)) + far) and near > STAYS * far
+
+
+def _displaced(here: ContactInstant, way: Floats) -> ContactInstant:
+    return here.at(dataclasses.replace(here.state, q=here.state.q + way))

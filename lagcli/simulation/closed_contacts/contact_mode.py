@@ -1,0 +1,164 @@
+"""The rows that act while some contacts are closed."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from lagcli.compiled import NumericSystem
+from lagcli.compiled.selection import Selection
+from lagcli.linear import independent_rows
+from lagcli.linear.metric_rows import MetricRows
+from lagcli.simulation.closed_contacts import contact_ahead, contact_change
+from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, Pressing
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
+
+# Sets of contacts that are tried, where not all that are closed can stay so.
+MOST_TRIED = 256
+# Accelerations that differ by less than this part of them are the same.
+SAME = 1e-9
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ContactMode:
+    """The selection of rows with contacts closed, and the contacts that press."""
+
+    selection: Selection
+    closed: tuple[int, ...]
+
+
+def selection(open_: Selection, here: ContactInstant, closed: Sequence[int], rows: int) -> Selection:
+    """The selection with these contacts closed, as `mode`."""
+    return _ModeChoice(open_, here, rows).of(closed)
+
+
+def mode(
+    open_: Selection, here: ContactInstant, found: Pressing, level: Sequence[int], rows: int
+) -> ContactMode:
+    """The rows that act after an instant; open_: the selection without contacts; rows: C, the number of equality rows;
+    level: contacts that are closed and do not part, those that press among them.
+
+    A contact whose row depends on those before it shares their forces as any redundant row does, as long as it stays
+    closed with them. Where they are dependent at the instant alone, those are held that keep the others from closing.
+    Raises `ContactsUndecided`.
+    """
+    choice = _ModeChoice(open_, here, rows)
+    closed = found.closed
+    if here.few(np.array(sorted(level), dtype=np.intp)) is not None:
+        # Rows that stand well apart are independent.
+        return ContactMode(choice.independent(closed), closed)
+    chosen = choice.of(closed)
+    others = [j for j in level if j not in set(closed)]
+    idle = choice.following(chosen, others)
+    shared = {i - rows for circuit in (*chosen.circuits, *idle) for i in circuit if i >= rows}
+    if not shared:
+        return ContactMode(chosen, closed)
+    ahead = contact_ahead.gaps(here, found.x, [i - rows for i in chosen.kept if i >= rows])
+    apart = {j for j in shared if not ahead.stays[j]}
+    if apart & set(closed) or ahead.is_violated[list(apart)].any():
+        return choice.tried(found, sorted({*closed, *shared}))
+    return ContactMode(
+        dataclasses.replace(
+            chosen, idle=tuple(circuit for circuit in idle if circuit[0] - rows not in apart)
+        ),
+        closed,
+    )
+
+
+class _ModeChoice:
+    """Rows to be chosen among contacts at an instant."""
+
+    def __init__(self, open_: Selection, here: ContactInstant, rows: int) -> None:
+        self._open, self._here, self._rows = open_, here, rows
+
+    def of(self, closed: Sequence[int]) -> Selection:
+        """The selection with these contacts closed, dependent ones as circuits."""
+        open_, rows = self._open, self._rows
+        contacts = range(rows, open_.count)
+        if not closed or self._here.few(np.array(sorted(closed), dtype=np.intp)) is not None:
+            return self.independent(closed)
+        numbers = [*open_.kept, *(rows + j for j in sorted(closed))]
+        found = self._metric_rows(list(open_.kept), sorted(closed))
+        kept = list(range(len(open_.kept)))
+        if found.are_independent:
+            kept = list(range(len(numbers)))
+        else:
+            for place in range(len(open_.kept), len(numbers)):
+                if found.take([*kept, place]).are_independent:
+                    kept.append(place)
+        circuits = independent_rows.over(found, tuple(kept)).selection.circuits
+        shared = tuple(tuple(numbers[k] for k in circuit) for circuit in circuits)
+        inactive = tuple(i for i in contacts if i not in set(numbers))
+        return Selection(tuple(numbers[k] for k in kept), (*open_.circuits, *shared), inactive)
+
+    def independent(self, closed: Sequence[int]) -> Selection:
+        """The selection with these contacts closed, whose rows depend on no others."""
+        open_, numbers = self._open, [self._rows + j for j in sorted(closed)]
+        inactive = tuple(i for i in range(self._rows, open_.count) if i not in set(numbers))
+        return Selection((*open_.kept, *numbers), open_.circuits, inactive)
+
+    def following(self, chosen: Selection, contacts: Sequence[int]) -> tuple[tuple[int, ...], ...]:
+        """Of some contacts those whose rows depend on the rows kept, each with these."""
+        rows = self._rows
+        held = [i - rows for i in chosen.kept if i >= rows]
+        if not contacts or not chosen.kept:
+            return ()
+        equalities = [i for i in chosen.kept if i < rows]
+        kept, found = range(len(chosen.kept)), []
+        for j in contacts:
+            together = self._metric_rows(equalities, [*held, j])
+            if self._here.has_gradient[j] and not together.are_independent:
+                circuit = independent_rows.over(together, tuple(kept)).selection.circuits[0]
+                found.append((rows + j, *(chosen.kept[k] for k in circuit[1:])))
+        return tuple(found)
+
+    def tried(self, found: Pressing, contacts: Sequence[int]) -> ContactMode:
+        """The rows of the fewest contacts that carry what the pressing ones do and keep the others from closing."""
+        here = self._here
+        among = np.zeros(here.g.size, dtype=bool)
+        size = np.abs(found.x) + np.abs(here.free_acceleration)
+        sets = itertools.chain.from_iterable(
+            itertools.combinations(contacts, count) for count in range(1, len(contacts) + 1)
+        )
+        for held in itertools.islice(sets, MOST_TRIED):
+            among[:] = False
+            among[list(held)] = True
+            try:
+                alone = contact_change.pressing(here, among)
+            except ContactsUndecided:
+                continue
+            if alone.closed != held or (np.abs(alone.x - found.x) > SAME * size.max()).any():
+                continue
+            ahead = contact_ahead.gaps(here, found.x, held)
+            if ahead.is_violated[list(contacts)].any():
+                continue
+            return self._with(held, [j for j in contacts if ahead.stays[j] and j not in held])
+        raise ContactsUndecided(
+            "the gradients of closed contacts depend on one another at this instant alone, and none of them keep the"
+            " others from closing",
+            contacts,
+        )
+
+    def _with(self, held: tuple[int, ...], others: list[int]) -> ContactMode:
+        """The mode with contacts held, and others that stay closed with them: they share the load."""
+        among = np.zeros(self._here.g.size, dtype=bool)
+        among[[*held, *others]] = True
+        closed = contact_change.pressing(self._here, among).closed
+        chosen = self.of(closed)
+        return ContactMode(
+            dataclasses.replace(
+                chosen, idle=self.following(chosen, [j for j in (*held, *others) if j not in closed])
+            ),
+            closed,
+        )
+
+    def _metric_rows(self, equalities: list[int], contacts: list[int]) -> MetricRows:
+        return MetricRows(self._here.rows_of(equalities, contacts), self._here.metric)
+
+
+def closed_in(numeric: NumericSystem, rows: int) -> tuple[int, ...]:
+    """The contacts that press, by their numbers among contacts."""
+    return tuple(i - rows for i in numeric.closed_rows)

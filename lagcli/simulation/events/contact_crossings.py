@@ -1,0 +1,71 @@
+"""Incidents of contacts close to singular configurations: looked for ahead, and refused where rounding decides."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.run_stop import StepFailure
+from lagcli.simulation.singularity import singular_point
+from lagcli.simulation.singularity.singularity_monitor import NARROW, NEVER, SingularityMonitor
+from lagcli.simulation.stepping.stepper import Stepper
+
+Floats = npt.NDArray[np.float64]
+
+# Rows that are closer to dependent ones than this amplify rounding.
+NEAR = 1e-2
+# So close the law of impact may take them for dependent, and they then change the velocities that it gives by more
+# than this part.
+DEPENDENT, KEPT = 3e-5, 1e-5
+# By this part of a step ahead it is seen whether rows come closer to dependent ones.
+BESIDE = 1e-4
+
+
+def is_near(run: Stepper) -> bool:
+    """True where rows are close to dependent ones."""
+    return run.watch.nearness[0] < NEAR
+
+
+def foresee(run: Stepper) -> None:
+    """Look at singular configurations ahead: what was seen before an incident belongs to another motion, and the first
+    step from here may lead across one."""
+    bound = run.bound
+    run.watch, run.foreseen = SingularityMonitor(), NEVER
+    if not bound.numeric.selection.kept:
+        return
+    outcome = bound.land.results[2]
+    run.watch.foreseen(run.t, float(outcome[1]), float(outcome[2]))
+    if not run.watch.nearness[0] < NARROW:
+        return
+    aside = BESIDE * run.control.step
+    _, _, outcome, *_ = bound.landed_at(run.t + aside, bound.y + aside * bound.k)
+    run.account.evaluations += 1
+    found = run.watch.foreseen(run.t + aside, float(outcome[1]), float(outcome[2]))
+    if found.is_any:
+        run.foreseen = found._replace(step=run.control.step)
+
+
+def require_landed(run: Stepper, wanted: Floats, before: Floats) -> None:
+    """Raise `StepFailure` where the rows do not let the run go on with the velocities after an impact (n,)."""
+    if not run.watch.nearness[0] < DEPENDENT:
+        return
+    n, y = wanted.size, run.bound.y
+    sizes = run.bound.numeric.sizes(run.origin + run.t, y[:n], y[n : 2 * n], run.bound.held.p)
+    units = np.array(sizes).ravel()[:n]
+    off = float(np.abs((y[n : 2 * n] - wanted) / units).max(initial=0.0))
+    size = float(np.abs(np.stack([wanted, before]) / units).max(initial=0.0))
+    if off > KEPT * size:
+        raise stop(run, "an impact of which the velocities are not determined")
+
+
+def stop(run: Stepper, what: str) -> StepFailure:
+    """The reason to stop where rows are so close to dependent ones that rounding is amplified."""
+    rows = singular_point.closest(run.bound.numeric, run.state_at(run.t, run.bound.y), False)
+    system = run.bound.held.integrals.system
+    names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows)
+    return StepFailure(
+        f"{what}: the rows {names} are within {run.watch.nearness[0]:.1g} of dependent ones there, a singular"
+        " configuration, at which rounding is amplified",
+        run_stop.SINGULAR,
+    )

@@ -1,0 +1,333 @@
+"""One-sided constraints and declared events as an `Event`: a step ends where a contact closes or would have to pull.
+
+The functions that are watched are the gaps of open contacts, the multipliers of closed ones and `when` of declared
+events. Where one crosses zero the step is taken again up to there, so that the instant has the accuracy of a step.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.contact import zero_search
+from lagcli.contact.zero_search import FirstCrossing
+from lagcli.simulation.events import event_zeros, step_again
+from lagcli.simulation.events.contact_changes import ContactChanges
+from lagcli.simulation.events.event import Event
+from lagcli.simulation.events.incident_log import InstantLines
+from lagcli.simulation.events.passage_watch import PassageWatch
+from lagcli.simulation.events.state_ahead import Ahead
+from lagcli.simulation.events.step_watch import StepWatch
+from lagcli.simulation.events.watch_functions import WatchFunctions
+from lagcli.simulation.events.watch_kinds import WatchKinds
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.run_stop import StepFailure
+from lagcli.simulation.scheme.work_integral import COARSE
+from lagcli.simulation.singularity.singularity_step import SingularStep
+from lagcli.simulation.stepping.stepper import Stepper
+
+Floats = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
+
+# Steps after an incident are at most so many times as long as the time from the one before it: what is watched in a
+# step has the scale of these times.
+LONGER = 16.0
+# The state by which contacts are judged that are released lies by this part of a step behind the instant; farther by
+# this factor each time that it does not decide.
+BEYOND, FARTHER = 1e-5, 4.0
+# Rounding of a declared function, as a part of its values at the ends of a step.
+NOISE = 64 * float(np.finfo(float).eps)
+# A step is shortened to this part at the least.
+LEAST = 1e-3
+
+
+class ContactEvent(Event):
+    """The zeros of the watched functions."""
+
+    looks_ahead: bool = True
+
+    def __init__(self, stepper: Stepper) -> None:
+        self._stepper = stepper
+        self._system = stepper.bound.held.integrals.system
+        self._changes = ContactChanges(stepper)
+        stepper.found.keeps_stages = True
+        self._functions: dict[object, WatchFunctions] = {}
+        self._kinds_of: dict[WatchFunctions, WatchKinds] = {}
+        self._watch: StepWatch | None = None
+        # Of the step that was found: functions that cross zero at its end, a state beyond it.
+        self._hits: tuple[int, ...] = ()
+        self._ahead: Ahead | None = None
+        # Numbers of declared events at the end of it, where no search ends it.
+        self._at_end: list[int] = []
+        # Numbers of declared events that are at zero at a switch, where they are decided.
+        self._touched: list[int] = []
+        # Declared events that cross zero in the step, with the rounding of their values.
+        self._crossed: dict[int, float] = {}
+        self._current()
+
+    @classmethod
+    def of(cls, stepper: Stepper) -> Self:
+        """See `Event`; `loop` asks for it where there are contacts or events alone."""
+        return cls(stepper)
+
+    def begin(self) -> None:
+        """See `Event`."""
+        run = self._stepper
+        if self._system.contacts.count:
+            self._changes.begin()
+        watch, at_zero = self._current(), ()
+        kinds = self._kinds(watch)
+        if kinds.has_events:
+            at_zero = kinds.numbers[(watch.begin() == 0) & (kinds.numbers >= kinds.first_event)].tolist()
+        run.contacts = dataclasses.replace(run.contacts, last=run.t, unarmed=tuple(at_zero))
+        run.settle()
+
+    def cut(self) -> None:
+        """See `Event`."""
+        run, found = self._stepper, self._stepper.found
+        self._hits, self._ahead, self._at_end, self._crossed = (), None, [], {}
+        if not found.is_open:
+            return
+        if found.is_still:
+            self._switch()
+            return
+        if found.passage is not None:
+            self._cross(found.passage)
+            return
+        watch = self._current()
+        ending = run.contacts.ending
+        limit = min(t for _, t in ending) if ending else math.inf
+        # What arrives at zero at the end of the run to rounding may look clear.
+        is_last = found.reached == run.grid.end and bool(self._system.model.events)
+        if watch.is_clear() and not run.contacts.unarmed and not is_last:
+            if limit <= found.reached:
+                self._end_series_at(limit)
+            elif watch.deepest > run.contacts.deepest:
+                run.contacts = dataclasses.replace(run.contacts, deepest=watch.deepest)
+                run.account.deepest = watch.deepest
+            return
+        run.make_dense()
+        self._hits = self._changes.sinking()
+        if self._hits:
+            self._ahead = Ahead(run, BEYOND * FARTHER**run.contacts.again)
+            self._act_here()
+            return
+        self._search(watch, (limit - run.t) / found.taken)
+        if not self._hits and limit <= found.reached:
+            self._end_series_at(limit)
+
+    def _switch(self) -> None:
+        """Look at what functions of t make jump at a switch: declared events, and walls, which may not."""
+        run, watch = self._stepper, self._current()
+        before, after = watch.begin(), watch.end(run.found.reached)
+        if self._system.contacts.count:
+            self._changes.require_open(watch.functions.open_, after)
+        E = self._system.event_values.numel()
+        if E:
+            sides = before[-E:], after[-E:]
+            crossed, touched = event_zeros.at_switch(watch, run, sides, self._changes.events.jumped)
+            self._at_end = sorted({*self._changes.events.jumped(*sides), *crossed})
+            self._touched = [self._kinds(watch).first_event + number for number in touched]
+
+    def _end_series_at(self, t: float) -> None:
+        """End the step at a time at which rebounds of a contact come to their end."""
+        step_again.up_to(self._stepper, t)
+        self._stepper.found.is_jump, self._stepper.found.barrier = True, None
+
+    def end(self) -> None:
+        """See `Event`."""
+        at_end, self._at_end = self._at_end, []
+        if at_end:
+            self._changes.events.tell(at_end)
+
+    def act(self) -> None:
+        """See `Event`."""
+        run = self._stepper
+        self.end()
+        hits, self._hits = self._hits, ()
+        crossed, self._crossed = self._crossed, {}
+        if hits:
+            self._changes.at(hits, self._ahead)
+        elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:
+            self._changes.end_series()
+        elif run.contacts.again or run.contacts.unarmed or self._touched:
+            run.contacts = dataclasses.replace(run.contacts, again=0, unarmed=tuple(self._touched))
+            self._touched = []
+        elif not crossed:
+            return
+        if crossed:
+            watch = self._current()
+            unarmed = {*run.contacts.unarmed, *event_zeros.still(watch, self._kinds(watch), crossed)}
+            run.contacts = dataclasses.replace(run.contacts, unarmed=tuple(sorted(unarmed)))
+        run.settle()
+
+    def _cross(self, passage: SingularStep) -> None:
+        """Look at the step across a singular configuration: it ends where a contact closes, or a stop event is."""
+        run, found, watch = self._stepper, self._stepper.found, self._current()
+        kinds, curve = self._kinds(watch), PassageWatch(watch.functions, run, passage)
+        # Multipliers have no value at the instant: there contacts are not released.
+        are_watched = kinds.is_event.copy()
+        are_watched[: len(watch.functions.open_)] = True
+        places = np.flatnonzero(are_watched)
+        noise = self._changes.noise(watch.functions, kinds.numbers.size)[places]
+        sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
+        rounding = np.maximum(NOISE * sizes, watch.rounding())[places]
+        noise[kinds.is_event[places]] = rounding[kinds.is_event[places]]
+        x, armed = 0.0, ~np.isin(kinds.numbers[places], run.contacts.unarmed)
+        while x < 1.0 and places.size:
+            crossing = self._crossing(curve, places, (x, 1.0), (noise, kinds.direction[places], armed))
+            if crossing.x is None:
+                break
+            x += crossing.x * (1.0 - x)
+            rows = places[list(crossing.rows)]
+            if not kinds.records[rows].all():
+                self._hits, self._ahead = tuple(kinds.numbers[rows].tolist()), None
+                if not curve.end_at(x):
+                    raise StepFailure(
+                        "a contact closes where a singular configuration is passed", run_stop.CONTACT
+                    )
+                break
+            armed = np.ones(places.size, dtype=bool)
+            armed[list(crossing.rows)] = False
+            for place in rows.tolist():
+                found.within.append(curve.event(x, kinds.names[place], self._changes.log))
+
+    def _current(self) -> StepWatch:
+        run = self._stepper
+        if self._watch is None or not self._watch.is_of(run):
+            selection = run.bound.held.integrals.selection, run.bound.held.levels
+            if selection not in self._functions:
+                count = len(self._system.rows.rows), self._system.contacts.count
+                self._functions[selection] = WatchFunctions(run.bound.numeric, run.method, count)
+            self._watch = StepWatch(self._functions[selection], run)
+        return self._watch
+
+    def _kinds(self, watch: StepWatch) -> WatchKinds:
+        functions = watch.functions
+        if functions not in self._kinds_of:
+            self._kinds_of[functions] = WatchKinds(self._system, functions.open_, functions.held)
+        return self._kinds_of[functions]
+
+    def _search(self, watch: StepWatch, limit: float) -> None:
+        """Find the first incident that ends the step, and the events before it that are recorded."""
+        run, found, kinds = self._stepper, self._stepper.found, self._kinds(watch)
+        places = watch.doubtful()
+        is_last = found.reached == run.grid.end
+        if is_last and kinds.has_events:
+            places = np.union1d(places, np.flatnonzero(kinds.is_event))
+        noise = self._changes.noise(watch.functions, kinds.numbers.size)[places]
+        numbers = kinds.numbers[places]
+        limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
+        if not places.size:
+            return
+        if kinds.is_event[places].any():
+            begin, end = (np.abs(watch.inside(x)[0]) for x in (0.0, limit))
+            sizes, is_event = np.maximum(begin, end), kinds.is_event[places]
+            # A function may grow beyond all bounds within the step, whose rounding says nothing of its zeros.
+            rounding = np.maximum(NOISE * np.minimum(begin, end), watch.rounding())
+            noise[is_event] = rounding[places][is_event]
+            told = self._changes.events
+            told.sizes, told.rounding = sizes[kinds.is_event], rounding[kinds.is_event]
+        turned = kinds.direction[places] if kinds.has_events else zero_search.DOWN
+        unarmed = run.contacts.unarmed
+        armed: npt.NDArray[np.bool_] | bool = ~np.isin(numbers, unarmed) if unarmed else True
+        x = 0.0
+        while x < limit:
+            crossing = self._crossing(watch, places, (x, limit), (noise, turned, armed))
+            if crossing.unresolved:
+                self._shorten(x + crossing.clear * (limit - x))
+                return
+            if crossing.x is None:
+                if limit == 1.0 and is_last:
+                    self._at_end = event_zeros.arriving(watch, run, kinds, self._system.model.events)
+                return
+            x += crossing.x * (limit - x)
+            rows = list(crossing.rows)
+            self._crossed |= event_zeros.crossed(watch, run, x, (places[rows], noise[rows]), kinds)
+            if not kinds.records[places[rows]].all():
+                self._end_at(watch, x, places[rows], kinds)
+                return
+            if run.t + x * found.taken > run.grid.end + event_zeros.AT_END * math.ulp(run.grid.end):
+                # Of a look beyond the end: what is recorded there is nothing to this run, however much it is.
+                return
+            armed = np.ones(places.size, dtype=bool)
+            armed[rows] = False
+            found.within += [
+                self._event(watch, x, place, kinds.names[place]) for place in places[rows].tolist()
+            ]
+
+    def _crossing(
+        self,
+        watch: StepWatch | PassageWatch,
+        places: Places,
+        span: tuple[float, float],
+        asked: tuple[Floats, npt.ArrayLike, npt.ArrayLike],
+    ) -> FirstCrossing:
+        """The first of some functions to cross; asked: noise, direction and armed as `zero_search` takes them."""
+        begin, width = span[0], span[1] - span[0]
+
+        def values(u: float) -> tuple[Floats, Floats]:
+            w, slope = watch.inside(begin + u * width)
+            return w[places], slope[places] * width
+
+        return zero_search.first_crossing(values, *asked)
+
+    def _shorten(self, x: float) -> None:
+        """End the step before what cannot be told apart in it."""
+        run, found = self._stepper, self._stepper.found
+        if x < LEAST:
+            raise StepFailure(self._changes.unresolved(), run_stop.CONTACT)
+        step_again.up_to(run, run.t + x * found.taken)
+        found.barrier, found.proposed = None, min(found.proposed, found.taken)
+
+    def _event(self, watch: StepWatch, x: float, place: int, name: str) -> Incident:
+        t, state = event_zeros.within(watch, self._stepper, x, place)
+        line = self._changes.log.line_of(t, state)
+        return self._changes.log.incident(t, "event", name, InstantLines(line, line))
+
+    def _act_here(self) -> None:
+        """Give up the step, for what it meets is where the run stands."""
+        run = self._stepper
+        run.found.is_open = False
+        run.account.steps -= 1
+        run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
+        self.act()
+
+    def _end_at(self, watch: StepWatch, x: float, rows: Places, kinds: WatchKinds) -> None:
+        """End the step where watched functions cross zero."""
+        run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
+        taken = found.taken
+        slopes = watch.inside(x)[1][rows] / taken
+        self._ahead = Ahead(run, min(1.0, x + BEYOND * FARTHER**run.contacts.again))
+        self._hits = tuple(kinds.numbers[rows].tolist())
+        found.barrier = None
+        steepest = int(np.argmax(np.abs(slopes)))
+        place, slope = int(rows[steepest]), float(slopes[steepest])
+        tau, best = float(x) * taken, math.inf
+        for _ in range(event_zeros.REFINED):
+            reached = run.t + tau
+            if not reached > run.t:
+                self._act_here()
+                return
+            step_again.up_to(run, reached)
+            left = float(watch.end(reached)[place])
+            if not abs(left) < best / 2 or slope == 0:
+                break
+            best = abs(left)
+            correction = left / slope
+            if abs(correction) <= 2 * math.ulp(reached) or abs(correction) > 0.1 * tau:
+                break
+            tau -= correction
+        end = run.grid.end
+        if found.reached != end and abs(found.reached - end) <= event_zeros.AT_END * math.ulp(end):
+            # It is at the end of the run, to rounding.
+            step_again.up_to(run, end)
+        if bound.outcome[7] > COARSE and run.account.is_balanced:
+            run.find_work(found.taken)
+        found.is_jump = True
+        found.proposed = min(found.proposed, LONGER * (found.reached - run.contacts.last))

@@ -1,0 +1,38 @@
+"""The protocol of events that a run may meet."""
+
+from __future__ import annotations
+
+from typing import Protocol, Self
+
+from lagcli.simulation.stepping.stepper import Stepper
+
+
+class Event(Protocol):
+    """A thing that ordinary steps do not lead over. It is asked before each step and after it; by default it has
+    nothing to say."""
+
+    # True where steps are looked at beyond the end of the run, so that what happens before it does not depend on it.
+    looks_ahead: bool = False
+
+    @classmethod
+    def of(cls, stepper: Stepper) -> Self | None:
+        """That of a run; None where it cannot occur."""
+
+    def passes(self) -> bool:
+        """Find a step that leads over it where it is due; False where an ordinary step is to be found.
+
+        Raises `StepFailure` where the motion does not go on.
+        """
+        return False
+
+    def cut(self) -> None:
+        """End the step just found, whichever found it, where the motion does not go on in it."""
+
+    def begin(self) -> None:
+        """Act on the start of a run."""
+
+    def end(self) -> None:
+        """Tell of what the last step holds, where the run ends with it."""
+
+    def act(self) -> None:
+        """Act on the state that a step has led to, once it is accepted."""

@@ -1,0 +1,114 @@
+"""Zeros of declared events: within a step, at a switch of a function of t, at the end of the run, and where something
+else ends the step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.contact import zero_search
+from lagcli.model.model import DeclaredEvent
+from lagcli.simulation.events.step_watch import StepWatch
+from lagcli.simulation.events.watch_kinds import WatchKinds
+from lagcli.simulation.stepping.stepper import Stepper
+
+Floats = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
+
+# So many times its rounding from zero on both sides of a switch a declared function is at zero there; whether it
+# crosses, values tell by this part of a step farther off.
+TOUCHED, ASIDE = 4.0, 1e-5
+# Newton steps for an instant.
+REFINED = 4
+# An event may be told so many roundings of the time away from its zero.
+IN_TIME = 4.0
+# Roundings of time within which an incident is at the end of the run.
+AT_END = 8.0
+
+
+def at_switch(
+    watch: StepWatch,
+    run: Stepper,
+    sides: tuple[Floats, Floats],
+    jumped: Callable[[Floats, Floats], list[int]],
+) -> tuple[list[int], list[int]]:
+    """The events that cross zero, of those that are at zero on both sides, and all these, by their numbers.
+
+    The next step would see no more than on which side rounding has put them. sides: values (E,) before and after;
+    jumped: as `EventValues.jumped`.
+    """
+    before, after = sides
+    E = before.size
+    rounding, values = watch.rounding()[-E:], np.maximum(np.abs(before), np.abs(after))
+    at_zero = np.flatnonzero(values <= TOUCHED * rounding)
+    if not at_zero.size:
+        return [], []
+    aside = ASIDE * min(run.control.step, run.grid.end - run.grid.start)
+    beside = watch.beside(run.found.reached, aside)[:, -E:]
+    # At a pole there is nothing but rounding, and it shrinks with the distance.
+    found = at_zero[(values <= np.abs(beside).max(axis=0))[at_zero]].tolist()
+    crosses = jumped(*np.where(np.abs(beside) <= TOUCHED * rounding, 0.0, beside))
+    return [number for number in crosses if number in found], found
+
+
+def arriving(watch: StepWatch, run: Stepper, kinds: WatchKinds, events: Sequence[DeclaredEvent]) -> list[int]:
+    """The events, by their numbers, that go through zero at the end of the run, to rounding of its time."""
+    found = run.found
+    begin = watch.inside(0.0)[0].copy()
+    end, slope = watch.inside(1.0)
+    room = np.abs(slope) / found.taken * AT_END * math.ulp(found.reached)
+    arrives = (np.abs(end) <= room) & (begin * slope < 0) & (np.abs(begin) > room)
+    arrives &= (kinds.direction == zero_search.BOTH) | (np.sign(slope) == kinds.direction)
+    last = run.origin + found.reached - AT_END * math.ulp(found.reached)
+    told = {incident.name for incident in found.within if incident.t >= last}
+    numbers = kinds.numbers - kinds.first_event
+    return [int(e) for e in numbers[arrives] if e >= 0 and events[e].name not in told]
+
+
+def within(watch: StepWatch, run: Stepper, x: float, place: int) -> tuple[float, Floats]:
+    """The time of a zero of a watched function within a step, by its place among them, and the state there: from the
+    part x of the step on, by a step of its own up to there."""
+    found, bound = run.found, run.bound
+    step = bound.held.functions.scheme(run.method).step
+    _, _, y, k, tolerance, p = bound.step.arguments
+    slope = float(watch.inside(x)[1][place]) / found.taken
+    tau, best = x * found.taken, math.inf
+    for _ in range(REFINED):
+        state = np.array(step(run.t, tau, y, k, tolerance, p)[0]).ravel()
+        run.account.evaluations += run.method.evaluations
+        values = watch.functions.watched(run.origin + run.t + tau, state, p)
+        left = float(np.array(values).ravel()[place])
+        if not abs(left) < best / 2 or slope == 0:
+            break
+        best = abs(left)
+        correction = left / slope
+        if abs(correction) <= 2 * math.ulp(run.t + tau) or not 0 < tau - correction < found.taken:
+            break
+        tau -= correction
+    return run.t + tau, state
+
+
+def crossed(
+    watch: StepWatch, run: Stepper, x: float, crossing: tuple[Places, Floats], kinds: WatchKinds
+) -> dict[int, float]:
+    """The declared events, by their numbers, among functions that cross zero at the part x of a step, with what their
+    values there may be: their noise, and what the rounding of the time makes. crossing: places and noise (k,)."""
+    places, noise = crossing
+    chosen = kinds.is_event[places]
+    if not chosen.any():
+        return {}
+    slopes = np.abs(watch.inside(x)[1][places]) / run.found.taken
+    known = noise + IN_TIME * math.ulp(run.t + run.found.taken) * slopes
+    return dict(zip(kinds.numbers[places[chosen]].tolist(), known[chosen].tolist(), strict=True))
+
+
+def still(watch: StepWatch, kinds: WatchKinds, known: dict[int, float]) -> list[int]:
+    """Of events that have `crossed` those that are at zero where the run stands, as where an impact follows at once:
+    they do not cross there again."""
+    if not known:
+        return []
+    values = dict(zip(kinds.numbers.tolist(), np.abs(watch.begin()).tolist(), strict=True))
+    return [number for number, noise in known.items() if values[number] <= noise]

@@ -1,0 +1,60 @@
+"""The incidents of a run are made and told here, whatever finds them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.simulation.run_state.incident import Incident, Kind
+from lagcli.simulation.scheme import line_functions
+from lagcli.simulation.stepping.stepper import Stepper
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class InstantLines:
+    """Lines of the table before and after an instant, and the impulses of all constraints at it (C + K,)."""
+
+    before: Floats
+    after: Floats
+    impulses: Floats | None = None
+
+
+class IncidentLog:
+    """The incidents of one run."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self._run = stepper
+        self._rows = len(stepper.bound.held.integrals.system.multiplier_rows)
+
+    def line(self) -> Floats:
+        """The line of the state where the run stands, with time, figures and W."""
+        rows = self._run.rows
+        rows.at[0] = self._run.origin + self._run.t
+        rows.begin.trigger()
+        return rows.line.copy()
+
+    def line_of(self, t: float, y: Floats) -> Floats:
+        """The line of another state of the run (2n + 1,), at a time counted as its own."""
+        rows = self._run.rows
+        rows.at[0], rows.aside.arguments[1][:] = self._run.origin + t, y
+        rows.aside.trigger()
+        return rows.line.copy()
+
+    def incident(self, t: float, kind: Kind, name: str, sides: InstantLines) -> Incident:
+        """An incident at a time of the run, from whole lines."""
+        impulses = np.zeros(self._rows) if sides.impulses is None else sides.impulses
+        before, after = _columns(sides.before), _columns(sides.after)
+        return Incident(float(self._run.origin + t), kind, name, impulses, before, after)
+
+    def tell(self, kind: Kind, name: str, sides: InstantLines) -> None:
+        """Tell of an incident where the run stands."""
+        self._run.account.add(self.incident(self._run.t, kind, name, sides))
+
+
+def _columns(line: Floats) -> Floats:
+    """The columns of the table, of a line."""
+    return np.asarray(line[1 : -line_functions.BEYOND]) + 0.0

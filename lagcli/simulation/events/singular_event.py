@@ -1,0 +1,146 @@
+"""The passing of a singular configuration as an `Event`: a step across the one that is foreseen, or away from it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Self
+
+import numpy as np
+
+from lagcli.compiled.bound_function import BoundFunction
+from lagcli.compiled.selection import Selection
+from lagcli.simulation.events import passage_line
+from lagcli.simulation.events.event import Event
+from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
+from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.run_stop import SINGULAR, StepFailure
+from lagcli.simulation.scheme import collocation
+from lagcli.simulation.singularity import rank_dip, singularity_step
+from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
+from lagcli.simulation.singularity.singularity_step import Crossing
+from lagcli.simulation.stepping import stop_diagnosis
+from lagcli.simulation.stepping.stepper import LANDING, Stepper
+
+
+class SingularEvent(Event):
+    """A configuration at which rows become dependent."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self._stepper, self._log = stepper, IncidentLog(stepper)
+        # The crossing of the step that was found.
+        self._crossed: Crossing | None = None
+
+    @classmethod
+    def of(cls, stepper: Stepper) -> Self:
+        """See `Event`."""
+        return cls(stepper)
+
+    def passes(self) -> bool:
+        """See `Event`."""
+        run = self._stepper
+        foreseen = run.foreseen
+        if foreseen is NEVER or not foreseen.is_any:
+            return False
+        if foreseen.is_here:
+            self._leave()
+            return True
+        if not foreseen.is_near(run.t, run.control.step, run.tolerance[0]):
+            return False
+        if foreseen.angle > rank_dip.CERTAIN and self._is_dip():
+            return False
+        bound = run.bound
+        found = singularity_step.across(bound.numeric, bound.aside, self._point, foreseen)
+        run.count_aside()
+        if isinstance(found, Selection):
+            run.bind(bound.held.keeping(found))
+            run.watch, run.foreseen = SingularityMonitor(), NEVER
+        elif found is not None:
+            self._cross(found)
+        elif bound.held.is_any:
+            return self._pass_without_integrals()
+        return isinstance(found, Crossing)
+
+    def act(self) -> None:
+        """See `Event`."""
+        run, crossed = self._stepper, self._crossed
+        self._crossed = None
+        if crossed is not None and crossed.passage.instant > run.t:
+            # The step has ended before.
+            run.account.crossings = run.account.crossings[:-1]
+            run.watch, run.foreseen = SingularityMonitor(), NEVER
+            run.settle()
+
+    def _told(self, crossed: Crossing) -> list[Incident]:
+        """The incidents of a crossing, one for each row that takes part; none where the run begins."""
+        run, passage = self._stepper, crossed.passage
+        if passage.is_start:
+            return []
+        passage_line.put(run, passage, passage.instant)
+        names = [row.name for row in run.bound.held.integrals.system.multiplier_rows]
+        lines = InstantLines(run.rows.line.copy(), run.rows.line.copy())
+        rows = crossed.loss.participants
+        return [self._log.incident(passage.instant, "crossing", names[row], lines) for row in rows]
+
+    def _is_dip(self) -> bool:
+        """True if ordinary steps show that rows only come closer to dependent ones, and part again."""
+        run, bound, place = self._stepper, self._stepper.bound, self._stepper.foreseen.place
+
+        def square(h: float) -> float:
+            bound.h[0] = h
+            bound.step.trigger()
+            run.account.evaluations += run.method.evaluations
+            _, _, _, residual, *there, _, _ = bound.outcome
+            return there[place - 1] if residual <= LANDING else math.nan
+
+        return rank_dip.is_dip(square, run.watch.state[place], run.foreseen.instant - run.t)
+
+    def _pass_without_integrals(self) -> bool:
+        """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.
+
+        Those that hold beyond it are kept, else they are let go.
+        """
+        run, bound = self._stepper, self._stepper.bound
+        plain = bound.held.plain.functions.numeric
+        land = BoundFunction(plain.land, [np.zeros(1), np.zeros(bound.y.size), bound.held.p])
+        found = singularity_step.across(plain, land, self._point, run.foreseen)
+        run.account.evaluations += land.used
+        if not isinstance(found, Crossing):
+            return False
+        step = found.passage.step
+        reached, new = step.t + step.h, step.state(1.0)
+        if collocation.landed(bound.aside, reached, new) is not None:
+            self._cross(found)
+            return True
+        run.let_go(reached, new)
+        return self.passes()
+
+    def _leave(self) -> None:
+        """Take the first step from a singular configuration."""
+        run, bound = self._stepper, self._stepper.bound
+        found = singularity_step.away(bound.numeric, bound.aside, self._point, run.control.step)
+        run.count_aside()
+        if found is None:
+            raise StepFailure(stop_diagnosis.NO_BRANCH, SINGULAR)
+        self._cross(found)
+
+    @property
+    def _point(self) -> singularity_step.Point:
+        run, bound = self._stepper, self._stepper.bound
+        return singularity_step.Point(run.t, bound.y, bound.k, bound.held.p, run.tolerance)
+
+    def _cross(self, crossing: Crossing) -> None:
+        """Make a step across the step just found."""
+        run, bound = self._stepper, self._stepper.bound
+        step = crossing.passage.step
+        reached = step.t + step.h
+        landed, rate, outcome, _ = bound.landed_at(reached, step.state((reached - step.t) / step.h))
+        bound.new[:], bound.k_new[:] = landed, rate
+        run.foreseen = run.watch.foreseen(reached, outcome[1], outcome[2])
+        run.account.steps += 1
+        run.account.crossings += (dataclasses.replace(crossing.loss, t=run.origin + crossing.loss.t),)
+        self._crossed = crossing
+        found = run.found
+        found.is_open, found.passage = True, crossing.passage
+        found.reached, found.taken, found.proposed = reached, step.h, run.control.step
+        found.within += self._told(crossing)

@@ -1,0 +1,166 @@
+"""The watched functions on the step that a run has just found, bound to its arrays."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.bound_function import BoundFunction, cells
+from lagcli.simulation.events.watch_functions import WatchFunctions
+from lagcli.simulation.stepping.stepper import Stepper
+
+Floats = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.intp]
+
+# Of more functions than these no look is taken at all where some come near.
+MANY = 256
+# Rounding of the state: of each of its numbers so many times EPS, and of the size of the motion; of what it makes of
+# a function, the largest of some random samples, as many times.
+OF_EACH, OF_ALL, SAMPLES, TIMES = 16.0, 4.0, 4, 4.0
+EPS = float(np.finfo(float).eps)
+
+
+class StepWatch:
+    """w (W,) of `WatchFunctions` along a step."""
+
+    def __init__(self, functions: WatchFunctions, run: Stepper) -> None:
+        self.functions, self._run, self._bound = functions, run, run.bound
+        t, x = np.zeros(1), np.zeros(1)
+        self._at, self._place = t, x
+        self._t, self._x = cells(t), cells(x)
+        self._hull = None if functions.hull is None else BoundFunction(functions.hull, self._arguments)
+        self._floor = None if self._hull is None else cells(self._hull.results[0])
+        # Of each of many functions, above 0 where it has no zero in the step that was looked at.
+        self._near: Floats | None = None
+        # The largest -g at the end of the step that was looked at.
+        self.deepest, self._is_screened = 0.0, False
+
+    @property
+    def _arguments(self) -> list[Floats]:
+        bound = self._run.bound
+        _, h, y, k, _, _ = bound.step.arguments
+        return [self._at, h, y, k, bound.new, bound.k_new, bound.p]
+
+    @cached_property
+    def _screen(self) -> BoundFunction:
+        return BoundFunction(self.functions.screen, self._arguments)
+
+    @cached_property
+    def _inside(self) -> BoundFunction:
+        t, h, y, _, _, _, p = self._arguments
+        coefficients = self._run.rows.dense.results[0].T
+        return BoundFunction(self.functions.inside, [t, h, self._place, y, coefficients, p])
+
+    @cached_property
+    def _begin(self) -> BoundFunction:
+        return BoundFunction(self.functions.watched, [self._at, self._bound.y, self._bound.p])
+
+    @cached_property
+    def _end(self) -> BoundFunction:
+        return BoundFunction(self.functions.watched, [self._at, self._bound.new, self._bound.p])
+
+    @cached_property
+    def _aside(self) -> BoundFunction:
+        arguments = [np.zeros(1), self._bound.y.copy(), self._bound.p]
+        return BoundFunction(self.functions.watched, arguments)
+
+    @cached_property
+    def _sizes(self) -> BoundFunction:
+        numeric = self._bound.numeric
+        q, v = np.zeros(numeric.n), np.zeros(numeric.n)
+        p = self._bound.held.p[: numeric.sizes.numel_in(3)].copy()
+        return BoundFunction(numeric.sizes, [np.zeros(1), q, v, p])
+
+    def is_of(self, run: Stepper) -> bool:
+        """True as long as the run steps with the functions it did."""
+        return run.bound is self._bound
+
+    def is_clear(self) -> bool:
+        """True if no function has a zero in the step, as far as its ends tell."""
+        self._t[0] = self._run.origin + self._run.t
+        self.deepest, self._is_screened, self._near = 0.0, False, None
+        if self._hull is not None and self._floor is not None:
+            self._hull.trigger()
+            if self._floor[0] > 0.0:
+                return True
+            if len(self._floor) > MANY:
+                # Of so many few are near, and those are looked at one by one.
+                self._near = self._hull.results[0][1:]
+                return False
+        clear, self.deepest = self._screened[:2].tolist()
+        return bool(clear > 0.0)
+
+    def doubtful(self) -> Numbers:
+        """The functions that may have a zero in a step that was looked at."""
+        numbers = self._screened[2:] if self._near is None else self._near
+        return np.flatnonzero(~(numbers > 0.0))
+
+    @property
+    def _screened(self) -> Floats:
+        """The results of the screening of the step, made when they are first asked for."""
+        if not self._is_screened:
+            self._t[0] = self._run.origin + self._run.t
+            self._screen.trigger()
+            self._is_screened = True
+        return self._screen.results[0]
+
+    def inside(self, x: float) -> tuple[Floats, Floats]:
+        """w and dw/dx at the fraction x of the dense output, in memory that the next call overwrites."""
+        self._t[0], self._x[0] = self._run.origin + self._run.t, x
+        self._inside.trigger()
+        w, slope = self._inside.results
+        return w, slope
+
+    def begin(self) -> Floats:
+        """w where the run stands."""
+        self._t[0] = self._run.origin + self._run.t
+        self._begin.trigger()
+        return self._begin.results[0].copy()
+
+    def beside(self, t: float, aside: float) -> Floats:
+        """w (2, W) on the tangents of the motion: before where the run stands, and after the end of a step at t."""
+        run, bound, at = self._run, self._bound, self._aside
+        found = []
+        for sign, when, y, k in ((-1, run.t, bound.y, bound.k), (1, t, bound.new, bound.k_new)):
+            at.arguments[0][0], at.arguments[1][:] = run.origin + when + sign * aside, y + sign * aside * k
+            at.trigger()
+            found.append(at.results[0].copy())
+        return np.array(found)
+
+    def rounding(self) -> Floats:
+        """Rounding of w (W,) by that of the state, in the step that was found: the middle one of what it is at its
+        ends and between them, for it may be nothing at one place and grow beyond all bounds at another."""
+        run, bound = self._run, self._bound
+        begin, end = (run.t, bound.y), (run.found.reached, bound.new)
+        middle = (run.t + run.found.reached) / 2, (bound.y + bound.new) / 2
+        return np.median([self._rounding_at(*place) for place in (begin, middle, end)], axis=0)
+
+    def _rounding_at(self, when: float, y: Floats) -> Floats:
+        run, n = self._run, (y.size - 1) // 2
+        h, t = run.found.reached - run.t, run.origin + when
+        at, q, velocity, _ = self._sizes.arguments
+        at[0], q[:], velocity[:] = t, y[:n], y[n : 2 * n]
+        self._sizes.trigger()
+        sizes = self._sizes.results[0]
+        units, (q, v, a) = sizes[:n], sizes[n:].tolist()
+        speed = max(v, h * a)
+        room = EPS * OF_EACH * np.abs(y)
+        room[:n] += EPS * OF_ALL * units * max(q, h * speed)
+        room[n : 2 * n] += EPS * OF_ALL * units * speed
+        at, place, _ = self._aside.arguments
+        place[:], at[0] = y, t
+        self._aside.trigger()
+        here, found = self._aside.results[0].copy(), np.zeros(self._aside.results[0].size)
+        for signs in np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, y.size + 1)):
+            at[0], place[:] = t * (1.0 + EPS * OF_ALL * signs[-1]), y + room * signs[:-1]
+            self._aside.trigger()
+            found = np.fmax(found, np.abs(self._aside.results[0] - here))
+        return TIMES * found
+
+    def end(self, t: float) -> Floats:
+        """w at the end of the step, which is at t, in memory that the next call overwrites."""
+        self._t[0] = self._run.origin + t
+        self._end.trigger()
+        return self._end.results[0]

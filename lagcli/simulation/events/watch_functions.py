@@ -1,0 +1,181 @@
+"""The functions that are watched along a step: gaps of open contacts, multipliers of closed ones, declared events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from lagcli.compiled import NumericSystem
+from lagcli.contact.zero_bounds import WARY
+from lagcli.simulation.scheme import step_end
+from lagcli.simulation.scheme.method import Method
+from lagcli.simulation.scheme.step_end import Compiled
+
+LARGEST = float(np.finfo(float).max)
+# The hull of a step is made wider by this part of itself on all sides.
+WIDER = 1 / 16
+# Instructions of gaps up to which the functions made of them are written out in one graph.
+WRITTEN_OUT = 20_000
+# Places in a step at which the watched functions are looked at before its dense output is made; those within are no
+# fractions of a period.
+NODES = (0.0, 0.3819660112501051, 0.7071067811865476, 1.0)
+
+
+class WatchFunctions:
+    """Functions w (W,) for one set of closed contacts, in this order: g of the contacts `open_`, lambda of those
+    `closed`, -load of those that lie `idle`, `when` of the events."""
+
+    def __init__(self, numeric: NumericSystem, method: Method, count: tuple[int, int]) -> None:
+        C, K = count
+        self._numeric, self._method = numeric, method
+        self.closed = [i - C for i in numeric.closed_rows]
+        self.idle = [i - C for i in numeric.idle_rows]
+        self.held = [*self.closed, *self.idle]
+        self.open_ = sorted(set(range(K)) - set(self.held))
+        self._first = C
+        self._events = numeric.event_values.numel_out(0)
+
+    @cached_property
+    def watched(self) -> Compiled:
+        """watched(t, y, p) -> w (W,)."""
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
+        values = [self._numeric.gaps(t, y, p)[self.open_]] if self.open_ else []
+        if self.closed or self._events:
+            rate, lam = self._numeric.solved(t, y, p)
+            values += [lam[[self._first + j for j in self.closed]]] if self.closed else []
+            values += [-self._numeric.loads(t, y, p, lam)] if self.idle else []
+            values += [self._numeric.event_values(t, y, rate, lam, p)] if self._events else []
+        return ca.Function("watched", [t, y, p], [ca.densify(ca.vertcat(*values))])
+
+    @cached_property
+    def moving(self) -> Compiled:
+        """moving(t, y, y', p) -> w and dw/dt, (W,) each, of a curve through y at t."""
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
+        rate, tau = ca.MX.sym("rate", size), ca.MX.sym("tau")
+        w = self.watched(t + tau, y + tau * rate, p)
+        slope = ca.densify(ca.substitute(ca.jtimes(w, tau, ca.MX(1)), tau, ca.MX(0)))
+        return ca.Function("moving", [t, y, rate, p], [self.watched(t, y, p), slope])
+
+    @cached_property
+    def inside(self) -> Compiled:
+        """inside(t, h, x, y, coefficients, p) -> w and dw/dx, (W,) each, at the fraction x of a step from y at t.
+
+        A gap may have no slope at a place, as a distance that is 0 there: what it does beside it counts, and it is 0.
+        """
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, h, x, y = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("x"), ca.MX.sym("y", size)
+        coefficients, p = ca.MX.sym("c", size, self._method.dense_rows), ca.MX.sym("p", parameters)
+        w = self.watched(t + x * h, self._method.interpolated(y, coefficients, x), p)
+        slope = ca.densify(ca.jtimes(w, x, ca.MX(1)))
+        slope = ca.if_else(ca.fabs(slope) <= LARGEST, slope, 0)
+        return self._written_out(ca.Function("inside", [t, h, x, y, coefficients, p], [w, slope]))
+
+    @cached_property
+    def hull(self) -> Compiled | None:
+        """hull(t, h, y, k, new, k_new, p) -> the smallest of numbers (W,), each above 0 where a gap has no zero within
+        the step, and those numbers.
+
+        The quintic curve of `screen` lies in the hull of its control points, which is made wider by a part of itself;
+        none of the gaps, by interval arithmetic, is zero there. None where more than gaps is watched.
+        """
+        if self.closed or self._events or not self.open_:
+            return None
+        n = self._numeric.n
+        t, h, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("p", self._numeric.rhs.size1_in(2))
+        y, k, new, k_new = (ca.SX.sym(name, 2 * n + 1) for name in ("y", "k", "new", "k_new"))
+        points = [y[:n], new[:n]]
+        for state, rate, way in ((y, k, h), (new, k_new, -h)):
+            q, v, a = state[:n], state[n : 2 * n], rate[n : 2 * n]
+            points += [q + way / 5 * v, q + 2 * way / 5 * v + way * way / 20 * a]
+        low, high = points[0], points[0]
+        for point in points[1:]:
+            low, high = ca.fmin(low, point), ca.fmax(high, point)
+        wider = WIDER * (high - low)
+        floors = self._numeric.gap_floors(t, t + h, low - wider, high + wider, p)
+        return ca.Function("hull", [t, h, y, k, new, k_new, p], [ca.vertcat(ca.mmin(floors), floors)])
+
+    @cached_property
+    def screen(self) -> Compiled:
+        """screen(t, h, y, k, new, k_new, p) -> the smallest of numbers (W,), each above 0 where a watched function can
+        have no zero within the step; the largest -g at its end; and those numbers.
+
+        Each is looked at on the quintic curve q through q, v, a at both ends, at the `NODES`. Between two of them it is
+        taken for the cubic of its values and slopes, whose control points bound it, less twice of what such cubics over
+        two intervals are off at the node between, and no less than a part of how much they bend: a distance that turns
+        round between two places may leave no more trace.
+        """
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, h, p = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("p", parameters)
+        y, k, new, k_new = (ca.MX.sym(name, size) for name in ("y", "k", "new", "k_new"))
+        x = ca.MX.sym("x")
+        w = self.watched(t + x * h, _quintic(x, h, (y, k), (new, k_new)), p)
+        at = ca.Function("node", [x, t, h, y, k, new, k_new, p], [w, ca.jtimes(w, x, ca.MX(1))])
+        nodes = [at(node, t, h, y, k, new, k_new, p) for node in NODES]
+        values = [value for value, _ in nodes]
+        slopes = [slope for _, slope in nodes]
+        # Contacts that are on the wrong side are no clear ones; an event may begin on either side.
+        contacts = len(self.open_) + len(self.held)
+        side = ca.MX.ones(contacts, 1)
+        if self._events:
+            side = ca.vertcat(side, ca.sign(values[0][contacts:]))
+        misfit = ca.fmax(
+            *(ca.fabs(_cubic(NODES[i], i - 1, i + 1, values, slopes) - values[i]) for i in (1, 2))
+        )
+        lowest = [
+            ca.fmin(
+                ca.fmin(side * values[i], side * values[i + 1]),
+                ca.fmin(
+                    side * (values[i] + slopes[i] * ((NODES[i + 1] - NODES[i]) / 3)),
+                    side * (values[i + 1] - slopes[i + 1] * ((NODES[i + 1] - NODES[i]) / 3)),
+                ),
+            )
+            for i in range(len(NODES) - 1)
+        ]
+        bends = [_bend(i, values, slopes) for i in range(len(NODES) - 1)]
+        doubt = ca.fmax(2 * misfit, WARY * ca.fmax(ca.fmax(bends[0], bends[1]), bends[2]))
+        clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - doubt
+        arguments = [t, h, y, k, new, k_new, p]
+        gaps = self._numeric.gaps(t + h, new, p)
+        deepest = ca.mmax(-gaps) if gaps.numel() else ca.MX(0)
+        screen = ca.Function("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest, clear))])
+        return self._written_out(screen)
+
+    def _written_out(self, function: Compiled) -> Compiled:
+        """A function as one graph, which costs a fraction, where it only asks for gaps and is no large one."""
+        if self.closed or self._events or self._numeric.gaps.n_instructions() > WRITTEN_OUT:
+            return function
+        return function.expand()
+
+
+def _bend(i: int, values: Sequence[ca.MX], slopes: Sequence[ca.MX]) -> ca.MX:
+    """The bend of the cubic between two of the `NODES` next to each other, as `zero_bounds.bend`."""
+    third = (NODES[i + 1] - NODES[i]) / 3
+    inner, outer = values[i] + third * slopes[i], values[i + 1] - third * slopes[i + 1]
+    return ca.fmax(ca.fabs(values[i] - 2 * inner + outer), ca.fabs(inner - 2 * outer + values[i + 1]))
+
+
+def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, ca.MX]) -> ca.MX:
+    """The state at the fraction x of a step from the states and their rates at its ends; W is 0."""
+    (y, k), (new, k_new) = begin, end
+    n = (y.numel() - 1) // 2
+    q0, v0, a0 = y[:n], h * y[n : 2 * n], h * h * k[n : 2 * n]
+    q1, v1, a1 = new[:n], h * new[n : 2 * n], h * h * k_new[n : 2 * n]
+    # Of the rest beyond the parabola of the start: value, slope and curvature at the end.
+    r, s, c = q1 - q0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
+    A, B, D = 10 * r - 4 * s + c / 2, -15 * r + 7 * s - c, 6 * r - 3 * s + c / 2
+    q = q0 + x * (v0 + x * (a0 / 2 + x * (A + x * (B + x * D))))
+    v = v0 + x * (a0 + x * (3 * A + x * (4 * B + x * 5 * D)))
+    return ca.vertcat(q, v / h, ca.MX(1, 1))
+
+
+def _cubic(x: float, i: int, j: int, values: Sequence[ca.MX], slopes: Sequence[ca.MX]) -> ca.MX:
+    """The cubic through values and slopes at two of the `NODES`."""
+    d = NODES[j] - NODES[i]
+    u = (x - NODES[i]) / d
+    begin = (1 + 2 * u) * (1 - u) ** 2 * values[i] + u * (1 - u) ** 2 * d * slopes[i]
+    return begin + u * u * (3 - 2 * u) * values[j] - u * u * (1 - u) * d * slopes[j]

@@ -1,0 +1,260 @@
+"""A run at a step boundary, as a noun and as JSON: what it takes to go on bit for bit, and for which model.
+
+Doubles are written so that they read back to the same double. What is read is checked to the last number, and
+all numbers together by a sum: a checkpoint is a file like any other, and may be torn, damaged or of another make.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import __version__
+from lagcli.compiled.selection import Selection
+from lagcli.equations import system
+from lagcli.errors.diagnostics import printable
+from lagcli.model import settings
+from lagcli.model.invariant import FirstIntegral
+from lagcli.model.model import Model, Vector3
+from lagcli.simulation.run_state import saved_form
+from lagcli.simulation.run_state.contact_state import NOTHING, ContactState
+from lagcli.simulation.run_state.incident import NONE, Tally
+from lagcli.simulation.run_state.statistics import Figures
+from lagcli.simulation.scheme.invariants import Levels
+from lagcli.simulation.singularity.singular_point import RankDrop
+
+Floats = npt.NDArray[np.float64]
+
+FORMAT = 7
+MOST_BYTES = 2**28
+# What stands beside the parts of a checkpoint.
+AROUND = ("lagcli-checkpoint", "version", "sum")
+MOST_VERSION = 40  # letters of a version that are shown
+
+
+class CheckpointError(ValueError):
+    """A file that is no checkpoint, or one that this run cannot go on from."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class RunState:
+    """A run between two steps, and what it has handed out.
+
+    t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
+    look at the pace; steps, rejected, evaluations: the account up to t; row: time of the last row handed out,
+    which may lie on either side of t; figures: those of all rows handed out; levels: how each integral is held;
+    notes: what has been said about them; selection: the rows it is stepped with; watch: what the
+    next singular configuration is foreseen from; crossings: those that were passed; turns: where angles with a cut
+    were, counted through all turns; tally: of incidents up to t; told: of those handed out, which
+    may lie beyond t; contacts: see `ContactState`.
+    Times are counted from `origin`, but for those of crossings and incidents.
+    """
+
+    t: float
+    y: Floats
+    k: Floats
+    step: float
+    pace_from: float
+    steps: int
+    rejected: int
+    evaluations: int
+    row: float
+    figures: Figures
+    selection: Selection
+    levels: Levels = ()
+    notes: tuple[str, ...] = ()
+    watch: tuple[float, ...] = ()
+    crossings: tuple[RankDrop, ...] = ()
+    origin: float = 0.0
+    turns: tuple[float, ...] = ()
+    tally: Tally = NONE
+    told: Tally = NONE
+    contacts: ContactState = NOTHING
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Identity:
+    """The data that must agree for a run to go on: the text of the model, all that `--set` may change, the settings.
+
+    q, v: the declared start, (n,) each; max_step: None where steps have no bound.
+    """
+
+    fingerprint: str
+    parameters: dict[str, float | Vector3]
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+    start: float
+    rtol: float
+    atol: float | None
+    method: str
+    max_step: float | None = None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class CheckpointTable:
+    """The table a run was writing into a file: where it is, seen from the folder of the checkpoint; step: between its
+    rows; count, checksum: of those that were written; has_event_rows: with rows of the instants of incidents."""
+
+    file: str
+    step: float
+    count: int
+    checksum: int
+    has_event_rows: bool = False
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Checkpoint:
+    """A run, and whose; integrals: those that were found of its differential rows when it began; table: where its rows
+    went, where that is a file; events: the same of its incidents."""
+
+    identity: Identity
+    mark: RunState
+    integrals: tuple[FirstIntegral, ...]
+    table: CheckpointTable | None = None
+    events: CheckpointTable | None = None
+
+
+def identity(model: Model) -> Identity:
+    """The identity of a run of a model with its settings."""
+    q, v = system.start(model)
+    chosen = model.simulation
+    return Identity(
+        model.fingerprint,
+        {parameter.name: parameter.value for parameter in model.parameters},
+        tuple(q.tolist()),
+        tuple(v.tolist()),
+        chosen.start,
+        chosen.rtol,
+        chosen.atol,
+        settings.method_name(chosen),
+        chosen.max_step,
+    )
+
+
+def require_same(found: Identity, model: Model) -> None:
+    """Raise `CheckpointError` with what differs between a checkpoint and the model it shall go on with."""
+    for sentence in _differences(found, identity(model), model):
+        raise CheckpointError(f"it belongs to a different run: {sentence}")
+
+
+def _differences(there: Identity, here: Identity, model: Model) -> Iterator[str]:
+    if there.fingerprint != here.fingerprint:
+        yield "the text of the model, or of the position of a dependent particle, is different"
+    if there.parameters.keys() != here.parameters.keys():
+        yield "its parameters are others"
+    if len(there.q) != len(here.q) or len(there.v) != len(here.v):
+        yield f"it has {len(there.q)} coordinates, the model {len(here.q)}"
+    pairs: list[tuple[str, object, object]] = [
+        (f"the parameter `{name}`", there.parameters[name], here.parameters[name]) for name in here.parameters
+    ]
+    names = model.coordinate_names
+    pairs += [(f"the start of `{n}`", a, b) for n, a, b in zip(names, there.q, here.q, strict=True)]
+    pairs += [(f"the initial rate of `{n}`", a, b) for n, a, b in zip(names, there.v, here.v, strict=True)]
+    for name in ("start", "rtol", "atol", "method", "max_step"):
+        pairs.append((f"`{name}`", getattr(there, name), getattr(here, name)))
+    for what, a, b in pairs:
+        if a != b:
+            yield f"{what} is {_shown(a)} in it and {_shown(b)} here"
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "not given"
+    return str(list(value)) if isinstance(value, tuple) else str(value)
+
+
+def encoded(point: Checkpoint) -> bytes:
+    """The checkpoint as JSON."""
+    parts = saved_form.saved(point)
+    assert isinstance(parts, dict)
+    whole = {"lagcli-checkpoint": FORMAT, "version": __version__, **parts, "sum": control_sum(parts)}
+    return json.dumps(whole, allow_nan=False).encode() + b"\n"
+
+
+def control_sum(parts: object) -> str:
+    """Tells whether any number or text has changed; how a file is laid out plays no part in it."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def read(path: str | os.PathLike[str]) -> Checkpoint:
+    """The checkpoint in a file. Raises `CheckpointError`, `OSError`."""
+    with open(path, "rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise CheckpointError("it is too large for a checkpoint")
+    return decoded(data)
+
+
+def decoded(data: bytes) -> Checkpoint:
+    """The checkpoint in JSON. Raises `CheckpointError`."""
+    try:
+        whole = json.loads(data)
+    except (ValueError, RecursionError):
+        raise CheckpointError("it is no checkpoint, or torn") from None
+    if not isinstance(whole, dict) or "lagcli-checkpoint" not in whole:
+        raise CheckpointError("it is no checkpoint")
+    _require_version(whole["lagcli-checkpoint"], whole.get("version"))
+    try:
+        point = saved_form.read(Checkpoint, {key: part for key, part in whole.items() if key not in AROUND})
+        _require_sound(point)
+    except ValueError:
+        raise CheckpointError(
+            "it is a damaged checkpoint: something is missing or no finite number"
+        ) from None
+    if (
+        not len(point.mark.y)
+        == len(point.mark.k)
+        == 2 * len(point.identity.q) + 1
+        == 2 * len(point.identity.v) + 1
+    ):
+        raise CheckpointError("it is a damaged checkpoint: its parts are not of one length")
+    if point.mark.origin + min(point.mark.t, point.mark.row) < point.identity.start:
+        raise CheckpointError("it is a damaged checkpoint: it is from before the start of its run")
+    if control_sum(saved_form.saved(point)) != whole.get("sum"):
+        raise CheckpointError("it is a damaged checkpoint: its numbers are not those that were written")
+    return point
+
+
+def _require_version(form: object, version: object) -> None:
+    """Another version may compute other last digits, so that the rows would not be those of one run."""
+    ours = f"this is lagcli {__version__}"
+    if version is not None and version != __version__:
+        theirs = printable(str(version))[:MOST_VERSION]
+        raise CheckpointError(
+            f"it was written by lagcli {theirs}, and {ours}, a different version, whose last digits may differ: go on"
+            f' with `pip install "lagcli=={theirs}"`, or begin the run again'
+        )
+    if form != FORMAT:
+        raise CheckpointError(
+            f"it is a checkpoint of a different version, of format {printable(str(form))[:MOST_VERSION]}, and {ours},"
+            f" which reads format {FORMAT}: go on with the version that wrote it, or begin the run again"
+        )
+
+
+def _require_sound(point: Checkpoint) -> None:
+    """Raise `ValueError` for numbers that no run has."""
+    mark, selection = point.mark, point.mark.selection
+    if mark.step <= 0:
+        raise ValueError("a step that does not advance")
+    if len(mark.levels) != len(point.integrals):
+        raise ValueError("levels of other integrals")
+    if mark.told.incidents < mark.tally.incidents:
+        raise ValueError("incidents that nobody was told")
+    for integral, level in zip(point.integrals, mark.levels, strict=True):
+        if level is not None and level.chart >= len(integral.charts):
+            raise ValueError("a chart that there is not")
+    if not all(selection.circuits):
+        raise ValueError("a circuit without rows")
+    if sorted([*selection.present, *selection.inactive]) != list(range(selection.count)):
+        raise ValueError("rows that are not all there")
+    supports = {row for circuit in (*selection.circuits, *selection.idle) for row in circuit[1:]}
+    if not (all(selection.idle) and supports <= set(selection.kept)):
+        raise ValueError("a row that depends on rows left out")
+    if not {circuit[0] for circuit in selection.idle} <= set(selection.inactive):
+        raise ValueError("a row that acts and carries nothing")

@@ -1,0 +1,145 @@
+"""The figures a run reports about itself, filled while it goes on."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.simulation.run_state.incident import NONE, Incident, Tally
+from lagcli.simulation.singularity.singular_point import RankDrop
+
+Floats = npt.NDArray[np.float64]
+
+
+# Below this part of the energies themselves nothing is exchanged but rounding.
+ROUNDING = 1e-10
+# Where nothing is, a deviation below this part of the energies is the rounding of their last digits.
+LAST_DIGITS = 16 * 2.0**-52
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Figures:
+    """Extremes over the rows of a run, each of which is a float; energies in the model's unit.
+
+    position_drift, velocity_drift: largest |f_i| / |B_i|, |g_j| / |dg_j|, and |B_i v + b_i| / |B_i|
+    start: the Jacobi energy H less W at the first row, after an impact at the start; rest: its part without
+        velocities there
+    imbalance: largest |H(t) - start - W(t)|; moving, resting: largest |H - rest| and |rest - rest(start)|;
+    largest: largest |H| and |rest|; unbalanced: 1 where W is not known from some step on; penetration: largest -g_j
+    """
+
+    start: float
+    rest: float
+    position_drift: float = 0.0
+    velocity_drift: float = 0.0
+    imbalance: float = 0.0
+    moving: float = 0.0
+    resting: float = 0.0
+    largest: float = 0.0
+    unbalanced: float = 0.0
+    penetration: float = 0.0
+
+    def with_rows(self, rows: Floats) -> Figures:
+        """The extremes with more rows, (k, 5): position drift, velocity drift, H, its part without velocities, W."""
+        if not len(rows):
+            return self
+        position, velocity, jacobi, rest, work = rows.T
+        return Figures(
+            self.start,
+            self.rest,
+            max(self.position_drift, float(position.max())),
+            max(self.velocity_drift, float(velocity.max())),
+            max(self.imbalance, _size(jacobi - self.start - work)),
+            max(self.moving, _size(jacobi - rest)),
+            max(self.resting, _size(rest - self.rest)),
+            max(self.largest, _size(jacobi), _size(rest)),
+            self.unbalanced,
+            self.penetration,
+        )
+
+
+def _size(values: Floats) -> float:
+    return float(np.abs(values).max())
+
+
+@dataclasses.dataclass(slots=True)
+class RunStatistics:
+    """The account of a run; `figures` is None before its first row.
+
+    steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time; notes: what there
+    is to say about integrals that are not held all the time; crossings: singular configurations that were passed;
+    deepest: the largest -g_j at the ends of steps, in units of g_j; resting: the energy of `RestingForces`; ended_by:
+    the name of the event that has ended the run; tally: of incidents up to the state, told: of those handed out before
+    or standing in `incidents`, which may be more where the run was resumed from before them; is_balanced: whether the
+    work W is known up to here.
+    """
+
+    steps: int = 0
+    rejected: int = 0
+    evaluations: int = 0
+    solve_seconds: float = 0.0
+    figures: Figures | None = None
+    notes: tuple[str, ...] = ()
+    crossings: tuple[RankDrop, ...] = ()
+    tally: Tally = NONE
+    told: Tally = NONE
+    incidents: list[Incident] = dataclasses.field(default_factory=list)
+    deepest: float = 0.0
+    resting: float = 0.0
+    ended_by: str | None = None
+    is_balanced: bool = dataclasses.field(default=True, init=False)
+
+    def __post_init__(self) -> None:
+        self.is_balanced = self.figures is None or not self.figures.unbalanced
+
+    def add(self, incident: Incident) -> None:
+        """An incident that the state reached is behind; one that was told before is none to tell."""
+        self.tally = self.tally.plus(incident)
+        if self.tally.incidents > self.told.incidents:
+            self.told = self.tally
+            self.incidents.append(incident)
+
+    def doubt(self) -> None:
+        """From here on W is not known."""
+        self.is_balanced = False
+        if self.figures is not None:
+            self.figures = dataclasses.replace(self.figures, unbalanced=1.0)
+
+    @property
+    def energy_imbalance(self) -> float | None:
+        """Largest deviation from the energy balance, as a part of what was exchanged; None where it is not known.
+
+        For particles that is the largest T plus the largest change of V.
+        """
+        found = self.figures
+        if not self.is_balanced:
+            return None
+        if found is None:
+            return 0.0
+        sizes = max(found.largest, self.resting)
+        moved = found.moving + found.resting
+        exchanged = moved + ROUNDING * sizes
+        if moved <= ROUNDING * sizes and found.imbalance <= LAST_DIGITS * sizes:
+            return 0.0
+        return found.imbalance / exchanged if exchanged else found.imbalance
+
+    @property
+    def largest_penetration(self) -> float:
+        """The largest -g_j over all rows and ends of steps, in units of g_j."""
+        return max(self.deepest, self.figures.penetration if self.figures else 0.0)
+
+    def keep_depth(self, depth: float) -> None:
+        """Take the largest -g_j of rows that were kept."""
+        if self.figures is not None and depth > self.figures.penetration:
+            self.figures = dataclasses.replace(self.figures, penetration=depth)
+
+    def keep(self, rows: Floats) -> None:
+        """Take the figures of rows, (k, 5), in their order."""
+        if self.figures is None and len(rows):
+            unbalanced = float(not self.is_balanced)
+            _, _, jacobi, rest, work = rows[0].tolist()
+            self.figures = Figures(jacobi - work, rest, unbalanced=unbalanced)
+        if self.figures is not None:
+            self.figures = self.figures.with_rows(rows)

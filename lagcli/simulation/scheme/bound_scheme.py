@@ -1,0 +1,67 @@
+"""The compiled functions of a run on arrays that they share: nothing is allocated while stepping."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.bound_function import BoundFunction, cells
+from lagcli.simulation.scheme.invariants import EnforcedInvariants
+from lagcli.simulation.scheme.method import Method
+
+Floats = npt.NDArray[np.float64]
+
+
+class BoundStep:
+    """A step from t, y with k = y'(t, y) to new with k_new = y', and what else is asked at a state.
+
+    t, h, outcome, aside_t: memory of plain floats; aside: `NumericSystem.land` on arrays (t, y, p) of its own.
+    """
+
+    def __init__(self, held: EnforcedInvariants, method: Method, y: Floats, tolerance: Floats) -> None:
+        self.held, self.p = held, held.parameters
+        self.numeric, scheme = held.functions.numeric, held.functions.scheme(method)
+        t, h, aside = (np.zeros(1) for _ in range(3))
+        self.y, self.k = y, np.zeros(y.size)
+        self.rhs = BoundFunction(self.numeric.rhs, [t, y, self.p])
+        self.land = BoundFunction(self.numeric.land, [t, y, self.p])
+        self.aside = BoundFunction(self.numeric.land, [aside, np.zeros(y.size), self.p])
+        arguments = [t, h, y, self.k, tolerance, self.p]
+        self.step = BoundFunction(scheme.step, arguments, wanted=3)
+        self.new, self.k_new, outcome = self.step.results
+        # The same step with its stages, for the dense output of one that holds rows.
+        self.staged = BoundFunction(scheme.step, arguments, given=self.step.results)
+        self.t, self.h, self.aside_t, self.outcome = map(cells, (t, h, aside, outcome))
+
+    def landed_at(self, t: float, y: Floats) -> list[Floats]:
+        """The results of `NumericSystem.land`, in memory that the next call overwrites."""
+        self.aside_t[0], self.aside.arguments[1][:] = t, y
+        self.aside.trigger()
+        return self.aside.results
+
+
+class BoundRows:
+    """The dense output of a step and its lines: begin, inside, end and aside write `line`, at the time in `at`.
+
+    at, x, cells: memory of plain floats, of the time, the fraction of the step and the line; aside has a state of its
+    own; defect: None but for a run with witnesses.
+    """
+
+    def __init__(self, bound: BoundStep, method: Method, is_witnessed: bool) -> None:
+        scheme = bound.held.functions.scheme(method)
+        t, h, y, k, tolerance, p = bound.step.arguments
+        at, x = np.zeros(1), np.zeros(1)
+        self.dense = BoundFunction(
+            scheme.dense, [t, h, y, bound.new, bound.k_new, p, k, *bound.staged.results[3:]]
+        )
+        coefficients = self.dense.results[0].T
+        self.defect: BoundFunction | None = None
+        if is_witnessed:
+            self.defect = BoundFunction(scheme.defect, [at, x, h, y, coefficients, tolerance, p])
+        self.inside = BoundFunction(scheme.line_inside, [at, x, y, coefficients, p])
+        given = self.inside.results
+        self.begin = BoundFunction(scheme.line_at, [at, y, p], given=given)
+        self.aside = BoundFunction(scheme.line_at, [at, np.zeros(y.size), p], given=given)
+        self.end = BoundFunction(scheme.line_at, [at, bound.new, p], given=given)
+        self.line = given[0]
+        self.at, self.x, self.cells = cells(at), cells(x), cells(self.line)

@@ -1,0 +1,178 @@
+"""The end of a step, whatever the method: projection onto f = 0 and B v + b = 0, and what its error is compared with.
+
+The error of a step is the largest component of (q, v), and not the root mean square: a coordinate at rest then does not
+loosen the tolerance of the others, and a model takes the same steps however many idle coordinates it is written in.
+The work W does not steer the step: it is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import casadi as ca
+
+from lagcli.compiled import NumericSystem
+from lagcli.simulation.scheme import step_tolerance as tolerances
+
+# The projection may move a state by this many tolerances, and by this part of its size.
+MOVED, MOVED_ROUNDING = 100.0, 1e-10
+# Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its change over the
+# step, divided by the step, in each of them. The same part of energies is rounding.
+TIME_ROUNDING = 2**-52
+# A step of so many roundings of the time may hold a jump; the part of a speed that is nothing there.
+JUMP, NEGLIGIBLE = 1024, 1e-9
+# Positions that are this part of what the forces would make of them in a step are none; rounding of such forces.
+HELD, BALANCED = 1e-6, 1e-14
+# A speed below this part of the one that the forces would give over the size of q, were they not balanced, is made by
+# their rounding.
+RESTING = 1e-12
+WRITTEN_OUT = 1000  # numbers of a state
+
+# Short states are written out, in SX.
+Expression = TypeVar("Expression", ca.SX, ca.MX)
+# combined(h, sizes of the estimates) -> the error of the step: how a method makes one number of its estimates.
+Combined = Callable[..., Any]
+Compiled = ca.Function
+
+
+class StepInputs(NamedTuple):
+    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (5,), p."""
+
+    t: ca.MX
+    h: ca.MX
+    y: ca.MX
+    k: ca.MX
+    tolerance: ca.MX
+    p: ca.MX
+
+
+class StepEnd(NamedTuple):
+    """The state on the constraints and its derivative (2n + 1,) each, the outcome of `NumericSystem.land`, and error,
+    moved, error of W (3,) as in `method.Method.step`."""
+
+    landed: ca.MX
+    k_new: ca.MX
+    outcome: ca.MX
+    judged: ca.MX
+
+    def outputs(self, hidden: ca.MX | float, stages: Sequence[ca.MX]) -> list[ca.MX]:
+        """The results of a step as in `method.Method.step`."""
+        account = ca.vertcat(self.judged[:2], hidden, self.outcome, self.judged[2])
+        return [self.landed, self.k_new, account, *stages]
+
+
+def inputs(numeric: NumericSystem) -> StepInputs:
+    """Symbols for the arguments of a step."""
+    size, parameters = sizes_of(numeric)
+    t, h = ca.MX.sym("t"), ca.MX.sym("h")
+    y, k = ca.MX.sym("y", size), ca.MX.sym("k", size)
+    return StepInputs(t, h, y, k, ca.MX.sym("tolerance", 5), ca.MX.sym("p", parameters))
+
+
+def sizes_of(numeric: NumericSystem) -> tuple[int, int]:
+    """The numbers of a state, 2n + 1, and of parameters."""
+    return 2 * numeric.n + 1, numeric.rhs.size1_in(2)
+
+
+def ended(
+    numeric: NumericSystem, step: StepInputs, new: ca.MX, estimates: Sequence[ca.MX], combined: Combined
+) -> StepEnd:
+    """The end of a step that has come to `new`, with estimates of its error over h, (2n + 1,) each."""
+    t, h, y, k, tolerance, p = step
+    landed, k_new, outcome, sizes = numeric.land(t + h, new, p)
+    # Rows are left by a part of the velocities; where these are the rounding of forces that hold all at the origin, by
+    # no more than that.
+    q, v, a = (sizes[numeric.n + i] for i in range(3))
+    part = ca.if_else(q < HELD * h * h * a, v / (v + HELD * h * a + tolerances.TINY), 1)
+    outcome = ca.vertcat(part * outcome[0], outcome[1:])
+    # The doubles around t may be so far apart that the state is not known better.
+    near_t = TIME_ROUNDING * ca.fabs(t + h) if numeric.has_time else 0.0
+    noise = near_t * _within(near_t, h, (y, k, k_new)) * ca.fabs(k_new - k) if numeric.has_time else 0.0 * k
+    # Rows that move are where they are at one of these times.
+    blur = near_t * ca.fabs(k_new)
+    form = y.numel(), len(estimates), combined
+    judge = _judge(ca.SX, *form) if y.numel() <= WRITTEN_OUT else _judge(ca.MX, *form)
+    return StepEnd(
+        landed, k_new, outcome, judge(y, new, landed, h, sizes, tolerance, noise, blur, *estimates)
+    )
+
+
+def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX]) -> ca.MX:
+    """By how much the rounding of the time counts: 1, and more where a step of a few roundings holds a jump.
+
+    A jump changes velocities by next to nothing in such a step, or is what sets a body at rest in motion. A pole does
+    neither: it must be met. states: y, and y' at both ends.
+    """
+    y, k, k_new = states
+    n = y.numel() // 2
+    gained, speed = h * ca.mmax(ca.fabs(k_new - k)[n : 2 * n]), ca.mmax(ca.fabs(y[n : 2 * n]))
+    is_jump = ca.logic_or(gained <= NEGLIGIBLE * speed, speed <= NEGLIGIBLE * gained)
+    return 1 + is_jump * near_t * JUMP**2 / h
+
+
+def _judge(sort: type[Expression], size: int, count: int, combined: Combined) -> ca.Function:
+    """judge(y, new, landed, h, sizes, tolerance, noise, blur, estimates) -> (error, moved, error of W), written out for
+    a short state.
+
+    noise, blur (2n + 1,): what the rounding of t makes of the error, and of the state; of estimates there are `count`.
+    """
+    n = size // 2
+    y, new, landed, noise, blur = (sort.sym(name, size) for name in ("y", "new", "landed", "noise", "blur"))
+    estimates: list[Expression] = [sort.sym(f"e{i}", size) for i in range(count)]
+    h, sizes, tolerance = sort.sym("h"), sort.sym("sizes", n + 3), sort.sym("tolerance", 5)
+    scale = scales((y, new), h, sizes, tolerance)
+    moved = _moved(landed - new, scale + blur[: 2 * n], sizes)
+    # The energy at hand: what has been done up to here, or that of the motion; and what rounding makes of rest.
+    energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
+    rounded = TIME_ROUNDING * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
+    of_work = combined(h, *(ca.fabs(estimate[2 * n]) for estimate in estimates)) / (
+        tolerance[0] * energy + rounded + tolerances.TINY
+    )
+    error = combined(h, *(_largest(estimate, scale + noise[: 2 * n]) for estimate in estimates))
+    inputs: list[Expression] = [y, new, landed, h, sizes, tolerance, noise, blur]
+    inputs += estimates
+    return ca.Function("judge", inputs, [ca.vertcat(error, moved, of_work)])
+
+
+def scales(
+    states: Sequence[Expression], h: Expression, sizes: Expression, tolerance: Expression
+) -> Expression:
+    """The sizes that errors of (q, v) are compared with (2n,): expressions of the states (2n + 1,) at both ends of a
+    step of length h, of `parts.Sizes.packed` at its end, and of `step_tolerance.of_steps`."""
+    n = (states[0].numel() - 1) // 2
+    rtol, atol, part, rounding, resting = (tolerance[i] for i in range(5))
+    units, (q, v, a) = sizes[:n], (sizes[n + i] for i in range(3))
+    speed = ca.fmax(v, h * a)
+    largest = ca.fmax(*(ca.fabs(y[: 2 * n]) for y in states))
+    # The rounding of forces that balance is no error of the step, whether the rows hold the system at the origin, where
+    # no size of q covers it, or at rest elsewhere, where no speed does.
+    forced = ca.fmax(a, resting)
+    is_held, is_resting = q < HELD * h * h * a, v * v < RESTING**2 * forced * q
+    # What rounding pushes comes back in the time in which the forces would have moved it by its size.
+    lasting = ca.if_else(
+        is_held, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.TINY))), 0)
+    )
+    balanced = BALANCED * lasting * forced
+    floors = ca.vertcat(
+        units * (part * h * speed + rounding * q + lasting * balanced),
+        units * (part * speed + rounding * q / h + balanced),
+    )
+    return rtol * largest + atol + floors + tolerances.TINY
+
+
+def _largest(estimate: Expression, scale: Expression) -> Expression:
+    return ca.mmax(ca.fabs(estimate[: scale.numel()] / scale))
+
+
+def _moved(by: Expression, scale: Expression, sizes: Expression) -> Expression:
+    """The way the projection moved (q, v), as a part of what it may.
+
+    A step that is right to the tolerance lies about as close to the constraints. One that is moved much farther has
+    come to another branch, or to no motion at all.
+    """
+    n2 = scale.numel()
+    n = n2 // 2
+    units = sizes[:n]
+    allowed = MOVED * scale + MOVED_ROUNDING * ca.vertcat(units * sizes[n], units * sizes[n + 1])
+    return ca.mmax(ca.fabs(by[:n2]) / allowed)

@@ -1,0 +1,163 @@
+"""The work W over a step whose stages were too few for it.
+
+W is integrated beside the motion and does not steer it. Where rows prescribe the motion, or almost, steps are as long
+as the motion allows, and the power W' of the rows and forces may oscillate within one. The motion is known there all
+the same, so that W is the integral of a known function: panels of Gauss, the one with the largest error halved first.
+"""
+
+from __future__ import annotations
+
+import bisect
+import heapq
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.bound_function import BoundFunction
+from lagcli.simulation.scheme import collocation
+from lagcli.simulation.scheme.collocation import Step
+
+Floats = npt.NDArray[np.float64]
+Powers = Callable[[Floats], tuple[Floats, float] | None]
+
+# In a step the estimate of the error of W may be so many tolerances of a step: it is far above the error, and W swings
+# twice as fast as the motion, so that a bound near 1 would integrate W again in every step of a smooth drive.
+COARSE = 300.0
+# Nodes of a panel: a wave takes about one panel to rounding.
+NODES = 12
+# A step is halved into no more panels than these: they hold some thousand waves, and take about as long as ten
+# thousand steps.
+MOST_PANELS = 2048
+# Halving a panel divides its error by 2^12 where the power is smooth. Where it is not divided by GAIN though it is
+# this small a part of the panel's own work, it is rounding.
+GAIN, SMALL = 4.0, 1e-6
+# Times are rounded, and what W' does in a panel is seen at times that far off; W' itself is rounded too.
+TIME_ROUNDING, ROUNDING = 2**-50, 1e-15
+# W is not known where it is off by more than this part of the energy, or by so many tolerances of a step.
+DOUBT, DOUBTED = 1e-6, 100.0
+
+
+class _Panel(NamedTuple):
+    """Sorted by its error, the largest first, then by its begin; work: the integral with W = 0 at its begin."""
+
+    rank: float
+    begin: float
+    work: Step
+
+    @property
+    def error(self) -> float:
+        return -self.rank
+
+
+class Work:
+    """W within a step as panels one after the other, each a polynomial."""
+
+    def __init__(self, panels: list[Step]) -> None:
+        self._panels = panels
+        self._begins = [panel.t for panel in panels]
+
+    def at(self, t: float) -> float:
+        """W at a time within the step."""
+        panel = self._panels[max(0, bisect.bisect_right(self._begins, t) - 1)]
+        return float(panel.state((t - panel.t) / panel.h)[0])
+
+    @property
+    def end(self) -> float:
+        """W at the end of the step."""
+        return float(self._panels[-1].state(1.0)[0])
+
+
+def within(
+    land: BoundFunction, span: tuple[float, float, float], y: Floats, states: Callable[[Floats], Floats]
+) -> Work | None:
+    """W within an ordinary step from y, beginning at y[-1]; None where it is not found.
+
+    land: `NumericSystem.land` on arrays (t, y, p) of its own; span: t, h and the relative tolerance of a step;
+    states(x (k,)) -> the dense output at fractions of the step (k, 2n + 1).
+    """
+    t, h, rtol = span
+    n = y.size // 2
+
+    def powers(times: Floats) -> tuple[Floats, float] | None:
+        found, energy = np.empty(times.size), 0.0
+        for i, (at, state) in enumerate(zip(times.tolist(), states((times - t) / h), strict=True)):
+            rate = collocation.landed(land, at, state)
+            if rate is None:
+                return None
+            found[i] = rate[-1]
+            energy = max(energy, float(land.results[3][n + 1]) ** 2)
+        return found, energy
+
+    return WorkIntegral(powers, rtol).over(t, h, float(y[-1]))
+
+
+class WorkIntegral:
+    """The integral of a power over a step, to a relative tolerance of the energies at hand.
+
+    powers(times (k,)) -> the power at each (k,), and an energy, such as the largest of the motion there; None where
+    they have no value.
+    """
+
+    def __init__(self, powers: Powers, rtol: float) -> None:
+        self._powers, self._rtol = powers, rtol
+        self._nodes = np.array(collocation.nodes(NODES))
+        self._energy = 0.0
+
+    def over(self, t: float, h: float, start: float) -> Work | None:
+        """W over a step from t to t + h with a value at its begin; None where it is not found."""
+        self._energy = abs(start)
+        whole = self._panel(t, h)
+        if whole is None:
+            return None
+        waiting = [_Panel(-np.inf, t, whole)]
+        done: list[_Panel] = []
+        for count in range(1, MOST_PANELS):
+            if not waiting or waiting[0].error * count <= self._rtol * self._energy:
+                break
+            halves = self._halved(heapq.heappop(waiting))
+            if halves is None:
+                return None
+            for half, is_done in halves:
+                if is_done:
+                    done.append(half)
+                else:
+                    heapq.heappush(waiting, half)
+        panels = sorted((*waiting, *done), key=lambda panel: panel.begin)
+        if sum(panel.error for panel in panels) > max(DOUBT, DOUBTED * self._rtol) * self._energy:
+            return None
+        return _joined([panel.work for panel in panels], start)
+
+    def _halved(self, panel: _Panel) -> list[tuple[_Panel, bool]] | None:
+        """Both halves of a panel, and whether an error is down to rounding."""
+        whole, h = panel.work, panel.work.h / 2
+        halves = self._panel(whole.t, h), self._panel(whole.t + h, h)
+        first, second = halves
+        if first is None or second is None:
+            return None
+        at_middle, at_end = (float(whole.state(x)[0]) for x in (0.5, 1.0))
+        error = abs(float(first.state(1.0)[0]) - at_middle)
+        error = max(error, abs(float(second.state(1.0)[0]) - (at_end - at_middle)))
+        powers = np.concatenate([first.slopes, second.slopes])
+        largest = float(np.abs(powers).max())
+        seen = TIME_ROUNDING * (abs(whole.t) + whole.h) * float(np.ptp(powers)) + ROUNDING * whole.h * largest
+        is_stalled = error > panel.error / GAIN and error < SMALL * whole.h * largest
+        is_done = error <= seen or is_stalled
+        return [(_Panel(-error / 2, half.t, half), is_done) for half in (first, second)]
+
+    def _panel(self, t: float, h: float) -> Step | None:
+        found = self._powers(t + self._nodes * h)
+        if found is None:
+            return None
+        powers, energy = found
+        self._energy = max(self._energy, energy)
+        return Step(t, h, np.zeros(1), powers[:, None])
+
+
+def _joined(panels: list[Step], start: float) -> Work:
+    joined, work = [], start
+    for panel in panels:
+        joined.append(Step(panel.t, panel.h, np.array([work]), panel.slopes))
+        work = float(joined[-1].state(1.0)[0])
+    return Work(joined)

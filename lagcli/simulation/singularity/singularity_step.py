@@ -1,0 +1,258 @@
+"""Singular configurations on the way: where rows become dependent at an instant, and the motion goes through.
+
+At a crossing of the branches of a constraint surface (a parallelogram linkage with its rods in line) the rank of B
+drops, and S = B M^-1 B^T is singular there and ill-conditioned around. The motion on its own branch stays smooth. So
+the instant is foreseen (`watch`), and one step of collocation leads across it with the instant in its middle, where
+no node lies. What is lost there is looked at (`lost`), and where other rows would lose nothing these are taken.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.compiled.bound_function import BoundFunction
+from lagcli.compiled.selection import Selection
+from lagcli.linear import independent_rows
+from lagcli.linear.metric_rows import MetricRows
+from lagcli.simulation.scheme import collocation
+from lagcli.simulation.singularity import singular_point
+from lagcli.simulation.singularity.singular_point import RankDrop
+from lagcli.simulation.singularity.singular_step_parameters import PARAMETERS
+from lagcli.simulation.singularity.singularity_monitor import CLEARANCE, Prediction
+from lagcli.start.initial import State, metric_at
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Point:
+    """The begin of a step: t, y and y' (2n + 1,), the parameters p, and `step_tolerance.of_steps`."""
+
+    t: float
+    y: Floats
+    k: Floats
+    p: Floats
+    tolerance: Floats
+
+    def state(self, t: float, y: Floats) -> State:
+        """The state that y (2n + 1,) holds, at a time."""
+        n = y.size // 2
+        return State(t, y[:n], y[n : 2 * n], self.p)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class SingularStep:
+    """A step across an instant at which rows are dependent."""
+
+    step: collocation.Step
+    instant: float
+
+    @property
+    def width(self) -> float:
+        """Of the part of the step around the instant that has it in the middle; of the whole step where it begins."""
+        before, after = self.instant - self.step.t, self.step.t + self.step.h - self.instant
+        return 2 * min(before, after) if before > 0 else self.step.h
+
+    @property
+    def is_start(self) -> bool:
+        """True if the run begins at the instant."""
+        return self.instant == self.step.t
+
+    @property
+    def middle(self) -> Floats:
+        """The state at the instant."""
+        return self.step.state((self.instant - self.step.t) / self.step.h)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Crossing:
+    """A step across, and what the rows lose at the instant."""
+
+    passage: SingularStep
+    loss: RankDrop
+
+
+def across(
+    numeric: NumericSystem, land: BoundFunction, here: Point, foreseen: Prediction
+) -> Crossing | Selection | None:
+    """The step across what is foreseen, or other independent rows to go on with, or None: an ordinary step goes on.
+
+    land: `NumericSystem.land` on arrays (t, y, p) of its own. Other rows are taken where those at hand become
+    dependent and others do not.
+    """
+    found = _passage(land, here, foreseen)
+    if found is None:
+        return _others(numeric, here.state(here.t, here.y))
+    there = here.state(found.instant, found.middle)
+    others = _others(numeric, there)
+    if others is not None:
+        return others
+    loss = singular_point.loss(numeric, here.state(here.t, here.y), there, here.tolerance[0])
+    return Crossing(found, loss) if loss is not None else None
+
+
+def away(numeric: NumericSystem, land: BoundFunction, here: Point, h: float) -> Crossing | None:
+    """The first step, of length h or shorter, from a singular configuration along the branch that the velocities
+    choose; None where no smooth motion has them."""
+    start = here.state(here.t, here.y)
+    for _ in range(PARAMETERS.halvings):
+        found = _start(land, here, h)
+        if found is not None:
+            loss = singular_point.loss(
+                numeric, here.state(here.t + h, found.step.state(1.0)), start, here.tolerance[0]
+            )
+            units = np.array(numeric.sizes(start.t, start.q, start.v, start.p)).ravel()[: start.v.size]
+            off = float((np.abs(found.step.slope(0.0)[: start.v.size] - start.v) / units).max())
+            is_along = off <= PARAMETERS.same_velocity * float((np.abs(start.v) / units).max())
+            return Crossing(found, loss) if loss is not None and is_along else None
+        h /= 2
+    return None
+
+
+def _others(numeric: NumericSystem, state: State) -> Selection | None:
+    """Other independent rows, where those at hand are close to dependent ones at a state and others are not."""
+    if not numeric.selection.circuits or numeric.closed_rows:
+        return None
+    rows = MetricRows(numeric.rows(state.t, state.q, state.v, state.p)[0], metric_at(numeric, state))
+    return independent_rows.elsewhere(numeric.selection, rows, numeric.whole.size1_out(0))
+
+
+def _passage(land: BoundFunction, here: Point, foreseen: Prediction) -> SingularStep | None:
+    """The step across the instant, or None where there is none that is right to the tolerance.
+
+    A step that begins close to the instant is long beyond it, for rounding is amplified close to it.
+    """
+    for part in PARAMETERS.places if foreseen.angle < PARAMETERS.too_close else PARAMETERS.places[:1]:
+        found = _placed(land, here, foreseen, part)
+        if found is not None:
+            return found
+    return None
+
+
+def _placed(land: BoundFunction, here: Point, foreseen: Prediction, part: float) -> SingularStep | None:
+    """The step with the instant at this part of it, where no node is near."""
+    t, y, k, tolerance = here.t, here.y, here.k, here.tolerance
+    instant, rtol = foreseen.instant, tolerance[0]
+    step = collocation.rising(t, y, (instant - t) / part, k)
+    for _ in range(PARAMETERS.most_centerings):
+        h = (instant - t) / part
+        if not t + h / 64 > t:
+            return None
+        better = collocation.improved(land, step, h, PARAMETERS.nodes, rtol)
+        if better is None:
+            return None
+        step = better
+        found = _instant(land, step, foreseen._replace(instant=instant), 2 * part * h)
+        if found is None:
+            return None
+        if abs(found[0] - instant) <= PARAMETERS.centered * part * h:
+            if not _is_only_one(land, step, foreseen.place, found[0]):
+                return None
+            fewer = collocation.improved(land, step, h, PARAMETERS.fewer_nodes, rtol)
+            delta = found[1] * h * collocation.closest(PARAMETERS.nodes, part) / foreseen.most
+            agree = fewer is not None and _agree(land, (step, fewer), tolerance, delta)
+            return SingularStep(step, found[0]) if agree else None
+        instant = found[0]
+    return None
+
+
+def _start(land: BoundFunction, here: Point, h: float) -> SingularStep | None:
+    """A step from a start at which rows are dependent, or None where h is too long or no motion goes on smoothly."""
+    t, y, tolerance = here.t, here.y, here.tolerance
+    n = y.size // 2
+    guess = collocation.rising(t, y, h, np.concatenate([y[n : 2 * n], np.zeros(n + 1)]))
+    step, fewer = (
+        collocation.improved(land, guess, h, count, tolerance[0])
+        for count in (PARAMETERS.nodes, PARAMETERS.fewer_nodes)
+    )
+    if step is None or fewer is None:
+        return None
+    delta = _root(land, step, CLEARANCE, t + h * collocation.first(PARAMETERS.nodes))
+    return SingularStep(step, t) if delta > 0 and _agree(land, (step, fewer), tolerance, delta) else None
+
+
+def _agree(
+    land: BoundFunction, steps: tuple[collocation.Step, collocation.Step], tolerance: Floats, delta: float
+) -> bool:
+    """True if two steps agree to the tolerance, or to rounding at a distance delta from dependent rows."""
+    step = steps[0]
+    new, other = (each.state(1.0)[:-1] for each in steps)
+    rtol, atol = tolerance[:2]
+    own = np.maximum(np.abs(step.y[:-1]), np.abs(new))
+    collocation.landed(land, step.t + step.h, step.state(1.0))
+    n = new.size // 2
+    sizes = collocation.sizes_of(land.results[3])[:-1]
+    # Rounding of positions shows in velocities, the more the shorter the step.
+    sizes[n:] = np.maximum(sizes[n:], sizes[:n] / step.h)
+    rounding = min(PARAMETERS.worst, max(PARAMETERS.roundoff, PARAMETERS.amplified_roundoff / delta**3))
+    allowed = np.maximum(atol + rtol * own, rounding * sizes)
+    return bool((np.abs(new - other) <= allowed).all())
+
+
+def _instant(
+    land: BoundFunction, step: collocation.Step, guess: Prediction, width: float
+) -> tuple[float, float] | None:
+    """The instant at which the clearance vanishes within a width around a guess, and the slope of its root there; None
+    where it does not vanish in a line."""
+    instant = guess.instant
+    for offsets in (PARAMETERS.far, PARAMETERS.close):
+        taus = np.array([-offsets[1], -offsets[0], *offsets]) * width
+        roots = np.array([_root(land, step, guess.place, instant + tau) for tau in taus])
+        if not np.isfinite(roots).all():
+            return None
+        signed = roots * np.sign(-taus)
+        if not signed[1] > 0 > signed[2]:
+            return None
+        zero, slope = _zero(taus, signed)
+        if not abs(zero) < taus[2]:
+            return None
+        instant += zero
+    if np.any(np.abs(roots - abs(slope) * np.abs(taus - zero)) > PARAMETERS.bent * roots):
+        return None
+    return instant, abs(slope)
+
+
+def _zero(x: Floats, y: Floats) -> tuple[float, float]:
+    """Zero of the cubic through four points (x, y) near a falling line, and its slope there; nan if it does not fall.
+
+    Newton's method on divided differences. Roots from a companion matrix would be as inexact as the cubic term is
+    small, by 1e-10 where it is rounding only, and different from one linear algebra library to the next.
+    """
+    first = np.diff(y) / np.diff(x)
+    second = np.diff(first) / (x[2:] - x[:-2])
+    third = (second[1] - second[0]) / (x[3] - x[0])
+    # Newton's form on the nodes x[1], x[2], x[0], x[3].
+    cubic, factor = np.polynomial.Polynomial([y[1]]), np.polynomial.Polynomial([1.0])
+    for coefficient, node in zip((first[1], second[0], third), (x[1], x[2], x[0]), strict=True):
+        factor = factor * np.polynomial.Polynomial([-node, 1.0])
+        cubic = cubic + coefficient * factor
+    derivative = cubic.deriv()
+    zero = float(x[1] - y[1] / first[1])
+    for _ in range(PARAMETERS.zero_steps):
+        slope = float(derivative(zero))
+        if not slope < 0:  # far from a line
+            return math.nan, slope
+        zero -= float(cubic(zero)) / slope
+    return zero, slope
+
+
+def _is_only_one(land: BoundFunction, step: collocation.Step, place: int, instant: float) -> bool:
+    """True if the clearance falls to the instant all the way and rises all the way after it: there is no other."""
+    for begin, end in ((step.t, instant), (step.t + step.h, instant)):
+        roots = [_root(land, step, place, begin + x * (end - begin)) for x in PARAMETERS.along_step]
+        if not all(after < before for before, after in itertools.pairwise(roots)):
+            return False
+    return True
+
+
+def _root(land: BoundFunction, step: collocation.Step, place: int, at: float) -> float:
+    """The root of the clearance on the surface at a time in a step."""
+    if collocation.landed(land, at, step.state((at - step.t) / step.h)) is None:
+        return math.nan
+    return math.sqrt(max(0.0, land.results[2][place]))

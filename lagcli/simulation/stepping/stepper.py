@@ -1,0 +1,373 @@
+"""One step after the other: tried, accepted or rejected, and the state between two of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.bound_function import BoundFunction
+from lagcli.equations.energy_jumps import Jump
+from lagcli.equations.time_functions import TimeFunctions
+from lagcli.model.model import Simulation
+from lagcli.simulation.run_state.angle_turns import Turns
+from lagcli.simulation.run_state.checkpoint import RunState
+from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.run_stop import NOT_FINITE, TOO_SMALL, StepFailure
+from lagcli.simulation.run_state.statistics import Figures, RunStatistics
+from lagcli.simulation.scheme import invariants, method, step_tolerance
+from lagcli.simulation.scheme.bound_scheme import BoundRows, BoundStep
+from lagcli.simulation.scheme.controller import GROW, PACE, StepController
+from lagcli.simulation.scheme.invariants import EnforcedInvariants
+from lagcli.simulation.scheme.work_integral import COARSE, Work, within
+from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
+from lagcli.simulation.singularity.singularity_step import SingularStep
+from lagcli.simulation.stepping import resting_forces, stop_diagnosis, switch_states
+from lagcli.simulation.stepping.grid import Grid
+from lagcli.simulation.stepping.timetable import Timetable
+from lagcli.simulation.stepping.witness_times import Witnesses
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+
+# A landed state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
+LANDING = 1e-9
+# A step of this error is right, and so are rows that are independent: where it does not land, integrals may be the
+# reason.
+CERTAIN = 1e-6
+# A step in which rows have been dependent unseen counts as one of this error, which halves it; down to this part of
+# the step proposed, for rounding may look the same.
+HIDDEN, HIDING = 100.0, 1e-3
+# A step is wrong where the dense output is off the equations by so many tolerances at a row, and counts as one of
+# this error then.
+FORGIVEN, UNSEEN = 3e3, -1.0
+NONE_TRIED: invariants.Tried = frozenset()
+
+
+@dataclasses.dataclass(slots=True, eq=False)
+class FoundStep:
+    """A step that was found and is not yet accepted, where `is_open`: its end, length and the step proposed after it.
+
+    is_jump: its end is an incident, beyond which the state is another;
+    is_still: it leads over a switch, where the state stays the same; has_dense: its dense output is made; passage: of
+    one across a singular configuration; work: W within it, where its stages were too few for it;
+    within: incidents in it that do not end it;
+    barrier: where something jumps, the end of the run; keeps_stages: all steps do, and not only one that holds rows.
+    """
+
+    reached: float
+    taken: float = 0.0
+    proposed: float = 0.0
+    is_open: bool = False
+    is_jump: bool = False
+    is_still: bool = False
+    has_dense: bool = False
+    passage: SingularStep | None = None
+    work: Work | None = None
+    barrier: Jump | None = None
+    within: list[Incident] = dataclasses.field(default_factory=list)
+    keeps_stages: bool = False
+
+
+class Stepper:
+    """A run between two steps, and the step that is found next; times are counted from `origin` of the state.
+
+    t: the time reached; row_time: of the next row, for a step that holds rows keeps its stages.
+    """
+
+    def __init__(
+        self,
+        held: EnforcedInvariants,
+        state: RunState,
+        settings: Simulation,
+        grid: Grid,
+        timed: TimeFunctions | None,
+        is_again: bool = False,
+    ) -> None:
+        self.origin, self.grid = state.origin, grid
+        resting = resting_forces.of_start(held.integrals.system, held.functions.numeric)
+        self.tolerance = step_tolerance.of_steps(settings, resting.acceleration)
+        self.method = method.of(settings)
+        self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
+        self._witnesses = Witnesses(grid, timed, is_again)
+        # A run counts its turns in numbers of its own.
+        held = dataclasses.replace(held, p=held.p.copy())
+        self._turns = Turns(held.integrals.system)
+        self._turns.resume(held.p, state.turns)
+        self.t, self.row_time = state.t, math.inf
+        self._bind(held, state.y, state.k)
+        self.control = StepController(self.method.order, state.step, state.pace_from)
+        self.found = FoundStep(state.t)
+        figures = state.figures if math.isfinite(state.row) else None
+        counted = state.steps, state.rejected, state.evaluations
+        self.account = RunStatistics(
+            *counted, 0.0, figures, state.notes, state.crossings, state.tally, state.told
+        )
+        self.contacts = state.contacts
+        self.account.deepest, self.account.resting = state.contacts.deepest, resting.energy
+        self.watch = SingularityMonitor(state.watch)
+        self.foreseen = self.watch.again()
+        # The state before the last step that is what a longer run would have taken; None where that is the last.
+        self._undisturbed: RunState | None = None
+        self.settle()
+
+    def bind(self, held: EnforcedInvariants) -> None:
+        """Step with other functions from where the run stands."""
+        self._bind(held, self.bound.y, self.bound.k)
+
+    def _bind(self, held: EnforcedInvariants, y: Floats, k: Floats) -> None:
+        self.bound = BoundStep(held, self.method, y.copy(), self.tolerance)
+        self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
+        self.bound.t[0], self.bound.k[:] = self.t, k
+
+    def state(self) -> RunState:
+        """The run to go on from, but for its last row: as a longer one would be where the end has cut the last step."""
+        return self._undisturbed or self._here()
+
+    def _here(self) -> RunState:
+        account, bound, control = self.account, self.bound, self.control
+        (steps, rejected, evaluations), held, notes, watched, crossings, tally, contacts = self._settled
+        return RunState(
+            bound.t[0],
+            bound.y.copy(),
+            bound.k.copy(),
+            control.step,
+            control.pace_from,
+            steps,
+            rejected,
+            evaluations,
+            row=-math.inf,
+            figures=account.figures or Figures(0.0, 0.0),
+            selection=held.integrals.selection,
+            levels=held.levels,
+            notes=notes,
+            watch=watched,
+            crossings=crossings,
+            origin=self.origin,
+            turns=self._turns.of(bound.held.p),
+            tally=tally,
+            contacts=contacts,
+            told=account.told,
+        )
+
+    def settle(self) -> None:
+        """Keep what belongs to the state from which the next step is tried."""
+        account = self.account
+        counted = account.steps, account.rejected, account.evaluations
+        held, watched = self.bound.held, self.watch.state
+        self._settled = counted, held, account.notes, watched, account.crossings, account.tally, self.contacts
+        self.tried: invariants.Tried = NONE_TRIED
+
+    def state_at(self, t: float, y: Floats) -> State:
+        """A state of the motion as others take it, its time not counted from `origin`."""
+        n = y.size // 2
+        return State(self.origin + t, y[:n], y[n : 2 * n], self.bound.held.p)
+
+    def advance(self, beyond: bool = False) -> None:
+        """Find an acceptable step from the current state.
+
+        The last step is cut to end where the run does. Where it is rejected the whole step is tried, as a
+        longer run would have tried it, so that the steps up to the last do not depend on the end. beyond: the end
+        plays no part.
+        """
+        t, end = self.t, self.grid.end
+        h, wished = self._lengths(t)
+        grow, shorter = GROW, 0.0
+        while True:
+            # The step ends at a time that is a double, so that t and the state go on together.
+            reached = t + h
+            taken = reached - t
+            if not taken > 0.0:
+                raise StepFailure(stop_diagnosis.BELOW_ROUNDING, TOO_SMALL)
+            last = not beyond and (reached >= end or end - reached < 1e-12 * h)
+            is_cut = last and not shorter
+            if is_cut:
+                reached, taken = end, end - t
+            error, smaller = self._try(reached, taken)
+            outcome = self.bound.outcome
+            if not smaller:
+                if is_cut or not last:
+                    break
+                # Beyond the end there is a good step, and none up to it: from here on the end matters.
+                self._undisturbed = self._undisturbed or self._here()
+                h = shorter
+                continue
+            self.account.rejected += 1
+            if self.bound.held.is_any and error != UNSEEN and outcome[0] < CERTAIN and self._let_go(last):
+                continue
+            grow = 1.0
+            if t + smaller / 64 == t:
+                raise self._no_step(error, outcome[3])
+            if is_cut:
+                shorter = smaller
+            else:
+                h = smaller
+        self.foreseen = self.watch.foreseen(reached, outcome[4], outcome[5])
+        self.account.steps += 1
+        found = self.found
+        if outcome[7] > COARSE and self.account.is_balanced:
+            self.find_work(taken)
+        found.is_open, found.is_jump, found.reached, found.taken = True, False, reached, taken
+        grown = self.control.grown(taken, error, grow)
+        # Where the timetable has cut a step, and not its error, the next one has the length that was wished.
+        found.proposed = max(grown, wished if h < wished and grow > 1.0 else 0.0)
+
+    def _lengths(self, t: float) -> tuple[float, float]:
+        """The length of a step to be tried from t, and what it would be without the timetable."""
+        wished = self.control.step
+        if self.foreseen is not NEVER:
+            wished = self.foreseen.shortened(t, wished)
+        return self.timetable.shortened(t, wished) if self.timetable.is_any else wished, wished
+
+    def _try(self, reached: float, taken: float) -> tuple[float, float]:
+        """The error of a step, and the length of a smaller one that should be tried; 0 where it may be taken.
+
+        The error is `UNSEEN` where only a witness speaks against it.
+        """
+        bound = self.bound
+        bound.h[0], self.found.has_dense = taken, False
+        is_witnessed = self.rows.defect is not None
+        has_stages = self.found.keeps_stages or self.row_time < reached or is_witnessed
+        (bound.staged if has_stages else bound.step).trigger()
+        self.account.evaluations += self.method.evaluations
+        scheme_error, moved, hidden, residual, _, _, everything, _ = bound.outcome
+        landed, error = residual <= LANDING, max(scheme_error, moved)
+        if hidden < 0.0 and taken > HIDING * self.control.step:
+            error = max(error, HIDDEN)
+        if error < 1.0 and landed and math.isfinite(everything):
+            if not is_witnessed:
+                return error, 0.0
+            unseen = self._unseen(reached, taken)
+            return (error, 0.0) if unseen == math.inf else (UNSEEN, unseen - self.t)
+        # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
+        is_known = math.isfinite(error) and error >= 1.0 and landed
+        return error, self.control.smaller(taken, error, is_known)
+
+    def _unseen(self, reached: float, taken: float) -> float:
+        """The first time within a step at which the forces are not those it was made of; infinite where they are."""
+        rows, defect = self.rows, self.rows.defect
+        assert defect is not None, "a run with witnesses compares"
+        for at in self._witnesses.inside(self.t, reached):
+            self.make_dense()
+            rows.at[0], rows.x[0] = self.origin + at, (at - self.t) / taken
+            defect.trigger()
+            self.account.evaluations += 1
+            if defect.results[0][0] > FORGIVEN:
+                return at
+        return math.inf
+
+    def find_work(self, taken: float) -> None:
+        """Integrate W over a step on its dense output: the scheme's own W is not right to the tolerance of the run."""
+        bound = self.bound
+        bound.staged.trigger()
+        self.make_dense()
+        span = self.t, taken, self.tolerance[0]
+        begin, coefficients = bound.y[:, None], self.rows.dense.results[0][:, :, None]
+        work = within(
+            bound.aside, span, bound.y, lambda x: self.method.interpolated(begin, coefficients, x).T
+        )
+        self.count_aside()
+        if work is None:
+            self.account.doubt()
+        else:
+            bound.new[-1] = work.end
+        self.found.work = work
+
+    def make_dense(self) -> None:
+        """Make the dense output of the step, once."""
+        if not self.found.has_dense:
+            self.rows.dense.trigger()
+            self.account.evaluations += self.method.dense_evaluations
+            self.found.has_dense = True
+
+    def count_aside(self) -> None:
+        """Count the evaluations that were made beside the step."""
+        self.account.evaluations += self.bound.aside.used
+        self.bound.aside.used = 0
+
+    def _let_go(self, is_last: bool) -> bool:
+        """After a step that did not land though it is right: leave the integrals that are the reason, if any."""
+        bound, t, h = self.bound, self.t, self.bound.h[0]
+        plain = bound.held.plain.functions.scheme(self.method)
+        y, k = bound.y, bound.k
+        arguments = [np.array([t]), np.array([h]), y, k, self.tolerance, bound.held.p]
+        step = BoundFunction(plain.step, arguments, wanted=3)
+        step.trigger()
+        self.account.evaluations += self.method.evaluations
+        new, _, (error, moved, _, residual, _, _, everything, _) = step.results
+        if not (max(error, moved) < 1.0 and residual <= LANDING and math.isfinite(everything)):
+            return False
+        if is_last:
+            # A longer run may be in another place when it comes to this.
+            self._undisturbed = self._undisturbed or self._here()
+        self.let_go(t + h, new)
+        return True
+
+    def let_go(self, reached: float, new: Floats) -> None:
+        """Leave the integrals that do not lead to a state ahead, or take other charts of them."""
+        bound = self.bound
+        here, ahead = self.state_at(self.t, bound.y), self.state_at(reached, new)
+        held, notes, self.tried = invariants.let_go(bound.held, here, ahead, self.tried)
+        self.account.notes += notes
+        self.bind(held)
+
+    def accept(self) -> None:
+        """Go to the end of the step that was found."""
+        found, bound, control = self.found, self.bound, self.control
+        if found.barrier is not None:
+            self.t = found.reached
+            raise stop_diagnosis.impulse(found.barrier.told)
+        was_still, found.is_still, found.is_jump = found.is_still, False, False
+        found.is_open, found.passage, found.work = False, None, None
+        bound.t[0] = self.t = found.reached
+        bound.y[:], bound.k[:] = bound.new, bound.k_new
+        control.step = found.proposed
+        if self._turns.is_any:
+            self._count_turns()
+        self.tell_within()
+        self.settle()
+        if self.account.steps % PACE == 0 and not was_still:
+            end = self.grid.end
+            advanced = control.lags(self.t, end)
+            if advanced is not None:
+                if self._is_before_pole():
+                    raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
+                here = self.state_at(self.t, bound.y)
+                raise stop_diagnosis.hopeless(bound.held, here, PACE, advanced, end - self.t)
+
+    def tell_within(self) -> None:
+        """Tell of the incidents within the step that was found, up to its end and that of the run."""
+        found, self.found.within = self.found.within, []
+        last = self.origin + min(self.found.reached, self.grid.end)
+        for incident in sorted(found, key=lambda incident: incident.t):
+            if incident.t <= last:
+                self.account.add(incident)
+
+    def _count_turns(self) -> None:
+        bound = self.bound
+        p, n = bound.held.p, bound.y.size // 2
+        self.account.notes += self._turns.settle(self.origin + self.t, bound.y[:n], p)
+        bound.p[: p.size] = p
+
+    def _no_step(self, error: float, residual: float) -> StepFailure:
+        bound, grid = self.bound, self.grid
+        here, ahead = self.state_at(self.t, bound.y), self.state_at(self.t + bound.h[0], bound.new)
+        if self._is_before_pole():
+            return StepFailure(stop_diagnosis.POLE, NOT_FINITE)
+        is_soon = self.foreseen.instant - self.t < stop_diagnosis.SOON * (grid.end - grid.start)
+        known = residual, here, ahead, *self.watch.nearness, is_soon, self.origin + self.contacts.last
+        return stop_diagnosis.no_step(bound.held, stop_diagnosis.Rejection(error, *known), LANDING)
+
+    def _is_before_pole(self) -> bool:
+        """True if a function of t ahead is the reason: y' grows without bound towards its switch."""
+        bound, grid, t = self.bound, self.grid, self.t
+        ahead = self.timetable.ahead(t, t + stop_diagnosis.SOON * (grid.end - grid.start))
+        if ahead is None:
+            return False
+        # At the distance from it, three times and nine times as far.
+        times = (ahead - part * (ahead - t) for part in (1.0, 3.0, 9.0))
+        rates = [np.array(bound.numeric.rhs(at, bound.y, bound.p)).ravel() for at in times]
+        self.account.evaluations += len(rates)
+        return switch_states.is_pole(rates)

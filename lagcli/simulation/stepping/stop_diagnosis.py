@@ -1,0 +1,172 @@
+"""The sentence and the code for a run that cannot go on, from what the numbers were."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lagcli.equations import kinks
+from lagcli.equations.system import System
+from lagcli.simulation.run_state.run_stop import (
+    CONTACT,
+    NO_SOLUTION,
+    NOT_FINITE,
+    SINGULAR,
+    TOO_SMALL,
+    StepFailure,
+)
+from lagcli.simulation.scheme.invariants import EnforcedInvariants
+from lagcli.simulation.singularity import singular_point
+from lagcli.simulation.stepping import stop_reasons, switch_states
+from lagcli.start import initial
+
+# Rows that are this close to dependent ones where a run stops are the reason, where they will be so within this part
+# of the run.
+DEPENDENT, SOON = 1e-2, 1e-4
+# An incident within this part of the run before is told of: a step across must begin some way off.
+BEHIND = 1e-2
+# Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so much
+# that a step may not reach its tolerance: masses differ by 1e8.
+WEIGHED = 1e-4
+
+BELOW_ROUNDING = "the step needed for the tolerance is below the rounding of the time"
+START_NOT_FINITE = "the accelerations are not finite at the start"
+POLE = "the accelerations grow beyond all bounds there: a function of t has a pole"
+NO_BRANCH = (
+    "the start is a singular configuration, and no smooth motion along one of the branches that meet there has the"
+    " initial velocities"
+)
+
+
+class Rejection(NamedTuple):
+    """The last step that was tried: its error, the residual of the constraints at its end, as a part of its size, and
+    the states at both ends; nearness, is_alone: of `SingularityMonitor`; is_soon: an instant is foreseen within `SOON`
+    of the run; last: the time of the last incident, or of the start."""
+
+    error: float
+    residual: float
+    here: initial.State
+    ahead: initial.State
+    nearness: float
+    is_alone: bool
+    is_soon: bool
+    last: float
+
+
+def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepFailure:
+    """Why no step can be taken; landing: the residual of a step that has landed."""
+    system, numeric, here = held.integrals.system, held.functions.numeric, tried.here
+    is_near, is_alone = tried.nearness < DEPENDENT, tried.is_alone
+    apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
+    if is_near and tried.is_soon and apart is None:
+        told = _named(system, singular_point.closest(numeric, here, is_alone))
+        what = f"the gradient of {told} vanishes" if is_alone else f"the rows {told} become dependent"
+        run, last = system.model.simulation, tried.last
+        is_behind = run.start < last and here.t - last < BEHIND * run.duration
+        behind = f", or one too close behind the incident at t = {last:.9g}" if is_behind else ""
+        return StepFailure(
+            f"{what} there, a singular configuration through which this motion does not go on smoothly (a toggle"
+            f" position, or a cusp{behind})",
+            SINGULAR,
+        )
+    jump = _jump(held, here)
+    if jump:
+        return StepFailure(jump, NO_SOLUTION)
+    # Loaded here, with all that decides contacts: few runs stop.
+    from lagcli.simulation.closed_contacts import contact_gradient
+
+    kinked, span = kinks.of_contacts(system.model), stop_reasons.time_scale(system, here)
+    if edges := contact_gradient.edges(numeric, here, kinked, span):
+        return StepFailure(
+            f"the gradient of the closed contact {_named(system, edges)} jumps there, and so would the velocity: where"
+            " a contact slides over an edge or into a corner, one condition has no single direction of the push (make"
+            " the edge round, as `sqrt(x**2 + w**2)` in place of `abs(x)`)",
+            CONTACT,
+        )
+    if apart is not None and tried.nearness < WEIGHED:
+        told = f"inertias that differ by a factor of {apart:.0e} amplify rounding"
+        return StepFailure(f"{BELOW_ROUNDING}: {told}", TOO_SMALL)
+    if not math.isfinite(tried.error) or not math.isfinite(tried.residual):
+        return StepFailure(
+            "the accelerations or multipliers are not finite there: the constraints become dependent,"
+            " or a function of the model has a pole",
+            NOT_FINITE,
+        )
+    if tried.residual > landing:
+        parting = singular_point.departed(numeric, tried.ahead, landing)
+        if parting:
+            told = _named(system, parting)
+            return StepFailure(
+                f"the rows {told} contradict each other beyond: they agree up to here", NO_SOLUTION
+            )
+        return StepFailure("the constraints have no solution after this time", NO_SOLUTION)
+    return StepFailure(BELOW_ROUNDING, TOO_SMALL)
+
+
+def hopeless(
+    held: EnforcedInvariants, here: initial.State, steps: int, advanced: float, left: float
+) -> StepFailure:
+    """Why the last steps advanced by so little that the run would not end in any time one can wait."""
+    jump = _jump(held, here)
+    return StepFailure(
+        jump
+        or f"the last {steps} steps advanced by {advanced:.2g}, so that the run would need"
+        f" {left / max(advanced, 1e-300) * steps:.0e} more: the motion chatters across"
+        " a jump of the forces, the forces are far too stiff for an explicit scheme, or the run is too long",
+        TOO_SMALL,
+    )
+
+
+def impact(held: EnforcedInvariants, here: initial.State, beyond: initial.State) -> StepFailure:
+    """Why the motion does not go on beyond a switch, where velocities would have to jump."""
+    jump = _jump(held, here)
+    if not jump:
+        if wall := _wall(held, here, beyond):
+            return StepFailure(f"the wall of the closed contact `{wall}` jumps there", CONTACT)
+        rows = switch_states.violated(held.functions.numeric, beyond)
+        named = _named(held.integrals.system, rows)
+        jump = f"the rows {named} make velocities jump there: an impact, which the equations of motion do not describe"
+    return StepFailure(jump, NO_SOLUTION)
+
+
+def _wall(held: EnforcedInvariants, here: initial.State, beyond: initial.State) -> str:
+    """The closed contact whose gap changes most between two times at one place; none where nothing changes."""
+    numeric, system = held.functions.numeric, held.integrals.system
+    closed = [i - len(system.rows.rows) for i in numeric.closed_rows]
+    if not closed:
+        return ""
+    sides = [
+        np.array(numeric.gaps(t, np.concatenate([here.q, here.v, [0.0]]), here.p)).ravel()[closed]
+        for t in (here.t, beyond.t)
+    ]
+    change = np.abs(sides[1] - sides[0])
+    worst = int(np.argmax(change))
+    return system.contacts.rows[closed[worst]].name if change[worst] > 0 else ""
+
+
+def impulse(told: str) -> StepFailure:
+    """Why a run ends where an energy or a place jumps; told: what does."""
+    return StepFailure(
+        f"{told}: the force is an impulse, which the equations of motion do not describe", NO_SOLUTION
+    )
+
+
+def row_not_finite(columns: tuple[str, ...], column: int, t: float) -> StepFailure:
+    """Why a row cannot be written; column: the number of what has no value, of energies beyond the columns."""
+    what = f"the column `{columns[column]}`" if column < len(columns) else "the energy balance"
+    return StepFailure(f"{what} is not finite at t = {t:.9g}", NOT_FINITE)
+
+
+def _jump(held: EnforcedInvariants, here: initial.State) -> str:
+    system, numeric = held.integrals.system, held.plain.functions.numeric
+    open_ = numeric.selection.opened(len(system.rows.rows))
+    return stop_reasons.reason(
+        system, numeric if numeric.selection == open_ else numeric.keeping(open_), here
+    )
+
+
+def _named(system: System, rows: tuple[int, ...]) -> str:
+    names = [row.name for row in system.multiplier_rows]
+    return ", ".join(f"`{names[i]}`" for i in rows[: initial.MOST_TOLD])
