@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
@@ -71,7 +72,9 @@ class ParsedFile:
     def model(self, changes: Mapping[str, object]) -> model.Model:
         """The model with these changes. Raises as `read`."""
         changed, of_members = overrides.apply(self._root, changes)
-        found = _Document(self._root, changed, Reading(self._trees)).read(of_members)
+        # Texts of the file are read once. Those of changes are others each time: kept, they would fill the memory.
+        trees = ChainMap({}, self._trees) if self._trees else self._trees
+        found = _Document(self._root, changed, Reading(trees)).read(of_members)
         given = tuple((name, str(value)) for name, value in changes.items())
         origin = ModelOrigin(self, dict(changes))
         text = self._root.text.content

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 from typing import TypeVar
 
 import numpy as np
@@ -31,7 +31,7 @@ _SEARCHED = frozenset(evaluate.FUNCTION_NAMES) - {"rate", "multiplier", "reactio
 LARGE = 1000  # members from which on parts are counted
 
 
-Trees = dict[tuple[Callable[[str], tree.Node], str], tree.Node]
+Trees = MutableMapping[tuple[Callable[[str], tree.Node], str], tree.Node]
 
 
 @dataclasses.dataclass(slots=True)

@@ -69,6 +69,7 @@ def test_a_row_is_that_of_simulate_with_set_to_the_last_bit() -> None:
             name: value for name, value in last.items() if name != "t"
         }
         assert row["t_end"] == last["t"]
+        assert "t" not in row  # it is `t_end`
         assert (row["status"], row["message"]) == ("0", "")
 
 

@@ -1,5 +1,6 @@
 """Another value of a model costs no new build and no new proof, and changes no bit of a run."""
 
+import gc
 import pathlib
 import pickle
 
@@ -9,6 +10,7 @@ import pytest
 import lagcli
 from lagcli.analysis.classification import classify
 from lagcli.api import cache
+from lagcli.expression import tree
 from lagcli.start import assembly
 
 MODELS = pathlib.Path(__file__).parents[2] / "models"
@@ -98,3 +100,17 @@ def test_wrong_changes_are_refused_as_those_of_the_command_line() -> None:
         model.with_parameters(LL=1)
     with pytest.raises(lagcli.ModelError, match="unknown-name"):
         model.with_parameters(L="2*q")
+
+
+def test_values_leave_nothing_behind_in_the_file_that_was_read():
+    model = lagcli.load(MODELS / "pendulum.yaml")
+
+    def kept():
+        gc.collect()
+        return sum(isinstance(one, tree.Number) for one in gc.get_objects())
+
+    model.with_parameters(L=1.25)
+    before = kept()
+    for i in range(50):
+        model.with_parameters(L=1.25 + i / 64)
+    assert kept() <= before
