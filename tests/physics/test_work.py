@@ -131,3 +131,29 @@ def test_rounding_of_the_power_is_no_wave() -> None:
     assert found is not None
     assert found.end == pytest.approx(math.sin(3.0), abs=1e-8)
     assert len(calls) < 40
+
+
+HOOP = """lagcli: 1
+coordinates: {th: {value: "acos(9.81/25) + 1e-6", rate: 1e-5}}
+particles:
+  bead: {mass: 1, position: ["sin(th)*cos(5*t)", "sin(th)*sin(5*t)", "-cos(th)"]}
+forces: {weight: {to: all, force: "[0, 0, -9.81*m]"}}
+"""
+
+
+def test_power_that_is_rounding_is_not_looked_into(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing drives the motion relative to the hoop; the terms of W' are far larger than the motion, and cancel."""
+    asked = []
+    over = WorkIntegral.over
+
+    def counted(self: WorkIntegral, *args: float) -> object:
+        found = over(self, *args)
+        asked.append(found)
+        return found
+
+    monkeypatch.setattr(WorkIntegral, "over", counted)
+    run = lagcli.simulate(lagcli.loads(HOOP), duration=2, samples=3)
+    assert asked
+    assert None not in asked
+    assert run.stats.energy_imbalance is not None
+    assert run.stats.evaluations < 100 * run.stats.steps

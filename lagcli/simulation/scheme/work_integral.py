@@ -35,6 +35,8 @@ MOST_PANELS = 2048
 GAIN, SMALL = 4.0, 1e-6
 # Times are rounded, and what W' does in a panel is seen at times that far off; W' itself is rounded too.
 TIME_ROUNDING, ROUNDING = 2**-50, 1e-15
+# Roundings by which states and times are moved to see the rounding of W', where its terms cancel.
+SHAKEN = 2**-51
 # W is not known where it is off by more than this part of the energy, or by so many tolerances of a step.
 DOUBT, DOUBTED = 1e-6, 100.0
 
@@ -80,9 +82,9 @@ def within(
     t, h, rtol = span
     n = y.size // 2
 
-    def powers(times: Floats) -> tuple[Floats, float] | None:
+    def landed(times: Floats, places: Floats) -> tuple[Floats, float] | None:
         found, energy = np.empty(times.size), 0.0
-        for i, (at, state) in enumerate(zip(times.tolist(), states((times - t) / h), strict=True)):
+        for i, (at, state) in enumerate(zip(times.tolist(), places, strict=True)):
             rate = collocation.landed(land, at, state)
             if rate is None:
                 return None
@@ -90,20 +92,28 @@ def within(
             energy = max(energy, float(land.results[3][n + 1]) ** 2)
         return found, energy
 
-    return WorkIntegral(powers, rtol).over(t, h, float(y[-1]))
+    def powers(times: Floats) -> tuple[Floats, float] | None:
+        return landed(times, states((times - t) / h))
+
+    def shaken(times: Floats) -> tuple[Floats, float] | None:
+        signs = np.where(np.arange(2 * n + 1) % 2, -SHAKEN, SHAKEN)
+        return landed(times + SHAKEN * (abs(t) + h), states((times - t) / h) * (1 + signs))
+
+    return WorkIntegral(powers, rtol, shaken).over(t, h, float(y[-1]))
 
 
 class WorkIntegral:
     """The integral of a power over a step, to a relative tolerance of the energies at hand.
 
     powers(times (k,)) -> the power at each (k,), and an energy, such as the largest of the motion there; None where
-    they have no value.
+    they have no value. shaken: the same at states that are moved by their rounding.
     """
 
-    def __init__(self, powers: Powers, rtol: float) -> None:
-        self._powers, self._rtol = powers, rtol
+    def __init__(self, powers: Powers, rtol: float, shaken: Powers | None = None) -> None:
+        self._powers, self._rtol, self._shaken = powers, rtol, shaken
         self._nodes = np.array(collocation.nodes(NODES))
         self._energy = 0.0
+        self._rounding = 0.0  # of the power
 
     def over(self, t: float, h: float, start: float) -> Work | None:
         """W over a step from t to t + h with a value at its begin; None where it is not found."""
@@ -111,6 +121,9 @@ class WorkIntegral:
         whole = self._panel(t, h)
         if whole is None:
             return None
+        aside = None if self._shaken is None else self._shaken(t + self._nodes * h)
+        if aside is not None:
+            self._rounding = float(np.abs(aside[0] - whole.slopes[:, 0]).max())
         waiting = [_Panel(-np.inf, t, whole)]
         done: list[_Panel] = []
         for count in range(1, MOST_PANELS):
@@ -125,7 +138,8 @@ class WorkIntegral:
                 else:
                     heapq.heappush(waiting, half)
         panels = sorted((*waiting, *done), key=lambda panel: panel.begin)
-        if sum(panel.error for panel in panels) > max(DOUBT, DOUBTED * self._rtol) * self._energy:
+        known = max(DOUBT, DOUBTED * self._rtol) * self._energy + self._rounding * h
+        if sum(panel.error for panel in panels) > known:
             return None
         return _joined([panel.work for panel in panels], start)
 
@@ -142,6 +156,7 @@ class WorkIntegral:
         powers = np.concatenate([first.slopes, second.slopes])
         largest = float(np.abs(powers).max())
         seen = TIME_ROUNDING * (abs(whole.t) + whole.h) * float(np.ptp(powers)) + ROUNDING * whole.h * largest
+        seen += self._rounding * whole.h
         is_stalled = error > panel.error / GAIN and error < SMALL * whole.h * largest
         is_done = error <= seen or is_stalled
         return [(_Panel(-error / 2, half.t, half), is_done) for half in (first, second)]
