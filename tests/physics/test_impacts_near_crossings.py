@@ -59,10 +59,10 @@ def outcome(place, e):
 
 @pytest.mark.parametrize("place", [1e-3, -1e-3, -1e-4])
 def test_a_crossing_close_behind_an_impact_is_passed_or_told_with_the_impact(place):
-    """Rounding decides which; no energy goes lost in either."""
+    """Rounding decides which; no energy goes lost in either, but what rounding is at 1e-4: 1e-16 over its square."""
     found, told = outcome(place, 1)
     assert not told or "or one too close behind the incident" in told
-    assert found["energy"][-1] == pytest.approx(1, abs=1e-9)
+    assert found["energy"][-1] == pytest.approx(1, abs=1e-7)
 
 
 def test_what_comes_to_rest_on_a_wall_near_a_crossing_stays():
