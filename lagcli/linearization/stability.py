@@ -54,8 +54,8 @@ def verdict(
 def of_lowest(
     functions: LinearizedFunctions, here: Reference, found: Lowest, is_equilibrium: bool
 ) -> StabilityVerdict:
-    """The verdict where only the lowest eigenvalues are known."""
-    growth = float(found.values.real.max(initial=0.0))
+    """The verdict where only the lowest eigenvalues are known; growth: the largest real part of these."""
+    growth = float(found.values.real.max()) if found.values.size else 0.0
     if growth > 0:
         return StabilityVerdict(False, growth, _growing(growth))
     if is_equilibrium and found.is_definite and functions.keeps_energy(here):

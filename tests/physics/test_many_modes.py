@@ -72,6 +72,7 @@ def test_damping_is_kept() -> None:
     for z in wanted[root.imag == 0]:
         assert np.abs(found.eigenvalues - z).min() < 1e-9
     assert found.stable is None
+    assert found.growth == max(found.eigenvalues.real)
 
 
 def test_sparse_and_dense_algebra_agree_with_rows_that_are_dependent() -> None:
