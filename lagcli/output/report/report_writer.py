@@ -10,6 +10,7 @@ import base64
 import functools
 import html
 import re
+from collections.abc import Callable
 
 import jinja2
 import markupsafe
@@ -62,16 +63,21 @@ def _head(contents: ReportContents) -> str:
     return labels.shortened(" ".join(contents.title.split()), labels.NAME)
 
 
-@functools.cache
-def _html_templates() -> jinja2.Environment:
-    made = jinja2.Environment(
+def _environment(finalize: Callable[[object], object], *, autoescape: bool) -> jinja2.Environment:
+    """The templates of reports; each value is written by `finalize`."""
+    return jinja2.Environment(
         loader=jinja2.PackageLoader("lagcli.output.report"),
-        autoescape=True,
+        autoescape=autoescape,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_printable,
+        finalize=finalize,
     )
+
+
+@functools.cache
+def _html_templates() -> jinja2.Environment:
+    made = _environment(_printable, autoescape=True)
     made.filters["data"] = _data
     made.filters["written"] = markupsafe.Markup
     return made
@@ -79,14 +85,7 @@ def _html_templates() -> jinja2.Environment:
 
 @functools.cache
 def _markdown_templates() -> jinja2.Environment:
-    made = jinja2.Environment(
-        loader=jinja2.PackageLoader("lagcli.output.report"),
-        autoescape=False,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=escaped,
-    )
+    made = _environment(escaped, autoescape=False)
     made.filters["fenced"] = _fenced
     made.filters["file"] = lambda figure: WrittenMarkdown(figure_file(figure))
     made.filters["written"] = WrittenMarkdown
@@ -96,13 +95,7 @@ def _markdown_templates() -> jinja2.Environment:
 
 @functools.cache
 def _latex_templates() -> jinja2.Environment:
-    made = jinja2.Environment(
-        loader=jinja2.PackageLoader("lagcli.output.report"),
-        autoescape=False,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_in_latex,
+    made = _environment(_in_latex, autoescape=False).overlay(
         # Braces are LaTeX's own.
         block_start_string="<%",
         block_end_string="%>",
