@@ -170,6 +170,8 @@ def _scene(
         notes.append(f"the {MOST_CURVES} largest of {len(held)} multipliers are shown")
     R = found.reactions(table) if parts["R"] else None
     drawn = model if model is not None and model.particle_names else None
+    if model is not None and drawn is None:
+        notes += builder.unseen(model, set())
     motion = Motion(
         t=table["t"],
         names=found.names,

@@ -185,6 +185,33 @@ def test_models_of_all_kinds_run_without_an_error(
     assert shown.errors() == []
 
 
+@pytest.mark.parametrize(
+    "row", ["a.z = 0.1*sin(3*a.x - 2*t)", "a.y = 0\n  track: a.z = 0.1*sin(3*a.x - 2*t)"]
+)
+def test_lines_and_nets_move_with_the_time(browser: Browser, row: str, tmp_path: pathlib.Path) -> None:
+    text = f"""
+lagcli: 1
+particles: {{a: {{mass: 1, position: [0, 0, 0], velocity: [0.3, 0, -0.11]}}}}
+holonomic:
+  row: {row}
+simulation: {{duration: 1, samples: 11}}
+"""
+    scene, path = animate.of_model(lagcli.loads(text), {}), tmp_path / "page.html"
+    (drawn,) = scene.surfaces
+    page.write(path, scene)
+    shown = opened(browser, path)
+    for frame in (0, 4, 10):
+        shown.value(f"animation.seek(animation.times[{frame}])")
+        places = np.array(shown.value("animation.line(0)")).reshape(-1, 3)
+        # Pieces begin and end at corners; one without a place stands at the centre.
+        corners = np.concatenate([drawn.corners[frame], [scene.view.centre]])
+        apart = np.linalg.norm(places[:, None] - corners[None], axis=-1)
+        assert float(np.nanmin(apart, axis=1).max()) < 1e-5
+        off = places[:, 2] - 0.1 * np.sin(3 * places[:, 0] - 2 * scene.t[frame])
+        assert np.mean(np.abs(off) < 1e-3) > 0.9
+    assert shown.errors() == []
+
+
 def test_modes_are_chosen(browser: Browser, tmp_path: pathlib.Path) -> None:
     model = lagcli.load(MODELS / "spring-triangle.yaml")
     path, scene = tmp_path / "modes.html", animate_modes.of_modes(model, lagcli.modes(model))

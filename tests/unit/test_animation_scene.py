@@ -11,7 +11,7 @@ import pytest
 import lagcli
 from lagcli.api import animate, animate_modes
 from lagcli.model.model import Model
-from lagcli.output.animation import places, quadratic_algebra, square_distance, tied
+from lagcli.output.animation import places, quadratic_algebra, sheets, square_distance, tied
 from lagcli.output.animation.scene import DrawnSurface, Scene
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -261,14 +261,14 @@ holonomic:
   aside: bead.y = sin(bead.z/0.2)
 """
     scene = scene_of(text + FALLING)
-    points = surface(scene, "line").corners
+    (points,) = surface(scene, "line").corners
     assert len(points) > 100
     np.testing.assert_allclose(points[:, 0], np.cos(points[:, 2] / 0.2), atol=1e-6)
     np.testing.assert_allclose(points[:, 1], np.sin(points[:, 2] / 0.2), atol=1e-6)
 
 
 def test_the_wall_of_a_stadium_is_a_closed_line_in_the_plane_of_the_motion() -> None:
-    points = surface(gallery("stadium", samples=51), "line").corners
+    (points,) = surface(gallery("stadium", samples=51), "line").corners
     np.testing.assert_allclose(points[0], points[-1])
     off = np.hypot(np.maximum(np.abs(points[:, 0]) - 0.5, 0), points[:, 2])
     np.testing.assert_allclose(off, 1, atol=1e-6)
@@ -286,10 +286,126 @@ def test_a_surface_that_is_not_simple_is_a_net_on_it(
 ) -> None:
     text = f"particles: {{a: {{mass: 1, position: [1, 0, 1], velocity: [0, 1, VZ]}}}}\nholonomic: {{ground: {row}}}"
     scene = scene_of(text.replace("VZ", "0.5" if "sin" in row else "0") + FALLING)
-    corners = surface(scene, "net").corners
+    (nodes,) = surface(scene, "net").corners
+    corners = sheets.triangles(nodes)
     assert len(corners) > 600
     assert len(corners) % 3 == 0
     np.testing.assert_allclose(off(corners), 0, atol=1e-7)
+
+
+def test_a_curve_that_two_moving_rows_leave_moves_whole() -> None:
+    text = """
+parameters: {w: 1}
+particles: {bead: {mass: 1, position: [1, 0, 1], velocity: [0, 1, 0]}}
+holonomic:
+  turning: bead.y*cos(w*t) = bead.x*sin(w*t)
+  bowl: bead.z = bead.x**2 + bead.y**2
+"""
+    scene = scene_of(text + FALLING)
+    points = surface(scene, "line").corners
+    assert points.shape[::2] == (21, 3)
+    x, y, z = np.moveaxis(points, -1, 0)
+    t = scene.t[:, None]
+    np.testing.assert_allclose(z, x**2 + y**2, atol=2e-2)  # between points there are straight pieces
+    np.testing.assert_allclose(y * np.cos(t), x * np.sin(t), atol=1e-6)
+    # Both arms, up to where the picture ends, at every instant.
+    along = x * np.cos(t) + y * np.sin(t)
+    assert along.min(axis=1).max() < -0.9
+    assert along.max(axis=1).min() > 0.9
+    assert not [one for one in scene.surfaces if one.kind != "line"]
+    assert not any("not drawn" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize("row", ["a.z = 0.1*sin(3*a.x - 2*t)", "a.z >= 0.1*sin(3*a.x - 2*t)"])
+def test_a_surface_that_moves_is_a_net_that_moves(row: str) -> None:
+    kind = "inequality" if ">=" in row else "holonomic"
+    text = f"""
+particles: {{a: {{mass: 1, position: [0, 0.3, 0], velocity: [0.3, 0.1, {"2" if ">=" in row else "-0.11"}]}}}}
+{kind}: {{wave: {row}}}
+"""
+    scene = scene_of(text + FALLING)
+    one = surface(scene, "net")
+    nodes = one.corners
+    assert len(nodes) == 21
+    assert one.one_sided == (">=" in row)
+    off = nodes[..., 2] - 0.1 * np.sin(3 * nodes[..., 0] - 2 * scene.t[:, None])
+    assert np.isfinite(off).mean() > 0.9
+    np.testing.assert_allclose(off[np.isfinite(off)], 0, atol=1e-8)
+
+
+def test_a_wavy_wall_that_moves_is_a_line_in_the_plane_of_the_motion() -> None:
+    text = """
+particles: {a: {mass: 1, position: [0, 0, 0], velocity: [0.3, 0, -0.11]}}
+holonomic: {plane: a.y = 0, track: a.z = 0.1*sin(3*a.x - 2*t)}
+"""
+    scene = scene_of(text + FALLING)
+    points = surface(scene, "line").corners
+    off = points[..., 2] - 0.1 * np.sin(3 * points[..., 0] - 2 * scene.t[:, None])
+    np.testing.assert_allclose(off, 0, atol=1e-3)
+    np.testing.assert_allclose(points[..., 1], 0, atol=1e-9)
+
+
+def test_a_lever_is_joined_through_its_pivot() -> None:
+    text = """
+definitions: {pivot: "[0, 0, sin(t)/10]"}
+particles:
+  a: {mass: 2, position: [-1, 0, 0], velocity: [0, 0, 0.15]}
+  b: {mass: 0.9, position: [2, 0, 0], velocity: [0, 0, 0.1]}
+holonomic: {lever: 2*a + b = 3*pivot}
+simulation: {duration: 1, samples: 21, assemble: true}
+"""
+    scene = scene_of(text)
+    (first, second) = (link.ends for link in scene.links)
+    assert (first[0], second[0]) == (0, 1)
+    assert first[1] == second[1]
+    np.testing.assert_allclose(scene.points[first[1]][:, 2], np.sin(scene.t) / 10, atol=1e-12)
+    assert not any("not drawn" in note for note in scene.notes)
+
+
+def test_particles_beside_and_between_others_are_joined_with_them() -> None:
+    text = """
+particles:
+  a: {mass: 1, position: [0, 0, 0]}
+  b: {mass: 1, position: [2, 0, 0], velocity: [0, 1, 0]}
+  c: {mass: 1, position: [1, 0, 0], velocity: [0, 0.5, 0]}
+  d: {mass: 1, position: [1, 0, 1], velocity: [0, 0.5, 0]}
+  e: {mass: 1, position: [3, 0, 1]}
+holonomic:
+  middle: c = (a + b)/2
+  beside: d - c = [0, 0, 1]
+  sum: a + b + c + e = [6, 0, 1 + t*0]
+"""
+    scene = scene_of(text + "simulation: {duration: 1, samples: 5, assemble: true}")
+    assert sorted(link.ends for link in scene.links) == [(2, 0), (2, 1), (2, 3)]
+    assert "kept, and not drawn: sum.x, sum.y, sum.z" in scene.notes
+
+
+def test_rows_that_are_not_drawn_are_named() -> None:
+    text = """
+coordinates: {th: {value: 0, rate: 1}, ph: {value: 0, rate: 1}}
+particles: {a: {mass: 1, position: "[cos(th), sin(th), ph]"}}
+holonomic: {motor: th = t}
+differential: {screw: d(ph) = d(th)}
+"""
+    scene = scene_of(text + "simulation: {duration: 1, samples: 5}")
+    assert "kept, and not drawn: motor, screw" in scene.notes
+    many = """
+particles: {"p[i]": {for: "i = 1..12", mass: 1, position: "[i, 0, 0]"}}
+holonomic: {"pair[i]": {for: "i = 1..11", equation: "p[i].x*p[i+1].y = 0"}}
+"""
+    notes = scene_of(many + "simulation: {duration: 1, samples: 3}").notes
+    assert f"kept, and not drawn: {', '.join(f'pair[{k}]' for k in range(1, 9))} and 3 others" in notes
+    assert "kept, and not drawn: roll_x, roll_y" in gallery("rolling-disk", samples=3).notes
+
+
+def test_few_shapes_move_and_the_others_are_named() -> None:
+    text = """
+particles: {"p[i]": {for: "i = 1..8", mass: 1, position: "[0, i, 0]", velocity: "[0.1, 0, 0]"}}
+holonomic: {"wave[i]": {for: "i = 1..8", equation: "p[i].z = 0.1*sin(p[i].x*t)"}}
+"""
+    scene = scene_of(text + "simulation: {duration: 1, samples: 5}")
+    assert [one.name for one in scene.surfaces] == [f"wave[{k}]" for k in range(1, 7)]
+    assert "kept, and not drawn: wave[7], wave[8]" in scene.notes
 
 
 @pytest.mark.parametrize(

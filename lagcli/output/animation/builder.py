@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.model import model as nouns
 from lagcli.output.animation import links, quadratic_algebra, row_pictures, viewpoint
+from lagcli.output.animation.curve_pictures import CurvePictures
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.row_pictures import RowPictures
 from lagcli.output.animation.scene import DrawnSurface, Link, Scene, TimeCurve, steady
@@ -21,6 +23,7 @@ LARGEST, LEAST = 0.022, 0.007
 FEW = 20  # more particles are drawn smaller, so that together they cover no more of the picture
 BESIDE = 0.3  # of the shortest rod: no particle is larger
 ARROW = 0.15  # of the size of the scene: all but a few arrows are shorter
+MOST_NAMED = 8  # rows that are not drawn
 USUAL = 0.99  # a part of all instants: the largest arrows of the others do not set the scale
 
 
@@ -54,11 +57,11 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
     hard = links.contact_radii(found.pairs, found.lines, len(motion.names))
     tracks = [*points.tracks, *_reaches(found)]
     view = viewpoint.view(tracks, _down(model))
+    size, notes = viewpoint.size(tracks), motion.notes
     if model is not None:
-        curves = list(row_pictures.curves(model, found, motion.particles, view))
+        curves = CurvePictures(model, motion.t, motion.particles, view, found).all()
         surfaces += row_pictures.surfaces(found, motion.particles, hard, view) + curves
-    size = viewpoint.size(tracks)
-    notes = motion.notes
+        notes = (*notes, *unseen(model, found.shown))
     if points.unheld:
         notes = (
             *notes,
@@ -80,6 +83,15 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
         units=units,
         notes=notes,
     )
+
+
+def unseen(model: nouns.Model, shown: set[str]) -> Iterator[str]:
+    """A sentence that names the rows that are kept and not drawn, or nothing."""
+    laws: tuple[nouns.Law, ...] = (*model.holonomic, *model.inequality, *model.differential)
+    hidden = [name for law in laws for name in law.rows if name not in shown]
+    if hidden:
+        more = f" and {len(hidden) - MOST_NAMED} others" if len(hidden) > MOST_NAMED else ""
+        yield f"kept, and not drawn: {', '.join(hidden[:MOST_NAMED])}{more}"
 
 
 def _reaches(found: RowPictures) -> list[Floats]:

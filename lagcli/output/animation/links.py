@@ -44,7 +44,7 @@ class PointTable:
         heavy = sum(positive.values())
         nothing = np.zeros(3)
         if not negative or not positive:
-            return self._mean(positive or negative, nothing), self._mean({}, -found.shift / total)
+            return self._mean(positive or negative, nothing), self.place(-found.shift / total)
         if abs(total) > square_distance.SAME * heavy:
             return None
         return self._mean(positive, nothing), self._mean(negative, -found.shift / heavy)
@@ -60,13 +60,17 @@ class PointTable:
 
     def tie(self, tie: Tie) -> Link:
         """A kept distance as a thin line."""
-        other = tie.other if isinstance(tie.other, int) else self._mean({}, tie.other)
+        other = tie.other if isinstance(tie.other, int) else self.place(tie.other)
         return Link("string", "", (tie.particle, other), tie.length)
 
     def distance(self, ends: tuple[int, int]) -> Floats:
         """The distance of two points over the instants."""
         one, two = (self.tracks[end] for end in ends)
         return np.asarray(np.linalg.norm(one - two, axis=-1))
+
+    def place(self, at: Floats) -> int:
+        """The point at a place (3,) or (T, 3)."""
+        return self._mean({}, at)
 
     def _mean(self, weights: dict[int, float], shift: Floats) -> int:
         """The point at the weighted mean of particles, moved by a shift; without weights the shift alone."""

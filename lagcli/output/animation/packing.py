@@ -76,22 +76,21 @@ def packed(scene: Scene) -> tuple[str, str]:
 
 def _surface(one: DrawnSurface, block: _Block, size: float, centre: Floats) -> dict[str, object]:
     frames = np.array(one.frames, dtype=np.float64)
-    corners = one.corners
-    if one.kind in ("line", "net"):  # their corners are places
-        corners = (corners - centre) / size
+    found: dict[str, object] = {"kind": one.kind, "oneSided": one.one_sided, "corners": []}
+    if one.kind in ("line", "net"):
+        # Their corners are places; an axis along which none of them moves stands there once.
+        places = (one.corners - centre) / size
+        axes = [places[..., axis] for axis in range(3)]
+        found["places"] = [block.add(axis if np.ptp(axis, axis=0).any() else axis[:1]) for axis in axes]
+        found["count"] = places.shape[1]
     else:
         frames[:, 3] -= centre
         frames /= size
         # The polygon has the length of its corners, so its directions are of length 1.
         if one.kind == "plane":
             frames[:, :3] *= size
-            corners = corners / size
-    return {
-        "kind": one.kind,
-        "oneSided": one.one_sided,
-        "frames": block.add(frames),
-        "corners": np.round(corners, 6).tolist(),
-    }
+            found["corners"] = np.round(one.corners / size, 6).tolist()
+    return found | {"frames": block.add(frames)}
 
 
 def _curve(curve: TimeCurve, block: _Block) -> dict[str, object]:

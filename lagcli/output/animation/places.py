@@ -87,7 +87,9 @@ def of_coordinates(
         tracks.append(np.stack([zero + APART * k, zero, height], axis=-1))
         corners = np.array([[APART * k, 0.0, 0.0], [APART * k, 0.0, 1.0]])
         rails.append(
-            DrawnSurface("line", name, False, np.concatenate([np.eye(3), np.zeros((1, 3))])[None], corners)
+            DrawnSurface(
+                "line", name, False, np.concatenate([np.eye(3), np.zeros((1, 3))])[None], corners[None]
+            )
         )
     ends = "of one length for all" if limits is not None else "from its least value up to its greatest"
     note = f"there are no particles: each coordinate is a bead on a scale, {ends}"

@@ -96,7 +96,7 @@ class _PlaceLeaves:
     def __init__(
         self, model: nouns.Model, t: Floats | None, fixed: Mapping[int, Floats] | None = None
     ) -> None:
-        """t: None where no time is known; fixed: places (k, 3) of particles that are numbers and no variables."""
+        """t: None where no time is known; fixed: places (T, k, 3) of particles that are numbers and no variables."""
         self._names, self._fixed = ModelNames(model), fixed or {}
         self._constants: dict[str, Value] = {
             "t": OTHER if t is None else quadratic_form.number(t),
@@ -126,7 +126,7 @@ class _PlaceLeaves:
     def position(self, numbers: Whole) -> tuple[Quadratic, Quadratic, Quadratic]:
         number = int(numbers[0])
         if number in self._fixed:
-            x, y, z = map(quadratic_form.number, self._fixed[number].T)
+            x, y, z = map(quadratic_form.number, np.moveaxis(self._fixed[number], -1, 0))
             return x, y, z
         first = 3 * number
         return quadratic_form.place(first), quadratic_form.place(first + 1), quadratic_form.place(first + 2)
@@ -172,17 +172,20 @@ def rows(model: nouns.Model, t: Floats) -> Iterator[PicturedRow]:
                 return
 
 
-def value_at(model: nouns.Model, law: nouns.Law, row: int, particle: int, places: Floats) -> Floats | None:
-    """The value of a row of a law, by its number, with one particle at places (k, 3): (k,) or (1,). None where it
-    depends on other particles, on coordinates or on t."""
-    leaves = _PlaceLeaves(model, None, {particle: places})
+def value_at(
+    model: nouns.Model, row: PicturedRow, t: Floats | None, particle: int, places: Floats
+) -> Floats | None:
+    """The values (T, k) of a row at t (T,) with one particle at places (T, k, 3). None where the row depends on other
+    particles, on coordinates, or, where t is None, on time."""
+    law = row.law
+    leaves = _PlaceLeaves(model, None if t is None else t[:, None], {particle: places})
     assert isinstance(law.equation.tree, tree.Relation)
     width = len(law.rows) // max(1, law.members.count)
-    k = row // width
+    k = row.row // width
     variables = {name: values[k : k + 1] for name, values in law.members.variables.items()}
     with np.errstate(all="ignore"):
-        form = evaluate.difference(law.equation.tree, leaves.algebra(variables))[row % width]
-    return np.atleast_1d(form.constant) if form.is_constant else None
+        form = evaluate.difference(law.equation.tree, leaves.algebra(variables))[row.row % width]
+    return np.broadcast_to(form.constant, places.shape[:-1]) if form.is_constant else None
 
 
 def summed(model: nouns.Model, t: Floats, row: PicturedRow) -> list[SquareDistance]:

@@ -110,14 +110,14 @@ class Quadratic:
         )
 
     def values(self, places: Floats) -> Floats:
-        """The values (k,) with the only particle in it at places (k, 3); for one that is at rest."""
-        found = np.full(len(places), np.ravel(self.constant)[0])
+        """The values (T, k) with the only particle in it at places (T, k, 3); T = 1 for one that is at rest."""
+        found = np.zeros(places.shape[:-1]) + _over_places(self.constant)
         for i, a in self.linear.items():
-            found = found + np.ravel(a)[0] * places[:, i % 3]
+            found = found + _over_places(a) * places[..., i % 3]
         for (i, j), a in self.quadratic.items():
-            found = found + np.ravel(a)[0] * places[:, i % 3] * places[:, j % 3]
+            found = found + _over_places(a) * places[..., i % 3] * places[..., j % 3]
         if self.under is not None:
-            found = found + np.ravel(self.factor)[0] * np.sqrt(self.under.values(places))
+            found = found + _over_places(self.factor) * np.sqrt(self.under.values(places))
         return np.asarray(found)
 
     @property
@@ -136,6 +136,14 @@ def number(value: float | Coefficient) -> Quadratic:
 def place(component: int) -> Quadratic:
     """The component x_i."""
     return Quadratic(linear={component: np.float64(1.0)})
+
+
+def _over_places(value: Coefficient) -> Coefficient:
+    """A coefficient as it multiplies values (T, k): a number where it is the same at all instants."""
+    numbers = np.asarray(value)
+    if not numbers.ndim or not np.ptp(numbers):
+        return np.float64(numbers.flat[0])
+    return numbers[:, None]
 
 
 K = TypeVar("K")

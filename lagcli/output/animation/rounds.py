@@ -23,13 +23,14 @@ FAR = 1.5  # sizes of the scene: a plane farther than this from all that moves o
 @dataclasses.dataclass(slots=True, eq=False)
 class HeldPlane:
     """The plane normal . r = offset; of an inequality normal . r >= offset is allowed. normal (1 or T, 3) of length 1,
-    offset (1 or T,)."""
+    offset (1 or T,). rows: the names of those that it is drawn for."""
 
     name: str
     one_sided: bool
     normal: Floats
     offset: Floats
     particles: set[int]
+    rows: list[str] = dataclasses.field(default_factory=list)
 
     def is_the_same_as(self, other: HeldPlane, size: float) -> bool:
         """True where both are one plane, with the same side allowed."""
@@ -66,7 +67,12 @@ def plane(row: PicturedRow, particle: int) -> HeldPlane | None:
         return None
     offset = np.atleast_1d(-form.constant / length)
     return HeldPlane(
-        row.name, row.kind == "inequality", steady(normal / length[:, None]), steady(offset), {particle}
+        row.name,
+        row.kind == "inequality",
+        steady(normal / length[:, None]),
+        steady(offset),
+        {particle},
+        [row.name],
     )
 
 
@@ -125,12 +131,13 @@ def merged(planes: Sequence[HeldPlane], size: float) -> list[HeldPlane]:
             found.append(one)
         else:
             same.particles |= one.particles
+            same.rows += one.rows
     return found
 
 
 def polygons(
     planes: Sequence[HeldPlane], particles: Floats, radii: Floats, size: float
-) -> list[DrawnSurface]:
+) -> list[tuple[HeldPlane, DrawnSurface]]:
     """The parts of planes that are drawn: around what moves on them, cut by walls that meet. particles (T, N, 3); radii
     (N,): of what touches them."""
     found = []
@@ -147,7 +154,7 @@ def polygons(
             if other is not one and other.one_sided and other.particles & one.particles
             and len(other.normal) == len(other.offset) == 1
         ]  # fmt: skip
-        found.append(_polygon(one, tracks.reshape(-1, 3), (walls, shift), size))
+        found.append((one, _polygon(one, tracks.reshape(-1, 3), (walls, shift), size)))
     return found
 
 

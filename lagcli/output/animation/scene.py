@@ -33,8 +33,8 @@ class DrawnSurface:
 
     frames (1 or T, 4, 3): three vectors u, v, w and an origin o. A point (a, b, c) of the shape stands at
     o + a u + b v + c w. The shapes: the polygon `corners` (k, 3) with c = 0; the unit sphere; the round side of the
-    cylinder a^2 + b^2 = 1, |c| <= 1; the circle a^2 + b^2 = 1, c = 0; the line through `corners`;
-    triangles of three `corners` each.
+    cylinder a^2 + b^2 = 1, |c| <= 1; the circle a^2 + b^2 = 1, c = 0; the line through `corners` (1 or T, k, 3) and
+    the net with n * n of them, row by row, nan where there is none.
     """
 
     kind: Literal["plane", "sphere", "cylinder", "circle", "line", "net"]

@@ -7,6 +7,7 @@ import html
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.output.animation import sheets
 from lagcli.output.animation.scene import DrawnSurface, Scene
 
 Floats = npt.NDArray[np.float64]
@@ -29,7 +30,9 @@ class Projection:
         everything = [track for track in scene.points if len(track)]
         near = 3 * view.size  # a floor may reach far beyond what moves on it
         rims = [outline(one, 0) for one in scene.surfaces]
-        everything += [rim for rim in rims if np.linalg.norm(rim - view.centre, axis=1).max() < near]
+        everything += [
+            rim for rim in rims if np.linalg.norm(rim - view.centre, axis=1).max(initial=0.0) < near
+        ]
         flat = (
             np.concatenate([self._plane(track) for track in everything]) if everything else np.zeros((1, 2))
         )
@@ -52,10 +55,12 @@ class Projection:
 
 def outline(one: DrawnSurface, frame: int) -> Floats:
     """Places (k, 3) of the outline of a surface at an instant."""
+    if one.kind in ("line", "net"):
+        places = one.corners[min(frame, len(one.corners) - 1)]
+        return sheets.triangles(places) if one.kind == "net" else places[np.isfinite(places).all(axis=-1)]
     u, v, w, origin = one.frames[min(frame, len(one.frames) - 1)]
-    if one.kind in ("plane", "line", "net"):
-        corners = one.corners
-        closed = corners if one.kind != "plane" else np.concatenate([corners, corners[:1]])
+    if one.kind == "plane":
+        closed = np.concatenate([one.corners, one.corners[:1]])
         return np.asarray(origin + closed @ np.array([u, v, w]))
     angle = np.linspace(0, 2 * np.pi, ROUND + 1)[:, None]
     turns = {"circle": ((u, v),), "cylinder": ((u, v),), "sphere": ((u, v), (v, w), (w, u))}[one.kind]

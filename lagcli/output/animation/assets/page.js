@@ -118,6 +118,13 @@
     }
     for (const one of scene.surfaces) {
       const m = part(one.frames);
+      for (let f = 0; one.places && f < T; f++) {
+        for (let i = 0; i < one.count; i++) {
+          corner(one, f, 0, i, place);
+          if (place.length() < 2) reach(place, 0.02);
+        }
+        if (!one.places.some(([, length]) => length > one.count)) break;
+      }
       for (const [a, b, c] of one.corners) {
         for (let i = 0; i < 3; i++) place.setComponent(i, m[9 + i] + a * m[i] + b * m[3 + i] + c * m[6 + i]);
         if (place.length() < 2) reach(place, 0.02);
@@ -207,26 +214,69 @@
       tube.rotation.x = Math.PI / 2;
       group.add(tube);
       for (const z of [-1, 1]) line(ring.map((p) => new THREE.Vector3(p.x, p.y, z)));
-    } else if (one.kind === "net") {
-      const geometry = new THREE.BufferGeometry().setFromPoints(corners);
-      geometry.computeVertexNormals();
-      group.add(new THREE.Mesh(geometry, face));
-      const edges = [];
-      for (let i = 0; i + 2 < corners.length; i += 3) {
-        // The sides of the net: each square is two triangles, a b c and a c d.
-        if ((i / 3) % 2) edges.push(corners[i + 1], corners[i + 2], corners[i + 2], corners[i]);
-        else edges.push(corners[i], corners[i + 1], corners[i + 1], corners[i + 2]);
-      }
-      group.add(new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(edges), edge));
-      edge.opacity = 0.25;
     } else if (one.kind === "circle") {
       line(ring);
-    } else {
-      line(corners);
     }
     if (one.kind === "sphere" || one.kind === "cylinder") edge.opacity = 0.3;
+    if (one.kind === "net") edge.opacity = 0.25;
+    const bends = one.places ? bent(one, group, face, edge) : null;
     world.add(group);
-    return { group, face, edge, frames };
+    return { group, face, edge, frames, bends };
+  }
+
+  // Place i of a line or a net at an instant; NaN where there is none.
+  function corner(one, k, w, i, out) {
+    one.places.forEach((track, axis) => {
+      const all = part(track), moves = all.length > one.count;
+      const a = moves ? k * one.count + i : i, b = moves ? Math.min(k + 1, T - 1) * one.count + i : i;
+      out.setComponent(axis, all[a] + w * (all[b] - all[a]));
+    });
+    return out;
+  }
+  // The meshes of a line or a net, and the function that bends them; squares and pieces without a place vanish.
+  function bent(one, group, face, edge) {
+    const side = Math.round(Math.sqrt(one.count)), faces = [], pieces = [];
+    if (one.kind === "line") {
+      for (let i = 0; i + 1 < one.count; i++) pieces.push([i, i + 1]);
+    } else {
+      for (let i = 0; i + 1 < side; i++) {
+        for (let j = 0; j + 1 < side; j++) {
+          const a = side * i + j, b = a + side, c = b + 1, d = a + 1;
+          faces.push([a, b, c], [a, c, d]);
+          pieces.push([a, b], [b, c], [c, d], [d, a]);
+        }
+      }
+    }
+    const buffer = (list, of) => {
+      const geometry = new THREE.BufferGeometry();
+      geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * of * list.length), 3));
+      return geometry;
+    };
+    const net = new THREE.Mesh(buffer(faces, 3), face), lines = new THREE.LineSegments(buffer(pieces, 2), edge);
+    net.frustumCulled = lines.frustumCulled = false;
+    if (faces.length) group.add(net);
+    group.add(lines);
+    const places = [...Array(one.count)].map(() => new THREE.Vector3());
+    const fill = (list, geometry) => {
+      const out = geometry.attributes.position;
+      let at = 0;
+      for (const some of list) {
+        const there = some.every((i) => Number.isFinite(places[i].x + places[i].y + places[i].z));
+        for (const i of some) { if (there) out.setXYZ(at, places[i].x, places[i].y, places[i].z); else out.setXYZ(at, 0, 0, 0); at += 1; }
+      }
+      out.needsUpdate = true;
+    };
+    const moves = one.places.some(([, length]) => length > one.count);
+    let first = true;
+    return (k, w) => {
+      if (!moves && !first) return;
+      first = false;
+      places.forEach((place, i) => corner(one, k, w, i, place));
+      fill(pieces, lines.geometry);
+      if (!faces.length) return;
+      fill(faces, net.geometry);
+      net.geometry.computeVertexNormals();
+    };
   }
 
   function trails(world) {
@@ -288,7 +338,7 @@
     });
     parts.anchors.points.forEach((point, i) => {
       place(point, k, w, here);
-      parts.anchors.mesh.setMatrixAt(i, matrix.makeScale(1.5 * slender, 1.5 * slender, 1.5 * slender).setPosition(...here));
+      parts.anchors.mesh.setMatrixAt(i, matrix.makeScale(2 * slender, 2 * slender, 2 * slender).setPosition(...here));
     });
     function between(a, b, radius, out) {
       axis.set(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
@@ -317,6 +367,7 @@
       const e = (i) => m[a + i] + w * (m[b + i] - m[a + i]);
       one.group.matrix.set(e(0), e(3), e(6), e(9), e(1), e(4), e(7), e(10), e(2), e(5), e(8), e(11), 0, 0, 0, 1);
       one.group.matrixWorldNeedsUpdate = true;
+      if (one.bends && one.group.visible) one.bends(k, w);
     }
     if (parts.trails && parts.trails.mesh.visible) {
       const from = instant(Math.max(start, state.time - span * Number(byId("length").value)))[0];
@@ -694,6 +745,10 @@
       const matrix = new THREE.Matrix4();
       three.parts.balls.getMatrixAt(k, matrix);
       return [12, 13, 14].map((i, axis) => matrix.elements[i] * scene.size + scene.centre[axis]);
+    },
+    line: (i) => { // the ends of the pieces of a line or a net
+      const all = three.parts.surfaces[i].group.children.find((one) => one.isLineSegments).geometry.attributes.position.array;
+      return Array.from(all, (x, axis) => x * scene.size + scene.centre[axis % 3]);
     },
     choose: (i) => { byId("modes").value = i; byId("modes").dispatchEvent(new Event("change")); draw(); },
   };

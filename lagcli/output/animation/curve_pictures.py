@@ -1,0 +1,130 @@
+"""Curves and nets: what rows that are nothing simpler leave a particle, also where they move."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.model import model as nouns
+from lagcli.output.animation import quadratic_algebra, sheets, wires
+from lagcli.output.animation.row_pictures import LoneRow, RowPictures
+from lagcli.output.animation.scene import DrawnSurface, Viewpoint
+
+Floats = npt.NDArray[np.float64]
+LEVEL = 1e-6  # a part of a gradient: less of it lies in the plane of the motion by rounding alone
+# Rows of models of more particles are not tried one by one for curves.
+MOST_TRIED = 60
+# Shapes that move take room in a page for each instant.
+MOST_MOVING = 6
+# The directions of space, for shapes whose corners are places.
+STANDING = np.concatenate([np.eye(3), np.zeros((1, 3))])[None]
+
+
+@dataclasses.dataclass(slots=True, eq=False)
+class CurvePictures:
+    """The drawings of rows that are not simple. t (T,), particles (T, N, 3)."""
+
+    model: nouns.Model
+    t: Floats
+    particles: Floats
+    view: Viewpoint
+    found: RowPictures
+    drawn: list[DrawnSurface] = dataclasses.field(default_factory=list)
+
+    def all(self) -> list[DrawnSurface]:
+        """The curves that two rows leave a particle, nets, and the lines of walls in the plane of a motion."""
+        if self.particles.shape[1] <= MOST_TRIED:
+            for number in range(self.particles.shape[1]):
+                self._of_particle(number, self.particles[:, number])
+        return self.drawn
+
+    def _of_particle(self, number: int, track: Floats) -> None:
+        flat = self.view.flat
+        own = [*self.found.lone.get(number, []), *self._others(number, track)]
+        own = [one for one in own if not (flat and self._is_level(one, track))]
+        equal = [one for one in own if not one.one_sided]
+        # Of a particle that is led along a curve, the curve is drawn.
+        pair = equal if len(equal) == 2 else [one for one in equal if not one.moves]
+        if len(pair) == 2:
+            if not self._is_circle(number) and self._line(pair, track, []):
+                self.found.curved.add(number)
+        elif flat and len(equal) == 1 and not equal[0].simple:
+            self._line(equal, track, [self._face()])
+        for one in own:
+            if not flat and not one.simple and (one.one_sided or len(equal) == 1):
+                self._sheet(one, track)
+            elif one.one_sided and not one.simple:
+                self._line([one], track if one.moves else _touched(one.function, track), [self._face()])
+
+    def _is_circle(self, number: int) -> bool:
+        """True for a particle whose curve is drawn as a circle: on a sphere and a plane."""
+        return any(k == number and ball.kind == "sphere" for k, ball in self.found.rounds)
+
+    def _is_level(self, one: LoneRow, track: Floats) -> bool:
+        """True for an equation that only says in which plane the motion is."""
+        if one.one_sided or not one.simple:
+            return False
+        places = track[:, None] if one.moves else track[:1, None]
+        slope = wires.gradient(one.function, places, 2 * self.view.size)
+        across = np.linalg.norm(np.cross(slope, self.view.towards), axis=-1)
+        return bool(np.all(across <= LEVEL * np.linalg.norm(slope, axis=-1)))
+
+    def _others(self, number: int, track: Floats) -> Iterator[LoneRow]:
+        """The rows not of the second degree that name this particle alone."""
+        for row in self.found.others[:MOST_TRIED]:
+            for t, places in ((None, track[:1, None]), (self.t, track[:, None])):
+                function = functools.partial(quadratic_algebra.value_at, self.model, row, t, number)
+                values = function(places)
+                if values is not None:
+                    if np.isfinite(values).all():
+                        one_sided = row.kind == "inequality"
+                        yield LoneRow(row.name, one_sided, False, t is not None, _numbers(function))
+                    break
+
+    def _line(self, rows: Sequence[LoneRow], track: Floats, more: list[wires.Function]) -> bool:
+        """Draw the curve of rows, with which others cut it out; False where there is none."""
+        functions = [*(one.function for one in rows), *more]
+        moves = any(one.moves for one in rows)
+        if moves and self._moving() >= MOST_MOVING:
+            return False
+        view = self.view
+        with np.errstate(all="ignore"):
+            points = wires.followed(functions, track if moves else track[:1], 2 * view.size, view.centre)
+        if points.shape[1]:
+            self.drawn.append(DrawnSurface("line", rows[0].name, rows[0].one_sided, STANDING, points))
+            self.found.shown |= {one.name for one in rows}
+        return bool(points.shape[1])
+
+    def _sheet(self, row: LoneRow, track: Floats) -> None:
+        if row.moves and self._moving() >= MOST_MOVING:
+            return
+        with np.errstate(all="ignore"):
+            nodes = sheets.net(row.function, track, 2 * self.view.size, row.moves)
+        if nodes.shape[1]:
+            self.drawn.append(DrawnSurface("net", row.name, row.one_sided, STANDING, nodes))
+            self.found.shown.add(row.name)
+
+    def _moving(self) -> int:
+        return sum(len(one.corners) > 1 for one in self.drawn)
+
+    def _face(self) -> wires.Function:
+        return lambda places: np.asarray((places - self.view.centre) @ self.view.towards)
+
+
+def _touched(function: wires.Function, track: Floats) -> Floats:
+    """The place (1, 3) of a track (T, 3) that is nearest to a wall."""
+    with np.errstate(all="ignore"):
+        gap = np.abs(np.broadcast_to(function(track[None]), (1, len(track))))
+    return track[[int(np.argmin(np.where(np.isfinite(gap), gap, np.inf)))]]
+
+
+def _numbers(function: Callable[[Floats], Floats | None]) -> wires.Function:
+    def values(places: Floats) -> Floats:
+        found = function(places)
+        return np.full(places.shape[:-1], np.nan) if found is None else found
+
+    return values
