@@ -224,3 +224,15 @@ def spanned(rows, variables):
     table = [[row[k].xreplace(point).evalf(30) for k in order] for row in rows]
     reduced = sympy.Matrix(table).rref(iszerofunc=lambda a: abs(a) < 1e-20)[0] if table else sympy.Matrix()
     return [round(float(a), 12) for a in reduced]
+
+
+def test_closed_rows_on_a_surface_with_roots_are_seen_at_once():
+    """d z_i = 0 with factors, on rods in space: nothing is solved to see that the rows are closed modulo the others."""
+    names = "x1 y1 z1 x2 y2 z2 x3 y3 z3".split()
+    rods = [f"sqrt((x{i} - x{j})**2 + (y{i} - y{j})**2 + (z{i} - z{j})**2) - 1" for i, j in ((2, 1), (3, 2))]
+    forms = [[f"{i}*x{i}**{i}" if name == f"z{i}" else "0" for name in names] for i in (1, 2, 3)]
+    system = block(" ".join(names), forms, rods)
+    with spent.at_most_calls(4_500_000):
+        result = found(system)
+    assert (result.dims, result.growth, result.inside) == ((3,), (0,), (True,) * 3)
+    assert result.held == 2

@@ -101,10 +101,11 @@ class FunctionField:
 
     def along(self, X: Row, a: FracElement) -> FracElement:
         """X(a) = sum_k X_k da/dx_k."""
+        own = {g: self._partial(a, g) for g in dict.fromkeys(g for slopes in self._slopes for g in slopes)}
         terms = []
         for X_k, slopes in zip(X, self._slopes, strict=True):
             if X_k:
-                terms += [(X_k * slope, self._partial(a, g)) for g, slope in slopes.items()]
+                terms += [(X_k * slope, own[g]) for g, slope in slopes.items() if own[g]]
         return self.sum(terms)
 
     def _partial(self, a: FracElement, generator: PolyElement) -> FracElement:
