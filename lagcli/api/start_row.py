@@ -31,7 +31,7 @@ class NoSuchRow(ValueError):
 
 
 # What `at` raises beside OSError; the messages name the file.
-FAILURES = (NoSuchRow, endings.UnknownFormat, MissingExtra, read_table.UnreadableTable)
+REFUSALS = (NoSuchRow, endings.UnknownFormat, MissingExtra, read_table.UnreadableTable)
 
 
 def split(text: str) -> tuple[str, int]:

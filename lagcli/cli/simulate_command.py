@@ -59,7 +59,7 @@ def from_row(model: Model, begin: str, resume: str | None) -> Model:
         raise exits.UsageError(f"--from: there is no file {error.filename}") from None
     except OSError as error:
         raise exits.UsageError(f"--from: cannot read {begin}: {error.strerror}") from None
-    except start_row.FAILURES as error:
+    except start_row.REFUSALS as error:
         raise exits.UsageError(f"--from {error}") from None
 
 

@@ -24,6 +24,7 @@ from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact.sympy_failure import TooDeep
 
 # Of a family this many lines are shown, then the last one; of a long sum this many terms.
 SHOWN, TERMS = 2, 16
@@ -52,7 +53,7 @@ def derive(built: System, options: Options) -> Derivation:
     """The equations of motion. Raises `diagnostics.ModelError` for what is too large to be written out."""
     try:
         return time_limit.run(time_limit.after(options.limit), lambda: _derived(built, options))
-    except RecursionError:
+    except (RecursionError, TooDeep):
         raise _too_large(built, "an expression is nested too deeply") from None
     except time_limit.TimeUpError:
         hint = "`--limit SECONDS` gives it more time"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import sys
 import types
 from collections.abc import Iterator
 from typing import Any
@@ -12,7 +13,8 @@ import pytest
 import sympy
 
 import lagcli
-from lagcli.pfaffian.exact import guarded, time_limit
+from lagcli.derivation.symbolic import tidy
+from lagcli.pfaffian.exact import guarded, sympy_failure, time_limit
 from lagcli.pfaffian.integrals import kernel_frame, matrix_flow, sampling
 
 HEAD = """\
@@ -29,23 +31,32 @@ MODELS = (
     '  r1: "d(x) - y*d(z) = 0"\n  r2: "d(y) - x*d(z) = 0"\n',
 )
 SAMPLE = (
-    "exact.normal_form",
-    "exact.zero_test",
-    "flag.derived_flag",
-    "integrals.combinations",
-    "integrals.kernel_frame",
-    "single_form.integrating_factors",
-    "single_form.potential",
-    "single_form.tidy_integral",
+    "analysis.classification.classifier",
+    "derivation.symbolic.tidy",
+    "derivation.writing.render_latex",
+    "pfaffian.exact.normal_form",
+    "pfaffian.exact.zero_test",
+    "pfaffian.flag.derived_flag",
+    "pfaffian.integrals.combinations",
+    "pfaffian.integrals.kernel_frame",
+    "pfaffian.single_form.integrating_factors",
+    "pfaffian.single_form.potential",
+    "pfaffian.single_form.tidy_integral",
 )
 
 x, y = sympy.symbols("x y", real=True)
 _asked = iter(range(1_000_000))
 
 
-def ask(rows: str) -> None:
+def judge(rows: str) -> None:
     """Let a model be judged; its text differs every time, so that nothing is remembered."""
     lagcli.check(lagcli.loads(f"{HEAD}{rows}# {next(_asked)}\n"), limit=20)
+
+
+def derive(rows: str) -> None:
+    """Let the equations of a model be written, with nothing remembered."""
+    tidy.tidy.cache_clear()
+    assert lagcli.derive(lagcli.loads(HEAD + rows)).latex()
 
 
 def functions(module: types.ModuleType) -> Iterator[tuple[Any, str, Any]]:
@@ -63,7 +74,8 @@ def slip(*_: object, **__: object) -> object:
 
 @pytest.mark.parametrize("name", SAMPLE)
 def test_a_slip_in_any_function_is_raised(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    module = importlib.import_module(f"lagcli.pfaffian.{name}")
+    module = importlib.import_module(f"lagcli.{name}")
+    ask = derive if name.startswith("derivation.") else judge
     users: dict[tuple[Any, str], str] = {}  # functions, and a model that needs them
 
     def noted(place: tuple[Any, str], function: Any, rows: str) -> Any:
@@ -98,7 +110,7 @@ def test_a_slip_in_any_function_is_raised(name: str, monkeypatch: pytest.MonkeyP
     ],
 )
 def test_failures_of_sympy_are_one_exception(failing: Any) -> None:
-    with pytest.raises(guarded.SympyFailure):
+    with pytest.raises(sympy_failure.SympyFailure):
         failing()
 
 
@@ -107,6 +119,23 @@ def test_a_slip_in_a_wrong_call_or_a_function_that_sympy_calls_is_none_of_them()
         guarded.factor()
     with pytest.raises(TypeError, match="a slip"):
         guarded.call(sympy.sin(x).replace, sympy.sin, slip)
+
+
+def endless(depth: int) -> int:
+    return endless(depth + 1)
+
+
+def test_an_endless_recursion_of_ours_is_none_of_them() -> None:
+    with pytest.raises(RecursionError):
+        time_limit.run(time_limit.after(20), lambda: endless(0))
+
+
+def test_an_expression_too_deep_for_sympy_is_one_of_them() -> None:
+    deep = x
+    for _ in range(sys.getrecursionlimit()):
+        deep = sympy.sin(deep, evaluate=False)
+    with pytest.raises(sympy_failure.TooDeep):
+        sympy_failure.attempt(deep.diff, x)
 
 
 def test_failures_hold_no_slip() -> None:

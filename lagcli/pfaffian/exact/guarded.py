@@ -6,20 +6,17 @@ raised: in a file of SymPy or mpmath. A wrong call, or a slip in a function of o
 as it is.
 """
 
-import sys
 from collections.abc import Callable
-from types import TracebackType
 from typing import ParamSpec, TypeVar
 
 import sympy
 from sympy.polys.polyerrors import BasePolynomialError
 
-from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact import sympy_failure
+from lagcli.pfaffian.exact.sympy_failure import SympyFailure
 
 P = ParamSpec("P")
 T = TypeVar("T")
-
-_LIBRARIES = ("sympy", "mpmath")
 
 # What was met, or stands in SymPy's files:
 #   solve, integrate, Matrix.exp   NotImplementedError where no algorithm fits (documented)
@@ -40,16 +37,12 @@ _RAISED: tuple[type[Exception], ...] = (
 )
 
 
-class SympyFailure(time_limit.NoAnswerError):
-    """SymPy gave up, or broke down, on the input of one call."""
-
-
 def call(function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
     """The value of a function or method of SymPy. Raises `SympyFailure`."""
     try:
         return function(*arguments, **options)
     except _RAISED as error:
-        if not _is_theirs(error.__traceback__):
+        if not sympy_failure.is_theirs(error):
             raise
         raise SympyFailure(f"{function.__name__} failed ({type(error).__name__})") from error
 
@@ -57,16 +50,6 @@ def call(function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T
 def subs(expression: sympy.Expr, *arguments: object, **options: object) -> sympy.Expr:
     """`expression.subs`, guarded."""
     return call(expression.subs, *arguments, **options)
-
-
-def _is_theirs(trace: TracebackType | None) -> bool:
-    """True if an exception comes from SymPy, or from the standard library at its call."""
-    raisers: list[str] = []
-    while trace is not None:
-        raisers.append(str(trace.tb_frame.f_globals.get("__name__", "")).partition(".")[0])
-        trace = trace.tb_next
-    others = [name for name in raisers if name not in sys.stdlib_module_names]
-    return bool(others) and others[-1] in _LIBRARIES
 
 
 def _guarded(function: Callable[P, T]) -> Callable[P, T]:

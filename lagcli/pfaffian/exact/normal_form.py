@@ -22,7 +22,8 @@ from sympy.polys.fields import FracElement, FracField
 from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, PolyRing, ring
 
-from lagcli.pfaffian.exact import guarded, logarithms, time_limit
+from lagcli.pfaffian.exact import guarded, logarithms
+from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
 
 # sin 24u is a polynomial of degree 24; roots of higher degree have as long relations.
 MAX_MULTIPLE = 24
@@ -37,7 +38,7 @@ _RadicalKey = tuple[str, int, sympy.Expr, sympy.Expr]
 _LetterKey = tuple[str] | tuple[str, sympy.Expr] | tuple[str, sympy.Expr, sympy.Expr] | _RadicalKey
 
 
-class NoNormalFormError(time_limit.NoAnswerError):
+class NoNormalFormError(NoAnswerError):
     """The expression holds something the algebra of generators cannot express; the text says what."""
 
 

@@ -18,10 +18,9 @@ import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from sympy.polys.polyerrors import BasePolynomialError
-
 from lagcli import progress
-from lagcli.pfaffian.exact import operations
+from lagcli.pfaffian.exact import operations, sympy_failure
+from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
 
 Value = TypeVar("Value")
 
@@ -42,18 +41,9 @@ class TimeUpError(Exception):
     """The time for a piece of work is over."""
 
 
-class NoAnswerError(Exception):
-    """A proposal or a test has no answer for its input. That is "none found", never a verdict."""
-
-
-# BasePolynomialError: SymPy's polynomials raise it from their operators too, which no guarded call could hold.
-# RecursionError: an expression is nested too deeply.
-FAILURES: tuple[type[Exception], ...] = (NoAnswerError, BasePolynomialError, RecursionError)
-"""What says that no answer was found. A slip of ours (TypeError, AttributeError and the like) is none of it, and of
-what SymPy raises only what `guarded` has met at a call of it.
-"""
-NO_ANSWER: tuple[type[Exception], ...] = (TimeUpError, *FAILURES)
-"""Failure or lateness of a proposal."""
+NO_ANSWER: tuple[type[Exception], ...] = (TimeUpError, NoAnswerError)
+"""Failure or lateness of a proposal. A slip of ours (TypeError, AttributeError and the like) is none of it, and of what
+SymPy raises only what `guarded` and `sympy_failure` have met at work of it."""
 
 
 # What is raised inside a late worker. A thread may end by just this exception, and by no class derived from it,
@@ -84,15 +74,15 @@ def run(deadline: float, work: Callable[[], Value], budget: int | None = None) -
 
     With a budget the work also ends after so many operations (`operations.done`): what is found does not depend on
     the speed of the machine. What comes later than that counts as late, though it came. Exceptions of `work` are
-    raised here. Raises `TimeUpError` at the limit; the worker is ended. Inside a limited piece of work a later or
-    equal deadline costs nothing: the outer limit already holds.
+    raised here, those of SymPy as `sympy_failure.attempt` has them. Raises `TimeUpError` at the limit; the worker is
+    ended. Inside a limited piece of work a later or equal deadline costs nothing: the outer limit already holds.
     """
     check(deadline)
     outer: float | None = getattr(_local, "deadline", None)
     if outer is None:
         return _alone(deadline, lambda: _limited(deadline, work, budget))
     if deadline >= outer and budget is None:
-        return work()
+        return sympy_failure.attempt(work)
     return _limited(min(deadline, outer), work, budget)
 
 
@@ -118,7 +108,7 @@ def _limited(until: float, work: Callable[[], Value], budget: int | None) -> Val
     def worker() -> None:
         _local.deadline, _local.inner, _local.end = until, inner, end
         try:
-            values.append(work())
+            values.append(sympy_failure.attempt(work))
         except Exception as error:  # noqa: BLE001 - handed on to the caller below, whatever it is
             errors.append(error)
         except _INTERRUPT:

@@ -13,7 +13,8 @@ from typing import Literal
 
 import sympy
 
-from lagcli.pfaffian.exact import enclosure, normal_form, surface_points, time_limit
+from lagcli.pfaffian.exact import enclosure, normal_form, surface_points, sympy_failure, time_limit
+from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
 
 Proof = Literal["symbolic", "numeric", "none"]
 
@@ -104,7 +105,7 @@ def _test_on(expression: sympy.Expr, surface: tuple[sympy.Expr, ...], deadline: 
         return Finding(Truth.UNKNOWN, "none", str(error))
     except time_limit.TimeUpError:
         return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
-    except time_limit.FAILURES as error:
+    except NoAnswerError as error:
         return Finding(Truth.UNKNOWN, "none", f"no normal form ({type(error).__name__})")
     if remainder == 0:
         return Finding(Truth.YES, "symbolic")
@@ -115,11 +116,11 @@ def _test_on(expression: sympy.Expr, surface: tuple[sympy.Expr, ...], deadline: 
 
 def _normal_form(expression: sympy.Expr) -> Finding:
     try:
-        basis = normal_form.Tower([expression])
-        remainder = basis.element(expression)
+        basis = sympy_failure.attempt(normal_form.Tower, [expression])
+        remainder = sympy_failure.attempt(basis.element, expression)
     except normal_form.NoNormalFormError as error:
         return Finding(Truth.UNKNOWN, "none", str(error))
-    except time_limit.FAILURES as error:
+    except NoAnswerError as error:
         return Finding(Truth.UNKNOWN, "none", f"no normal form ({type(error).__name__})")
     if not enclosure.has_value(expression):
         return Finding(Truth.UNKNOWN, "none", "no point was found where it has a real value")

@@ -23,6 +23,7 @@ import sympy
 from sympy.polys.fields import FracElement
 
 from lagcli.pfaffian.exact import normal_form, real_bounds, time_limit
+from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
 from lagcli.pfaffian.flag.function_field import (
     FunctionField,
     NotDecidedError,
@@ -84,7 +85,7 @@ def flag(
         raise NotDecidedError(str(error)) from error
     except time_limit.TimeUpError as error:
         raise NotDecidedError("the time was over before the derived flag was known") from error
-    except time_limit.FAILURES as error:
+    except NoAnswerError as error:
         raise NotDecidedError(f"the algebra failed ({type(error).__name__})") from error
 
 

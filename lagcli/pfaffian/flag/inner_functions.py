@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import sympy
 
 from lagcli.pfaffian.exact import guarded
+from lagcli.pfaffian.exact.sympy_failure import SympyFailure
 from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 
 _KINDS = (sympy.Function, sympy.Pow)
@@ -36,7 +37,7 @@ def plain(block: PfaffianBlock) -> PfaffianBlock:
                 if not ideal:
                     ideal.append(guarded.groebner(held, *variables, order="grevlex"))
                 rest = guarded.call(ideal[0].reduce, guarded.expand(u))[1]
-            except guarded.SympyFailure:  # roots of parameters that are no field of constants
+            except SympyFailure:  # roots of parameters that are no field of constants
                 rest = u
             known[u] = u if rest.free_symbols & moving else guarded.expand(rest)
         return known[u]

@@ -14,6 +14,7 @@ import numpy as np
 import sympy
 
 from lagcli.pfaffian.exact import guarded, normal_form
+from lagcli.pfaffian.exact.sympy_failure import SympyFailure
 from lagcli.pfaffian.integrals import combinations
 from lagcli.pfaffian.integrals import kernel_frame as frames
 
@@ -130,7 +131,7 @@ def surfaces_of(functions: Iterable[sympy.Expr], variables: Sequence[sympy.Symbo
         try:
             for part in sympy.fraction(guarded.together(e)):
                 found += [f for f, _ in guarded.factor_list(part)[1]]
-        except guarded.SympyFailure:
+        except SympyFailure:
             continue
     moving = set(variables)
     return [f for f in dict.fromkeys(found) if f.free_symbols & moving and not isinstance(f, sympy.exp)]

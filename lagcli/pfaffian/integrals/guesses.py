@@ -9,6 +9,7 @@ import sympy
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import pfaffian_block as blocks
 from lagcli.pfaffian.exact import guarded, zero_test
+from lagcli.pfaffian.exact.sympy_failure import SympyFailure
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import combinations, darboux, matrix_flow
 from lagcli.pfaffian.integrals import kernel_frame as frames
@@ -199,7 +200,7 @@ def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Sym
     for x in held:
         try:
             roots = guarded.solve(f, x, simplify=False, check=False)
-        except guarded.SympyFailure:
+        except SympyFailure:
             continue
         good = [r for r in roots if potential.writable(r)]
         if good:

@@ -12,6 +12,7 @@ import sympy
 from lagcli.pfaffian import form as forms
 from lagcli.pfaffian import pfaffian_block as blocks
 from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
+from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.integrals import combinations
 from lagcli.pfaffian.integrals import kernel_frame as frames
@@ -70,7 +71,7 @@ class IntegralSearch:
     def pursue(self) -> None:
         """Search until as many integrals are found as there are forms, or nothing is left to try.
 
-        Raises `time_limit.TimeUpError` and `time_limit.FAILURES`.
+        Raises `time_limit.TimeUpError` and `NoAnswerError`.
         """
         time_limit.run(self.deadline, self._prepare)
         for strategy, budget in self._ways:
@@ -122,7 +123,7 @@ class IntegralSearch:
         """Keep the proposal, or its tidy form, if that is proved to be an integral that is new."""
         phi = proposal.integral
         ways = [phi]
-        with contextlib.suppress(*time_limit.FAILURES):
+        with contextlib.suppress(NoAnswerError):
             ways.insert(0, time_limit.run(self.deadline, lambda: neat(phi, self.frame)))
         for way in dict.fromkeys(ways):
             if self._is_integral(way) and self._is_new(way):

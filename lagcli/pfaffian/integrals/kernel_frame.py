@@ -72,7 +72,7 @@ def of(
     """The frame of the rows (C, n). Rows that depend on the others are left out.
 
     The variables `last` become pivots only where no other can. Raises what the normal form raises
-    (`time_limit.FAILURES`).
+    (`NoAnswerError`).
     """
     basis = normal_form.Tower([a for row in rows for a in row])
     table = [[basis.element(a) for a in row] for row in rows]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy
 
 from lagcli.pfaffian.exact import guarded
+from lagcli.pfaffian.exact.sympy_failure import SympyFailure
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.single_form import potential
 
@@ -62,7 +63,7 @@ def _exponential(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix | None:
     try:
         found = guarded.call((A * s).exp)
         found = found.applyfunc(lambda e: guarded.expand(e, complex=e.has(sympy.I)))
-    except guarded.SympyFailure:
+    except SympyFailure:
         return None
     return found if all(potential.writable(e) for e in found) else None
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
 
 Values = npt.NDArray[np.float64]
 """Of shape (points,)."""
@@ -30,7 +30,7 @@ _CROWD = 4
 _STEPS, _LANDED = 30, 1e-12
 
 
-class NoSampleError(time_limit.NoAnswerError):
+class NoSampleError(NoAnswerError):
     """No points were found at which the expressions have values."""
 
 

@@ -15,7 +15,8 @@ from typing import TypeVar
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
+from lagcli.pfaffian.exact import guarded, normal_form, sympy_failure, time_limit, zero_test
+from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
 from lagcli.pfaffian.single_form import ansatz, potential, tidy_integral
 
 Value = TypeVar("Value")
@@ -52,7 +53,7 @@ def primitive(form: forms.Form) -> forms.Form:
     try:
         basis = normal_form.Tower(form.coefficients)
         entries = normal_form.elements(basis, form.coefficients)
-    except time_limit.NoAnswerError:
+    except NoAnswerError:
         return form
     below = reduce(lambda a, b: a.lcm(b), (e.denom for e in entries), basis.ring.one)
     above = [e.numer * below.exquo(e.denom) for e in entries]
@@ -118,7 +119,7 @@ def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> F
         ways = []
     for way in dict.fromkeys([*ways, phi]):
         try:
-            mu = verified(form, way, deadline)
+            mu = sympy_failure.attempt(verified, form, way, deadline)
         except time_limit.NO_ANSWER:
             continue
         if mu is not None:

@@ -7,7 +7,8 @@ from math import lcm
 import sympy
 
 from lagcli.pfaffian import form as forms
-from lagcli.pfaffian.exact import guarded, time_limit
+from lagcli.pfaffian.exact import guarded, sympy_failure
+from lagcli.pfaffian.exact.sympy_failure import NoAnswerError, SympyFailure
 from lagcli.pfaffian.single_form import rational
 
 WRITABLE = (
@@ -54,7 +55,7 @@ def _without(expression: sympy.Expr, earlier: tuple[sympy.Symbol, ...]) -> sympy
         for value in (0, 1, 2):
             try:
                 fixed = guarded.subs(expression, x, value)
-            except guarded.SympyFailure:
+            except SympyFailure:
                 continue
             if not fixed.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
                 expression = fixed
@@ -155,8 +156,8 @@ def _integrated(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
         return total
     for way in _ways(rest, x):
         try:
-            found = way(guarded.factor_terms(rest), x)
-        except time_limit.FAILURES:
+            found = sympy_failure.attempt(way, guarded.factor_terms(rest), x)
+        except NoAnswerError:
             continue
         if found is not None and found.has(x) and writable(found):  # a Piecewise may begin with a constant
             return total + found

@@ -8,7 +8,8 @@ from math import gcd, lcm
 import sympy
 from sympy.functions.elementary.trigonometric import TrigonometricFunction
 
-from lagcli.pfaffian.exact import guarded, normal_form, time_limit
+from lagcli.pfaffian.exact import guarded, normal_form, sympy_failure
+from lagcli.pfaffian.exact.sympy_failure import NoAnswerError, SympyFailure
 
 # Operations up to which an expression is shortened at all, and by the slow tools; the few shortest are joined.
 _SHORT = 400
@@ -39,8 +40,8 @@ def _shortest(expression: sympy.Expr, fine: bool) -> sympy.Expr:
             tools.append(guarded.simplify)  # knows the hyperbolic functions
         for tool in tools:
             try:
-                ways.append(tool(expression))
-            except time_limit.FAILURES:
+                ways.append(sympy_failure.attempt(tool, expression))
+            except NoAnswerError:
                 continue
     return _best(ways)
 
@@ -175,8 +176,8 @@ def ratio(above: sympy.Expr, below: sympy.Expr) -> sympy.Expr:
     ways = [plain]
     for way in (_normal, guarded.factor):
         try:
-            ways.append(way(plain))
-        except time_limit.FAILURES:
+            ways.append(sympy_failure.attempt(way, plain))
+        except NoAnswerError:
             continue
     best = _best(ways)
     return _signed(shortest(best) if best.is_Add or best.has(sympy.exp) else best)
@@ -212,7 +213,7 @@ def _upright(phi: sympy.Expr) -> sympy.Expr:
 def _factored(phi: sympy.Expr) -> sympy.Expr:
     try:
         return guarded.factor(phi)
-    except guarded.SympyFailure:
+    except SympyFailure:
         return phi
 
 
