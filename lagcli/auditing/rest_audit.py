@@ -17,9 +17,9 @@ from lagcli.auditing.evidence.laws import start as declared_start
 from lagcli.model import model as nouns
 
 PLACES = CheckedLaw("places", "D.2", "f(r, q, t) = 0, and b = 0 of rows at rest")
-BALANCE = CheckedLaw("balance", "D.25", "F + sum lambda_i B_i = 0 with zero velocities and accelerations")
+EQUILIBRIUM = CheckedLaw("equilibrium", "D.25", "F + sum lambda_i B_i = 0 with zero velocities and accelerations")
 REACTIONS = CheckedLaw("reactions", "D.22", "R = sum lambda_i B_i, and m a - F of dependent particles")
-CONTACTS = CheckedLaw("contacts", "", "g >= 0, lambda >= 0, lambda g = 0")
+SIGNORINI = CheckedLaw("signorini", "", "g >= 0, lambda >= 0, lambda g = 0")
 # The rounding of numbers that a table holds, and of forces, as parts of the terms; the step of differences in t, as a
 # part of the length of a run, with what they can tell.
 ROUNDED, BALANCED, STEP, DIFFERENCED = 1e-11, 1e-9, 1e-3, 1e-6
@@ -55,7 +55,7 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
     with np.errstate(all="ignore"):
         found = _RestValues(laws, np.full(len(q), start), q, lam)
         t = np.arange(len(q), dtype=float)
-        checks = [found.places(t, x, names), found.balance(t, names), found.reactions(t, R_q, R_x, names)]
+        checks = [found.places(t, x, names), found.equilibrium(t, names), found.reactions(t, R_q, R_x, names)]
         if laws.contacts:
             checks.append(found.contacts(t))
     notes = ("the rows are points of rest; in the checks t is the number of a row",)
@@ -112,12 +112,12 @@ class _RestValues:
         labels = [*laws.holonomic[:equal], *(f"rate of {name}" for name in rest), *names.x]
         return judge(PLACES, labels, t, residual, limit)
 
-    def balance(self, t: Array, names: table_input.TableNames) -> Check:
+    def equilibrium(self, t: Array, names: table_input.TableNames) -> Check:
         """The forces along every coordinate."""
         total, parts = self._total(self._q, self._here)
         moved, _ = self._total(self._beside, self._there)
         limit = BALANCED * parts + 4 * np.abs(moved - total) + DIFFERENCED * self._driven * (parts > 0)
-        return judge(BALANCE, names.q, t, total, limit + 1e-300)
+        return judge(EQUILIBRIUM, names.q, t, total, limit + 1e-300)
 
     def reactions(self, t: Array, R_q: Array, R_x: Array, names: table_input.TableNames) -> Check:
         """R of coordinates and of dependent particles."""
@@ -151,7 +151,7 @@ class _RestValues:
         )
         limit = np.concatenate([off, BALANCED * push + 0 * lam + 1e-300, np.maximum(off, 1e-12)], axis=1)
         labels = [f"{word} {name}" for word in ("gap of", "force of", "either of") for name in laws.contacts]
-        return judge(CONTACTS, labels, t, residual, limit)
+        return judge(SIGNORINI, labels, t, residual, limit)
 
     def _total(self, q: Array, values: LawValues) -> tuple[Array, Array]:
         """F + B^T lambda (T, n), and the sum of the sizes of its terms, a row at a time."""

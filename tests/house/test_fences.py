@@ -63,6 +63,18 @@ def test_a_file_has_its_name_alone() -> None:
     assert [name for name, count in names.items() if count > 1] == []
 
 
+def test_a_law_of_the_audit_has_its_name_alone() -> None:
+    """The name of a check stands for one law: where it occurs twice it is of one numbered equation."""
+    laws: dict[str, set[str]] = {}
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("CheckedLaw"):
+                called, equation = (ast.literal_eval(argument) for argument in node.args[:2])
+                laws.setdefault(called, set()).add(equation or f"{name}:{node.lineno}")
+    assert len(laws) > 30
+    assert {name: equations for name, equations in laws.items() if len(equations) > 1} == {}
+
+
 def test_few_packages_and_few_modules_beside_them() -> None:
     packages = [path for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()]
     modules = [path for path in PACKAGE.glob("*.py") if path.stem != "__init__"]

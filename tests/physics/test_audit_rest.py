@@ -48,13 +48,13 @@ def test_points_of_rest_pass(name, tmp_path):
     ("name", "column", "change", "check"),
     [
         ("pendulum", "a.z", 1e-6, "places"),
-        ("pendulum", "lambda.rod", 1e-6, "balance"),
+        ("pendulum", "lambda.rod", 1e-6, "equilibrium"),
         ("pendulum", "R.a.z", 1e-6, "reactions"),
-        ("hoop", "th", 1e-4, "balance"),
+        ("hoop", "th", 1e-4, "equilibrium"),
         ("hoop", "R.bead.x", 1e-3, "reactions"),
-        ("follower", "th", 1e-6, "balance"),
-        ("floor", "a.z", -1e-6, "contacts"),
-        ("floor", "lambda.floor", -1e-5, "balance"),
+        ("follower", "th", 1e-6, "equilibrium"),
+        ("floor", "a.z", -1e-6, "signorini"),
+        ("floor", "lambda.floor", -1e-5, "equilibrium"),
     ],
 )
 def test_a_fault_is_found(name, column, change, check, tmp_path):
@@ -75,4 +75,4 @@ def test_a_place_on_the_hoop_where_nothing_rests(tmp_path):
     numbers[:, list(columns).index("th")] = np.pi / 2
     with sinks.open_sink(tmp_path / "wrong.csv", (*columns, "type"), texts=("type",)) as sink:
         sink.write(numbers, [types])
-    assert lagcli.audit(model, tmp_path / "wrong.csv").check("balance").verdict == "fail"
+    assert lagcli.audit(model, tmp_path / "wrong.csv").check("equilibrium").verdict == "fail"
