@@ -17,7 +17,9 @@ from lagcli.auditing.evidence.laws import start as declared_start
 from lagcli.model import model as nouns
 
 PLACES = CheckedLaw("places", "D.2", "f(r, q, t) = 0, and b = 0 of rows at rest")
-EQUILIBRIUM = CheckedLaw("equilibrium", "D.25", "F + sum lambda_i B_i = 0 with zero velocities and accelerations")
+EQUILIBRIUM = CheckedLaw(
+    "equilibrium", "D.25", "F + sum lambda_i B_i = 0 with zero velocities and accelerations"
+)
 REACTIONS = CheckedLaw("reactions", "D.22", "R = sum lambda_i B_i, and m a - F of dependent particles")
 SIGNORINI = CheckedLaw("signorini", "", "g >= 0, lambda >= 0, lambda g = 0")
 # The rounding of numbers that a table holds, and of forces, as parts of the terms; the step of differences in t, as a

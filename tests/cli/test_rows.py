@@ -18,7 +18,7 @@ import lagcli
 from lagcli.api import prepare_run, simulation_run
 from lagcli.cli import signals, table_output
 from lagcli.output import atomic_file, checkpoint_file
-from lagcli.output.tables import read_table, row_file, sinks
+from lagcli.output.tables import parquet_table, read_table, row_file, sinks
 from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.scheme import controller
@@ -67,6 +67,29 @@ class Killed(BaseException):
     """The end of the process, as far as this process can play it: nothing is put in order."""
 
 
+def killer(patch):
+    """A function that raises `Killed`; what the system would close is closed, and nothing is written."""
+    opened, open_rows = [], row_file.RowFile._open
+
+    def noted(file, *arguments):
+        open_rows(file, *arguments)
+        opened.append(file)
+
+    def closed(sink):
+        # A Parquet file would get its end.
+        if not isinstance(sink._writer, parquet_table.ParquetTableWriter):
+            sink._writer.abandon()
+
+    def kill(*_, **options):
+        for file in opened:
+            file.close()
+        raise Killed
+
+    patch.setattr(row_file.RowFile, "_open", noted)
+    patch.setattr(sinks._FileSink, "discard", closed)
+    return kill
+
+
 @pytest.fixture
 def killed(monkeypatch):
     """killed(after): every run from now on is killed outright after so many blocks; its files stay as they are."""
@@ -76,15 +99,14 @@ def killed(monkeypatch):
         monkeypatch.setattr(loop, "BLOCK_VALUES", 200)
         monkeypatch.setattr(checkpoint_file, "EVERY", 0.0)
         monkeypatch.setattr(atomic_file, "sweep", lambda: None)
-        monkeypatch.setattr(sinks._FileSink, "discard", lambda sink: None)
-        taken = []
+        kill, taken = killer(monkeypatch), []
         take = table_output.TableOutput.take
 
         def counted(self, *arguments):
             take(self, *arguments)
             taken.append(1)
             if len(taken) == after:
-                raise Killed
+                kill()
 
         monkeypatch.setattr(table_output.TableOutput, "take", counted)
 
@@ -138,14 +160,9 @@ def cli(*arguments):
 def test_a_table_that_only_had_to_be_moved_is_completed(command, here, ending, monkeypatch):
     """Killed between the last checkpoint and the move: nothing is left to compute."""
     file = f"run.{ending}"
-
-    def kill(*arguments, **options):
-        raise Killed
-
     with monkeypatch.context() as patch:
         patch.setattr(checkpoint_file, "EVERY", 0.0)
-        patch.setattr(sinks._FileSink, "commit", kill)
-        patch.setattr(sinks._FileSink, "discard", lambda sink: None)
+        patch.setattr(sinks._FileSink, "commit", killer(patch))
         with pytest.raises(Killed):
             command("simulate", "m.yaml", "-q", "-o", file, "--checkpoint", "ck")
     assert not Path(file).exists()
