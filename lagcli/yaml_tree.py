@@ -288,6 +288,8 @@ def _colonless(text: Text, line: int) -> str:
 def _yaml_hint(problem: str, context: str, sign: str) -> str:
     if "unexpected ':'" in problem:
         return "a colon needs a space after it"
+    if "escape" in problem:
+        return r"within double quotes `\` begins an escape, as in `\n`; write `\\`, or take single quotes"
     if "quoted" in context:
         return "a quote is never closed"
     if "flow" in context:

@@ -14,6 +14,7 @@ from lagcli.auditing.evidence.table_input import TableError
 from lagcli.cli import console, exits, file_conflicts, json_output, preflight
 from lagcli.errors import diagnostics
 from lagcli.output import endings
+from lagcli.output.figures import labels
 from lagcli.output.incident_table import IncidentTable
 from lagcli.output.tables import read_events, read_table
 from lagcli.output.tables.sinks import MissingExtra
@@ -120,7 +121,7 @@ def _events(options: AuditOptions) -> IncidentTable | None:
 
 def _tell(found: Audit, options: AuditOptions) -> None:
     """The report: a table of checks, what fails by name, and what the rows say about uniqueness."""
-    name = found.title or found.path
+    name = labels.shortened(found.title or found.path, labels.TITLE)
     console.paragraph(
         f"Audit of {name}: {found.rows} rows from t = {found.start:g} to {found.end:g},"
         f" run to rtol {found.rtol:g}, atol {found.atol:g}",

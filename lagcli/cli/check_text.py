@@ -9,6 +9,7 @@ from lagcli.analysis.check_report import ConstraintReport, Report
 from lagcli.cli import console
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows
+from lagcli.output.figures import labels
 
 ALWAYS, FORMULAS = ("constraint", "declared", "verdict"), ("integral", "factor")
 NARROW = 60  # columns of a terminal below which a table is folded beyond reading
@@ -17,7 +18,7 @@ COLOURS = {"nonholonomic": "yellow", "undecided": "red", "yes": "red", "violated
 
 def report(found: Report, heading: bool) -> None:
     """The report of `check` on stdout; `heading`: it is one of several."""
-    title = found.title or found.path
+    title = labels.shortened(found.title or found.path, labels.TITLE)
     console.paragraph(f"{found.path}: {title}" if heading and found.title else title, "")
     print()
     if found.constraints:

@@ -11,6 +11,7 @@ import pytest
 
 import lagcli
 from lagcli.api import report
+from lagcli.output.figures import labels
 from lagcli.output.report import browser_pdf, latex_pdf, latex_text, model_listing, report_writer
 from tests.helpers import in_process
 
@@ -103,8 +104,10 @@ def test_no_text_of_a_model_is_markup(title):
     page = StrictPage(made.html())
     require_harmless(page)
     told = "".join(page.texts)
-    shown = re.sub(r"[\u202e\u2066\x00-\x1f]", "\N{REPLACEMENT CHARACTER}", model.title)
+    shown = labels.shortened(model.title, labels.TITLE)
     assert shown in told
+    assert len(made.contents.title) <= labels.TITLE
+    assert not re.search(r"[\u202e\u2066\x00-\x1f]", told.replace("\n", ""))
     assert f"</code></pre>{SCRIPT}" in told
     assert "{{ 7*7 }}" in told or "7*7" not in title
     in_markdown = made.markdown("figures")

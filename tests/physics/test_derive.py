@@ -493,6 +493,18 @@ def test_no_title_steers_a_terminal_or_breaks_a_page(form):
     assert "\n" not in page.title
 
 
+def test_a_document_in_latex_tells_it_every_letter():
+    title = "\u05e9\u05dc\u05d5\u05dd \u0416 \U0001f600 \u202e \u4e2d"
+    page = lagcli.derive(
+        lagcli.loads(f'lagcli: 1\ntitle: "{title}"\nparticles: {{a: {{mass: 1, position: [0, 0, 0]}}}}')
+    )
+    head, _, body = page.latex().partition("\\begin{document}")
+    beyond = {letter for letter in body if letter > "\u017f"}
+    assert {ord(letter) for letter in beyond} == {int(code, 16) for code in re.findall(r"ter\{(\w+)\}", head)}
+    assert len(beyond) == 8
+    assert "Declare" not in gallery("pendulum").latex()
+
+
 def nested(depth, inner="a.x"):
     rows = "sin(" * depth + inner + ")" * depth
     return lagcli.loads(

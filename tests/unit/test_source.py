@@ -183,6 +183,8 @@ def test_a_scalar_of_ten_megabytes_is_read_in_a_moment() -> None:
         ("a:\n  mass:1\n  c: 2\n", 3, "line 2: a colon needs a space after it: `mass: 1`"),
         ("a: @b\n", 1, "quotes"),
         ('a: "b\n', 1, "quote"),
+        ('a: "C:\\quiet"\n', 1, "single quotes"),
+        ('a: "\\ud83d"\n', 1, "escape"),
         ("a: 1\nb: [1, 2\n", 2, "bracket"),
         ("a: {b: 1\nc: 2\n", 2, "bracket"),
     ],

@@ -12,6 +12,7 @@ import sympy
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import render_latex, render_mathml, render_text
+from lagcli.output.report import latex_text
 
 WIDTH = 100
 # Sides wider than this do not push the others of their section to the right.
@@ -147,15 +148,22 @@ class Derivation:
         each section."""
         if fragment:
             return "\n".join(_fragment(self.title, self.sections))
-        return "\n".join([
-            r"\documentclass{article}",
-            r"\usepackage[utf8]{inputenc}",
-            r"\usepackage{amsmath}",
-            r"\usepackage[margin=2cm]{geometry}",
-            r"\begin{document}",
+        body = "\n".join([
             rf"\section*{{{render_latex.words(self.title)}}}",
             render_latex.words(self.about),
             self.latex_sections(),
+        ])  # fmt: skip
+        # A title may hold letters of any language, for which there is no sign in the fonts of LaTeX.
+        declarations = latex_text.declarations(body)
+        return "\n".join([
+            r"\documentclass{article}",
+            r"\usepackage[utf8]{inputenc}",
+            r"\usepackage[T1]{fontenc}",
+            r"\usepackage{amsmath}",
+            r"\usepackage[margin=2cm]{geometry}",
+            *([declarations] if declarations else []),
+            r"\begin{document}",
+            body,
             r"\end{document}",
         ])  # fmt: skip
 

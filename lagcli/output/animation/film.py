@@ -88,7 +88,7 @@ def _made(path: pathlib.Path, scene: Scene, fmt: str) -> int:
         writer = animation.PillowWriter(fps=rate)  # type: ignore[arg-type] # a part of a second is fine
     else:
         writer = animation.FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # type: ignore[arg-type]
-    with _look():
+    with _look(), sheet.any_sign():
         drawing = _Drawing(scene)
         with writer.saving(drawing.figure, str(path), DPI):
             for frame in shown:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lagcli.output.animation import sheets
 from lagcli.output.animation.scene import DrawnSurface, Scene
+from lagcli.output.figures import labels
 
 Floats = npt.NDArray[np.float64]
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00", "#7b5ea7")
@@ -78,9 +79,10 @@ def colour(number: int, count: int) -> str:
 def svg(scene: Scene, frame: int = 0, width: int = 640, height: int = 480) -> str:
     """The drawing as an element `svg` that stands in HTML; the title is escaped."""
     to = Projection(scene, width, height)
+    title = html.escape(labels.shortened(scene.title, labels.TITLE))
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img"'
-        f' preserveAspectRatio="xMidYMid meet"><title>{html.escape(scene.title)}</title>'
+        f' preserveAspectRatio="xMidYMid meet"><title>{title}</title>'
     ]
     for one in scene.surfaces:
         rim, filled = outline(one, frame), one.kind == "plane"

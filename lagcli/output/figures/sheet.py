@@ -9,6 +9,7 @@ import bisect
 import contextlib
 import dataclasses
 import io
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypedDict, Unpack
@@ -122,7 +123,7 @@ def write(target: Path, fmt: str, drawn: figure.Figure) -> None:
     """A figure in a format of ``endings.FIGURES``, written aside and moved into place. Raises OSError."""
     place = atomic_file.Aside(target)
     with atomic_file.undone_by(place.discard):
-        drawn.savefig(place.path, format=fmt, metadata=METADATA[fmt])
+        _save(place.path, fmt, drawn)
         place.commit()
 
 
@@ -130,8 +131,21 @@ def content(fmt: str, drawn: figure.Figure) -> bytes:
     """A figure in a format of ``endings.FIGURES``, as the bytes of a file."""
     made = io.BytesIO()
     with style():
-        drawn.savefig(made, format=fmt, metadata=METADATA[fmt])
+        _save(made, fmt, drawn)
     return made.getvalue()
+
+
+def _save(file: Path | io.BytesIO, fmt: str, drawn: figure.Figure) -> None:
+    with any_sign():
+        drawn.savefig(file, format=fmt, metadata=METADATA[fmt])
+
+
+@contextlib.contextmanager
+def any_sign() -> Iterator[None]:
+    """No warnings of signs that no font here has: a title may hold any, and they are drawn as boxes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
+        yield
 
 
 @contextlib.contextmanager

@@ -12,6 +12,7 @@ from lagcli.auditing.checks.audit_report import Audit
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows
 from lagcli.model.model import Model, Units
+from lagcli.output.figures import labels
 from lagcli.output.incident_table import IMPULSE, IncidentTable
 from lagcli.output.report import model_listing, model_tables
 from lagcli.output.report.report_contents import (
@@ -63,7 +64,7 @@ def contents(parts: ReportParts) -> ReportContents:
         PageSection("Provenance", "provenance", tuple(_provenance(parts.run.stats, model))),
     )
     return ReportContents(
-        parts.title,
+        labels.shortened(parts.title, labels.TITLE),
         tuple(
             text for text in (model.description, f"Source: {model.source}" if model.source else "") if text
         ),
