@@ -208,7 +208,7 @@ class ContactChanges:
             level = after.near & (np.abs(after.speeds) <= after.slow)
         look = after
         if blow is None and ahead is not None:
-            level[[*lying_before, *run.contacts.touching]] = True
+            level[[*lying_before]] = True
             look = self._instant(ahead.t, ahead.y)
         mode = ContactMode(self._open, ())
         if level.any():
