@@ -197,8 +197,13 @@ def passed(system: System, crossings: Sequence[RankDrop]) -> tuple[str, ...]:
         if len(first.participants) > 1
         else f"the row {names} has no direction"
     )
+    contacts = any(i >= len(system.rows.rows) for crossing in crossings for i in crossing.participants)
+    on = (
+        "This motion goes on smoothly, and R where no contact opens"
+        if contacts
+        else "This motion and R go on smoothly"
+    )
     return (
         f"passed singular configurations at t = {times}: there {loss}, a bifurcation of the motions that the"
-        " constraints allow. This motion and R go on smoothly; a multiplier may have a pole there, and at it no value"
-        " (nan)",
+        f" constraints allow. {on}; a multiplier may have a pole there, and at it no value (nan)",
     )

@@ -23,7 +23,7 @@ from lagcli.simulation.closed_contacts.contact_mode import ContactMode
 from lagcli.simulation.events import contact_crossings
 from lagcli.simulation.events.event_values import EventValues
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
-from lagcli.simulation.events.state_ahead import Ahead
+from lagcli.simulation.events.state_ahead import StateAhead
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Kind
@@ -160,7 +160,7 @@ class ContactChanges:
             self._require_directions(here, np.flatnonzero(here.near).tolist())
             self._change(here, None, is_start=True)
 
-    def at(self, hits: tuple[int, ...], ahead: Ahead | None) -> None:
+    def at(self, hits: tuple[int, ...], ahead: StateAhead | None) -> None:
         """Change what changes where watched functions cross zero, by the numbers of their rows."""
         run = self._run
         if run.contacts.again > MOST_AGAIN:
@@ -191,11 +191,12 @@ class ContactChanges:
     def _change(
         self,
         here: ContactInstant,
-        ahead: Ahead | None,
+        ahead: StateAhead | None,
         is_start: bool = False,
         hits: tuple[int, ...] = (),
     ) -> None:
-        run, before, when, closed_before = self._run, self.log.line(), self.events.now(), set(self.closed)
+        run, when, closed_before = self._run, self.events.now(), set(self.closed)
+        before = self.log.line() if ahead is None or ahead.before is None else ahead.before
         lying_before = closed_before | set(self.idle)
         blow = self._decided(lambda: contact_change.impact(here, self._restitution))
         after = here
@@ -208,7 +209,7 @@ class ContactChanges:
             level = after.near & (np.abs(after.speeds) <= after.slow)
         look = after
         if blow is None and ahead is not None:
-            level[[*lying_before]] = True
+            level[list(lying_before)] = True
             look = self._instant(ahead.t, ahead.y)
         mode = ContactMode(self._open, ())
         if level.any():

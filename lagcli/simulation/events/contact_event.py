@@ -15,12 +15,13 @@ import numpy.typing as npt
 
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
-from lagcli.simulation.events import event_zeros, step_again
+from lagcli.simulation.events import event_zeros, lift_in_passage, step_again
 from lagcli.simulation.events.contact_changes import ContactChanges
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import InstantLines
+from lagcli.simulation.events.lift_in_passage import Lift
 from lagcli.simulation.events.passage_watch import PassageWatch
-from lagcli.simulation.events.state_ahead import Ahead
+from lagcli.simulation.events.state_ahead import Ahead, StateAhead
 from lagcli.simulation.events.step_watch import StepWatch
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.events.watch_kinds import WatchKinds
@@ -61,7 +62,7 @@ class ContactEvent(Event):
         self._watch: StepWatch | None = None
         # Of the step that was found: functions that cross zero at its end, a state beyond it.
         self._hits: tuple[int, ...] = ()
-        self._ahead: Ahead | None = None
+        self._ahead: StateAhead | None = None
         # Numbers of declared events at the end of it, where no search ends it.
         self._at_end: list[int] = []
         # Numbers of declared events that are at zero at a switch, where they are decided.
@@ -170,7 +171,7 @@ class ContactEvent(Event):
         """Look at the step across a singular configuration: it ends where a contact closes, or a stop event is."""
         run, found, watch = self._stepper, self._stepper.found, self._current()
         kinds, curve = self._kinds(watch), PassageWatch(watch.functions, run, passage)
-        # Multipliers have no value at the instant: there contacts are not released.
+        # Multipliers may have a pole at the instant: contacts that are released are looked for beside it.
         are_watched = kinds.is_event.copy()
         are_watched[: len(watch.functions.open_)] = True
         places = np.flatnonzero(are_watched)
@@ -178,12 +179,14 @@ class ContactEvent(Event):
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
         rounding = np.maximum(NOISE * sizes, watch.rounding())[places]
         noise[kinds.is_event[places]] = rounding[kinds.is_event[places]]
+        lift = self._lift(watch, passage, curve)
         x, armed = 0.0, ~np.isin(kinds.numbers[places], run.contacts.unarmed)
-        while x < 1.0 and places.size:
-            crossing = self._crossing(curve, places, (x, 1.0), (noise, kinds.direction[places], armed))
+        limit = 1.0 if lift is None else lift.x
+        while x < limit and places.size:
+            crossing = self._crossing(curve, places, (x, limit), (noise, kinds.direction[places], armed))
             if crossing.x is None:
                 break
-            x += crossing.x * (1.0 - x)
+            x += crossing.x * (limit - x)
             rows = places[list(crossing.rows)]
             if not kinds.records[rows].all():
                 self._hits, self._ahead = tuple(kinds.numbers[rows].tolist()), None
@@ -191,11 +194,32 @@ class ContactEvent(Event):
                     raise StepFailure(
                         "a contact closes where a singular configuration is passed", run_stop.CONTACT
                     )
-                break
+                return
             armed = np.ones(places.size, dtype=bool)
             armed[list(crossing.rows)] = False
             for place in rows.tolist():
                 found.within.append(curve.event(x, kinds.names[place], self._changes.log))
+        if lift is not None:
+            at_instant = lift.x == curve.instant
+            if not at_instant and not curve.end_at(lift.x):
+                raise StepFailure(
+                    "a contact opens where a singular configuration is passed", run_stop.CONTACT
+                )
+            before = curve.end_at_instant() if at_instant else None
+            self._hits, self._ahead = (
+                tuple(kinds.numbers[lift.places].tolist()),
+                curve.ahead(lift.beyond, before),
+            )
+
+    def _lift(self, watch: StepWatch, passage: SingularStep, curve: PassageWatch) -> Lift | None:
+        """Where a closed contact opens in the step across a singular configuration."""
+        functions = watch.functions
+        if passage.is_start or not functions.held:
+            return None
+        first = len(functions.open_)
+        places = np.arange(first, first + len(functions.held))
+        noise = self._changes.noise(functions, self._kinds(watch).numbers.size)[places]
+        return lift_in_passage.first(curve, places, noise, curve.instant)
 
     def _current(self) -> StepWatch:
         run = self._stepper

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,8 +12,19 @@ from lagcli.simulation.stepping.stepper import Stepper
 Floats = npt.NDArray[np.float64]
 
 
+class FixedAhead(NamedTuple):
+    """A state that is known: the time, and y (2n + 1,); before: the line of the table at the instant itself, where the
+    rows give none."""
+
+    t: float
+    y: Floats
+    before: Floats | None = None
+
+
 class Ahead:
     """The state at a fraction of the step that was found, kept though the step is taken again."""
+
+    before: Floats | None = None
 
     def __init__(self, run: Stepper, x: float) -> None:
         self._method, self._x, self.t = run.method, x, run.t + x * run.found.taken
@@ -22,3 +35,6 @@ class Ahead:
         """The state, (2n + 1,)."""
         begin, coefficients = self._begin[:, None], self._coefficients[:, :, None]
         return np.asarray(self._method.interpolated(begin, coefficients, np.array([self._x]))).ravel()
+
+
+StateAhead = Ahead | FixedAhead

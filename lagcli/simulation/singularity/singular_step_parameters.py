@@ -41,6 +41,9 @@ class SingularStepParameters:
     """Points beside the instant, as parts of twice the time up to it, where the clearance is read first."""
     close: tuple[float, float] = (0.02, 0.04)
     """The same closer by, about the zero that the first have found."""
+    closest: tuple[float, float] = (0.001, 0.002)
+    """The same once more, where rows can be followed so close: what a cubic leaves out falls with the fourth power.
+    Without it `test_a_contact_whose_multiplier_has_a_pole_opens_there` fails."""
     bent: float = 0.1
     """The clearance is a line through zero there, but for this part.
     At 0.001 `test_a_crossing_soon_after_the_start` fails."""

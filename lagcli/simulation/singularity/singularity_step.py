@@ -202,20 +202,31 @@ def _instant(
     where it does not vanish in a line."""
     instant = guess.instant
     for offsets in (PARAMETERS.far, PARAMETERS.close):
-        taus = np.array([-offsets[1], -offsets[0], *offsets]) * width
-        roots = np.array([_root(land, step, guess.place, instant + tau) for tau in taus])
-        if not np.isfinite(roots).all():
+        looked = _beside(land, step, guess.place, instant, np.array(offsets) * width)
+        if looked is None:
             return None
-        signed = roots * np.sign(-taus)
-        if not signed[1] > 0 > signed[2]:
-            return None
-        zero, slope = _zero(taus, signed)
-        if not abs(zero) < taus[2]:
-            return None
+        taus, roots, zero, slope = looked
         instant += zero
     if np.any(np.abs(roots - abs(slope) * np.abs(taus - zero)) > PARAMETERS.bent * roots):
         return None
+    looked = _beside(land, step, guess.place, instant, np.array(PARAMETERS.closest) * width)
+    if looked is not None:
+        instant += looked[2]
     return instant, abs(slope)
+
+
+def _beside(
+    land: BoundFunction, step: collocation.Step, place: int, instant: float, offsets: Floats
+) -> tuple[Floats, Floats, float, float] | None:
+    """Times beside an instant (4,), roots of the clearance there, and the zero between them with its slope; None where
+    there is none."""
+    taus = np.concatenate([-offsets[::-1], offsets])
+    roots = np.array([_root(land, step, place, instant + tau) for tau in taus])
+    signed = roots * np.sign(-taus)
+    if not (np.isfinite(roots).all() and signed[1] > 0 > signed[2]):
+        return None
+    zero, slope = _zero(taus, signed)
+    return (taus, roots, zero, slope) if abs(zero) < taus[2] else None
 
 
 def _zero(x: Floats, y: Floats) -> tuple[float, float]:
