@@ -19,7 +19,6 @@ from lagcli.simulation.events import event_zeros, lift_in_passage, step_again
 from lagcli.simulation.events.contact_changes import ContactChanges
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import InstantLines
-from lagcli.simulation.events.lift_in_passage import Lift
 from lagcli.simulation.events.passage_watch import PassageWatch
 from lagcli.simulation.events.state_ahead import Ahead, StateAhead
 from lagcli.simulation.events.step_watch import StepWatch
@@ -175,11 +174,11 @@ class ContactEvent(Event):
         are_watched = kinds.is_event.copy()
         are_watched[: len(watch.functions.open_)] = True
         places = np.flatnonzero(are_watched)
-        noise = self._changes.noise(watch.functions, kinds.numbers.size)[places]
+        rounding = self._changes.noise(watch.functions, kinds.numbers.size)
+        lift, noise = lift_in_passage.first(curve, watch.functions, rounding), rounding[places]
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
         rounding = np.maximum(NOISE * sizes, watch.rounding())[places]
         noise[kinds.is_event[places]] = rounding[kinds.is_event[places]]
-        lift = self._lift(watch, passage, curve)
         x, armed = 0.0, ~np.isin(kinds.numbers[places], run.contacts.unarmed)
         limit = 1.0 if lift is None else lift.x
         while x < limit and places.size:
@@ -200,26 +199,10 @@ class ContactEvent(Event):
             for place in rows.tolist():
                 found.within.append(curve.event(x, kinds.names[place], self._changes.log))
         if lift is not None:
-            at_instant = lift.x == curve.instant
-            if not at_instant and not curve.end_at(lift.x):
-                raise StepFailure(
-                    "a contact opens where a singular configuration is passed", run_stop.CONTACT
-                )
-            before = curve.end_at_instant() if at_instant else None
             self._hits, self._ahead = (
                 tuple(kinds.numbers[lift.places].tolist()),
-                curve.ahead(lift.beyond, before),
+                lift_in_passage.end(curve, lift),
             )
-
-    def _lift(self, watch: StepWatch, passage: SingularStep, curve: PassageWatch) -> Lift | None:
-        """Where a closed contact opens in the step across a singular configuration."""
-        functions = watch.functions
-        if passage.is_start or not functions.held:
-            return None
-        first = len(functions.open_)
-        places = np.arange(first, first + len(functions.held))
-        noise = self._changes.noise(functions, self._kinds(watch).numbers.size)[places]
-        return lift_in_passage.first(curve, places, noise, curve.instant)
 
     def _current(self) -> StepWatch:
         run = self._stepper

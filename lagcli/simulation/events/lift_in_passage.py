@@ -13,6 +13,10 @@ import numpy.typing as npt
 
 from lagcli.contact import zero_search
 from lagcli.simulation.events.passage_watch import PassageWatch
+from lagcli.simulation.events.state_ahead import FixedAhead
+from lagcli.simulation.events.watch_functions import WatchFunctions
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.run_stop import StepFailure
 
 Floats = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -31,9 +35,13 @@ class Lift(NamedTuple):
     beyond: float
 
 
-def first(curve: PassageWatch, places: Places, noise: Floats, instant: float) -> Lift | None:
-    """The first lift of closed contacts, whose functions stand at `places` with rounding `noise`; instant: the
-    fraction of the step at which it is singular, above 0."""
+def first(curve: PassageWatch, functions: WatchFunctions, rounding: Floats) -> Lift | None:
+    """The first lift of the closed contacts among the functions (W,) that are watched, with their rounding (W,)."""
+    instant, opened = curve.instant, len(functions.open_)
+    if not (functions.held and instant > 0):
+        return None
+    places = np.arange(opened, opened + len(functions.held))
+    noise = rounding[places]
     before = [0.0, *(part * instant for part in PARTS[:-1])]
     behind = [instant + part * (1.0 - instant) for part in PARTS]
     last = before[0]
@@ -45,6 +53,16 @@ def first(curve: PassageWatch, places: Places, noise: Floats, instant: float) ->
             return _between(curve, places, noise, (last, x)) or Lift(x, places[pulls], x)
         last = x
     return None
+
+
+def end(curve: PassageWatch, lift: Lift) -> FixedAhead:
+    """End the step at a lift; the state behind it. Raises `StepFailure` where there is no state on the constraints."""
+    before = None
+    if lift.x == curve.instant:
+        before = curve.end_at_instant()
+    elif not curve.end_at(lift.x):
+        raise StepFailure("a contact opens where a singular configuration is passed", run_stop.CONTACT)
+    return curve.ahead(lift.beyond, before)
 
 
 def _between(curve: PassageWatch, places: Places, noise: Floats, span: tuple[float, float]) -> Lift | None:
