@@ -52,6 +52,19 @@ class Expanded:
 
         One factorization serves all, unless M depends on the velocity that is projected.
         """
+        parts, (there, *results) = self._parts, self._projected
+        sizes = shared.sizes(parts, there.v, there.h, there.M)
+        outcome = shared.outcome(parts, self._watched[1], there.v, sizes)
+        return ca.Function("landing", parts.inputs, [*results, outcome, sizes.packed])
+
+    @cached_property
+    def landed(self) -> ca.Function:
+        """landed(t, y, p) -> the first three results of `landing`, all that a row of the table needs."""
+        return ca.Function("landed", self._parts.inputs, list(self._projected[1:]))
+
+    @cached_property
+    def _projected(self) -> tuple[Parts, ca.SX, ca.SX, ca.SX]:
+        """The parts at the projected velocity; y with it, y' and lambda."""
         parts, inertia, schur = self._parts, self._parts.inertia, self._schur
         y, v, n = parts.y, parts.v, parts.v.numel()
         if parts.selection.kept:
@@ -63,10 +76,7 @@ class Expanded:
             inertia, schur = there.inertia, solvers.solver(there.S)
         a, lam = _acceleration(there, inertia, schur)
         landed = ca.densify(ca.vertcat(y[:n], v, y[2 * n]))
-        sizes = shared.sizes(parts, v, there.h, there.M)
-        outcome = shared.outcome(parts, self._watched[1], v, sizes)
-        outputs = [landed, shared.state_rate(there, a, lam), lam, outcome, sizes.packed]
-        return ca.Function("landing", parts.inputs, outputs)
+        return there, landed, shared.state_rate(there, a, lam), lam
 
     @cached_property
     def response(self) -> ca.Function:

@@ -56,23 +56,35 @@ class Factored:
         1 / |S^-1 z| of a fixed z of length one.
         """
         parts = self._parts
-        y, v, n = parts.y, parts.v, parts.v.numel()
-        mu, x = (ca.SX.sym(name, len(parts.selection.kept)) for name in ("mu", "x"))
-        z = np.random.default_rng(SEED).standard_normal(mu.numel())
+        x = ca.SX.sym("x", len(parts.selection.kept))
+        z = np.random.default_rng(SEED).standard_normal(x.numel())
         lengths = ca.sqrt(ca.diag(parts.S))
-        off = ca.densify(parts.B_kept @ v + parts.b_kept)
-        rights = ca.horzcat(off, lengths * (z / np.linalg.norm(z)))
+        inputs, results, found = self._projected(lengths * (z / np.linalg.norm(z)))
+        t, _, p = inputs
+        sizes = shared.sizes(parts, parts.v, parts.h, parts.M)
+        outcome = shared.outcome(parts, 1 / ca.norm_2(lengths * x), parts.v, sizes)
+        told = ca.Function("outcome", [*parts.inputs, x], [outcome, sizes.packed])
+        return ca.Function("landing", inputs, [*results, *told(t, results[0], p, found[:, 1])])
+
+    @cached_property
+    def landed(self) -> ca.Function:
+        """landed(t, y, p) -> the first three results of `landing`, all that a row of the table needs."""
+        inputs, results, _ = self._projected()
+        return ca.Function("landed", inputs, results)
+
+    def _projected(self, *more: ca.SX) -> tuple[list[ca.MX], list[ca.MX], ca.MX]:
+        """(t, y, p); y with velocity on B v + b = 0, y' and lambda; what S is solved for, and more columns of it."""
+        parts = self._parts
+        y, v, n = parts.y, parts.v, parts.v.numel()
+        mu = ca.SX.sym("mu", len(parts.selection.kept))
+        rights = ca.horzcat(ca.densify(parts.B_kept @ v + parts.b_kept), *more)
         before = ca.Function("before", parts.inputs, [*self._factors, rights])
         landed = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B_kept.T @ mu), y[2 * n]))
         after = ca.Function("after", [*parts.inputs, mu], [landed])
-        sizes = shared.sizes(parts, v, parts.h, parts.M)
-        outcome = shared.outcome(parts, 1 / ca.norm_2(lengths * x), v, sizes)
-        told = ca.Function("outcome", [*parts.inputs, x], [outcome, sizes.packed])
         t, _, p = inputs = self._inputs()
         found = _solved(before, inputs)
         there = after(*inputs, found[:, 0])
-        rate, lam = self._acceleration(t, there, p)
-        return ca.Function("landing", inputs, [there, rate, lam, *told(t, there, p, found[:, 1])])
+        return inputs, [there, *self._acceleration(t, there, p)], found
 
     @cached_property
     def response(self) -> ca.Function:

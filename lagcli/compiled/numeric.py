@@ -113,8 +113,8 @@ class NumericSystem:
 
         These are position drift, velocity drift, Jacobi energy and its part without velocities.
         """
-        t, y, p = inputs = _inputs(self._way.landing)
-        landed, rate, lam, _, _ = self._way.landing(t, self._projected(t, y, p), p)
+        t, y, p = inputs = _inputs(self._way.landed)
+        landed, rate, lam = self._way.landed(t, self._projected(t, y, p), p)
         lam = self._parts.multipliers(t, landed, p, lam)
         row, account = output_row.table(self._system, self._parts)(t, landed, rate, lam, p)
         return ca.Function("record", inputs, [landed, row, account])
@@ -188,8 +188,8 @@ class NumericSystem:
     @cached_property
     def solved(self) -> ca.Function:
         """solved(t, y, p) -> y' (2n + 1,) and lambda of all rows (C + K,), the state as it is."""
-        t, y, p = inputs = _inputs(self._way.landing)
-        _, rate, lam, _, _ = self._way.landing(t, y, p)
+        t, y, p = inputs = _inputs(self._way.landed)
+        _, rate, lam = self._way.landed(t, y, p)
         return ca.Function("solved", inputs, [rate, self._parts.multipliers(t, y, p, lam)])
 
     @cached_property
@@ -213,7 +213,7 @@ class NumericSystem:
     @cached_property
     def events_at(self) -> ca.Function:
         """events_at(t, y, p) -> `when` of the declared events (E,) at a state."""
-        t, y, p = inputs = _inputs(self._way.landing)
+        t, y, p = inputs = _inputs(self._way.landed)
         rate, lam = self.solved(t, y, p)
         return ca.Function("events_at", inputs, [self.event_values(t, y, rate, lam, p)])
 

@@ -83,6 +83,9 @@ class RowWriter:
         run, rows, found = self._stepper, self._stepper.rows, self._stepper.found
         t, reached, taken = run.t, found.reached, found.taken
         capacity = len(self._lines)
+        is_ordinary = not found.is_still and found.passage is None
+        if is_ordinary and found.work is None and run.row_time < reached:
+            self._put_inside()
         while run.row_time <= reached and not (found.is_jump and run.row_time == reached):
             if self._filled == capacity:
                 return False
@@ -101,6 +104,26 @@ class RowWriter:
                 rows.end.trigger()
             self._put_line()
         return True
+
+    def _put_inside(self) -> None:
+        """Write the rows before the end of an ordinary step, as `put_rows` would, up to one that is not finite.
+
+        Nearly all rows of nearly all tables are such: what they do not need is not asked for.
+        """
+        run, rows, lines, time = self._stepper, self._stepper.rows, self._lines, self.grid.time
+        t, reached, taken, origin = run.t, run.found.reached, run.found.taken, run.origin
+        trigger, at, x, line, cells = rows.inside.trigger, rows.at, rows.x, rows.line, rows.cells
+        row_time, filled, begun, capacity = run.row_time, self._filled, self._filled, len(lines)
+        run.make_dense()
+        while row_time < reached and filled < capacity:
+            at[0], x[0] = origin + row_time, (row_time - t) / taken
+            trigger()
+            if not math.isfinite(cells[-1]):
+                break
+            lines[filled] = line
+            filled += 1
+            row_time = time(self.next_row + filled - begun)
+        self._filled, self.next_row, run.row_time = filled, self.next_row + filled - begun, row_time
 
     def _mend(self) -> None:
         """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
