@@ -113,28 +113,37 @@ def _is_zero(node: tree.Node) -> bool:
     return isinstance(node, tree.Number) and float(node.text) == 0.0
 
 
+# What a walk does at a node, by name: its own methods in a table of its own would hold it until garbage is collected.
+_RULES: dict[type[tree.Node], str] = {
+    tree.Number: "_number",
+    tree.Name: "_atom",
+    tree.Member: "_atom",
+    tree.Index: "_atom",
+    tree.Sum: "_sum",
+    tree.Product: "_product",
+    tree.Power: "_power",
+    tree.Component: "_component",
+    tree.Vector: "_vector_literal",
+    tree.Call: "_call",
+    tree.Relation: "_relation",
+}
+
+
 class _Walk(Generic[S]):
     def __init__(self, algebra: Algebra[S], own: Collection[str] = ()) -> None:
         self._algebra, self._own = algebra, own
-        self._by_node: dict[type[tree.Node], Callable[..., Value[S]]] = {
-            tree.Number: algebra.number,
-            tree.Name: algebra.atom,
-            tree.Member: algebra.atom,
-            tree.Index: algebra.atom,
-            tree.Sum: self._sum,
-            tree.Product: self._product,
-            tree.Power: self._power,
-            tree.Component: self._component,
-            tree.Vector: self._vector_literal,
-            tree.Call: self._call,
-            tree.Relation: self._relation,
-        }
 
     def value(self, node: tree.Node) -> Value[S]:
-        return self._by_node[type(node)](node)
+        value: Value[S] = getattr(self, _RULES[type(node)])(node)
+        return value
 
-    @staticmethod
-    def _relation(node: tree.Relation) -> NoReturn:
+    def _number(self, node: tree.Number) -> Value[S]:
+        return self._algebra.number(node)
+
+    def _atom(self, node: tree.Name | tree.Member | tree.Index) -> Value[S]:
+        return self._algebra.atom(node)
+
+    def _relation(self, node: tree.Relation) -> NoReturn:
         raise ExpressionError("syntax", "an equation has no value", node.start, node.end)
 
     def _component(self, node: tree.Component) -> S:
@@ -183,9 +192,9 @@ class _Walk(Generic[S]):
                 total = x, y, z
             else:
                 total = self._algebra.negate(node, total)
-        by_node, plain = self._by_node, self._algebra.add
+        plain = self._algebra.add
         for sign, term in itertools.islice(node.terms, 1, None):
-            value = by_node[type(term)](term)
+            value = self.value(term)
             # A sum may be long, so that scalars are not sent through `add`. The spot is the added term.
             if isinstance(total, tuple) or isinstance(value, tuple):
                 total = self.add(term, total, sign, value)

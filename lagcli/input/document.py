@@ -103,7 +103,7 @@ class _Document:
         self._scope = scope.Scope()
         self._formulas = Formulas(self._scope, self._found, reading=reading)
         self._defined: dict[str, model.Expression] = {}
-        self._names = entry_names.EntryNames(self._entries, self._scope, self._formulas)
+        self._names = entry_names.EntryNames(self._scope, self._formulas)
 
     def read(self, of_members: Sequence[overrides.OfMember]) -> model.Model:
         """The model, with the changes to single members made."""
@@ -111,10 +111,10 @@ class _Document:
         _check_sections(self._root, self._formulas)
         texts = {section: self._text(section) for section in ("title", "description", "source")}
         units = self._units()
-        self._names.declare()
-        self._names.take_constraint_names()
+        self._names.declare(self._entries)
+        self._names.take_constraint_names(self._entries)
         parameters = self._parameters()
-        self._names.count_members()
+        self._names.count_members(self._entries)
         coordinates = self._named("coordinates", self._coordinate)
         particles = self._particles()
         definitions = self._definitions()

@@ -27,14 +27,14 @@ Entries = Callable[[str], Iterator[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]]]
 class EntryNames:
     """The names of the entries of a document, and the `members` of each by its section and key: None where broken."""
 
-    def __init__(self, entries_of: Entries, reading: scope.Scope, formulas: Formulas) -> None:
-        self._entries, self._scope, self._formulas = entries_of, reading, formulas
+    def __init__(self, reading: scope.Scope, formulas: Formulas) -> None:
+        self._scope, self._formulas = reading, formulas
         self.members: dict[tuple[str, str], Family | None] = {}
 
-    def declare(self) -> None:
+    def declare(self, entries: Entries) -> None:
         """Take the names of all that expressions may name."""
         for section, kind in NAMING:
-            for name, value in self._entries(section):
+            for name, value in entries(section):
                 is_family = section in FAMILIES and family_ranges.is_family(name, value)
                 base = family_ranges.base(name) if is_family else name.value
                 trouble = self._scope.names.declare(name.value, base, kind)
@@ -48,17 +48,13 @@ class EntryNames:
                     self._formulas.report(name, code, trouble, hint)
                     self._scope.names.spoil(name.value, base, kind)
 
-    def take_constraint_names(self) -> None:
+    def take_constraint_names(self, entries: Entries) -> None:
         """Constraints have names of their own, told apart in the columns `lambda.NAME`; so have forces, and events."""
         taken: dict[str, tuple[str, bool]] = {}
         # Impulses of a constraint `x` stand beside the places of a particle of this name.
-        axes = (
-            {"x", "y", "z"}
-            if any(name.value == "impulse" for name, _ in self._entries("particles"))
-            else set()
-        )
+        axes = {"x", "y", "z"} if any(name.value == "impulse" for name, _ in entries("particles")) else set()
         for section in (*CONSTRAINTS, "forces", "events"):
-            for name, value in self._entries(section):
+            for name, value in entries(section):
                 is_family = section in FAMILIES and family_ranges.is_family(name, value)
                 word = family_ranges.base(name) if is_family else name.value
                 if not tokens.is_name(word):
@@ -78,13 +74,13 @@ class EntryNames:
                     taken.setdefault(word, (section, is_family))
                     self._scope.laws.take(word, is_family)
 
-    def count_members(self) -> None:
+    def count_members(self, entries: Entries) -> None:
         """Say of every entry which members it has."""
         budget = family_ranges.Budget()
         for section in FAMILIES:
             closed = tuple(scope.OWN) if section == "forces" else ()
             reader = family_ranges.Reader(self._formulas, budget, closed)
-            for name, value in self._entries(section):
+            for name, value in entries(section):
                 key = (section, name.value)
                 if not family_ranges.is_family(name, value):
                     self.members[key] = family.one(name.value)

@@ -98,7 +98,7 @@ class Namespace:
     def define(self, key: str, find: Callable[[], Either | None], uses: Iterable[str] = ()) -> None:
         """Say how the facts of a declared entry are found; from here on it may be used."""
         entry = self._entries.get(key)
-        if entry is not None and entry.find is None:
+        if entry is not None and not entry.is_reached:
             entry.find, entry.uses = find, frozenset(uses)
 
     def kind(self, base: str) -> Kind | None:
@@ -186,7 +186,8 @@ class Namespace:
             if entry.value is None and entry.find is not None:
                 found = entry.find()
                 entry.value = BROKEN if found is None else found
-                entry.searching = False
+                # Who finds them holds this namespace: together they would stay until a collection of garbage.
+                entry.searching, entry.find = False, None
 
     def _is_open(self, key: str) -> bool:
         entry = self._entries[key]

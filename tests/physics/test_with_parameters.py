@@ -114,3 +114,29 @@ def test_values_leave_nothing_behind_in_the_file_that_was_read():
     for i in range(50):
         model.with_parameters(L=1.25 + i / 64)
     assert kept() <= before
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("double-pendulum", {"m1": 2}),
+        ("rolling-disk", {"M": 2}),
+        ("zeno-ball", {"e": 0.5}),
+        ("chain", {"N": 4}),
+    ],
+)
+def test_a_model_and_its_run_are_gone_when_nobody_holds_them(name, change):
+    """Objects that hold each other in a circle stay until a collection, which looks through all of a long sweep."""
+    model = lagcli.load(MODELS / f"{name}.yaml")
+
+    def go():
+        lagcli.simulate(model.with_parameters(change), duration=0.1, samples=3)
+
+    go()
+    gc.collect()
+    gc.disable()
+    try:
+        go()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()

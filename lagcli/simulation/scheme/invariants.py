@@ -84,7 +84,8 @@ class Integrals:
         self._charts = level_functions.charts(system, (chart for f in found for chart in f.charts))
         self._built: dict[tuple[int | None, ...], RunFunctions] = {}
         self.selection = plain.numeric.selection
-        self._kept: dict[Selection, Integrals] = {self.selection: self}
+        # What was built for each selection; not the integrals themselves, which would hold each other.
+        self._kept = {self.selection: (plain, self._built)}
 
     @property
     def system(self) -> System:
@@ -99,20 +100,20 @@ class Integrals:
         """These integrals with all that was built of a system that has other values alone."""
         if system is self._system:
             return self
-        kept: dict[Selection, Integrals] = {}
-        for selection, one in self._kept.items():
-            kept[selection] = other = copy.copy(one)
-            other._system, other._kept = system, kept
-        return kept[self.selection]
+        other = copy.copy(self)
+        other._system = system
+        return other
 
     def keeping(self, selection: Selection) -> Integrals:
         """These integrals with a system stepped with other independent rows."""
+        if selection == self.selection:
+            return self
         if selection not in self._kept:
-            other = copy.copy(self)
-            other._plain = RunFunctions(self._plain.numeric.keeping(selection))
-            other._built, other.selection = {}, selection
-            self._kept[selection] = other
-        return self._kept[selection]
+            self._kept[selection] = RunFunctions(self._plain.numeric.keeping(selection)), {}
+        other = copy.copy(self)
+        other.selection = selection
+        other._plain, other._built = self._kept[selection]
+        return other
 
     @cached_property
     def has_time(self) -> bool:
