@@ -15,6 +15,8 @@ from lagcli.simulation.scheme import step_end
 # all of the line is, or overflows.
 FIGURES = 5
 BEYOND = FIGURES + 1
+# A function that calls another for each of thousands of rows copies its arguments: `always_inline`, not `never_inline`.
+INLINED = True, False
 # The place of the Jacobi energy in a line.
 JACOBI = -4
 
@@ -38,7 +40,7 @@ def line_at(numeric: NumericSystem) -> ca.Function:
     """line_at(t, y, p) -> t, the row of the table, the figures of `account`, W and a sum of them all."""
     size, parameters = step_end.sizes_of(numeric)
     t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
-    _, row, figures = numeric.record(t, y, p)
+    _, row, figures = numeric.record.call([t, y, p], *INLINED)
     line = ca.vertcat(t, row, figures, y[size - 1])
     return ca.Function("line_at", [t, y, p], [ca.vertcat(line, ca.sum1(line))])
 
@@ -49,7 +51,7 @@ def line_inside(numeric: NumericSystem, at: ca.Function, method: Interpolation) 
     t, x, y = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("y", size)
     coefficients, p = ca.MX.sym("coefficients", size, method.dense_rows), ca.MX.sym("p", parameters)
     state = method.interpolated(y, coefficients, x)
-    return ca.Function("line_inside", [t, x, y, coefficients, p], [at(t, state, p)])
+    return ca.Function("line_inside", [t, x, y, coefficients, p], at.call([t, state, p], *INLINED))
 
 
 def defect(numeric: NumericSystem, method: Interpolation) -> ca.Function:
