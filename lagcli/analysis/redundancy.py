@@ -18,6 +18,7 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows, rank
+from lagcli.simulation.run_report import RunReport
 from lagcli.simulation.singularity.singular_point import RankDrop
 from lagcli.start import conflict, initial, sample_points
 from lagcli.start.initial import State
@@ -154,6 +155,17 @@ def _refusal(system: System, found: rank.Rank) -> diagnostics.ModelError:
             "move the start a little, or leave out a row that nearly follows from the others",
         )
         for null_vector in found.dependences
+    )
+
+
+def remarks(system: System, report: RunReport) -> tuple[str, ...]:
+    """Sentences on a run so far: multipliers that are not unique, singular configurations that were passed, integrals
+    that were not held all the time."""
+    return (
+        *notes(system, report.selection),
+        *at_times(system, report.selection, report.indeterminate),
+        *passed(system, report.crossings),
+        *report.notes,
     )
 
 

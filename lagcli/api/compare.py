@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagcli import progress
+from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api import prepare_run, run_settings
 from lagcli.api.compiled_model import CompiledModel
-from lagcli.api.known_integrals import KnownIntegrals
 from lagcli.api.load import Path, as_model
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.equations import particle_form, size_limits

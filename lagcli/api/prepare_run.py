@@ -7,34 +7,17 @@ import os
 import time
 
 from lagcli import progress
-from lagcli.analysis import redundancy
-from lagcli.analysis.classification import hidden_conditions
+from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api import cache, run_settings
 from lagcli.api.compiled_model import CompiledModel
-from lagcli.api.known_integrals import KnownIntegrals
 from lagcli.api.load import Path
 from lagcli.api.simulation_run import PreparedRun, SimulationRun
-from lagcli.compiled import NumericSystem
-from lagcli.equations import level_functions, size_limits, system
-from lagcli.errors import diagnostics
-from lagcli.expression.tree import ExpressionError
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation
-from lagcli.simulation import fresh_run, loop
+from lagcli.simulation import run_entry
+from lagcli.simulation.run_entry import RunPlan
 from lagcli.simulation.run_state import checkpoint as checkpoints
-from lagcli.simulation.scheme import invariants
-from lagcli.start import consistent_start, initial
-from lagcli.start.consistent_start import ConsistentStart
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class ExaminedStart:
-    """The start of a run and what is known there: `whole` is the system with the hidden conditions, where there are
-    some."""
-
-    start: ConsistentStart
-    known: KnownIntegrals
-    whole: tuple[system.System, NumericSystem] | None
+from lagcli.start import initial
 
 
 @progress.phase("preparing the run")
@@ -102,78 +85,27 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
     model = dataclasses.replace(model, simulation=chosen)
     checkpoints.require_same(point.identity, model)
     ready = cache.compiled(model)
-    size_limits.require_run(ready.system)
-    state, times = initial.declared(ready.system), ready.timed()
-    if len(point.mark.turns) != (ready.system.cuts.count if ready.system.cuts else 0):
-        raise checkpoints.CheckpointError("it is a damaged checkpoint: its number of angles is wrong")
-    held = invariants.EnforcedInvariants(_integrals(ready, point), point.mark.levels, state.p)
-    run = loop.resume(held, point.mark, chosen, ready.system.columns, times)
+    run = run_entry.resume(ready.system, ready.kept, point)
+    state = initial.declared(ready.system)
     return SimulationRun(
-        PreparedRun(
-            ready,
-            state,
-            run,
-            point.integrals,
-            time.perf_counter() - began,
-            resumed=point,
-        )
+        PreparedRun(ready, state, run, point.integrals, time.perf_counter() - began, resumed=point)
     )
-
-
-def _integrals(ready: CompiledModel, point: checkpoints.Checkpoint) -> invariants.Integrals:
-    """The integrals of a checkpoint. Raises `checkpoints.CheckpointError` where one is none of this system."""
-    if point.mark.selection.count != len(ready.system.multiplier_rows):
-        raise checkpoints.CheckpointError("it is a damaged checkpoint: its number of rows is wrong")
-    try:
-        return ready.integrals(point.integrals).keeping(point.mark.selection)
-    except (ExpressionError, level_functions.UnknownName):
-        raise checkpoints.CheckpointError(
-            "it is a damaged checkpoint: it holds integrals of other names"
-        ) from None
 
 
 def _started(
     ready: CompiledModel, known: KnownIntegrals | None, limit: float, digits: bool, began: float
 ) -> PreparedRun:
     """The parts of a run from its start; `began`: when the work for it did. Raises `diagnostics.ModelError`."""
-    built = ready.system
-    size_limits.require_run(built)
-    examined = _examined_start(ready, known, limit)
-    state, found = examined.start.state, examined.known
-    begin = redundancy.begin(built, ready.numeric, state, examined.whole, found.orbits)
-    open_ = dataclasses.replace(begin.selection, inactive=ready.numeric.selection.inactive)
-    held = ready.integrals(found.integrals).keeping(open_)
-    fresh = fresh_run.begin(held, state, begin.is_singular, ready.timed(), found.notes, digits)
+    start = ready.examined_start(known, limit)
+    found = start.known
+    plan = RunPlan(start.state, start.selection, start.is_singular, found.integrals, found.notes, digits)
+    run = run_entry.begin(ready.system, ready.kept, plan)
     return PreparedRun(
         ready,
-        state,
-        fresh.run,
+        start.state,
+        run,
         found.integrals,
         time.perf_counter() - began,
         found.conditions,
-        examined.start.assembly,
-        fresh.repeated,
+        start.assembly,
     )
-
-
-def _examined_start(ready: CompiledModel, known: KnownIntegrals | None, limit: float) -> ExaminedStart:
-    """The start, on hidden conditions too. Raises `diagnostics.ModelError`."""
-
-    def integrals() -> KnownIntegrals:
-        return ready.first_integrals(limit) if known is None else known
-
-    try:
-        begin = ready.starts.find(ready.system, ready.numeric)
-        found = integrals()
-    except diagnostics.ModelError as error:
-        # Off a hidden condition no velocity satisfies the rows.
-        found = integrals() if hidden_conditions.is_conflict(error) else KnownIntegrals()
-        if not found.conditions:
-            raise
-    if not found.conditions:
-        return ExaminedStart(begin, found, None)
-    whole = hidden_conditions.extended(ready.system, found.conditions)
-    numeric = NumericSystem(whole)
-    # The conditions may have angles of their own, whose cuts the whole system counts among its values.
-    begin = consistent_start.find(whole, numeric).with_numbers(system.values(ready.system))
-    return ExaminedStart(begin, found, (whole, numeric))

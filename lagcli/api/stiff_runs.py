@@ -9,10 +9,10 @@ import time
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api import constrained_run, prepare_run
 from lagcli.api.compiled_model import CompiledModel
 from lagcli.api.constrained_run import IN_A_SWING, Constrained, LimitPlan
-from lagcli.api.known_integrals import KnownIntegrals
 from lagcli.formulations.stiff import ladder, slow_start, stiff_system
 from lagcli.formulations.stiff.ladder import Rung, StiffLimit
 from lagcli.formulations.stiff.stiff_system import Stiffness
@@ -194,9 +194,7 @@ class _StiffRuns:
             ready = CompiledModel(stiff_system.build(model, self._row, self._plan.is_ramp))
         self._ready = ready
         # The lengths of rigid bodies are those of the constrained start, not those of the stretched one.
-        ready = CompiledModel(
-            dataclasses.replace(ready.system, bodies=held.run.built.bodies), ready.functions
-        )
+        ready = CompiledModel(dataclasses.replace(ready.system, bodies=held.run.built.bodies), ready.kept)
         began = time.perf_counter()
         run = prepare_run.start_compiled(ready, KnownIntegrals())
         states = table_columns.States(model, run.columns)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import NoReturn
 
 import casadi as ca
@@ -42,7 +42,7 @@ class UnknownName(Exception):
     """A name in a chart that stands for nothing there."""
 
 
-def charts(system: System, written: Iterable[invariant.LevelFunction]) -> Charts:
+def charts(system: System, written: Sequence[invariant.LevelFunction]) -> Charts:
     """The expressions of charts. Their names are coordinates, parameters, `t` and `pi`.
 
     Raises `expression.ExpressionError` for a text that is no expression, `UnknownName` for another name.

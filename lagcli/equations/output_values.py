@@ -55,7 +55,7 @@ class OutputValues:
 
     def number(self, outputs: Sequence[nouns.Output]) -> None:
         """Number the outputs, which are kept one after another."""
-        self._roll = MemberIndex(output.members for output in outputs)
+        self._roll = MemberIndex([output.members for output in outputs])
         self._outputs = Columns(len(self._roll))
 
     def keep(self, entry: int, count: int, parts: Sequence[ca.SX]) -> None:

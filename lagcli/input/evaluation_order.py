@@ -100,7 +100,7 @@ class _Members:
         by_name: dict[str, list[int]],
     ) -> None:
         self._formulas, self._particles, self._units, self._by_name = formulas, particles, units, by_name
-        self._roll = MemberIndex(particle.members for particle in particles)
+        self._roll = MemberIndex([particle.members for particle in particles])
         self._unit_of = {unit.entry: n for n, unit in enumerate(units) if unit.entry is not None}
 
     def steps(self, group: list[int]) -> list[str | Batch]:

@@ -65,7 +65,7 @@ class MissingMember(LookupError):
 class MemberIndex:
     """Members of many entries numbered in the order of the file, found by their base name and indices."""
 
-    def __init__(self, entries: Iterable[Family] = ()) -> None:
+    def __init__(self, entries: Sequence[Family] = ()) -> None:
         self._numbers: dict[str, dict[Indices, int]] = {}
         self._ends: list[int] = []
         self._extremes: dict[str, tuple[Indices, Indices]] = {}

@@ -33,8 +33,8 @@ class ModelNames:
     """The names of a model: particles and coordinates by their numbers, and what definitions mean."""
 
     def __init__(self, model: Model) -> None:
-        self.particles = MemberIndex(particle.members for particle in model.particles)
-        self.coordinates = MemberIndex(coordinate.members for coordinate in model.coordinates)
+        self.particles = MemberIndex([particle.members for particle in model.particles])
+        self.coordinates = MemberIndex([coordinate.members for coordinate in model.coordinates])
         self.definitions = {d.name: d.expression.tree for d in model.definitions}
         self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
 

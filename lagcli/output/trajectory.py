@@ -19,7 +19,6 @@ from lagcli.output import incident_table, table_facts
 from lagcli.output.incident_table import IncidentTable
 from lagcli.output.table_facts import TableFacts
 from lagcli.simulation.global_error.accuracy import Accuracy
-from lagcli.simulation.run_state import run_stop
 from lagcli.start.assembly_moves import Moves
 
 if TYPE_CHECKING:
@@ -90,16 +89,6 @@ class Outcome:
     rows: int = 0
     t_end: float | None = None
     stopped: Stopped | None = None
-
-    def take(self, block: Floats) -> None:
-        """Rows (k, columns) were handed out, the time first in each."""
-        if len(block):
-            self.rows += len(block)
-            self.t_end = float(block[-1, 0])
-
-    def stop(self, stop: run_stop.Stop) -> None:
-        """The run cannot go on."""
-        self.stopped = Stopped(stop.t, stop.reason, stop.code)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

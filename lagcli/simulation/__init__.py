@@ -3,8 +3,9 @@
 In: `numeric.NumericSystem` and a consistent state
 Out: rows of the table, a `RunState` to go on from, statistics
 
-`loop` starts, resumes and hands out rows, which `row_writer` writes; `fresh_run` is the door to it. Each room below
-imports only from those before it:
+`run_entry` is the way in: it begins or resumes a run and gives a `reported_run`, whose blocks of rows and frozen
+reports are the way out. `loop` takes the steps, `row_writer` writes the rows. Each room below imports only from those
+before it:
 
 - `scheme`: one step of a method, with its projection and the integrals it holds
 - `singularity`: singular configurations, foreseen and passed

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations import row_parameters
+from lagcli.equations import row_parameters, size_limits
 from lagcli.equations.system import System
 from lagcli.start import consistent_start, initial
 from lagcli.start.consistent_start import ConsistentStart
@@ -26,6 +26,7 @@ class KnownStarts:
 
     def find(self, built: System, numeric: NumericSystem) -> ConsistentStart:
         """The consistent start of a model. Raises `diagnostics.ModelError` where no run can begin."""
+        size_limits.require_run(built)
         declared, chosen = initial.declared(built), built.model.simulation
         parts = declared.q.tobytes(), declared.v.tobytes(), declared.p[self._places].tobytes()
         key = (declared.t, *parts, chosen.duration, chosen.assemble, chosen.keep)

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import known_integrals, prepare_run, run_settings, simulation_run
+from lagcli.analysis.classification import known_integrals
+from lagcli.api import prepare_run, run_settings, simulation_run
 from lagcli.model import invariant
 from lagcli.output import checkpoint_file
 from lagcli.simulation import loop

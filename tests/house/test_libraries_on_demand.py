@@ -47,7 +47,7 @@ def test_a_run_without_contacts_and_errors_loads_nothing_of_them() -> None:
         check=True,
     )
     loaded = {name.rpartition(".")[2] for name in done.stdout.split()}
-    assert {"dop853", "loop", "fresh_run"} <= loaded
+    assert {"dop853", "loop", "run_entry"} <= loaded
     assert not loaded & {
         "contact_event",
         "contact_gradient",

@@ -10,8 +10,9 @@ import pytest
 import sympy
 
 import lagcli
+from lagcli.analysis.classification import known_integrals
 from lagcli.analysis.classification.case import Case
-from lagcli.api import cache, known_integrals, prepare_run, run_settings, simulation_run
+from lagcli.api import cache, prepare_run, run_settings, simulation_run
 from lagcli.cli import asked_run
 from lagcli.cli import simulate_command as telling
 from lagcli.compiled import NumericSystem, numeric
@@ -303,9 +304,9 @@ def test_the_constant_is_that_of_the_start_of_the_run() -> None:
     assert np.abs(phi - 2 * math.exp(0.2)).max() < 1e-14
     numbers = {"x.value": 0.5, "y.value": 3, "y.rate": -3}
     model = lagcli.loads(FACTOR, numbers)
-    first = cache.compiled(lagcli.loads(FACTOR)).integrals(found)
+    first = integrals_of(lagcli.loads(FACTOR), found)
     levels = (invariants.Level(0, 1.0, 0.0),)
-    again = cache.compiled(model).integrals(found)
+    again = integrals_of(model, found)
     assert again.functions(levels) is first.functions(levels)
     assert again.system.model is model  # a run reads its own start and values there
     _, columns = run(FACTOR, found, duration=5, parameters=numbers)
@@ -339,6 +340,12 @@ lagrangian: (rate(x)**2 + rate(y)**2)/2 - (x - 1)**2 - 2*y**2
 differential: {row: 2*x*d(y) - y*d(x) = 0}
 """
 PARABOLA = held("y**2/x", LevelFunction("y**2", "x"), LevelFunction("y", "sqrt(abs(x))"))
+
+
+def integrals_of(model: lagcli.Model, found: tuple[FirstIntegral, ...]) -> invariants.Integrals:
+    """Integrals with the functions that runs of a model keep for one another."""
+    compiled = cache.compiled(model)
+    return compiled.kept.integrals(compiled.system, found)
 
 
 def chart_of(going: simulation_run.SimulationRun) -> list[int | None]:
@@ -507,10 +514,10 @@ def test_notes_stand_in_the_account(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_model_without_integrals_runs_on_the_functions_it_had() -> None:
     model = lagcli.loads(FACTOR)
     compiled = cache.compiled(model)
-    assert compiled.integrals(()).functions(()) is compiled.functions
-    plain = compiled.functions.numeric
-    found = compiled.integrals(held("y*exp(x)", LevelFunction("y*exp(x)")))
-    assert found.functions((None,)) is compiled.functions
+    assert integrals_of(model, ()).functions(()) is compiled.kept.plain
+    plain = compiled.numeric
+    found = integrals_of(model, held("y*exp(x)", LevelFunction("y*exp(x)")))
+    assert found.functions((None,)) is compiled.kept.plain
     holding = found.functions((found.at(_start(model)).level(0, 0)._replace(),)).numeric
     assert holding.land.n_instructions() < 2 * plain.land.n_instructions()
     assert holding.rhs.n_instructions() == plain.rhs.n_instructions()

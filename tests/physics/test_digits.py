@@ -301,7 +301,7 @@ def test_memory_and_blocks_are_those_of_a_stream(monkeypatch):
     for block in ready.blocks():
         seen.append(block)
         points.append(ready.checkpoint())
-        assert len(ready._paired._waiting) <= max(map(len, seen))
+        assert len(ready._run.reference._waiting) <= max(map(len, seen))
         if len(block):
             assert points[-1].mark.row == block[-1, 0]
     assert len(seen) > 10
@@ -336,7 +336,7 @@ def test_kinds_are_told_from_one_another_whatever_their_names():
         ["lambda.rod"],
         ["R.a.x", "R.a.y", "R.a.z", "R.theta"],
     ]
-    assert isinstance(ready._paired, reference_run.RunWithReference)
+    assert isinstance(ready._run.reference, reference_run.RunWithReference)
 
 
 def test_the_sentence_counts_whole_digits():

@@ -10,9 +10,9 @@ import numpy.typing as npt
 import pytest
 
 import lagcli
+from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api import prepare_run
 from lagcli.api.compiled_model import CompiledModel
-from lagcli.api.known_integrals import KnownIntegrals
 from lagcli.formulations.stiff import ladder, slow_start, stiff_system
 from tests.helpers import in_process
 

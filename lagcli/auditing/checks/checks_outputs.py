@@ -134,7 +134,7 @@ class _Outputs:
     def __init__(self, laws: ModelLaws, scene: ModelOnTable, results: RecomputedResults) -> None:
         self._laws, self._scene, self._results = laws, scene, results
         self._rows = {name: i for i, name in enumerate(laws.rows)}
-        self._roll = MemberIndex(output.members for output in laws.model.outputs)
+        self._roll = MemberIndex([output.members for output in laws.model.outputs])
         self._known: list[tuple[Array, ...]] = [()] * len(self._roll)
         self.known: list[bool] = []
 

@@ -81,7 +81,7 @@ class Integrals:
         self.found = found
         self._system, self._plain = system, plain
         self._first = np.cumsum([0, *(len(f.charts) for f in found)]).tolist()
-        self._charts = level_functions.charts(system, (chart for f in found for chart in f.charts))
+        self._charts = level_functions.charts(system, [chart for f in found for chart in f.charts])
         self._built: dict[tuple[int | None, ...], RunFunctions] = {}
         self.selection = plain.numeric.selection
         # What was built for each selection; not the integrals themselves, which would hold each other.

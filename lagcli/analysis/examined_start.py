@@ -1,0 +1,84 @@
+"""The start of a run, with all that is known there before its first step, as one frozen object."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from lagcli.analysis import redundancy
+from lagcli.analysis.classification import hidden_conditions, known_integrals
+from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.compiled import NumericSystem
+from lagcli.compiled.selection import Selection
+from lagcli.equations import system as mechanics
+from lagcli.equations.system import System
+from lagcli.errors import diagnostics
+from lagcli.start import consistent_start, known_starts
+from lagcli.start.assembly import Assembly
+from lagcli.start.initial import State
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ExaminedStart:
+    """A state where a run can begin, how it was moved there, if it was, the independent rows, whether they are
+    dependent there and not nearby, and the first integrals and hidden conditions of its rows."""
+
+    state: State
+    assembly: Assembly | None
+    selection: Selection
+    is_singular: bool
+    known: KnownIntegrals
+
+
+@dataclasses.dataclass(slots=True, eq=False)
+class KnownAnswers:
+    """What was found out about one text with some values, kept for others which it does not depend on."""
+
+    _starts: known_starts.KnownStarts | None = None
+    _searches: known_integrals.KnownSearches | None = None
+
+    def starts(self, system: System) -> known_starts.KnownStarts:
+        """The consistent starts that are known."""
+        if self._starts is None:
+            self._starts = known_starts.KnownStarts(system)
+        return self._starts
+
+    def first_integrals(self, system: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
+        """The first integrals of the differential rows as far as they are found in `limit` seconds.
+
+        Another run with the same values, or with others that the rows do not hold, asks for no other search.
+        """
+        if not system.model.differential:
+            return KnownIntegrals()
+        if self._searches is None:
+            self._searches = known_integrals.KnownSearches(system)
+        return self._searches.search(system, numeric, limit)
+
+
+def examine(
+    system: System, numeric: NumericSystem, answers: KnownAnswers, given: KnownIntegrals | None, limit: float
+) -> ExaminedStart:
+    """The start of a model, on hidden conditions too.
+
+    given: the first integrals of its rows, if they are known; else they are searched for `limit` seconds.
+    Raises `diagnostics.ModelError` where no run can begin.
+    """
+
+    def integrals() -> KnownIntegrals:
+        return answers.first_integrals(system, numeric, limit) if given is None else given
+
+    try:
+        begin = answers.starts(system).find(system, numeric)
+        known = integrals()
+    except diagnostics.ModelError as error:
+        # Off a hidden condition no velocity satisfies the rows.
+        known = integrals() if hidden_conditions.is_conflict(error) else KnownIntegrals()
+        if not known.conditions:
+            raise
+    whole = None
+    if known.conditions:
+        extended = hidden_conditions.extended(system, known.conditions)
+        whole = extended, NumericSystem(extended)
+        # The conditions may have angles of their own, whose cuts the whole system counts among its values.
+        begin = consistent_start.find(*whole).with_numbers(mechanics.values(system))
+    chosen = redundancy.begin(system, numeric, begin.state, whole, known.orbits)
+    return ExaminedStart(begin.state, begin.assembly, chosen.selection, chosen.is_singular, known)

@@ -1,0 +1,99 @@
+"""A run with a report of it that is new after each block of rows; with columns of errors where it is repeated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.model.model import Simulation
+from lagcli.simulation.global_error.accuracy import Accuracy
+from lagcli.simulation.loop import Run
+from lagcli.simulation.run_report import RunBlock, RunReport
+from lagcli.simulation.run_state.checkpoint import RunState
+from lagcli.simulation.run_state.statistics import Figures
+from lagcli.simulation.stepping import grid
+
+if TYPE_CHECKING:
+    # Loaded where it is used: most runs are not repeated.
+    from lagcli.simulation.global_error.reference_run import RunWithReference
+
+Floats = npt.NDArray[np.float64]
+
+NO_ROWS = Figures(0.0, 0.0)
+
+
+class ReportedRun:
+    """A run that is ready to go: iterate `blocks` once; all else is data.
+
+    columns: of its rows, t first; grid: their times; passed_over: rows that are lost to a grid other than that of the
+    checkpoint it goes on from; handed_out: the number of rows up to there; report: of the run so far, up to the last
+    block.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        settings: Simulation,
+        columns: tuple[str, ...],
+        reference: RunWithReference | None = None,
+        handed_out: int = 0,
+    ) -> None:
+        self._run, self.reference = run, reference
+        self.columns = ("t", *columns, *(reference.COLUMNS if reference else ()))
+        self.grid, self.passed_over, self.handed_out = grid.grid(settings), run.passed_over, handed_out
+        self.report = self._report()
+
+    def blocks(self) -> Iterator[RunBlock]:
+        """Blocks of complete rows, each with its incidents. Raises `run_stop.RunStop` after the last one."""
+        run = self.reference or self._run
+        try:
+            for rows in run.blocks():
+                self.report = self._report()
+                yield RunBlock(rows, run.take_incidents())
+        finally:
+            # Of a run that stops or is interrupted the report is that of the time reached.
+            self.report = self._report()
+
+    def mark(self) -> RunState:
+        """The state to go on from after all blocks so far; for the time between two of them, or after the last."""
+        return (self.reference or self._run).mark()
+
+    def require_rows_left(self) -> None:
+        """Raise `CheckpointError` where a resumed run has nothing left to do."""
+        self._run.require_rows_left()
+
+    def of_table(self, rows: Floats) -> Accuracy | None:
+        """The estimate of the errors of a table, in place of `blocks`, of a run that is repeated."""
+        assert self.reference is not None
+        return self.reference.of_table(rows)
+
+    def _report(self) -> RunReport:
+        run, account, again = self._run, self._run.account, self.reference
+        figures = account.figures or NO_ROWS
+        n = run.y.size // 2
+        return RunReport(
+            t=run.origin + run.t,
+            q=run.y[:n],
+            v=run.y[n:-1],
+            a=run.rate[n:-1],
+            selection=run.selection,
+            indeterminate=run.indeterminate,
+            steps=account.steps,
+            rejected=account.rejected,
+            evaluations=account.evaluations,
+            solve_seconds=account.solve_seconds + (again.solve_seconds if again else 0.0),
+            position_drift=figures.position_drift,
+            velocity_drift=figures.velocity_drift,
+            energy_imbalance=account.energy_imbalance,
+            exchanged=figures.moving + figures.resting,
+            largest_penetration=account.largest_penetration,
+            # The last step may lead beyond the time reached.
+            crossings=tuple(one for one in account.crossings if one.t <= run.origin + run.t),
+            told=account.told,
+            ended_by=account.ended_by,
+            notes=account.notes,
+            accuracy=again.accuracy if again else None,
+        )
