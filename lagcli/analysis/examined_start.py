@@ -31,7 +31,7 @@ class ExaminedStart:
 
 @dataclasses.dataclass(slots=True, eq=False)
 class KnownAnswers:
-    """What was found out about one text with some values, kept for others which it does not depend on."""
+    """Findings about one text with some values, kept for others which they do not depend on."""
 
     _starts: known_starts.KnownStarts | None = None
     _searches: known_integrals.KnownSearches | None = None

@@ -22,7 +22,7 @@ from lagcli.output.incident_table import IncidentColumns
 from lagcli.output.run_columns import RunColumns
 from lagcli.output.trajectory import Outcome, Stats, Stopped
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
-from lagcli.simulation.reported_run import ReportedRun
+from lagcli.simulation.run_in_blocks import RunInBlocks
 from lagcli.simulation.run_state import checkpoint as checkpoints
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
@@ -43,7 +43,7 @@ class PreparedRun:
 
     ready: CompiledModel
     start: initial.State
-    run: ReportedRun
+    run: RunInBlocks
     integrals: Integrals
     seconds: float
     conditions: tuple[Condition, ...] = ()

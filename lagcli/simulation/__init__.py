@@ -3,7 +3,7 @@
 In: `numeric.NumericSystem` and a consistent state
 Out: rows of the table, a `RunState` to go on from, statistics
 
-`run_entry` is the way in: it begins or resumes a run and gives a `reported_run`, whose blocks of rows and frozen
+`run_entry` is the way in: it begins or resumes a run and gives a `run_in_blocks`, whose blocks of rows and frozen
 reports are the way out. `loop` takes the steps, `row_writer` writes the rows. Each room below imports only from those
 before it:
 

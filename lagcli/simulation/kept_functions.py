@@ -40,7 +40,7 @@ class KeptFunctions:
         return known
 
     def timed(self, model: Model) -> time_functions.TimeFunctions | None:
-        """What the model says about t alone, None where that is nothing, whatever its parameters are."""
+        """The functions of t alone, None where the model has none, whatever its parameters are."""
         known = self._timed
         if known is None or (known[1] is not None and known[0] != model.parameters):
             known = self._timed = model.parameters, time_functions.functions(model)

@@ -11,7 +11,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.model.invariant import FirstIntegral
 from lagcli.simulation import loop
 from lagcli.simulation.kept_functions import KeptFunctions
-from lagcli.simulation.reported_run import ReportedRun
+from lagcli.simulation.run_in_blocks import RunInBlocks
 from lagcli.simulation.run_start import RunStart
 from lagcli.simulation.run_state.checkpoint import Checkpoint, CheckpointError
 from lagcli.simulation.scheme import invariants
@@ -34,7 +34,7 @@ class RunPlan:
     is_repeated: bool = False
 
 
-def begin(system: System, kept: KeptFunctions, plan: RunPlan) -> ReportedRun:
+def begin(system: System, kept: KeptFunctions, plan: RunPlan) -> RunInBlocks:
     """The run of a model from a consistent start, by the settings of the model.
 
     kept: the functions of its text. Raises `diagnostics.ModelError` where an acceleration or a column is not finite at
@@ -48,14 +48,14 @@ def begin(system: System, kept: KeptFunctions, plan: RunPlan) -> ReportedRun:
     first, chosen = RunStart(start.q, start.v, plan.is_singular), system.model.simulation
     run = loop.start(held, first, chosen, system.columns, (*not_held, *plan.notes), timed)
     if not plan.is_repeated:
-        return ReportedRun(run, chosen, system.columns)
+        return RunInBlocks(run, chosen, system.columns)
     # Loaded here: most runs are not repeated.
     from lagcli.simulation.global_error.reference_run import RunWithReference
 
-    return ReportedRun(run, chosen, system.columns, RunWithReference(system, run, held, first, chosen))
+    return RunInBlocks(run, chosen, system.columns, RunWithReference(system, run, held, first, chosen))
 
 
-def resume(system: System, kept: KeptFunctions, point: Checkpoint) -> ReportedRun:
+def resume(system: System, kept: KeptFunctions, point: Checkpoint) -> RunInBlocks:
     """The run of a model on from where another one of it stood, whose identity was compared.
 
     Its start was examined, and perhaps assembled, when it began. Raises `diagnostics.ModelError`,
@@ -68,7 +68,7 @@ def resume(system: System, kept: KeptFunctions, point: Checkpoint) -> ReportedRu
     held = invariants.EnforcedInvariants(_integrals(system, kept, point), point.mark.levels, declared.p)
     chosen = system.model.simulation
     run = loop.resume(held, point.mark, chosen, system.columns, timed)
-    return ReportedRun(run, chosen, system.columns, handed_out=run.grid.after(point.mark.row))
+    return RunInBlocks(run, chosen, system.columns, handed_out=run.grid.after(point.mark.row))
 
 
 def _integrals(system: System, kept: KeptFunctions, point: Checkpoint) -> invariants.Integrals:

@@ -1,4 +1,4 @@
-"""What is known of a run between two blocks of its rows, as one frozen object."""
+"""The state of a run between two blocks of its rows and its account, as one frozen object."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ Floats = npt.NDArray[np.float64]
 NO_ROWS = Figures(0.0, 0.0)
 
 
-class ReportedRun:
+class RunInBlocks:
     """A run that is ready to go: iterate `blocks` once; all else is data.
 
     columns: of its rows, t first; grid: their times; passed_over: rows that are lost to a grid other than that of the
