@@ -237,6 +237,14 @@ class NumericSystem:
         packed = shared.sizes(parts, parts.v, terms, parts.M).packed
         return ca.Function("terms", self._inputs, [packed])
 
+    @cached_property
+    def force_roundings(self) -> ca.Function:
+        """force_roundings(t, q, v, p) -> what `sizes` gives with the rounding of h in its place, in units of it."""
+        parts = self._parts
+        units = cancelling_terms.roundings(ca.densify(parts.h), self._inputs)
+        packed = shared.sizes(parts, parts.v, units, parts.M).packed
+        return ca.Function("roundings", self._inputs, [ca.densify(packed)])
+
     @property
     def force(self) -> ca.Function:
         """force(t, q, v, p) -> h (n,), gamma (C,), power."""

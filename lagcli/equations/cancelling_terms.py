@@ -20,11 +20,20 @@ TINY = 1e-300
 
 def term_sizes(value: ca.SX, inputs: Sequence[ca.SX]) -> ca.SX:
     """The sizes of the terms of a column (k, 1) of the `inputs`, (k, 1), no smaller than its absolute values."""
+    return _sizes(value, inputs, ca.fabs)
+
+
+def roundings(value: ca.SX, inputs: Sequence[ca.SX]) -> ca.SX:
+    """By how many units of rounding a column (k, 1) of the `inputs` may be off, (k, 1), where these are exact."""
+    return _sizes(value, inputs, lambda x: ca.SX(0))
+
+
+def _sizes(value: ca.SX, inputs: Sequence[ca.SX], of_leaf: Callable[[ca.SX], ca.SX]) -> ca.SX:
     symbols = [each for part in inputs if part.numel() for each in ca.vertsplit(ca.vec(part))]
 
     def leaf(number: int | None, constant: float) -> Sized:
         x = ca.SX(constant) if number is None else symbols[number]
-        return x, ca.fabs(x)
+        return x, of_leaf(x)
 
     def look(op: int, parts: list[Sized], expression: operation_graph.Expression) -> Sized:
         made, rule = expression(), _RULES.get(op)

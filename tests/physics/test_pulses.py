@@ -134,6 +134,37 @@ def test_a_pulse_moves_a_free_particle(name: str, speed: int) -> None:
     assert np.abs(run["a.x"] - speed * run.t).max() < CLOSE
 
 
+# Forces whose terms cancel at a start at rest: stairs of rounding, or small and exact beside larger terms.
+CANCELLING: dict[str, tuple[str, Curve]] = {
+    "late": ("1 + tanh((t - 4)/0.05)", lambda t: 2 / (1 + np.exp(-40 * (t - 4)))),
+    "early": ("1 + tanh((t - 4)/0.5)", lambda t: 2 / (1 + np.exp(-4 * (t - 4)))),
+    "wave": ("1 - cos(t)", lambda t: 2 * np.sin(t / 2) ** 2),
+    "exact": ("k*t - k*t + 1e-12*sin(t)", lambda t: 1e-12 * np.sin(t)),
+    "exact and tiny": ("k - k + 1e-25*sin(t)", lambda t: 1e-25 * np.sin(t)),
+}
+
+
+@pytest.mark.parametrize("name", CANCELLING)
+def test_forces_that_cancel_at_rest_take_few_steps_and_lose_nothing(name: str) -> None:
+    text, force = CANCELLING[name]
+    model = free(text, more="parameters: {k: 1}").replace("velocity: [1,", "velocity: [0,")
+    run = lagcli.simulate(lagcli.loads(model))
+    impulse, path = integral(force, run.t)
+    assert np.abs(run["a.vy"] - impulse / 2).max() < CLOSE * impulse[-1]
+    assert np.abs(run["a.y"] - path / 2).max() < CLOSE * path[-1]
+    assert run.stats.steps < 4000
+
+
+def test_a_pulse_below_what_was_rounding_before_it_is_not_passed_over() -> None:
+    """The terms are 1e6 at the start, where they cancel, and the pulse is 1e-29."""
+    run = lagcli.simulate(
+        lagcli.loads(free("1e6*(1 + tanh((t - 4)/0.05))*exp(-20*t)").replace("[1, 0", "[0, 0"))
+    )
+    impulse, path = integral(lambda t: 2e6 * np.exp(-20 * t) / (1 + np.exp(-40 * (t - 4))), run.t)
+    assert np.abs(run["a.vy"] - impulse / 2).max() < 1e-7 * impulse[-1]
+    assert np.abs(run["a.y"] - path / 2).max() < 1e-7 * path[-1]
+
+
 def reference(
     rate: Callable[[float, Floats], Floats], y0: list[float], t: Floats, corners: tuple[float, ...] = ()
 ) -> Floats:

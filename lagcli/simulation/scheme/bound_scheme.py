@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction, cells
+from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.scheme.method import Method
 
 Floats = npt.NDArray[np.float64]
+
+BLURRED = 5  # place in `step_tolerance.of_steps`
 
 
 class BoundStep:
@@ -26,12 +31,33 @@ class BoundStep:
         self.rhs = BoundFunction(self.numeric.rhs, [t, y, self.p])
         self.land = BoundFunction(self.numeric.land, [t, y, self.p])
         self.aside = BoundFunction(self.numeric.land, [aside, np.zeros(y.size), self.p])
+        self._tolerance, self._blur = cells(tolerance), self._roundings() if tolerance[BLURRED] else None
         arguments = [t, h, y, self.k, tolerance, self.p]
         self.step = BoundFunction(scheme.step, arguments, wanted=3)
         self.new, self.k_new, outcome = self.step.results
         # The same step with its stages, for the dense output of one that holds rows.
         self.staged = BoundFunction(scheme.step, arguments, given=self.step.results)
         self.t, self.h, self.aside_t, self.outcome = map(cells, (t, h, aside, outcome))
+
+    def _roundings(self) -> BoundFunction:
+        n, function = self.y.size // 2, self.numeric.force_roundings
+        return BoundFunction(
+            function, [np.zeros(1), self.y[:n], self.y[n : 2 * n], self.p[: function.numel_in(3)]]
+        )
+
+    def look_at_rounding(self) -> None:
+        """Note what the rounding of the forces makes at either end of the step to be tried, the less of both, if it
+        counts."""
+        if self._blur is None:
+            return
+        self._tolerance[BLURRED] = min(self._blurred(self.t[0]), self._blurred(self.t[0] + self.h[0]))
+
+    def _blurred(self, t: float) -> float:
+        assert self._blur is not None
+        self._blur.arguments[0][0] = t
+        self._blur.trigger()
+        found = step_tolerance.UNIT * float(self._blur.results[0][-1])
+        return max(found, step_tolerance.TINY) if math.isfinite(found) else step_tolerance.TINY
 
     def landed_at(self, t: float, y: Floats) -> list[Floats]:
         """The results of `NumericSystem.land`, in memory that the next call overwrites."""

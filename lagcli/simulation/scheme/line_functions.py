@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.simulation.scheme import step_end
+from lagcli.simulation.scheme import step_end, step_tolerance
 
 # What stands in a line after the row of the table: the account's figures, W, and a sum that is finite only where
 # all of the line is, or overflows.
@@ -64,7 +64,7 @@ def defect(numeric: NumericSystem, method: Interpolation) -> ca.Function:
     size, parameters = step_end.sizes_of(numeric)
     t, x, h = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("h")
     y, coefficients = ca.MX.sym("y", size), ca.MX.sym("coefficients", size, method.dense_rows)
-    tolerance, p = ca.MX.sym("tolerance", 5), ca.MX.sym("p", parameters)
+    tolerance, p = ca.MX.sym("tolerance", step_tolerance.COUNT), ca.MX.sym("p", parameters)
     state = method.interpolated(y, coefficients, x)
     rate = numeric.rhs(t, state, p)
     off = ca.fabs(ca.jtimes(state, x, ca.MX(1)) - h * rate)

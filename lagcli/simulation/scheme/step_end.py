@@ -37,7 +37,7 @@ Compiled = ca.Function
 
 
 class StepInputs(NamedTuple):
-    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (5,), p."""
+    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (6,), p."""
 
     t: ca.MX
     h: ca.MX
@@ -67,7 +67,7 @@ def inputs(numeric: NumericSystem) -> StepInputs:
     size, parameters = sizes_of(numeric)
     t, h = ca.MX.sym("t"), ca.MX.sym("h")
     y, k = ca.MX.sym("y", size), ca.MX.sym("k", size)
-    return StepInputs(t, h, y, k, ca.MX.sym("tolerance", 5), ca.MX.sym("p", parameters))
+    return StepInputs(t, h, y, k, ca.MX.sym("tolerance", tolerances.COUNT), ca.MX.sym("p", parameters))
 
 
 def sizes_of(numeric: NumericSystem) -> tuple[int, int]:
@@ -120,7 +120,8 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     n = size // 2
     y, new, landed, noise, blur = (sort.sym(name, size) for name in ("y", "new", "landed", "noise", "blur"))
     estimates: list[Expression] = [sort.sym(f"e{i}", size) for i in range(count)]
-    h, sizes, tolerance = sort.sym("h"), sort.sym("sizes", n + 3), sort.sym("tolerance", 5)
+    h, sizes = sort.sym("h"), sort.sym("sizes", n + 3)
+    tolerance = sort.sym("tolerance", tolerances.COUNT)
     scale = scales((y, new), h, sizes, tolerance)
     moved = _moved(landed - new, scale + blur[: 2 * n], sizes)
     # The energy at hand: what has been done up to here, or that of the motion; and what rounding makes of rest.
@@ -141,7 +142,7 @@ def scales(
     """The sizes that errors of (q, v) are compared with (2n,): expressions of the states (2n + 1,) at both ends of a
     step of length h, of `parts.Sizes.packed` at its end, and of `step_tolerance.of_steps`."""
     n = (states[0].numel() - 1) // 2
-    rtol, atol, part, rounding, resting = (tolerance[i] for i in range(5))
+    rtol, atol, part, rounding, resting, blurred = (tolerance[i] for i in range(tolerances.COUNT))
     units, (q, v, a) = sizes[:n], (sizes[n + i] for i in range(3))
     speed = ca.fmax(v, h * a)
     largest = ca.fmax(*(ca.fabs(y[: 2 * n]) for y in states))
@@ -154,9 +155,11 @@ def scales(
         is_held, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.TINY))), 0)
     )
     balanced = BALANCED * lasting * forced
+    # What the rounding of the forces makes of a step is not known better, however small the motion is as yet.
+    blur = h * blurred
     floors = ca.vertcat(
-        units * (part * h * speed + rounding * q + lasting * balanced),
-        units * (part * speed + rounding * q / h + balanced),
+        units * (part * h * speed + rounding * q + lasting * balanced + h * blur),
+        units * (part * speed + rounding * q / h + balanced + blur),
     )
     return rtol * largest + atol + floors + tolerances.TINY
 

@@ -24,18 +24,22 @@ DEFAULT, BELOW, LEAST = 1e-13, 1e-2, 1e-16
 # divided by its length. It is below the spacing of doubles, for forces do not change by themselves in a step.
 ROUNDING = 1e-17
 TINY = 1e-300
+# Numbers of a tolerance; the unit of rounding.
+COUNT, UNIT = 6, 2**-53
 
 
-def of_steps(settings: Simulation, balanced: float = 0.0) -> Floats:
-    """(rtol, atol, part, rounding, balanced): the error of a step is compared with rtol |y| + atol, plus these parts of
-    sizes. Either atol or the parts are zero. balanced: the acceleration of `RestingForces`, the rounding of which is
-    allowed.
+def of_steps(settings: Simulation, balanced: float = 0.0, blurred: float = 0.0) -> Floats:
+    """(rtol, atol, part, rounding, balanced, blurred): the error of a step is compared with rtol |y| + atol, plus these
+    parts of sizes. Either atol or the parts are zero. balanced: the acceleration of `RestingForces`, the rounding of
+    which is allowed; blurred: that of the rounding of the forces, at the start of the run; 0 where it does
+    not count.
     """
     rtol = max(settings.rtol / TIGHTENING, min(settings.rtol, FINEST))
     tightened = rtol / settings.rtol
     if settings.atol is not None:
-        return np.array([rtol, settings.atol * tightened, 0.0, 0.0, balanced])
-    return np.array([rtol, 0.0, max(LEAST, min(DEFAULT * tightened, BELOW * rtol)), ROUNDING, balanced])
+        return np.array([rtol, settings.atol * tightened, 0.0, 0.0, balanced, blurred])
+    part = max(LEAST, min(DEFAULT * tightened, BELOW * rtol))
+    return np.array([rtol, 0.0, part, ROUNDING, balanced, blurred])
 
 
 def absolute(settings: Simulation, size: float) -> float:

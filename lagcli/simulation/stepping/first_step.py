@@ -30,7 +30,7 @@ PART = 0.01
 
 def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, order: int) -> float:
     """The length of the first step from where `rhs` stands on its arrays (t, y, p), with k = y'(t, y) (2n + 1,),
-    `parts.Sizes.packed` there (n + 3,), `step_tolerance.of_steps` (5,) and the order of the method.
+    `parts.Sizes.packed` there (n + 3,), `step_tolerance.of_steps` (6,) and the order of the method.
 
     One evaluation of `rhs` is used, whose arguments are left as they were. The end of the run plays no part in it.
     """

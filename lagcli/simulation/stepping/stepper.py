@@ -88,7 +88,7 @@ class Stepper:
     ) -> None:
         self.origin, self.grid = state.origin, grid
         resting = resting_forces.of_start(held.integrals.system, held.functions.numeric)
-        self.tolerance = step_tolerance.of_steps(settings, resting.acceleration)
+        self.tolerance = step_tolerance.of_steps(settings, resting.acceleration, resting.blurred)
         self.method = method.of(settings)
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
         self._witnesses = Witnesses(grid, timed, is_again)
@@ -173,8 +173,7 @@ class Stepper:
         plays no part.
         """
         t, end = self.t, self.grid.end
-        h, wished = self._lengths(t)
-        grow, shorter = GROW, 0.0
+        (h, wished), grow, shorter = self._lengths(t), GROW, 0.0
         while True:
             # The step ends at a time that is a double, so that t and the state go on together.
             reached = t + h
@@ -228,6 +227,7 @@ class Stepper:
         """
         bound = self.bound
         bound.h[0], self.found.has_dense = taken, False
+        bound.look_at_rounding()
         is_witnessed = self.rows.defect is not None
         has_stages = self.found.keeps_stages or self.row_time < reached or is_witnessed
         (bound.staged if has_stages else bound.step).trigger()
