@@ -5,6 +5,8 @@ import fnmatch
 import re
 from collections.abc import Sequence
 
+ACCELERATION = re.compile(r"\w+(\[\d+\])*\.a[xyz]")
+
 
 class UnknownColumn(ValueError):
     """A pattern matches no column; ``nearest`` holds the known names most like it."""
@@ -13,6 +15,8 @@ class UnknownColumn(ValueError):
         self.pattern = pattern
         self.nearest = tuple(nearest)
         hint = f"; nearest: {', '.join(self.nearest)}" if self.nearest else ""
+        if ACCELERATION.fullmatch(pattern):
+            hint = f"; accelerations are columns where they are outputs of the model: `outputs: {{acc: {pattern}}}`"
         super().__init__(f'no column matches "{pattern}"{hint}')
 
 

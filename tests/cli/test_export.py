@@ -477,6 +477,13 @@ def test_an_unknown_column_names_the_pattern_and_the_nearest_name(pattern: str, 
     assert nearest in str(caught.value)
 
 
+@pytest.mark.parametrize("name", ["a.ax", "p[3].az"])
+def test_a_column_of_accelerations_is_an_output(name: str) -> None:
+    with pytest.raises(column_choice.UnknownColumn) as caught:
+        column_choice.select(["t", "a.x", "p[3].x", "a.vx"], name)
+    assert f"`outputs: {{acc: {name}}}`" in str(caught.value)
+
+
 def test_an_empty_pattern_is_refused() -> None:
     for patterns in ("", "t,,energy", "t,"):
         with pytest.raises(column_choice.UnknownColumn):
