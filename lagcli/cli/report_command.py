@@ -33,10 +33,14 @@ class ReportOptions:
     digits: bool
     limit: float
     quiet: bool
+    pdf: str | None = None
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL, before any work."""
         preflight.require_models([model])
+        is_pdf = pathlib.Path(self.output).suffix.lower() == ".pdf"
+        if self.pdf is not None and not is_pdf:
+            raise exits.UsageError(f"--pdf {self.pdf}: the page is no PDF; write -o report.pdf")
         if self.output == "-":
             return
         preflight.require_ending(self.output, report_page.FORMATS)
@@ -49,11 +53,13 @@ class ReportOptions:
                 raise exits.UsageError(
                     f"--output {self.output}: {folder} is needed for figures, and is no folder"
                 )
-        if target.suffix.lower() == ".pdf":
+        if is_pdf:
             try:
-                pdf_programs.require()
+                pdf_programs.require(self.pdf)
             except pdf_programs.NoPdf as error:
                 raise exits.UsageError(f"--output {self.output}: {error}") from None
+            except ValueError as error:
+                raise exits.UsageError(f"--pdf: {error}") from None
 
 
 def run(model: Model, settings: ReportedRun, options: ReportOptions) -> None:
@@ -69,7 +75,7 @@ def run(model: Model, settings: ReportedRun, options: ReportOptions) -> None:
     else:
         try:
             with exits.drawing(options.output):
-                files = page.save(options.output)
+                files = page.save(options.output, options.pdf)
         except pdf_programs.NoPdf as error:
             raise exits.WriteError(f"cannot write {options.output}: {error}") from None
         if not options.quiet:

@@ -152,6 +152,7 @@ def test_names_of_the_program() -> None:
     assert completed("models", "wat") == ["water-slide", "water-molecule", "water-vibrations"]
     assert len(completed("models", "")) == len(gallery_models.models())
     assert completed("new", "x", "--template", "") == list(model_templates.TEMPLATES)
+    assert completed("report", "x.yaml", "--pdf", "") == ["browser", "latex"]
     assert completed("explain", "") == list(catalogue.codes())
     assert completed("simulate", "m.yaml", "--method", "d") == ["dop853"]
 

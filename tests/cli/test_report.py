@@ -12,7 +12,15 @@ import pytest
 import lagcli
 from lagcli.api import report
 from lagcli.output.figures import labels
-from lagcli.output.report import browser_pdf, latex_pdf, latex_text, model_listing, report_writer
+from lagcli.output.report import (
+    browser_pdf,
+    latex_pdf,
+    latex_text,
+    model_listing,
+    pdf_programs,
+    report_writer,
+)
+from lagcli.output.report.report_contents import ReportContents
 from tests.helpers import in_process
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -324,6 +332,41 @@ def test_without_a_browser_latex_makes_the_pdf(tmp_path, monkeypatch, works):
         assert code == 74
         assert "pdflatex has made no PDF: Undefined control sequence." in err
         assert not file.exists()
+
+
+@pytest.mark.parametrize(
+    ("maker", "found", "expected"),
+    [
+        (None, "browser latex", "browser"),
+        (None, "latex", "latex"),
+        ("latex", "browser latex", "latex"),
+        ("browser", "browser latex", "browser"),
+        ("latex", "browser", "pdflatex makes it, which is not installed"),
+        ("browser", "latex", "Chrome"),
+    ],
+)
+def test_what_makes_a_pdf_is_chosen(monkeypatch, maker, found, expected):
+    monkeypatch.setattr(browser_pdf, "is_there", lambda: "browser" in found)
+    monkeypatch.setattr(browser_pdf, "printed", lambda _: b"browser")
+    monkeypatch.setattr(latex_pdf, "found", lambda: "pdflatex" if "latex" in found else None)
+    monkeypatch.setattr(latex_pdf, "printed", lambda *_: b"latex")
+    contents = ReportContents("title", (), (), (), (), ())
+    if expected in pdf_programs.MAKERS:
+        assert pdf_programs.made(contents, maker) == expected.encode()
+    else:
+        with pytest.raises(pdf_programs.NoPdf, match=expected):
+            pdf_programs.made(contents, maker)
+
+
+@pytest.mark.parametrize(
+    ("name", "maker", "word"), [("r.html", "latex", "no PDF"), ("r.pdf", "word", "browser or latex")]
+)
+def test_a_maker_that_is_none_or_not_needed_is_refused(tmp_path, name, maker, word):
+    file = tmp_path / name
+    _, err, code = in_process.run("report", str(MODELS / "pendulum.yaml"), "-o", str(file), "--pdf", maker)
+    assert code == 2
+    assert word in err
+    assert not file.exists()
 
 
 @pytest.mark.skipif(latex_pdf.found() is None, reason="there is no LaTeX")

@@ -38,6 +38,15 @@ def report(
     digits: Annotated[
         bool, typer.Option("--digits", help="how many digits are right, from the run repeated")
     ] = False,
+    pdf: Annotated[
+        str | None,
+        typer.Option(
+            "--pdf",
+            metavar="MAKER",
+            help="what makes a .pdf: browser or latex; by default a browser, or else latex",
+            autocompletion=lambda: ["browser", "latex"],
+        ),
+    ] = None,
     limit: LimitOption = settings.LIMIT,
     changes: SetOption = None,
     quiet: QuietOption = False,
@@ -50,7 +59,7 @@ def report(
     """
     from lagcli.cli import report_command
 
-    options = report_command.ReportOptions(output, title, digits, limit, quiet)
+    options = report_command.ReportOptions(output, title, digits, limit, quiet, pdf)
     options.require(model)
     read = model_reading.read(model, changes, False, verbose)
     given: report_command.ReportedRun = {

@@ -38,17 +38,18 @@ class ReportPage:
         """The files of the figures of `markdown`, by their names."""
         return {report_writer.figure_file(figure): figure.content for figure in self.contents.figures}
 
-    def save(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
+    def save(self, path: str | os.PathLike[str], pdf: str | None = None) -> tuple[Path, ...]:
         """Write the page as .html, .md with its figures in a folder beside it, or .pdf; return the files.
 
-        Each is written aside and moved into place. Raises `endings.UnknownFormat`, `pdf_programs.NoPdf`, OSError.
+        pdf: "browser" or "latex", which makes the PDF; by default a browser, or else LaTeX. Each is written aside and
+        moved into place. Raises `endings.UnknownFormat`, `pdf_programs.NoPdf`, OSError.
         """
         target = Path(path)
         match endings.of(target, FORMATS):
             case "html":
                 return (_written(target, self.html().encode()),)
             case "pdf":
-                return (_written(target, pdf_programs.made(self.contents)),)
+                return (_written(target, pdf_programs.made(self.contents, pdf)),)
         folder = figure_folder(target)
         folder.mkdir(exist_ok=True)
         files = [_written(folder / name, content) for name, content in self.figures().items()]
