@@ -21,6 +21,7 @@ from lagcli.model import invariant
 from lagcli.output import checkpoint_file
 from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint, saved_form
+from tests.helpers import in_process
 
 PENDULUM = """\
 lagcli: 1
@@ -627,15 +628,7 @@ def test_a_disk_that_is_full_for_a_while_costs_nothing_but_a_late_checkpoint(
 
 
 def command(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "lagcli", *arguments],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    return in_process.completed(*arguments, folder=folder)
 
 
 def environment() -> dict[str, str]:

@@ -22,7 +22,7 @@ from lagcli.output.tables import parquet_table, read_table, row_file, sinks
 from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.scheme import controller
-from tests.helpers import pendulum
+from tests.helpers import in_process, pendulum
 from tests.helpers.in_process import command
 
 __all__ = ["command"]
@@ -149,11 +149,7 @@ def test_rows_that_a_checkpoint_has_passed_survive_a_kill(command, here, ending,
 
 
 def cli(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "lagcli", "simulate", "m.yaml", *arguments],
-        capture_output=True, text=True, timeout=60, check=False,
-        env=os.environ | {"PYTHONPATH": str(Path(lagcli.__file__).parent.parent)},
-    )  # fmt: skip
+    return in_process.completed("simulate", "m.yaml", *arguments)
 
 
 @every_format

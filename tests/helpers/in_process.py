@@ -1,8 +1,10 @@
 """Command lines run in this process, with streams of their own."""
 
 import io
+import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -27,6 +29,18 @@ def run(*arguments: object) -> tuple[str, str, Any]:
         stream.flush()
     out, err = (stream.buffer.getvalue().decode() for stream in streams)  # type: ignore[attr-defined]
     return out, err, end.value.code
+
+
+def completed(
+    *arguments: object, folder: Path | None = None, given: str = ""
+) -> subprocess.CompletedProcess[str]:
+    """As a process in the folder that was given this text would have ended; half a second less."""
+    with pytest.MonkeyPatch.context() as patch:
+        if folder is not None:
+            patch.chdir(folder)
+        patch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given.encode()), encoding="utf-8"))
+        out, err, code = run(*arguments)
+    return subprocess.CompletedProcess([*map(str, arguments)], code or 0, out, err)
 
 
 @pytest.fixture

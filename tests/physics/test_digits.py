@@ -20,6 +20,7 @@ from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.stepping.stepper import Stepper
 from tests.helpers import reference_models
+from tests.helpers.in_process import completed
 from tests.physics import test_reference as reference
 
 ERRORS = ("err.r", "err.v", "err.lambda", "err.R")
@@ -349,17 +350,11 @@ def test_the_sentence_counts_whole_digits():
     assert found.digits["lambda"] is None
 
 
-def command(*arguments, **options):
-    return subprocess.run(
-        [sys.executable, "-m", "lagcli", *map(str, arguments)], capture_output=True, text=True, **options
-    )
-
-
 def test_the_command_line_tells_and_writes_them(tmp_path):
     file, table, stats, figure = (tmp_path / name for name in ("a.yaml", "a.npz", "a.json", "a.svg"))
     file.write_text(PENDULUM, encoding="utf-8")
     options = ("-o", table, "--stats", stats, "--plot", figure, "--columns", "err.*,t")
-    done = command("simulate", file, "--digits", *options)
+    done = completed("simulate", file, "--digits", *options)
     assert done.returncode == 0
     run = lagcli.simulate(lagcli.loads(PENDULUM), digits=True)
     assert f"digits: {run.stats.accuracy.sentence}" in done.stderr
@@ -369,7 +364,7 @@ def test_the_command_line_tells_and_writes_them(tmp_path):
     assert json.loads(stats.read_text(encoding="utf-8"))["digits"] == run.digits
     # The figure is the one of the run without them.
     other = tmp_path / "b.svg"
-    lean = command("simulate", file, "--plot", other)
+    lean = completed("simulate", file, "--plot", other)
     assert other.read_bytes() == figure.read_bytes()
     assert "digits" not in lean.stderr
 
@@ -377,12 +372,12 @@ def test_the_command_line_tells_and_writes_them(tmp_path):
 def test_the_command_line_refuses_a_resumed_run_and_has_no_errors_without(tmp_path):
     file = tmp_path / "a.yaml"
     file.write_text(PENDULUM, encoding="utf-8")
-    refused = command("simulate", file, "--digits", "--resume", tmp_path / "none.json")
+    refused = completed("simulate", file, "--digits", "--resume", tmp_path / "none.json")
     assert refused.returncode == 2
     assert "--digits with --resume" in refused.stderr
-    unknown = command("simulate", file, "--columns", "err.*")
+    unknown = completed("simulate", file, "--columns", "err.*")
     assert unknown.returncode == 2
-    stopped = command("simulate", "-", "--digits", input=POLE)
+    stopped = completed("simulate", "-", "--digits", given=POLE)
     assert stopped.returncode == 3
     assert stopped.stdout.splitlines()[0] == "t,x,rate(x),R.x,energy," + ",".join(ERRORS)
     assert len(stopped.stdout.splitlines()) == 21

@@ -4,7 +4,6 @@ import itertools
 import json
 import math
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from lagcli.analysis.holonomy import local_system, path_orbit, witness
 from lagcli.api import cache
 from lagcli.cli import witness_command as telling
 from lagcli.start import initial
-from tests.helpers import reference_models
+from tests.helpers import in_process, reference_models
 
 ROOT = Path(__file__).resolve().parents[2]
 SYSTEMS = reference_models.systems()
@@ -264,9 +263,7 @@ def test_the_orbit_has_the_dimension_that_can_be_reached() -> None:
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "lagcli", *arguments], capture_output=True, text=True, check=False, cwd=ROOT
-    )
+    return in_process.completed(*arguments, folder=ROOT)
 
 
 def test_the_command_tells_and_draws_it(tmp_path: Path) -> None:
