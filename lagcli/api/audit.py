@@ -54,7 +54,7 @@ def audit(
     `simulate --events`; a run that is made here has its own. For a table that is given, `rtol` and `atol` say how well
     it was computed. `passed` says whether no
     check fails, `checks` has each with its worst place and limit. Raises `ModelError`, `ValueError` for a table that
-    lacks columns and for bad options, `OSError`.
+    lacks columns and for bad options, `OSError`, `SimulationStopped` for a run without a row.
     """
     # Other commands audit nothing and read no tables.
     from lagcli.auditing import all_checks
@@ -144,10 +144,13 @@ def _dense(model: Model) -> tuple[Trajectory, tuple[str, ...]]:
 
 
 def _as_far(model: Model, chosen: Simulation) -> tuple[Trajectory, tuple[str, ...]]:
-    """A run with these settings as far as it goes, and why it stopped where it did."""
+    """A run with these settings as far as it goes, and why it stopped where it did. Raises `SimulationStopped` where it
+    has no row."""
     try:
         return simulate(dataclasses.replace(model, simulation=chosen)), ()
     except SimulationStopped as stopped:
+        if not len(stopped.trajectory.rows):
+            raise
         return stopped.trajectory, (f"only the rows before it are audited: {stopped.reason}",)
 
 

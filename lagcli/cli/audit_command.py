@@ -18,6 +18,7 @@ from lagcli.output.figures import labels
 from lagcli.output.incident_table import IncidentTable
 from lagcli.output.tables import read_events, read_table
 from lagcli.output.tables.sinks import MissingExtra
+from lagcli.output.trajectory import SimulationStopped
 
 if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit, Check
@@ -94,13 +95,17 @@ def run(model: Model, given: AuditedRun, options: AuditOptions) -> None:
 
 
 def _audited(model: Model, given: AuditedRun, options: AuditOptions) -> Audit:
-    """The audit. Raises `exits.UsageError` for a table that is none, or not of this model."""
+    """The audit. Raises `exits.UsageError` for a table that is none, or not of this model, `exits.Exit` with 3 where
+    the run stopped before its first row."""
     try:
         return audit.audit(model, options.table, digits=options.digits, events=_events(options), **given)
     except OSError as error:
         raise exits.UsageError(f"--run: cannot read {options.table}: {error.strerror}") from None
     except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
         raise exits.UsageError(f"--run: {error}") from None
+    except SimulationStopped as stopped:
+        exits.say(f"lagcli: {stopped.reason}; there is no row to audit")
+        raise exits.Exit(exits.STOPPED) from None
     except TableError as error:
         raise exits.UsageError(f"--run {options.table}: {error}") from None
     except ValueError as error:

@@ -595,3 +595,20 @@ def test_a_lagrangian_of_particles_that_follow_coordinates(moves: str) -> None:
     rows = run.rows.copy()
     rows[:, run.columns.index("R.a.x")] *= 1.001
     assert lagcli.audit(model, with_rows(run, rows)).check("generalized").verdict == "fail"
+
+
+def test_a_run_without_a_row_is_told_as_such(command, tmp_path):
+    file = tmp_path / "m.yaml"
+    file.write_text(
+        "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0], velocity: [0, 1, 0]}\n"
+        "  b: {mass: 1, position: [3, 0, 0], velocity: [0, 1, 0]}\n  c: {mass: 1, position: [0, 0, 0]}\n"
+        "forces: {weight: {to: c, force: [0, 0, -1]}}\n"
+        "holonomic:\n  left: norm(a) = 1\n  right: 'distance(b, [2, 0, 0]) = 1'\n  bar: distance(a, b) = 2\n"
+        "inequality: {floor: c.z >= 0}\n",
+        encoding="utf-8",
+    )
+    _, reason, code = command("simulate", file, "-q")
+    assert code == 3
+    out, err, code = command("audit", file)
+    assert (out, code) == ("", 3)
+    assert err == reason.rstrip() + "; there is no row to audit\n"
