@@ -27,6 +27,9 @@ HELD, BALANCED = 1e-6, 1e-14
 # A speed below this part of the one that the forces would give over the size of q, were they not balanced, is made by
 # their rounding.
 RESTING = 1e-12
+# Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger than
+# tolerances are: about this part of them over the cube of the angle.
+CLOSE, AMPLIFIED = 1e-2, 1e-16
 WRITTEN_OUT = 1000  # numbers of a state
 
 # Short states are written out, in SX.
@@ -89,6 +92,7 @@ def ended(
     # The doubles around t may be so far apart that the state is not known better.
     near_t = TIME_ROUNDING * ca.fabs(t + h) if numeric.has_time else 0.0
     noise = near_t * _within(near_t, h, (y, k, k_new)) * ca.fabs(k_new - k) if numeric.has_time else 0.0 * k
+    noise = noise + _amplified(numeric.n, outcome[1], sizes, h)
     # Rows that move are where they are at one of these times.
     blur = near_t * ca.fabs(k_new)
     form = y.numel(), len(estimates), combined
@@ -96,6 +100,15 @@ def ended(
     return StepEnd(
         landed, k_new, outcome, judge(y, new, landed, h, sizes, tolerance, noise, blur, *estimates)
     )
+
+
+def _amplified(n: int, clearance: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
+    """The rounding of a step (2n + 1,) on rows that are nearly dependent, nothing where they are not: their
+    forces are known no better, however short it is."""
+    units, a = sizes[:n], sizes[n + 2]
+    delta = ca.sqrt(clearance + tolerances.TINY)
+    gained = ca.if_else(delta < CLOSE, AMPLIFIED / delta**3, 0.0) * h * a
+    return gained * ca.vertcat(h * units, units, 0)
 
 
 def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX]) -> ca.MX:
