@@ -195,7 +195,7 @@ def test_a_sphere_has_its_centre_and_radius() -> None:
     np.testing.assert_allclose(one.frames[0, 3], 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["sphere", "bowl", "wire"])
+@pytest.mark.parametrize("name", ["sphere", "bowl", "outer_shell"])
 def test_the_name_of_a_row_tells_a_sphere_from_a_rod(name: str) -> None:
     text = (
         "particles: {a: {mass: 1, position: [1, 0, 0], velocity: [0, 1, 0]}}\nholonomic: {ROW: norm(a) = 1}"
@@ -203,6 +203,33 @@ def test_the_name_of_a_row_tells_a_sphere_from_a_rod(name: str) -> None:
     assert scene_of(text.replace("ROW", name) + FALLING).links == ()
     (link,) = scene_of(text.replace("ROW", "arm") + FALLING).links
     assert link.kind == "rod"
+
+
+def test_a_wire_is_hung_on_alone_and_a_circle_in_a_plane() -> None:
+    text = "particles: {a: {mass: 1, position: [1, 0, 0]}}\nholonomic: {wire: norm(a) = 1}"
+    assert [link.kind for link in scene_of(text + FALLING).links] == ["rod"]
+    scene = scene_of(text.replace("= 1}", "= 1, plane: a.y = 0}") + FALLING)
+    assert scene.links == ()
+    assert surface(scene, "circle").name == "wire"
+
+
+def test_a_place_that_is_given_leaves_no_curve() -> None:
+    text = """
+particles: {pin: {mass: 1, position: [1, 0, 0], velocity: [0, 0, 2]}}
+holonomic: {motor: "pin = [cos(2*t), 0, sin(2*t)]"}
+"""
+    scene = scene_of(text + FALLING)
+    assert scene.surfaces == ()
+    assert scene.notes == ()
+    assert gallery("braced-square", samples=3).surfaces == ()
+    text = """
+particles: {bead: {mass: 1, position: [0, 0, 0], velocity: [1, 0, 0]}}
+holonomic: {plane: bead.y = 0, track: bead.z = 0.2*bead.x**3, motor: bead.x = t}
+"""
+    scene = scene_of(text + FALLING)
+    (points,) = surface(scene, "line").corners
+    np.testing.assert_allclose(points[:, 2], 0.2 * points[:, 0] ** 3, atol=1e-7)
+    assert surface(scene, "plane").name == "motor"
 
 
 def test_a_slanting_cylinder_has_its_axis_and_radius() -> None:

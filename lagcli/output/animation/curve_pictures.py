@@ -45,15 +45,21 @@ class CurvePictures:
     def _of_particle(self, number: int, track: Floats) -> None:
         flat = self.view.flat
         own = [*self.found.lone.get(number, []), *self._others(number, track)]
-        own = [one for one in own if not (flat and self._is_level(one, track))]
+        level = [one for one in own if flat and self._is_level(one, track)]
+        own = [one for one in own if one not in level]
         equal = [one for one in own if not one.one_sided]
-        # Of a particle that is led along a curve, the curve is drawn.
-        pair = equal if len(equal) == 2 else [one for one in equal if not one.moves]
-        if len(pair) == 2:
-            if not self._is_circle(number) and self._line(pair, track, []):
+        led = equal
+        if (
+            len(equal) + len(level) > 2
+        ):  # its place is given at every instant: it is led along what does not move
+            led = [one for one in equal if not one.moves]
+            if all(one.simple for one in equal):  # and the place is all that there is to be seen of them
+                self.found.shown |= {one.name for one in equal}
+        if len(led) == 2 and not level:
+            if not self._is_circle(number) and self._line(led, track, []):
                 self.found.curved.add(number)
-        elif flat and len(equal) == 1 and not equal[0].simple:
-            self._line(equal, track, [self._face()])
+        elif flat and len(led) == 1 and not led[0].simple:
+            self._line(led, track, [self._face()])
         for one in own:
             if not flat and not one.simple and (one.one_sided or len(equal) == 1):
                 self._sheet(one, track)

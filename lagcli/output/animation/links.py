@@ -19,10 +19,10 @@ from lagcli.output.animation.tied import Tie
 
 Floats = npt.NDArray[np.float64]
 HELD = 1e-5  # a part of the length: a rod that is off by more than this in a table is none there
-# A particle at a fixed distance from a point hangs on a rod or lies on a sphere: the name of the row says which.
-ROUND = re.compile(
-    r"(?i)(sphere|ball|bowl|dome|globe|shell|surface|hoop|ring|circle|wire|track|cylinder|pipe|drum)"
-)
+# A particle at a fixed distance from a point hangs on a rod or lies on a sphere: the name of the row says which. A
+# second row makes a circle of the sphere; a wire by itself is what the particle hangs on.
+ROUND = re.compile(r"(?i)(sphere|ball|bowl|dome|globe|shell|surface|cylinder|pipe|drum)")
+CIRCULAR = re.compile(r"(?i)(hoop|ring|circle|wire|track)")
 # All pairs of a rigid body of few particles are drawn, of more the nearest ones.
 MOST_WHOLE, NEAREST = 6, 3
 
@@ -86,12 +86,14 @@ class PointTable:
         return self._known[key]
 
 
-def of_row(row: PicturedRow, found: SquareDistance, points: PointTable) -> Link | None:
-    """The rod or string that a row of a distance is, or None where it is a surface, or not held in this run."""
+def of_row(row: PicturedRow, found: SquareDistance, points: PointTable, is_led: bool) -> Link | None:
+    """The rod or string that a row of a distance is, or None where it is a surface, or not held in this run. is_led:
+    there is another equation for its only particle."""
     if found.at_least:
         return None
     alone = len(found.weights) == 1
-    if alone and (ROUND.search(row.name) or len(found.axes) < 3):
+    is_round = ROUND.search(row.name) or (is_led and CIRCULAR.search(row.name))
+    if alone and (is_round or len(found.axes) < 3):
         return None
     ends = points.ends(found)
     if ends is None:

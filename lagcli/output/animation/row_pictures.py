@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 
 import numpy as np
@@ -53,7 +54,10 @@ def pictures(
 ) -> RowPictures:
     """The pictures of the rows of a model whose particles are at (T, N, 3) at t (T,)."""
     found, linear = RowPictures(), list[PicturedRow]()
-    for row in quadratic_algebra.rows(model, t):
+    rows = list(quadratic_algebra.rows(model, t))
+    equations = [rounds.alone(row.form) for row in rows if row.kind == "holonomic"]
+    counts = collections.Counter(k for k in equations if k is not None)
+    for row in rows:
         if not row.form.known:
             strings = links.of_sum(row.name, quadratic_algebra.summed(model, t, row), points)
             found.links += strings
@@ -63,8 +67,9 @@ def pictures(
                 found.others.append(row)
             continue
         distance = square_distance.found(row.form, row.kind == "inequality")
-        link = links.of_row(row, distance, points) if distance is not None else None
         particle = rounds.alone(row.form)
+        is_led = particle is not None and counts[particle] > 1
+        link = links.of_row(row, distance, points, is_led) if distance is not None else None
         if link is not None:
             found.links.append(link)
             found.shown.add(row.name)
