@@ -144,15 +144,11 @@ def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account
     with exits.writing(os.fspath(target)):
         target.parent.mkdir(exist_ok=True)
     path = sweep_journal.path_of(target)
-    if files.resume and not path.exists():
-        with exits.writing(os.fspath(target)):
-            there = finished_rows.found(target, plan)
-        if there is not None:
-            account.take(there)
-            if not files.quiet:
-                exits.say(f"note: {target} holds all rows of this sweep already")
-            return
     identity = {**plan.identity, "shard": [plan.shard.number, plan.shard.count]}
+    if files.resume and _is_complete(plan, target, sweep_journal.ended_with(path, identity), account):
+        if not files.quiet:
+            exits.say(f"note: {target} holds all rows of this sweep already")
+        return
     with exits.writing(os.fspath(path)):
         try:
             journal = sweep_journal.SweepJournal(path, identity, files.resume)
@@ -165,9 +161,26 @@ def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account
     with exits.writing(os.fspath(target)):
         for rows in _written(plan, journal, target, lambda table: table.commit()):
             account.take(rows)
-        journal.remove()
+        if files.resume and finished_rows.is_silent(target, plan):
+            journal.end_with(target)
+        else:
+            journal.remove()
         if is_resumed:  # what an interrupt has kept of it is in the table
             atomic_file.partial_of(files.rows_so_far(target)).unlink(missing_ok=True)
+
+
+def _is_complete(plan: SweepPlan, target: pathlib.Path, digest: str, account: SweepAccount) -> bool:
+    """True if the file holds all rows of the sweep, which are counted. Raises `exits.UsageError` where that cannot be
+    told."""
+    with exits.writing(os.fspath(target)):
+        if sweep_journal.is_under_way(sweep_journal.path_of(target)):
+            return False
+        try:
+            there = finished_rows.found(target, plan, digest)
+        except finished_rows.OfUnknownSweep as error:
+            raise exits.UsageError(f"--resume: {error}") from None
+    account.take(there or [])
+    return there is not None
 
 
 def _compute(

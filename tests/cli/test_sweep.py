@@ -277,7 +277,7 @@ def test_a_sweep_that_is_killed_goes_on_to_the_file_of_one_that_was_not(
     last = subprocess.run(arguments, capture_output=True, text=True, check=True)
     assert last.returncode == 0
     assert broken.read_bytes() == whole.read_bytes()
-    assert not journal.exists()
+    assert journal.read_bytes().count(b"\n") == 2  # of which sweep the table is, and no row
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there is no such signal")
@@ -346,13 +346,19 @@ def test_rows_of_an_unfinished_sweep_are_not_overwritten(tmp_path: pathlib.Path)
 
 @pytest.mark.parametrize(
     ("name", "shard"),
-    [("rows.csv", ("--shard", "2/3")), ("rows/", ("--shard", "2/3")), ("rows.json", ()), ("rows.npz", ())],
+    [
+        ("rows.csv", ("--shard", "2/3")),
+        ("rows/", ("--shard", "2/3")),
+        ("rows.json", ()),
+        ("rows.npz", ()),
+        ("rows.csv", ()),
+    ],
 )
 def test_what_is_finished_is_not_run_again(name: str, shard: tuple[str, ...], tmp_path: pathlib.Path) -> None:
     asked = f"{tmp_path}/{name}"
     common = ("sweep", PENDULUM, "--over", "L=[1, -1, 2, -2, 3]", *SHORT, *shard, "-o", asked, "--resume")
     first = run(*common, *REDUCE)
-    (path,) = (path for path in tmp_path.rglob("*") if path.is_file())
+    (path,) = (path for path in tmp_path.rglob("*") if path.is_file() and path.suffix != ".points")
     before = path.stat()
     again = run(*common, *REDUCE)
     after = path.stat()
@@ -364,6 +370,32 @@ def test_what_is_finished_is_not_run_again(name: str, shard: tuple[str, ...], tm
     other = run(*common, *REDUCE[:2])
     assert "already" not in other.stderr
     assert path.stat().st_mtime_ns > before.st_mtime_ns
+
+
+@pytest.mark.parametrize("name", ["rows.csv", "rows.tsv"])
+def test_a_table_that_does_not_say_of_which_sweep_it_is_is_neither_trusted_nor_replaced(
+    name: str, tmp_path: pathlib.Path
+) -> None:
+    path = tmp_path / name
+    common = ("sweep", PENDULUM, "--over", "L=[1, 2]", *SHORT, *REDUCE, "-o", str(path))
+    assert run(*common).returncode == 0
+    assert [each.name for each in tmp_path.iterdir()] == [name]
+    before = path.read_bytes()
+    unknown = run(*common, "--resume")
+    assert unknown.returncode == 2
+    assert f"--resume: {path} holds a row of every point, and nothing says" in unknown.stderr
+    path.unlink()
+    assert run(*common, "--resume").returncode == 0
+    assert path.read_bytes() == before
+    settled = run(*common, "--resume", "--rtol", "1e-8")  # of other settings, in the same columns
+    assert settled.returncode == 2
+    assert "already" in run(*common, "--resume").stderr
+    path.write_bytes(before.replace(b"1.0", b"1.5", 1))  # by somebody's hand: no row of this sweep is lost
+    assert run(*common, "--resume").returncode == 2
+    path.unlink()
+    assert "already" not in run(*common, "--resume").stderr
+    assert path.read_bytes() == before
+    assert run(*common).returncode == 0  # what a resumed sweep leaves beside its table is in nobody's way
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there is no such signal")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lagcli.api.sweeps import sweep_table
+from lagcli.api.sweeps import sweep_journal, sweep_table
 from lagcli.api.sweeps.point_task import PointRow
 from lagcli.api.sweeps.sweep_plan import SweepPlan
 from lagcli.output import endings
@@ -33,22 +33,38 @@ def rows(path: Path, table: ReadTable, names: int) -> list[PointRow]:
     ]  # fmt: skip
 
 
-def found(path: Path, plan: SweepPlan) -> list[PointRow] | None:
+class OfUnknownSweep(ValueError):
+    """A file holds all points of a sweep and does not say whether their rows are of this one."""
+
+
+def is_silent(path: Path, plan: SweepPlan) -> bool:
+    """True if a table of this sweep does not say of which it is: a shard does by its column, a whole sweep by the
+    provenance that all formats but CSV and TSV have a place for."""
+    return not plan.is_shard and endings.of(path, endings.TABLES) in ("csv", "tsv")
+
+
+def found(path: Path, plan: SweepPlan, digest: str) -> list[PointRow] | None:
     """The rows of a file that this very sweep has written to its end, or None.
 
-    A shard is told by its column, a whole sweep by the provenance that all formats but CSV and TSV have a place for.
-    Raises OSError.
+    digest: of the file that it has ended with, where that is known. Raises OSError, and `OfUnknownSweep`.
     """
     if not path.is_file():
         return None
     try:
         table = read_table.opened(path)
-        if tuple(table.columns) != plan.columns or not _is_same(table, plan):
+        if tuple(table.columns) != plan.columns or not (is_silent(path, plan) or _is_same(table, plan)):
             return None
         kept = rows(path, table, len(plan.task.names))
     except (endings.UnknownFormat, sinks.MissingExtra, unreadable.UnreadableTable):
         return None  # whatever it is, it is replaced as any file is
-    return kept if [row.number for row in kept] == list(plan.numbers) else None
+    if [row.number for row in kept] != list(plan.numbers):
+        return None
+    if is_silent(path, plan) and digest != sweep_journal.digest(path):
+        raise OfUnknownSweep(
+            f"{path} holds a row of every point, and nothing says that these are of this model and its settings;"
+            " without --resume all are computed anew"
+        )
+    return kept
 
 
 def _is_same(table: ReadTable, plan: SweepPlan) -> bool:

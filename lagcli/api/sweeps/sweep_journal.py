@@ -6,6 +6,7 @@ from a whole one; rows stand in the order of their points, so that those that ar
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import zlib
@@ -17,6 +18,7 @@ from lagcli.api.sweeps.point_task import PointRow
 from lagcli.output import atomic_file
 
 KIND = "lagcli sweep 1"
+ENDED = "table"  # in the second line of a sweep that has come to its end
 
 
 class UnfitJournal(ValueError):
@@ -41,7 +43,7 @@ class SweepJournal:
 
     def __init__(self, path: Path, identity: Mapping[str, object], resume: bool) -> None:
         self.path, self.count = path, 0
-        if resume and path.is_file() and path.stat().st_size:
+        if resume and path.is_file() and path.stat().st_size and not _ended_with(path):
             end = self._require_same(identity)
             self._file: BinaryIO = path.open("r+b", buffering=0)
             self._file.truncate(end)
@@ -60,9 +62,7 @@ class SweepJournal:
             found = _parsed(file.readline())
             _require_kind(self.path, found)
             assert isinstance(found, dict)
-            # As it reads back from the file.
-            wanted = json.loads(json.dumps({"kind": KIND, **identity}))
-            other = [key for key in wanted if found.get(key) != wanted[key]]
+            other = _differing(found, identity)
             if other:
                 raise UnfitJournal(f"{self.path} holds rows of a different sweep: {_told(other[0])} differs")
             end = file.tell()
@@ -108,6 +108,55 @@ class SweepJournal:
         self._file.close()
         self.path.unlink(missing_ok=True)
 
+    def end_with(self, table: Path) -> None:
+        """Leave in the place of the rows, which are in a complete table, what this table is. Raises OSError.
+
+        For tables that have no place to say it: whoever resumes the sweep finds that nothing is left to do.
+        """
+        self._file.close()
+        with self.path.open("rb") as file:
+            header = file.readline()
+        aside = atomic_file.Aside(self.path)
+        with atomic_file.undone_by(aside.discard):
+            aside.path.write_bytes(header + _line({ENDED: digest(table)}))
+            aside.commit()
+
+
+def digest(table: Path) -> str:
+    """SHA-256 of a file. Raises OSError."""
+    with table.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def is_under_way(path: Path) -> bool:
+    """True if there is a journal that does not say that its sweep has ended. Raises OSError."""
+    return path.exists() and not _ended_with(path)
+
+
+def ended_with(path: Path, identity: Mapping[str, object]) -> str:
+    """The digest of the table with which this very sweep has ended, as its journal says; else nothing. Raises
+    OSError."""
+    if not path.is_file():
+        return ""
+    with path.open("rb") as file:
+        found = _parsed(file.readline())
+    if not isinstance(found, dict) or found.get("kind") != KIND or _differing(found, identity):
+        return ""
+    return _ended_with(path)
+
+
+def _ended_with(path: Path) -> str:
+    with path.open("rb") as file:
+        file.readline()
+        found = _parsed(file.readline())
+    return str(found.get(ENDED, "")) if isinstance(found, dict) else ""
+
+
+def _differing(found: Mapping[str, object], identity: Mapping[str, object]) -> list[str]:
+    """What another sweep has otherwise than one of this identity."""
+    wanted = json.loads(json.dumps({"kind": KIND, **identity}))  # as it reads back from the file
+    return [key for key in wanted if found.get(key) != wanted[key]]
+
 
 def _told(key: str) -> str:
     return {"sha256": "the text of the model", "points": "what the points are"}.get(key, f"`{key}`")
@@ -117,7 +166,7 @@ def _require_no_rows(path: Path) -> None:
     if path.is_file() and path.stat().st_size:
         with path.open("rb") as file:
             _require_kind(path, _parsed(file.readline()))
-            if _parsed(file.readline()) is not None:
+            if isinstance(_parsed(file.readline()), list):
                 raise UnfinishedSweep(
                     f"{path} holds the rows of a sweep that has not come to its end: --resume goes on after them;"
                     " to begin anew, remove the file"
