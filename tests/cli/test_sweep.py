@@ -441,6 +441,63 @@ def test_shards_merge_to_the_file_of_the_whole(tmp_path: pathlib.Path) -> None:
     assert "no table of a shard" in run("sweep", "--merge", str(whole)).stderr
 
 
+SHARDS = ("point,L,x,status,message,t_end,shard_of\n0,1.0,5.0,0,ok,1.0,abc 3\n2,2.0,5.5,0,,1.0,abc 3\n",
+          "point,L,x,status,message,t_end,shard_of\n1,1.5,6.0,3,stopped,0.5,abc 3\n")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("which", "old", "new", "told"),
+    [
+        (1, "1,1.5", "7,1.5", "the point 7 is none of the sweep, which has 3"),
+        (1, "1,1.5", "-1,1.5", "the point -1 is none of the sweep, which has 3"),
+        (1, "1,1.5", "1.5,1.5", "the column `point` holds a number that is not whole"),
+        (1, "1,1.5", "nan,1.5", "the column `point` holds a number that is not whole"),
+        (1, "1,1.5", "2,1.5", "the point 2 is in another file too"),
+        (1, "3,stopped", "3.5,stopped", "the column `status` holds a number that is not whole"),
+        (1, "3,stopped", "bad,stopped", "status"),
+        (1, "abc 3", "abd 3", "is a shard of a different sweep than"),
+        (1, "abc 3", "abc three", "its rows are not of one sweep"),
+        (0, "2,2.0,5.5,0,,1.0,abc 3", "2,2.0,5.5,0,,1.0,abd 3", "its rows are not of one sweep"),
+        (1, "L,x", "M,x", "has other columns than"),
+        (1, ",shard_of", ",part", "it is no table of a shard: it has no column `shard_of`"),
+        (0, "abc 3", "abc 99999999999999999999", "is a shard of a different sweep than"),
+        (1, "1,1.5,6.0,3,stopped,0.5,abc 3\n", "", "1 of 3 points are missing: 1; have all shards run"),
+    ],
+)
+def test_tables_that_are_not_the_shards_of_one_sweep_are_refused(
+    which: int, old: str, new: str, told: str, tmp_path: pathlib.Path
+) -> None:
+    paths = [tmp_path / "one.csv", tmp_path / "two.csv"]
+    for path, text in zip(paths, SHARDS, strict=True):
+        path.write_text(text)
+    merged = tmp_path / "merged.csv"
+    command = ("sweep", "--merge", *map(str, paths), "-o", str(merged))
+    assert run(*command).returncode == 3
+    assert [(row["point"], row["x"]) for row in table(merged.read_text())] == [
+        ("0", "5.0"),
+        ("1", "6.0"),
+        ("2", "5.5"),
+    ]
+    merged.unlink()
+    changed = SHARDS[which].replace(old, new)
+    assert changed != SHARDS[which]
+    paths[which].write_text(changed)
+    refused = run(*command)
+    assert refused.returncode == 2
+    assert told in refused.stderr
+    assert not merged.exists()
+
+
+def test_a_sweep_of_which_nearly_all_is_missing_is_told_at_once(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "one.csv"
+    path.write_text(SHARDS[0].replace("abc 3", "abc 99999999999999999999"))
+    refused = run("sweep", "--merge", str(path))
+    assert (
+        "99999999999999999997 of 99999999999999999999 points are missing: 1, 3, 4, 5, 6, ..."
+        in refused.stderr
+    )
+
+
 def test_every_format_holds_the_same_numbers(tmp_path: pathlib.Path) -> None:
     common = ("sweep", PENDULUM, "--over", "L=1:2:3", *REDUCE, *SHORT)
     found = []

@@ -135,7 +135,9 @@ class _Stream:
         self._come: dict[int, list[PointRow]] = {}
         self._has_come = False
         self._pools = 1
-        self._alone: list[int] = []  # places of points that go one at a time, after all pools were lost
+        # Places of points that go one at a time, when nothing else is under way: after all pools were lost, or after
+        # workers of an executor have died over their part.
+        self._alone: list[int] = []
         self._endings = 0  # of workers by points that went alone, since one has come
 
     def rows(self) -> Iterator[list[PointRow]]:
@@ -187,22 +189,17 @@ class _Stream:
             raise WorkersLost(f"the executor has ended while {self._named()} were under way") from None
         except self._engine.deadly:
             self._engine.lost += 1
-            self._divide(first)
+            if first in self._alone:
+                self._end_alone()
+            else:  # it may have done nothing but stand behind the one that has
+                self._alone += self._singly([first])
             return
         self._has_come, self._endings = True, 0
         self._come[first] = found
         self._size = _size(seconds / len(found))
-        if self._alone:
-            self._alone.pop(0)
+        if first in self._alone:
+            self._alone.remove(first)
             self._pools = 1  # when the last of them is there, parts go out as before
-
-    def _divide(self, first: int) -> None:
-        """Send the points of a part that has ended its worker one by one; of one point make a row."""
-        if len(self._parts[first]) == 1:
-            self._come[first] = [self._ended(first)]
-            return
-        for place in self._singly([first]):
-            self._send(place)
 
     def _singly(self, places: Sequence[int]) -> list[int]:
         """Divide parts at these places into parts of one point; the places of these."""

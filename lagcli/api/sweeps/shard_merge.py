@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -53,12 +54,11 @@ def merged(paths: Sequence[str]) -> MergedRows:
     alien = [number for number in rows if not 0 <= number < total]
     if alien:
         raise BadShards(f"the point {alien[0]} is none of the sweep, which has {total}")
-    missing = [number for number in range(total) if number not in rows]
+    missing = total - len(rows)
     if missing:
-        told = ", ".join(map(str, missing[:MOST_TOLD])) + (", ..." if len(missing) > MOST_TOLD else "")
-        raise BadShards(
-            f"{len(missing)} of {total} points are missing: {told}; have all shards run to their end?"
-        )
+        first = itertools.islice((number for number in range(total) if number not in rows), MOST_TOLD)
+        told = ", ".join(map(str, first)) + (", ..." if missing > MOST_TOLD else "")
+        raise BadShards(f"{missing} of {total} points are missing: {told}; have all shards run to their end?")
     return MergedRows(columns, [rows[number] for number in sorted(rows)])
 
 
