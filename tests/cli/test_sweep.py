@@ -106,6 +106,24 @@ def test_invalid_and_stopped_points_are_rows_and_the_worst_counts(tmp_path: path
     assert "not-finite" in table(invalid.stdout)[0]["message"]
 
 
+def test_a_point_whose_names_another_value_has_taken_away_is_invalid(tmp_path: pathlib.Path) -> None:
+    model = tmp_path / "row.yaml"
+    model.write_text(
+        "lagcli: 1\nparameters: {N: 3}\n"
+        'particles:\n  p[i]: {for: "i = 1..N", mass: 1, position: [i, 0, 0]}\n'
+        "simulation: {duration: 1, samples: 2}\n"
+    )
+    done = run(
+        "sweep", str(model), "--over", "N=[1, 2]", "--over", "p[2].vx=[5]", "--reduce", "x=last(p[2].x)"
+    )
+    assert done.returncode == 1
+    rows = table(done.stdout)
+    assert [row["status"] for row in rows] == ["1", "0"]
+    assert rows[0]["x"] == "nan"
+    assert float(rows[1]["x"]) == pytest.approx(7)
+    assert "there is no member `p[2]`" in rows[0]["message"]
+
+
 def test_a_point_that_takes_too_long_is_ended_and_is_a_row() -> None:
     common = ("sweep", PENDULUM, "--over", "g=[9.81, 1]", "--reduce", "x=last(a.x)", *SHORT)
     done = run(*common, "--limit-each", "0")  # which everything takes longer than

@@ -153,7 +153,7 @@ def _ended_with(path: Path) -> str:
 
 
 def _differing(found: Mapping[str, object], identity: Mapping[str, object]) -> list[str]:
-    """What another sweep has otherwise than one of this identity."""
+    """The entries that another sweep has otherwise than one of this identity."""
     wanted = json.loads(json.dumps({"kind": KIND, **identity}))  # as it reads back from the file
     return [key for key in wanted if found.get(key) != wanted[key]]
 

@@ -154,7 +154,7 @@ def _columns(model: Model, points: SweepPoints) -> tuple[tuple[str, ...], tuple[
     try:
         first = model.with_parameters(dict(zip(points.names, points.point(0), strict=True)))
         built = cache.compiled(first)
-    except diagnostics.ModelError:
+    except (diagnostics.ModelError, OverrideError):  # of a member that another value has taken away, say
         built = cache.compiled(model)
     names = ("t", *built.system.columns)
     forces = table_columns.GeneralizedForces(built.system, built.numeric, system.values(built.system), names)
