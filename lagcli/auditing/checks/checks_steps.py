@@ -73,12 +73,12 @@ class TableSteps:
             first = np.clip(np.arange(len(self.h)) - (m // 2 - 1), 0, len(self.t) - m)
             places = first[:, None] + np.arange(m)
             plain, moment = np.zeros(places.shape), np.zeros(places.shape)
-            for node, share in zip(nodes, shares, strict=True):
-                s = self.h * (1 + node) / 2
-                here = differences.values_at(self.t[places] - (self.t[:-1] + s)[:, None])
-                here *= (share / 2 * self.h)[:, None]
+            s = self.h * (1 + nodes[:, None]) / 2
+            values = differences.values_at((self.t[places] - (self.t[:-1] + s)[:, :, None]).reshape(-1, m))
+            for i, here in enumerate(values.reshape(NODES, *places.shape)):
+                here *= (shares[i] / 2 * self.h)[:, None]
                 plain += here
-                moment += here * (self.h / 2 - s)[:, None]
+                moment += here * (self.h / 2 - s[i])[:, None]
             found[m] = places, plain, moment
         return found
 

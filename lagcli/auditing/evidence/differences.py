@@ -189,10 +189,11 @@ class DifferenceGrid:
         widest = min(2 * GAUSS, len(self.t))
         for width in (widest, max(1, widest - 2), max(1, widest - 4)):
             places = self._around(np.arange(len(self.t) - 1) - (width - 1) // 2, width)
+            at = self.t[:-1] + self._steps * (1 + nodes[:, None]) / 2
+            values = _weights((self.t[places] - at[:, :, None]).reshape(-1, width))[0]
             weights = np.zeros(places.shape)
-            for node, share in zip(nodes, shares, strict=True):
-                at = self.t[:-1] + self._steps * (1 + node) / 2
-                weights += share / 2 * self._steps[:, None] * _weights(self.t[places] - at[:, None])[0]
+            for share, value in zip(shares, values.reshape(GAUSS, *places.shape), strict=True):
+                weights += share / 2 * self._steps[:, None] * value
             found.append((places, weights))
         return found
 
@@ -202,14 +203,19 @@ class DifferenceGrid:
 
 
 def _combined(places: Array, weights: Array, y: Array, about: bool = True) -> Array:
-    """sum_s weights[i, s] y[places[i, s]] (M, k), in blocks; `about` a near row, where the weights add up to 0."""
+    """sum_s weights[i, s] y[places[i, s]] (M, k), in blocks; `about` a near row, where the weights add up to 0.
+
+    The places of a row ascend.
+    """
     found = np.empty((len(places), y.shape[1]))
     for start in range(0, len(places), BLOCK):
         rows = slice(start, start + BLOCK)
-        low, high = int(places[rows].min()), int(places[rows].max()) + 1
-        band = np.zeros((len(places[rows]), high - low))
-        np.put_along_axis(band, places[rows] - low, weights[rows], axis=1)
-        found[rows] = band @ (y[low:high] - (y[(low + high) // 2] if about else 0.0))
+        taken = places[rows]
+        low, high = int(taken[:, 0].min()), int(taken[:, -1].max()) + 1
+        band = np.zeros((len(taken), high - low))
+        band.reshape(-1)[taken + (np.arange(len(taken)) * (high - low) - low)[:, None]] = weights[rows]
+        near = y[low:high]
+        found[rows] = band @ (near - y[(low + high) // 2] if about else near)
     return found
 
 
@@ -254,21 +260,20 @@ def widest(y: Array, reach: int = 2) -> Array:
 
 def _weights(x: Array) -> tuple[Array, Array]:
     """Weights (M, S) of the value and of the derivative at 0 of what is known at x (M, S)."""
-    size = np.abs(x).max(axis=1, keepdims=True)
-    x = x / size
+    size = np.abs(x).max(axis=1)
+    x = np.ascontiguousarray(x.T) / size
     value, slope = np.zeros(x.shape), np.zeros(x.shape)
-    value[:, 0] = 1.0
-    before, now = np.ones(len(x)), x[:, 0]
-    for i in range(1, x.shape[1]):
-        product, last = np.ones(len(x)), now
-        now = x[:, i]
-        for j in range(i):
-            gap = now - x[:, j]
+    value[0] = 1.0
+    before, now = np.ones(len(size)), x[0]
+    for i in range(1, len(x)):
+        last, now = now, x[i]
+        gaps = now - x[:i]
+        product = gaps[0]
+        for gap in gaps[1:]:
             product = product * gap
-            if j == i - 1:
-                slope[:, i] = before * (value[:, j] - last * slope[:, j]) / product
-                value[:, i] = -before * last * value[:, j] / product
-            slope[:, j] = (now * slope[:, j] - value[:, j]) / gap
-            value[:, j] = now * value[:, j] / gap
+        slope[i] = before * (value[i - 1] - last * slope[i - 1]) / product
+        value[i] = -before * last * value[i - 1] / product
+        slope[:i] = (now * slope[:i] - value[:i]) / gaps
+        value[:i] = now * value[:i] / gaps
         before = product
-    return value, slope / size
+    return np.ascontiguousarray(value.T), np.ascontiguousarray((slope / size).T)
