@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import lagcli
 from lagcli.api import animate
-from lagcli.output.animation import film
+from lagcli.output.animation import film, sheets
 from tests.helpers import in_process
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -173,6 +174,30 @@ def test_a_film_has_trails_of_few_particles_that_move() -> None:
         scene, names=("p",) * 25, points=scene.points[:1] * 25, radii=np.ones(25), R=(), F=()
     )
     assert film._Drawing(many)._trails == []
+
+
+def test_a_film_draws_the_lines_of_a_net_that_moves() -> None:
+    text = """
+lagcli: 1
+particles: {a: {mass: 1, position: [0, 0.3, 0], velocity: [0.3, 0.1, -0.11]}}
+holonomic: {wave: a.z = 0.1*sin(3*a.x - 2*t)}
+simulation: {duration: 1, samples: 5}
+"""
+    scene = animate.of_model(lagcli.loads(text), {})
+    (net,) = scene.surfaces
+    for frame in (0, 3):
+        places = sheets.strings(net.places(frame))
+        side = sheets.MOVING_NODES
+        assert len(places) == 2 * side * (side + 1)
+        off = places[:, 2] - 0.1 * np.sin(3 * places[:, 0] - 2 * scene.t[frame])
+        assert np.nanmax(np.abs(off)) < 1e-8
+        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        assert np.nanmax(steps) < 0.4  # neighbours: no line runs across
+    drawn = film._Drawing(scene)
+    drawn.show(0)
+    first = drawn._rims[0].get_xydata().copy()
+    drawn.show(3)
+    assert np.nanmax(np.abs(drawn._rims[0].get_xydata() - first)) > 1
 
 
 def test_modes_of_what_cannot_move_are_told_so(tmp_path: pathlib.Path) -> None:

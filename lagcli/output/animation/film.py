@@ -16,7 +16,7 @@ from matplotlib.backends import backend_agg
 
 from lagcli import progress
 from lagcli.output import atomic_file
-from lagcli.output.animation import packing, still
+from lagcli.output.animation import packing, sheets, still
 from lagcli.output.animation.scene import Scene
 from lagcli.output.figures import labels, sheet
 
@@ -126,7 +126,8 @@ class _Drawing:
         self._plot.set_xlim(0, width)
         self._plot.set_ylim(height, 0)
         self._to = still.Projection(scene, width, height)
-        self._rims = [self._plot.plot([], [], color=GREY, linewidth=0.8)[0] for _ in scene.surfaces]
+        widths = [0.3 if one.kind == "net" else 0.8 for one in scene.surfaces]
+        self._rims = [self._plot.plot([], [], color=GREY, linewidth=width)[0] for width in widths]
         self._trails = self._trailed()
         self._links = collections.LineCollection([], colors=GREY, linewidths=1.6)
         self._plot.add_collection(self._links)
@@ -179,7 +180,8 @@ class _Drawing:
         """Move everything to an instant."""
         scene = self._scene
         for rim, one in zip(self._rims, scene.surfaces, strict=True):
-            rim.set_data(*self._to(still.outline(one, frame)).T)
+            places = sheets.strings(one.places(frame)) if one.kind == "net" else still.outline(one, frame)
+            rim.set_data(*self._to(places).T)
         first = int(np.searchsorted(scene.t, scene.t[frame] - LENGTH * (scene.t[-1] - scene.t[0])))
         for trail in self._trails:
             cuts = np.linspace(first, frame, FADES + 1).round().astype(np.int64)

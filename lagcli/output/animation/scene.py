@@ -43,6 +43,10 @@ class DrawnSurface:
     frames: Floats
     corners: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 3)))
 
+    def places(self, frame: int) -> Floats:
+        """The places (k, 3) of the corners of a line or a net at an instant."""
+        return np.asarray(self.corners[min(frame, len(self.corners) - 1)])
+
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Viewpoint:

@@ -48,6 +48,15 @@ def triangles(nodes: Floats) -> Floats:
     return squares[np.isfinite(squares).all(axis=(1, 2))].reshape(-1, 3)
 
 
+def strings(nodes: Floats) -> Floats:
+    """The lines of a net (n * n, 3) along both directions, as points (k, 3) with nan between them."""
+    side = round(len(nodes) ** 0.5)
+    grid = nodes.reshape(side, side, 3)
+    gap = np.full((side, 1, 3), np.nan)
+    ways = [np.concatenate([lines, gap], axis=1) for lines in (grid, grid.transpose(1, 0, 2))]
+    return np.concatenate(ways).reshape(-1, 3)
+
+
 def _upright(function: Function, places: Floats, slope: Floats, size: float) -> int:
     """The axis of heights: one along which the function is straight has one height everywhere, else the steepest."""
     steps = size * np.array([-0.5, -0.25, 0.0, 0.25, 0.5])

@@ -57,7 +57,7 @@ class Projection:
 def outline(one: DrawnSurface, frame: int) -> Floats:
     """Places (k, 3) of the outline of a surface at an instant."""
     if one.kind in ("line", "net"):
-        places = one.corners[min(frame, len(one.corners) - 1)]
+        places = one.places(frame)
         return sheets.triangles(places) if one.kind == "net" else places[np.isfinite(places).all(axis=-1)]
     u, v, w, origin = one.frames[min(frame, len(one.frames) - 1)]
     if one.kind == "plane":
