@@ -22,9 +22,9 @@ import yaml
 
 from lagcli.errors import diagnostics
 
-MAX_BYTES = 32 * 2**20
-MAX_DEPTH = 16
-MAX_NODES = 2_000_000
+MAX_BYTES = 32 * 2**20  # of a file: somebody else's may be endless
+MAX_DEPTH = 16  # levels: a model needs five
+MAX_NODES = 2_000_000  # entries of a file: each is an object of some hundred bytes
 
 QUOTES = "in `{ }` and `[ ]` a text with brackets or commas needs quotes"
 NEAR = 100  # characters looked at around a text that may have been cut

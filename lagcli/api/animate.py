@@ -23,9 +23,9 @@ Table = Mapping[str, Floats]
 
 MOST_FRAMES = 1201  # ten seconds of 120 a second
 FEWEST_FRAMES = 100  # fewer do not move smoothly: forces and multipliers are left out before
-LEAST_FRAMES = 12
+LEAST_FRAMES = 12  # of a page that is too large otherwise: fewer show no motion
 MOST_CURVES = 24  # of multipliers: more cannot be told apart
-MOST_PARTICLES = 5000
+MOST_PARTICLES = 5000  # each is drawn in every frame
 ROUND_TRIPS = 6  # until a scene is small enough
 
 

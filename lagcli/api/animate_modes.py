@@ -23,7 +23,7 @@ FRAMES = 49  # of one period, both ends counted
 SWING = 0.12  # of the size of the system: the largest way that a particle goes
 LARGEST = 0.6  # of an angle, and of a coordinate that moves nothing
 TRIED = 1e-6  # of a coordinate: the step in which the way of the particles is measured
-MOST_MODES = 60
+MOST_MODES = 60  # as many as `modes` prints
 
 
 def of_modes(model: Model, found: Modes) -> Scene:

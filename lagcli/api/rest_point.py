@@ -85,8 +85,8 @@ def nearest(ready: CompiledModel) -> EquilibriumPoint | NoEquilibrium:
     start = begin(ready)
     asked, q = problem(ready, static_laws.of_rest(ready.system, start.levels), start), start.state.q
     falls = effective_potential.origin(asked) == "declared"
-    is_large = falls and asked.n + asked.C > refine.LARGE
-    found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.ASIDE)]
+    is_large = falls and asked.n + asked.C > refine.PARAMETERS.large
+    found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.PARAMETERS.aside)]
     if falls:
         equations = RestEquations(asked, (), rest_equations.scales(asked, q))
         bottom = surface_descent.lowest(equations, q, 1.0)

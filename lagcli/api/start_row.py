@@ -16,7 +16,7 @@ from lagcli.output import endings
 from lagcli.output.tables import read_table
 from lagcli.output.tables.sinks import MissingExtra
 
-LAST = -1
+LAST = -1  # of the rows of a table
 _COLUMNS = {
     "value": ("{}",),
     "rate": ("rate({})",),

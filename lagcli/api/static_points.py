@@ -27,7 +27,7 @@ from lagcli.statics.static_report import StaticPoint, StaticReport, Value
 
 Floats = npt.NDArray[np.float64]
 
-STARTS, SEED, MOST_STARTS = 32, 0, 100_000
+STARTS, SEED, MOST_STARTS = 32, 0, 100_000  # the first two by default
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 UNCUT = 10_000  # columns of a "terminal" that is none
-NARROWEST = 20
+NARROWEST = 20  # columns: in fewer a table is unreadable however it is cut
 USUAL = 80  # of a terminal that does not say
 HEIGHT = 25  # rich takes a width only together with a height; nothing here depends on it
 

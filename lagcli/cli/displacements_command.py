@@ -11,7 +11,7 @@ from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.output.trajectory import SimulationStopped
 
-MOST_COLUMNS, MOST_LINES = 8, 40
+MOST_COLUMNS, MOST_LINES = 8, 40  # of a basis, as fit a terminal; and its lines
 METRICS = {
     "mass": "orthonormal in the mass metric, dq M dq = 1",
     "plain": "orthonormal with all coordinates weighed the same, as some have no inertia of their own",

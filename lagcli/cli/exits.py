@@ -15,6 +15,7 @@ from lagcli.errors import diagnostics
 from lagcli.input.overrides import OverrideError
 from lagcli.output import atomic_file
 
+# Exit codes, as the manual lists them.
 DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141
 
 

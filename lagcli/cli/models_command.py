@@ -11,7 +11,7 @@ from lagcli.input import format_schema
 from lagcli.input.starting import gallery_models
 from lagcli.input.starting.gallery_models import GalleryModel
 
-INDENT = 2
+INDENT = 2  # spaces
 
 
 def listed(as_json: bool, quiet: bool) -> None:

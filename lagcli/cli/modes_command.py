@@ -15,7 +15,7 @@ from lagcli.model.model import Model
 from lagcli.output import endings
 from lagcli.output.trajectory import SimulationStopped
 
-MOST_MODES, MOST_COORDINATES = 60, 8
+MOST_MODES, MOST_COORDINATES = 60, 8  # what fits a screen; --json has all
 ROUNDING = 1e-12  # a column of the state below this part of the largest is told as 0
 VERDICTS = {True: "stable", False: "unstable", None: "not decided"}
 

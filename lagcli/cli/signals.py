@@ -29,8 +29,8 @@ class Interrupted(BaseException):
         self.number = number
 
 
-_unwinding = 0
-_shielded = 0
+_unwinding = 0  # depth of blocks in which an interrupt is an exception
+_shielded = 0  # depth of blocks in which it waits
 _raised: list[int] = []
 _pending: list[int] = []
 _patience: list[float] = []

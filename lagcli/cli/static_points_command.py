@@ -12,7 +12,7 @@ from lagcli.output.tables import sinks
 from lagcli.output.trajectory import provenance
 from lagcli.statics.static_report import StaticReport
 
-MOST_COLUMNS, MOST_ROWS = 12, 60
+MOST_COLUMNS, MOST_ROWS = 12, 60  # what fits a screen; -o has all
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from lagcli.analysis.holonomy.witness import Path, Witness
     from lagcli.model.model import Model
 
-PARTS_OF_PI = 12
-MOST_DIGITS = 12
+PARTS_OF_PI = 12  # angles that are such parts of pi are written so
+MOST_DIGITS = 12  # decimals of a number that is known to rounding
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -29,8 +29,8 @@ Flags = npt.NDArray[np.bool_]
 # x -> values (K,) and slopes dg/dx (K,) of all functions.
 Values = Callable[[float], tuple[Floats, Floats]]
 
-DOWN, BOTH, UP = -1, 0, 1
-GOLDEN = (3 - 5**0.5) / 2
+DOWN, BOTH, UP = -1, 0, 1  # the direction of a crossing: the sign of its slope, 0 for either
+GOLDEN = (3 - 5**0.5) / 2  # the golden section of an interval
 # A cut keeps this distance from both ends of its piece, and a piece this narrow has no inside.
 MARGIN, NARROW = 0.1, 8 * EPS
 # The most evaluations of one search.

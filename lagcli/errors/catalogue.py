@@ -26,7 +26,7 @@ Stage = Literal["input", "read", "start", "run"]
 Severity = diagnostics.Severity | Literal["stop"]
 
 FOLDER = pathlib.Path(__file__).parent / "pages"
-WIDTH = 100
+WIDTH = 100  # columns of a page of `explain`
 SENTENCES = ("meaning", "why", "fix")
 
 

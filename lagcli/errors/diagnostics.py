@@ -121,7 +121,7 @@ class ModelError(Exception):
         super().__init__("\n".join(d.render() for d in self.diagnostics))
 
 
-MAX_ERRORS = 1000
+MAX_ERRORS = 1000  # of one file: nobody reads more, and each costs a look at its line
 
 
 class Collector:
@@ -170,10 +170,10 @@ def _in_file_order(found: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(found, key=lambda d: (d.location.line, d.location.column))
 
 
-MAX_CANDIDATES = 300
+MAX_CANDIDATES = 300  # of a family there may be thousands: only those that begin and end alike are compared
 
 
-MAX_LISTED = 12
+MAX_LISTED = 12  # names in one sentence
 
 
 def listed(names: Iterable[str]) -> str:

@@ -22,7 +22,7 @@ Whole = int | npt.NDArray[np.int64]
 Truth = bool | npt.NDArray[np.bool_]
 Lookup = Callable[[tree.Name], object]  # an int, a float, an array (K,), or what is no number
 
-LIMIT = 2**53
+LIMIT = 2**53  # above it not every whole number is a double
 _FUNCTIONS = ("min", "max", "abs")
 _RULE = "bounds and indices are integer expressions of parameters and earlier indices"
 

@@ -68,7 +68,7 @@ PARTICLE_MEMBERS = {
 AT_A_TIME = "a name is its value at the time `t`: write it alone, without parentheses, or `*` for a product"
 
 _DEGREES = {2: "quadratic", 3: "cubic"}
-_LONGEST_TERM = 60
+_LONGEST_TERM = 60  # letters of a term that a message quotes
 
 _NONLINEAR = (
     "write a law that is linear, without terms that cancel. A fixed speed, `rate(x)**2 + rate(y)**2 = c`, is no"

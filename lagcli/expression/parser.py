@@ -11,7 +11,7 @@ from lagcli.expression import hints, tokens, tree
 from lagcli.expression.tokens import Token
 from lagcli.expression.tree import ExpressionError
 
-MAX_DEPTH = 40
+MAX_DEPTH = 40  # levels of brackets: each takes some frames of the stack, which no text may overflow
 
 _LEAVES: dict[str, Callable[[int, int, str], tree.Node]] = {"number": tree.Number, "name": tree.Name}
 _SEVERAL = 'several ranges are a list: `["i = 1..N", "j = 1..M"]`'

@@ -9,7 +9,7 @@ import re
 from lagcli.expression import hints
 from lagcli.expression.tree import ExpressionError
 
-MAX_LENGTH = 2**20
+MAX_LENGTH = 2**20  # letters: no formula is a megabyte long
 
 # Every character belongs to some match, so that the lengths of the matches add up to offsets.
 # A number takes no dot that another dot follows: `1..N` is a range.

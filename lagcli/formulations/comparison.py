@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-TOLERANCE = 1e-8
+TOLERANCE = 1e-8  # of the relative difference of two tables, by default
 # More digits than a double has are not told.
 MOST_DIGITS = 16.0
 KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")

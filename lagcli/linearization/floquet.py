@@ -21,7 +21,7 @@ from lagcli.linearization.linearized import Linear, LinearizedFunctions, Referen
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-RTOL, ATOL = 1e-12, 1e-14
+RTOL, ATOL = 1e-12, 1e-14  # as tight as DOP853 goes: over a period errors grow
 # What the integration leaves in a matrix over one period, as a part of its size.
 LEFT = 1e-9
 # A kinetic energy and multipliers that change by less than this part are constant.

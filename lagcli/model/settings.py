@@ -42,7 +42,7 @@ _ELSEWHERE = {
         " energy balance",
     ),
 }
-MAX_ROWS = 10**9
+MAX_ROWS = 10**9  # a billion rows of ten columns are 80 GB
 MOST_STEPS = 1e10  # of a run; they would take days
 LIMIT = 20.0  # seconds for the proofs of a model
 

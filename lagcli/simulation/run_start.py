@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
-from lagcli.simulation.singularity.singularity_monitor import BACK, CLOSE_START
+from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
 from lagcli.simulation.stepping import first_step, stop_diagnosis
 from lagcli.simulation.stepping.stepper import LANDING, Stepper
 
@@ -51,9 +51,9 @@ def begin(run: Stepper, start: RunStart) -> None:
     control.step = start.part * first_step.first_step(
         bound.rhs, bound.k, sizes, run.tolerance, run.method.order
     )
-    if clearance < CLOSE_START**2:
+    if clearance < MONITOR.close_start**2:
         # No step is wasted towards a singular configuration so near: each amplifies rounding more.
-        _look_back(run, BACK * control.step)
+        _look_back(run, MONITOR.back * control.step)
     run.foreseen = run.watch.foreseen(run.t, clearance, least)
     run.settle()
 

@@ -185,7 +185,7 @@ def _feasible(search: Search) -> Floats:
             break
         q = reached.q.copy()
         size = float(np.abs(q).max(initial=0.0)) or 1.0
-        broken = ~(reached.residuals <= projection.ROUNDING * size)
+        broken = ~(reached.residuals <= projection.PARAMETERS.rounding * size)
         failed = []
         for number in np.unique(labels[broken]):
             rows = np.flatnonzero(labels == number).tolist()

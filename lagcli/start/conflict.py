@@ -194,7 +194,7 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
     if not reached.is_on:
         labels, _ = search.components()
         size = float(np.abs(reached.q).max(initial=0.0)) or 1.0
-        for number in np.unique(labels[~(reached.residuals <= projection.ROUNDING * size)]):
+        for number in np.unique(labels[~(reached.residuals <= projection.PARAMETERS.rounding * size)]):
             rows = np.flatnonzero(labels == number).tolist()
             found = search.reach(rows, (q, state.q))
             parting = [] if found.is_on else list(smallest(search, found).rows)

@@ -18,20 +18,46 @@ from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 
 Floats = npt.NDArray[np.float64]
 
-# At most: steps of a descent from far, halvings of one of them, and Newton's steps to the nearest point.
-MAX_STEPS = 200
-MAX_HALVINGS = 30
-REFINEMENTS = 60
-# Relative to the size of the configuration: where a descent ends, where it may stall by rounding, and where a few
-# Newton steps have come close enough to tell that they square the residual.
-ARRIVED, ROUNDING, CONVERGED = 1e-14, 1e-10, 1e-13
-NEAREST = 1e-12
-# Where the rows are independent, Newton's steps from nearby square the residual: a few of them reach rounding.
-NEARBY_STEPS, SQUARED = 8, 0.02
-# Damping, on rows of length one: where it begins, how it grows and wanes, and where it is dropped. A descent ends
-# where so many steps have left more than this part of the residual: others go round a bend in fewer.
-FIRST_DAMPING, STRONGER, WEAKER, LAST_DAMPING = 1e-3, 4.0, 8.0, 1e-9
-SLOW_STEPS, SLOW = 20, 0.8
+
+class ProjectionParameters:
+    """The way onto the constraints; lengths are parts of the size of the configuration."""
+
+    __slots__ = ()
+
+    most_steps: int = 200
+    """Steps of a descent from far."""
+    most_halvings: int = 30
+    """Halvings of one of them."""
+    refinements: int = 60
+    """Newton's steps to the nearest point."""
+    arrived: float = 1e-14
+    """Where a descent ends."""
+    rounding: float = 1e-10
+    """Where it may stall by rounding."""
+    converged: float = 1e-13
+    """Where a few Newton steps have come close enough to tell that they square the residual."""
+    nearest: float = 1e-12
+    """The part of the way along the surface at which a point is the nearest one."""
+    nearby_steps: int = 8
+    """Where the rows are independent, Newton's steps from nearby square the residual: so many reach rounding."""
+    squared: float = 0.02
+    """A step that leaves more than this part of the residual has not squared it."""
+    first_damping: float = 1e-3
+    """Damping, on rows of length one: where it begins."""
+    stronger: float = 4.0
+    """How it grows where a step goes up."""
+    weaker: float = 8.0
+    """How it wanes where a step goes down."""
+    last_damping: float = 1e-9
+    """Where it is dropped."""
+    slow_steps: int = 20
+    """A descent ends where so many steps have left more than `slow` of the residual: others go round a bend in
+    fewer."""
+    slow: float = 0.8
+    """That part of the residual."""
+
+
+PARAMETERS = ProjectionParameters()
 
 
 class NoConfiguration(Exception):
@@ -83,17 +109,17 @@ class Surface:
         passed = np.inf
         f, B = self.rows(q)
         best = self._reached(q, f, B)
-        for taken in range(MAX_STEPS):
+        for taken in range(PARAMETERS.most_steps):
             progress.require_time()
             if best.is_on or not _are_finite(f, B):
                 break
             rows = MetricRows(B, self._metric)
             before = float(np.linalg.norm(f / rows.lengths))
-            if taken % SLOW_STEPS == 0:
-                if before > SLOW * passed and not to_the_end:
+            if taken % PARAMETERS.slow_steps == 0:
+                if before > PARAMETERS.slow * passed and not to_the_end:
                     break
                 passed = before
-            for _ in range(MAX_HALVINGS):
+            for _ in range(PARAMETERS.most_halvings):
                 step = rows.correction(f, damping)
                 after, B_after = self.rows(q + step)
                 length = (
@@ -101,22 +127,22 @@ class Surface:
                 )
                 if length < before:
                     break
-                damping = max(STRONGER * damping, FIRST_DAMPING)
+                damping = max(PARAMETERS.stronger * damping, PARAMETERS.first_damping)
             else:
                 break
             q, f, B = q + step, after, B_after
-            damping = damping / WEAKER if damping > LAST_DAMPING else 0.0
+            damping = damping / PARAMETERS.weaker if damping > PARAMETERS.last_damping else 0.0
             here = self._reached(q, f, B)
             best = here if to_the_end or here.is_on or here.worst <= best.worst else best
         # The last steps stall at rounding; that is as far as doubles go.
         size = max(_size(q), _size(best.q))
-        return dataclasses.replace(best, is_on=best.is_on or best.worst <= ROUNDING * size)
+        return dataclasses.replace(best, is_on=best.is_on or best.worst <= PARAMETERS.rounding * size)
 
     def _reached(self, q: Floats, f: Floats, B: Sparse) -> Reached:
         if not _are_finite(f, B):
             return Reached(q, np.full(f.size, np.inf), False)
         residuals = np.abs(f) / LocalRows(B).divisors
-        return Reached(q, residuals, bool(np.max(residuals, initial=0.0) <= ARRIVED * _size(q)))
+        return Reached(q, residuals, bool(np.max(residuals, initial=0.0) <= PARAMETERS.arrived * _size(q)))
 
     def residual(self, q: Floats) -> float:
         """Largest |f_i| / |B_i|."""
@@ -140,8 +166,10 @@ class Surface:
         """
         size = _size(q)
         before = residual = self.residual(q)
-        for _ in range(NEARBY_STEPS):
-            if residual <= CONVERGED * size and (residual <= SQUARED * before or before <= CONVERGED * size):
+        for _ in range(PARAMETERS.nearby_steps):
+            if residual <= PARAMETERS.converged * size and (
+                residual <= PARAMETERS.squared * before or before <= PARAMETERS.converged * size
+            ):
                 return q
             f, B = self.rows(q)
             if not _are_finite(f, B):
@@ -158,7 +186,7 @@ class Surface:
         """
         return self.refined(self.feasible(q0), q0)
 
-    def refined(self, q: Floats, q0: Floats, steps: int = REFINEMENTS) -> Floats:
+    def refined(self, q: Floats, q0: Floats, steps: int = PARAMETERS.refinements) -> Floats:
         """The point of the surface reached from a point q of it, in so many steps at most."""
         best = q
         size = _size(q0)
@@ -169,11 +197,14 @@ class Surface:
                 new = self.feasible(q0 + step)
             except NoConfiguration:
                 break
-            if self._metric.length(new - q0) >= self._metric.length(best - q0) * (1 + 1e-12) + NEAREST * size:
+            if (
+                self._metric.length(new - q0)
+                >= self._metric.length(best - q0) * (1 + 1e-12) + PARAMETERS.nearest * size
+            ):
                 break
             moved = float(np.abs(new - q).max(initial=0.0))
             best = q = new
-            if moved <= NEAREST * size:
+            if moved <= PARAMETERS.nearest * size:
                 break
         return best
 

@@ -19,9 +19,26 @@ from sympy.polys.rings import PolyElement, PolyRing
 Floats = npt.NDArray[np.float64]
 Rationals = list[list[Fraction]]
 
-MOST_DIMENSIONS = 36
-MOST_ZEROS = 4096
-REAL, SAME, NEWTON_STEPS = 1e-4, 1e-7, 30
+
+class AlgebraParameters:
+    """Numbers of the algebra of functions on the zeros; parts are of the size of a zero."""
+
+    __slots__ = ()
+
+    most_dimensions: int = 36
+    """The dimension D of the algebra: its signature is that of D by D fractions."""
+    most_zeros: int = 4096
+    """Zeros of all blocks together: as many points of rest nobody reads."""
+    real: float = 1e-4
+    """An eigenvalue with a larger imaginary part belongs to no real zero; the count by exact arithmetic judges
+    what is left."""
+    same: float = 1e-7
+    """Zeros closer than this are one: they are refined to rounding first."""
+    newton_steps: int = 30
+    """Newton's steps of a refinement, each of which doubles the digits."""
+
+
+PARAMETERS = AlgebraParameters()
 
 
 class NotCounted(Exception):
@@ -37,7 +54,7 @@ def zeros(ring: PolyRing, equations: Sequence[PolyElement], used: Sequence[int])
     for block in _blocks(equations, used):
         places, polynomials = block
         part = _of_block(ring, polynomials, places)
-        if len(found) * len(part) > MOST_ZEROS:
+        if len(found) * len(part) > PARAMETERS.most_zeros:
             raise NotCounted("there are too many of them")
         found = (found[:, None, :] + part[None, :, :]).reshape(-1, len(ring.gens))
     return found
@@ -151,7 +168,7 @@ class _QuotientAlgebra:
                     continue
                 vector = vector / vector[one]
                 values = np.array([(M[one] @ vector) for M in matrices])
-                if np.abs(values.imag).max() > REAL * (1 + np.abs(values).max()):
+                if np.abs(values.imag).max() > PARAMETERS.real * (1 + np.abs(values).max()):
                     continue
                 zero = _polished(equations, slopes, values.real)
                 if zero is not None and not any(_same(zero, other) for other in found):
@@ -160,7 +177,7 @@ class _QuotientAlgebra:
 
 
 def _same(a: Floats, b: Floats) -> bool:
-    return bool(np.abs(a - b).max() <= SAME * (1 + np.abs(a).max()))
+    return bool(np.abs(a - b).max() <= PARAMETERS.same * (1 + np.abs(a).max()))
 
 
 def _polished(
@@ -169,7 +186,7 @@ def _polished(
     """A real zero near x, or None."""
     sizes = np.array([max(abs(float(factor)) for _, factor in e.terms()) for e in equations])
     begin = x
-    for _ in range(NEWTON_STEPS):
+    for _ in range(PARAMETERS.newton_steps):
         r = np.array([evaluated(e, x) for e in equations]) / sizes
         J = np.array([[evaluated(d, x) for d in row] for row in slopes]) / sizes[:, None]
         step = np.linalg.lstsq(J, -r, rcond=1e-11)[0]
@@ -202,7 +219,7 @@ def _standard(leading: Sequence[tuple[int, ...]], count: int) -> list[tuple[int,
     found, layer = [], [(0,) * count]
     while layer:
         found += layer
-        if len(found) > MOST_DIMENSIONS:
+        if len(found) > PARAMETERS.most_dimensions:
             raise NotCounted("there are too many of them")
         further = {tuple(p + (i == k) for i, p in enumerate(m)) for m in layer for k in range(count)}
         layer = sorted(m for m in further if not any(_divides(one, m) for one in leading))

@@ -16,9 +16,25 @@ from lagcli.statics.rest_equations import RestEquations
 
 Floats = npt.NDArray[np.float64]
 
-MOST_UNKNOWNS, MOST_CONTACTS = 24, 3
-BUDGET = 2_000_000  # comparisons of monomials, some seconds
-VANISHING, POSITIVE = 1e-9, -1e-7
+
+class CompletenessParameters:
+    """Sizes of models whose points are counted, and what is zero there."""
+
+    __slots__ = ()
+
+    most_unknowns: int = 24
+    """Coordinates and multipliers: of more no Groebner basis is tried."""
+    most_contacts: int = 3
+    """Contacts, every set of which is counted alone."""
+    budget: int = 2_000_000
+    """Comparisons of monomials, some seconds."""
+    vanishing: float = 1e-9
+    """A denominator of this size vanishes at the zero, which is none of the equations then."""
+    positive: float = -1e-7
+    """A gap or a force of a contact may be so far below zero by rounding."""
+
+
+PARAMETERS = CompletenessParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -36,7 +52,7 @@ def complete(search: PointSearch) -> Completeness:
     problem = search.problem
     if len(problem.times) > 1:
         return Completeness(False, "the equations hold t")
-    if problem.n + problem.C > MOST_UNKNOWNS or problem.K > MOST_CONTACTS:
+    if problem.n + problem.C > PARAMETERS.most_unknowns or PARAMETERS.most_contacts < problem.K:
         return Completeness(False, "there are too many unknowns for exact algebra")
     sets = [s for size in range(problem.K + 1) for s in itertools.combinations(range(problem.K), size)]
     expected: list[Floats] = []
@@ -61,7 +77,9 @@ def _of_set(search: PointSearch, closed: tuple[int, ...]) -> list[Floats]:
     problem = search.problem
     unknowns = problem.n + problem.C + len(closed)
     numbers = np.concatenate([[problem.t], problem.p])
-    exact = polynomial_equations.equations(problem.exact_program(closed), unknowns, numbers, BUDGET)
+    exact = polynomial_equations.equations(
+        problem.exact_program(closed), unknowns, numbers, PARAMETERS.budget
+    )
     used = [k for k in range(len(exact.names)) if k not in exact.angles]
     found = []
     for zero in algebraic_zeros.zeros(exact.ring, exact.equations, used):
@@ -85,9 +103,9 @@ def _is_valid(exact: PolynomialEquations, zero: Floats) -> bool:
     """True if roots are positive and nothing is divided by zero."""
     values = zero.tolist()
     first = len(values) - len(exact.roots)
-    if any(values[k] < POSITIVE for k in range(first, len(values))):
+    if any(values[k] < PARAMETERS.positive for k in range(first, len(values))):
         return False
-    return all(abs(polynomial_equations.at(d, values)) > VANISHING for d in exact.denominators)
+    return all(abs(polynomial_equations.at(d, values)) > PARAMETERS.vanishing for d in exact.denominators)
 
 
 def _refined(equations: RestEquations, x: Floats) -> EquilibriumPoint | None:

@@ -14,8 +14,9 @@ from lagcli.statics.rest_equations import RestEquations
 
 Floats = npt.NDArray[np.float64]
 
-LEAST = 1e-8
-MOST_KNOWN = 60
+# Distances below this, as parts of the size of things, are not divided by; and points that are taken out, the latest:
+# each costs a gradient at every step.
+LEAST, MOST_KNOWN = 1e-8, 60
 
 
 class DeflatedEquations:

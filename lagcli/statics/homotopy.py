@@ -16,14 +16,31 @@ from lagcli.statics.rest_equations import RestEquations
 
 Floats = npt.NDArray[np.float64]
 
-# Steps of one way along a path, and corrections of one step.
-MOST_STEPS, CORRECTIONS = 160, 4
-# Lengths of steps as parts of the size of things: the first, the longest, the shortest.
-FIRST, LONGEST, SHORTEST = 0.05, 0.3, 1e-5
-# What a corrected place may be off its path, and how far a path is followed.
-OFF, FAR = 1e-7, 30.0
-# Of two tangents the least cosine: a step that bends more may have come onto another path.
-BENT = 0.7
+
+class HomotopyParameters:
+    """Numbers of Newton's homotopy; lengths are parts of the size of things."""
+
+    __slots__ = ()
+
+    most_steps: int = 160
+    """Steps of one way along a path."""
+    corrections: int = 4
+    """Corrections of one step: more of them mean that it was too long."""
+    first: float = 0.05
+    """The length of the first step."""
+    longest: float = 0.3
+    """The length of the longest step."""
+    shortest: float = 1e-5
+    """A path that asks for shorter steps is given up."""
+    off: float = 1e-7
+    """What a corrected place may be off its path."""
+    far: float = 30.0
+    """How far a path is followed."""
+    bent: float = 0.7
+    """Of two tangents the least cosine: a step that bends more may have come onto another path."""
+
+
+PARAMETERS = HomotopyParameters()
 
 
 def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
@@ -32,7 +49,11 @@ def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
     None where the equations are not as many as the unknowns, or x is a zero itself.
     """
     found = equations(x)
-    if found is None or found[1].shape[0] != found[1].shape[1] or not np.linalg.norm(found[0]) > OFF:
+    if (
+        found is None
+        or found[1].shape[0] != found[1].shape[1]
+        or not np.linalg.norm(found[0]) > PARAMETERS.off
+    ):
         return
     path = _Path(equations, x, found)
     for sense in (1.0, -1.0):
@@ -57,21 +78,21 @@ class _Path:
         along = self._tangent(z)
         if along is None:
             return
-        along, length = sense * along, FIRST
-        for _ in range(MOST_STEPS):
+        along, length = sense * along, PARAMETERS.first
+        for _ in range(PARAMETERS.most_steps):
             there = self._corrected(z + length * along)
             turned = None if there is None else self._tangent(there)
-            if there is None or turned is None or abs(turned @ along) < BENT:
+            if there is None or turned is None or abs(turned @ along) < PARAMETERS.bent:
                 length /= 3
-                if length < SHORTEST:
+                if length < PARAMETERS.shortest:
                     return
                 continue
             turned *= np.sign(turned @ along)
             if (z[-1] > 0) != (there[-1] > 0):
                 part = z[-1] / (z[-1] - there[-1])
                 yield (z + part * (there - z))[:-1] * self._units
-            z, along, length = there, turned, min(1.6 * length, LONGEST)
-            if np.abs(z).max() > FAR:
+            z, along, length = there, turned, min(1.6 * length, PARAMETERS.longest)
+            if np.abs(z).max() > PARAMETERS.far:
                 return
 
     def _values(self, z: Floats) -> tuple[Floats, Floats] | None:
@@ -86,12 +107,12 @@ class _Path:
         return None if values is None else np.asarray(np.linalg.svd(values[1])[2][-1])
 
     def _corrected(self, z: Floats) -> Floats | None:
-        for _ in range(CORRECTIONS):
+        for _ in range(PARAMETERS.corrections):
             values = self._values(z)
             if values is None:
                 return None
-            if np.linalg.norm(values[0]) <= OFF:
+            if np.linalg.norm(values[0]) <= PARAMETERS.off:
                 return z
             z = z - np.linalg.lstsq(values[1], values[0], rcond=None)[0]
         values = self._values(z)
-        return z if values is not None and np.linalg.norm(values[0]) <= OFF else None
+        return z if values is not None and np.linalg.norm(values[0]) <= PARAMETERS.off else None

@@ -15,15 +15,33 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Residual = Callable[[Floats], tuple[Floats, Floats] | None]
 
-MOST_DAMPED, MOST_NEWTON = 200, 40
-# Singular values below this part of the largest are zero: of dependent rows, and along a continuum.
-RANK = 1e-12
-NEAR = 1e-6
-# The least damping, so that the normal equations have a solution; and steps that are rounding.
-LEAST, ROUNDING, SMALL = 1e-13, 3e-16, 1e-12
-# Of more unknowns the normal equations are solved by sparse algebra.
-DENSE = 120
-FLAT = 1e-14  # a slope of the squares below which damped steps have come to the bottom of a valley
+
+class NewtonParameters:
+    """Numbers of a search for a zero; parts are of no unit."""
+
+    __slots__ = ()
+
+    most_damped: int = 200
+    """Damped steps of one search: from afar some tens are the rule, and a valley that bends takes more."""
+    most_newton: int = 40
+    """Newton's steps down to rounding: a few where the zero is alone, one digit in three steps where it is double."""
+    rank: float = 1e-12
+    """Singular values below this part of the largest are zero: of dependent rows, and along a continuum."""
+    near: float = 1e-6
+    """Damped steps end where the residual is below this: Newton's steps double its digits from there."""
+    least: float = 1e-13
+    """The least damping, so that the normal equations have a solution."""
+    rounding: float = 3e-16
+    """Steps of this part of x are rounding."""
+    small: float = 1e-12
+    """Steps of this part of x that no longer halve the residual are rounding too."""
+    dense: int = 120
+    """Of more unknowns the normal equations are solved by sparse algebra, which costs less from here on."""
+    flat: float = 1e-14
+    """A slope of the squares below which damped steps have come to the bottom of a valley."""
+
+
+PARAMETERS = NewtonParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +53,7 @@ class NewtonEnd:
     step: float
 
 
-def solve(residual: Residual, x: Floats, damped: int = MOST_DAMPED) -> NewtonEnd | None:
+def solve(residual: Residual, x: Floats, damped: int = PARAMETERS.most_damped) -> NewtonEnd | None:
     """The zero that damped steps lead to, refined; or the place with the least residual met. None where the residual
     has no value at the start."""
     begun = residual(x)
@@ -52,12 +70,12 @@ def _lowered(residual: Residual, x: Floats, r: Floats, J: Floats, damped: int) -
     widths = np.zeros(x.size)
     for _ in range(damped):
         size = float(np.linalg.norm(r))
-        if size < NEAR:
+        if size < PARAMETERS.near:
             break
         widths = np.maximum(widths, np.linalg.norm(J, axis=0))
         unit = np.where(widths > 0, widths, 1.0)
         slope = J.T @ r
-        if np.abs(slope / unit).max(initial=0.0) < FLAT * size:
+        if np.abs(slope / unit).max(initial=0.0) < PARAMETERS.flat * size:
             break
         step = _damped(J, slope, damping, unit)
         there = residual(x + step)
@@ -77,11 +95,11 @@ def _lowered(residual: Residual, x: Floats, r: Floats, J: Floats, damped: int) -
 
 def _damped(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
     """The step that is shortest in the scaled norm for its gain."""
-    if unit.size > DENSE:
+    if unit.size > PARAMETERS.dense:
         return _damped_sparse(J, slope, damping, unit)
     scaled = J / unit
     normal = scaled.T @ scaled
-    normal[np.diag_indices_from(normal)] += max(damping, LEAST)
+    normal[np.diag_indices_from(normal)] += max(damping, PARAMETERS.least)
     return np.asarray(-np.linalg.solve(normal, slope / unit) / unit)
 
 
@@ -91,7 +109,7 @@ def _damped_sparse(J: Floats, slope: Floats, damping: float, unit: Floats) -> Fl
     from scipy.sparse import linalg
 
     scaled = sparse.csc_array(J / unit)
-    normal = sparse.csc_matrix(scaled.T @ scaled + max(damping, LEAST) * sparse.eye(unit.size))
+    normal = sparse.csc_matrix(scaled.T @ scaled + max(damping, PARAMETERS.least) * sparse.eye(unit.size))
     return np.asarray(-linalg.splu(normal).solve(slope / unit) / unit)
 
 
@@ -101,8 +119,8 @@ def refined(residual: Residual, x: Floats) -> NewtonEnd:
     assert found is not None
     r, J = found
     size, last = float(np.linalg.norm(r)), np.inf
-    for _ in range(MOST_NEWTON):
-        step = np.linalg.lstsq(J, -r, rcond=RANK)[0]
+    for _ in range(PARAMETERS.most_newton):
+        step = np.linalg.lstsq(J, -r, rcond=PARAMETERS.rank)[0]
         length = float(np.linalg.norm(step)) / (1.0 + float(np.linalg.norm(x)))
         there = residual(x + step)
         smaller = there is not None and float(np.linalg.norm(there[0])) < size
@@ -111,8 +129,8 @@ def refined(residual: Residual, x: Floats) -> NewtonEnd:
         assert there is not None
         before, x, (r, J), last = size, x + step, there, length
         size = float(np.linalg.norm(r))
-        if length <= SMALL and size > before / 2:
+        if length <= PARAMETERS.small and size > before / 2:
             return NewtonEnd(x, size, length)  # rounding, which now and then falls a little
-        if size == 0.0 or length <= ROUNDING:
+        if size == 0.0 or length <= PARAMETERS.rounding:
             return NewtonEnd(x, size, 0.0)
     return NewtonEnd(x, size, last)

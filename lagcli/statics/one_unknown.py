@@ -14,10 +14,23 @@ from lagcli.statics import refine
 from lagcli.statics.all_zeros import Completeness
 from lagcli.statics.point_search import PointSearch
 
-MOST_BOXES = 4000
-FAR = 1e6  # sizes of things; beyond it the force must be seen to have one sign as far as infinity
-DIGITS = 20
-OVERLAP = 1e-12  # of the two ends of a turn
+
+class BranchingParameters:
+    """Numbers of the enclosure of all zeros of one unknown."""
+
+    __slots__ = ()
+
+    most_boxes: int = 4000
+    """Intervals that are looked at; where more are left the answer is not known."""
+    far: float = 1e6
+    """Sizes of things; beyond it the force must be seen to have one sign as far as infinity."""
+    digits: int = 20
+    """Decimal digits of the intervals: more than a double has, so that roundings are no reason to halve one."""
+    overlap: float = 1e-12
+    """Of the two ends of a turn, rad: no zero is lost between them."""
+
+
+PARAMETERS = BranchingParameters()
 _FAILURES = (ZeroDivisionError, OverflowError, ValueError, ComplexResult, NotImplementedError)
 
 
@@ -117,7 +130,7 @@ def complete(search: PointSearch, is_angle: bool) -> Completeness:
         return Completeness(False, "the equations hold t")
     force = _Force(problem.slope_program(), (problem.t, *problem.p.tolist()))
     digits = iv.dps
-    iv.dps = DIGITS
+    iv.dps = PARAMETERS.digits
     try:
         zeros = _isolated(force, search, is_angle)
     except NoBounds as why:
@@ -148,7 +161,7 @@ def _isolated(force: _Force, search: PointSearch, is_angle: bool) -> list[tuple[
         return None
     waiting = [whole]
     found: list[tuple[float, float]] = []
-    for _ in range(MOST_BOXES):
+    for _ in range(PARAMETERS.most_boxes):
         if not waiting:
             return found
         low, high = waiting.pop()
@@ -173,8 +186,8 @@ def _whole(force: _Force, search: PointSearch, is_angle: bool) -> tuple[float, f
     """An interval that holds all zeros: a whole turn, or as far as the force has no zero beyond."""
     if is_angle:
         # The ends lie at no place where a zero is likely.
-        return -np.pi + 0.0123 - OVERLAP, np.pi + 0.0123 + OVERLAP
-    far = FAR * search.scales.length
+        return -np.pi + 0.0123 - PARAMETERS.overlap, np.pi + 0.0123 + PARAMETERS.overlap
+    far = PARAMETERS.far * search.scales.length
     for end, tail in ((far, iv.mpf([far, "inf"])), (-far, iv.mpf(["-inf", -far]))):
         if not _has_no_zero(force, end, tail):
             return None

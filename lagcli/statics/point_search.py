@@ -31,17 +31,41 @@ from lagcli.statics.static_problem import StaticProblem
 Floats = npt.NDArray[np.float64]
 Flags = tuple[bool, ...]
 
-# Work of a search, some ten seconds of a processor of 2023, and the sets of closed contacts that are tried.
-BUDGET, MOST_SETS, MOST_TOGETHER = 1.5e7, 64, 4
-SAME, SAME_OF_FLAT, ROUNDING = 1e-6, 3e-4, 1e-15
-SPREAD = (0.3, 1.0, 2.5)
-# Rounds with known points taken out, from one start; above so many unknowns it costs too much.
-ROUNDS, MOST_UNKNOWNS, DAMPED = 2, 60, 60
-# Starts from which a homotopy is followed.
-PATHS = 8
-# Rounds without a new point, after which no more are made.
-MOST_VAIN = 12
-MOST_POINTS = 400
+
+class SearchParameters:
+    """Numbers of the search for all points; lengths are parts of the size of things."""
+
+    __slots__ = ()
+
+    budget: float = 1.5e7
+    """Work of a search in operations, some ten seconds of a processor of 2023."""
+    most_sets: int = 64
+    """Sets of closed contacts that are tried."""
+    most_together: int = 4
+    """So many sets are searched from each start, of more only the next one."""
+    same: float = 1e-6
+    """Points closer than this are one."""
+    same_of_flat: float = 3e-4
+    """The same of degenerate ones, that Newton's steps find to the root of rounding alone."""
+    rounding: float = 1e-15
+    """The least part of a coordinate, or of the force, that is told."""
+    spread: tuple[float, ...] = (0.3, 1.0, 2.5)
+    """How far starts are drawn from the start of the model, in turn: beside it, across, and beyond."""
+    rounds: int = 2
+    """Rounds with known points taken out, from one start."""
+    most_unknowns: int = 60
+    """Above so many unknowns taking points out costs too much."""
+    damped: int = 60
+    """Damped steps of such a round."""
+    paths: int = 8
+    """Starts from which a homotopy is followed."""
+    most_vain: int = 12
+    """Rounds without a new point, after which no more are made."""
+    most_points: int = 400
+    """Points after which a search ends: nobody reads more, and each is taken out of the equations of the next."""
+
+
+PARAMETERS = SearchParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -84,29 +108,29 @@ class PointSearch:
         if not self.starts:
             self._start(self.problem.begin)
         for begin in self._others(others):
-            if self.spent > BUDGET or len(self.points) >= MOST_POINTS:
+            if self.spent > PARAMETERS.budget or len(self.points) >= PARAMETERS.most_points:
                 self.is_cut = True
                 return
             self._start(begin)
 
     def _start(self, begin: Floats) -> None:
         first, problem = not self.starts, self.problem
-        waits = self.options.has_potential and problem.n + problem.C > refine.LARGE
+        waits = self.options.has_potential and problem.n + problem.C > refine.PARAMETERS.large
         if first:
-            self.take(self._nearest(begin, () if waits else refine.ASIDE))
+            self.take(self._nearest(begin, () if waits else refine.PARAMETERS.aside))
         elif problem.K and self.options.pushes:
             self.take(refine.pushed(problem, begin, self.scales))
         sets = (
             self._sets
-            if first or len(self._sets) <= MOST_TOGETHER
+            if first or len(self._sets) <= PARAMETERS.most_together
             else [self._sets[self.starts % len(self._sets)]]
         )
         for closed in sets:
             self._from(begin, closed)
-            if self.spent > BUDGET:
+            if self.spent > PARAMETERS.budget:
                 break
         if first and waits and not self.points:
-            self.take(self._nearest(begin, refine.ASIDE))
+            self.take(self._nearest(begin, refine.PARAMETERS.aside))
         self.starts += 1
 
     def _nearest(self, begin: Floats, asides: Sequence[float]) -> EquilibriumPoint | NoEquilibrium:
@@ -120,7 +144,7 @@ class PointSearch:
         """The work so far: evaluations times the cost of one."""
         unknowns = self.problem.n + self.problem.C + self.problem.K
         # Of many unknowns what one evaluation leads to is mostly sparse algebra.
-        each = unknowns**3 / 50 if unknowns <= newton.DENSE else unknowns**3 / 5000 + 5000.0
+        each = unknowns**3 / 50 if unknowns <= newton.PARAMETERS.dense else unknowns**3 / 5000 + 5000.0
         return self.problem.evaluations * (len(self.problem.times) * each + 1000.0)
 
     def take(self, found: EquilibriumPoint | NoEquilibrium) -> bool:
@@ -144,7 +168,7 @@ class PointSearch:
             return False
         self.points = [known for known in self.points if not self._holds(equations, x, found, size, known)]
         if not size:
-            limit = SAME_OF_FLAT if kind.kind == "degenerate" else ROUNDING
+            limit = PARAMETERS.same_of_flat if kind.kind == "degenerate" else PARAMETERS.rounding
             found = self._tidied(equations, found, limit * self.scales.length)
         self.points.append(FoundPoint(found, kind, size, touching))
         return True
@@ -168,7 +192,8 @@ class PointSearch:
 
     def _is_known(self, found: EquilibriumPoint) -> bool:
         for known in self.points:
-            limit = SAME_OF_FLAT if known.type.kind == "degenerate" and not known.dimension else SAME
+            is_flat = known.type.kind == "degenerate" and not known.dimension
+            limit = PARAMETERS.same_of_flat if is_flat else PARAMETERS.same
             if self.apart(known.point.q, found.q) <= limit:
                 return True
         return False
@@ -223,14 +248,14 @@ class PointSearch:
             return found
         # Not refined: a further step would bring the rounding back.
         tidy = refine.settled(equations, newton.NewtonEnd(begun, 0.0, 0.0))
-        worst = max(found.residual, ROUNDING * self.scales.force)
+        worst = max(found.residual, PARAMETERS.rounding * self.scales.force)
         return tidy if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst else found
 
     def _from(self, begin: Floats, closed: tuple[int, ...]) -> None:
         """All ways out from one start with these contacts closed."""
         self.take(refine.reached(self.problem, begin, closed, self.scales))
         equations = RestEquations(self.problem, closed, self.scales)
-        is_large = equations.size > MOST_UNKNOWNS
+        is_large = equations.size > PARAMETERS.most_unknowns
         if self.options.has_potential and not (is_large and self.starts):
             for sign in (1.0,) if is_large else (1.0, -1.0):
                 place = surface_descent.lowest(equations, begin, sign)
@@ -239,14 +264,14 @@ class PointSearch:
         if is_large:
             return
         self._along_path(equations, begin)
-        if self._vain >= MOST_VAIN:
+        if self._vain >= PARAMETERS.most_vain:
             return
-        for _ in range(ROUNDS):
+        for _ in range(PARAMETERS.rounds):
             known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
             x = refine.begun(equations, begin)
             if not known or x is None:
                 return
-            end = newton.solve(DeflatedEquations(equations, known, self.options.angles), x, DAMPED)
+            end = newton.solve(DeflatedEquations(equations, known, self.options.angles), x, PARAMETERS.damped)
             self._vain += 1
             if end is None or not np.isfinite(end.x).all() or equations(end.x) is None:
                 return
@@ -258,7 +283,7 @@ class PointSearch:
     def _along_path(self, equations: RestEquations, begin: Floats) -> None:
         """The points on the path of a homotopy from one start."""
         x = refine.begun(equations, begin)
-        if x is None or self.starts >= PATHS:
+        if x is None or self.starts >= PARAMETERS.paths:
             return
         for place in homotopy.near_zeros(equations, x):
             if equations(place) is not None:
@@ -273,7 +298,7 @@ class PointSearch:
         for _ in range(min(problem.K, problem.n)):
             layer = [(*one, k) for one in layer for k in range(one[-1] + 1 if one else 0, problem.K)]
             for one in layer:
-                if count >= MOST_SETS:
+                if count >= PARAMETERS.most_sets:
                     self.is_cut = True
                     return
                 count += 1
@@ -285,7 +310,7 @@ class PointSearch:
         random = np.random.default_rng(self.options.seed)
         angles = np.array(self.options.angles, dtype=bool)
         for number in range(count):
-            spread = SPREAD[number % len(SPREAD)] * self.scales.length
+            spread = PARAMETERS.spread[number % len(PARAMETERS.spread)] * self.scales.length
             centre = problem.begin if number % 2 else np.zeros(problem.n)
             q = centre + spread * random.standard_normal(problem.n)
             q[angles] = random.uniform(-np.pi, np.pi, int(angles.sum()))

@@ -22,9 +22,25 @@ from lagcli.compiled.program import Program
 
 Floats = npt.NDArray[np.float64]
 
-# Digits of a number that somebody wrote, and sizes beyond which no equation is treated.
-WRITTEN_DIGITS, ROUNDINGS = 12, 2
-MOST_TERMS, MOST_DEGREE, MOST_TURNS = 400, 14, 6
+
+class PolynomialParameters:
+    """Sizes beyond which equations are not taken for polynomials."""
+
+    __slots__ = ()
+
+    written_digits: int = 12
+    """Digits of a number that somebody wrote: 0.1 is 1/10."""
+    roundings: int = 2
+    """Units of the last place by which a number may differ from these digits."""
+    most_terms: int = 400
+    """Terms of a numerator or denominator."""
+    most_degree: int = 14
+    """Their total degree."""
+    most_turns: int = 6
+    """Whole multiples of an angle, each of which raises the degree."""
+
+
+PARAMETERS = PolynomialParameters()
 
 
 class NotPolynomial(Exception):
@@ -112,8 +128,8 @@ def equations(program: Program, unknowns: int, parameters: Floats, budget: int) 
 
 def exact(value: float) -> Fraction:
     """A number as it was written, or computed of such numbers. Raises `NotPolynomial` for one that nobody wrote."""
-    text = f"{value:.{WRITTEN_DIGITS - 1}e}"
-    if not math.isfinite(value) or abs(float(text) - value) > ROUNDINGS * math.ulp(value):
+    text = f"{value:.{PARAMETERS.written_digits - 1}e}"
+    if not math.isfinite(value) or abs(float(text) - value) > PARAMETERS.roundings * math.ulp(value):
         raise NotPolynomial("it holds a number that is not exact")
     return Fraction(text)
 
@@ -237,7 +253,8 @@ class _Translation:
 
     def _quotient(self, above: PolyElement, below: PolyElement) -> Quotient:
         for part in (above, below):
-            if len(part) > MOST_TERMS or (part and max(map(sum, part.itermonoms())) > MOST_DEGREE):
+            degree = max(map(sum, part.itermonoms()), default=0)
+            if len(part) > PARAMETERS.most_terms or degree > PARAMETERS.most_degree:
                 raise NotPolynomial("its polynomials are too large")
         if below.is_ground:
             return Quotient(above * (1 / QQ.convert(below.LC)), self._one)
@@ -260,7 +277,7 @@ class _Translation:
             return self._power(
                 self._root(a), Quotient(self._ring.ground_new(QQ(number.numerator)), self._one)
             )
-        if number.denominator != 1 or abs(number) > MOST_DEGREE:
+        if number.denominator != 1 or abs(number) > PARAMETERS.most_degree:
             raise NotPolynomial("it holds a power that is not whole")
         whole = int(number)
         if whole < 0:
@@ -290,7 +307,7 @@ class _Translation:
         s, c = self._ring.zero, self._one
         for powers, factor in (a.above * (1 / QQ.convert(a.below.LC))).terms():
             turns = Fraction(str(factor))
-            if sum(powers) != 1 or turns.denominator != 1 or abs(turns) > MOST_TURNS:
+            if sum(powers) != 1 or turns.denominator != 1 or abs(turns) > PARAMETERS.most_turns:
                 raise NotPolynomial("it holds a sine of something else than whole angles")
             angle = powers.index(1)
             if angle not in self._angles:

@@ -15,14 +15,27 @@ from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 
-# Of the residual, as a part of its terms, and of the last Newton step, as a part of the unknowns.
-BALANCED, SETTLED = 1e-9, 1e-5
-# A contact of which g and lambda are this small is closed and carries nothing.
-CLOSED = 1e-9
-# Sets of closed contacts that are tried in turn, and starts aside.
-CHANGES, ASIDE = 12, (0.003, 0.03, 0.1, 0.3)
-# Above so many unknowns a search costs so much that the starts aside wait until the way downhill has failed.
-LARGE = 60
+
+class RefineParameters:
+    """Numbers of the refinement of a point; parts are of no unit."""
+
+    __slots__ = ()
+
+    balanced: float = 1e-9
+    """What is left of the forces, as a part of its terms."""
+    settled: float = 1e-5
+    """The last Newton step, as a part of the unknowns: 1e-8 where a zero is double."""
+    closed: float = 1e-9
+    """A contact of which g and lambda are this small is closed and carries nothing."""
+    changes: int = 12
+    """Sets of closed contacts that are tried in turn."""
+    aside: tuple[float, ...] = (0.003, 0.03, 0.1, 0.3)
+    """How far starts beside the first one lie, as parts of the size of things."""
+    large: int = 60
+    """Above so many unknowns a search costs so much that the starts aside wait until the way downhill has failed."""
+
+
+PARAMETERS = RefineParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +58,7 @@ class NoEquilibrium:
 
 
 def nearest_equilibrium(
-    problem: StaticProblem, begin: Floats, asides: Sequence[float] = ASIDE
+    problem: StaticProblem, begin: Floats, asides: Sequence[float] = PARAMETERS.aside
 ) -> EquilibriumPoint | NoEquilibrium:
     """The point of rest reached from a configuration: by damped Newton steps, and from beside it where these fail.
 
@@ -95,7 +108,7 @@ def settled(equations: RestEquations, found: NewtonEnd) -> EquilibriumPoint | No
     residual = largest(problem, q, lam, equations.acting)
     closed = tuple(equations.acting)
     point = EquilibriumPoint(q.copy(), lam, closed, residual)
-    good = found.step <= SETTLED and equations.unbalanced(found.x) <= BALANCED
+    good = found.step <= PARAMETERS.settled and equations.unbalanced(found.x) <= PARAMETERS.balanced
     if good and holds_later(problem, q, closed, equations.scales):
         return point
     return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
@@ -128,12 +141,12 @@ def holds_later(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scal
 def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> EquilibriumPoint | NoEquilibrium:
     """The point that a configuration leads to with contacts that push."""
     values = problem.at(problem.t, begin, problem.nothing)
-    near = np.flatnonzero(values.g <= CLOSED * scales.contacts * scales.length)
+    near = np.flatnonzero(values.g <= PARAMETERS.closed * scales.contacts * scales.length)
     guesses = [_complementary(problem, begin, scales), (begin, tuple(near.tolist())), (begin, ())]
     best: EquilibriumPoint | NoEquilibrium = NoEquilibrium(np.inf, begin)
     for place, closed in guesses:
         tried: set[tuple[int, ...]] = set()
-        while closed not in tried and len(tried) < CHANGES:
+        while closed not in tried and len(tried) < PARAMETERS.changes:
             tried.add(closed)
             found = reached(problem, place, closed, scales)
             if isinstance(found, NoEquilibrium):
@@ -150,8 +163,8 @@ def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) 
     """The contacts that pull at a point, and the open ones behind whose surface it lies."""
     values = problem.at(problem.t, point.q, point.lam)
     lam = point.lam[problem.C :]
-    pulling = {k for k in point.closed if lam[k] * scales.contacts[k] < -CLOSED * scales.force}
-    limits = CLOSED * scales.contacts * scales.length
+    pulling = {k for k in point.closed if lam[k] * scales.contacts[k] < -PARAMETERS.closed * scales.force}
+    limits = PARAMETERS.closed * scales.contacts * scales.length
     below = {k for k in range(problem.K) if k not in point.closed and not values.g[k] >= -limits[k]}
     return pulling, below
 
@@ -159,7 +172,7 @@ def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) 
 def touching(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
     """The contacts that touch at a point, those that carry nothing included."""
     g = problem.at(problem.t, found.q, found.lam).g
-    near = np.flatnonzero(g <= CLOSED * scales.contacts * scales.length)
+    near = np.flatnonzero(g <= PARAMETERS.closed * scales.contacts * scales.length)
     return tuple(sorted({*found.closed, *near.tolist()}))
 
 

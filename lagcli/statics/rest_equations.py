@@ -15,7 +15,7 @@ from lagcli.statics.static_problem import StaticProblem, Values
 
 Floats = npt.NDArray[np.float64]
 
-TINY = 1e-300
+TINY = 1e-300  # for what is divided by, so that zero over zero is zero
 # A residual of this part of the terms that make it up is none.
 ZERO = 1e-9
 

@@ -9,7 +9,7 @@ from lagcli.contact import load_sharing
 
 Floats = npt.NDArray[np.float64]
 
-RANK = 1e-9
+RANK = 1e-9  # of rows of length one: singular values below it belong to dependent rows
 
 
 def least(rows: Floats, force: Floats, lengths: Floats) -> Floats:

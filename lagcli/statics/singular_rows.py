@@ -16,8 +16,28 @@ from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 
-MOST_COORDINATES, TRIES, DAMPED, MOST_TOLD = 12, 12, 80, 4
-ZERO, NEAR = 1e-10, 3e-4
+
+class DependenceParameters:
+    """Numbers of the search for places where gradients depend on each other."""
+
+    __slots__ = ()
+
+    most_coordinates: int = 12
+    """Of more coordinates no such places are looked for: starts at random find none in so many dimensions."""
+    tries: int = 12
+    """Starts at random, beside the start of the model."""
+    damped: int = 80
+    """Damped steps of each."""
+    most_told: int = 4
+    """Places that a note names; of more it tells the number."""
+    zero: float = 1e-10
+    """The residual of a place, of rows of length one."""
+    near: float = 3e-4
+    """Such zeros are double, and found to the root of rounding: coordinates of this part of the size of things are
+    zero, and places closer than ten times it are one."""
+
+
+PARAMETERS = DependenceParameters()
 
 
 class DependentGradients:
@@ -46,7 +66,7 @@ class DependentGradients:
 def places(search: PointSearch) -> list[Floats]:
     """Configurations on the surface where rows that are independent elsewhere depend on each other."""
     problem, scales = search.problem, search.scales
-    if not problem.C or problem.n > MOST_COORDINATES or len(problem.times) > 1:
+    if not problem.C or problem.n > PARAMETERS.most_coordinates or len(problem.times) > 1:
         return []
     random = np.random.default_rng(search.options.seed + 1)
     rows = _independent(problem, scales.length, random)
@@ -55,18 +75,20 @@ def places(search: PointSearch) -> list[Floats]:
     equations = DependentGradients(problem, rows, lengths, scales.conditions)
     found: list[Floats] = []
     begins = [problem.begin, *(one.point.q for one in search.points if not one.type.unique)]
-    begins += [problem.begin + scales.length * random.standard_normal(problem.n) for _ in range(TRIES)]
+    begins += [
+        problem.begin + scales.length * random.standard_normal(problem.n) for _ in range(PARAMETERS.tries)
+    ]
     for begin in begins:
         mu = random.standard_normal(len(rows))
-        end = newton.solve(equations, np.concatenate([begin, mu / np.linalg.norm(mu)]), DAMPED)
-        if end is None or not end.residual <= ZERO or not np.isfinite(end.x).all():
+        end = newton.solve(equations, np.concatenate([begin, mu / np.linalg.norm(mu)]), PARAMETERS.damped)
+        if end is None or not end.residual <= PARAMETERS.zero or not np.isfinite(end.x).all():
             continue
         q = end.x[: problem.n]
-        q = np.where(np.abs(q) <= NEAR * scales.length, 0.0, q)
+        q = np.where(np.abs(q) <= PARAMETERS.near * scales.length, 0.0, q)
         again = equations(np.concatenate([q, end.x[problem.n :]]))
-        if again is None or np.linalg.norm(again[0]) > NEAR:
+        if again is None or np.linalg.norm(again[0]) > PARAMETERS.near:
             q = end.x[: problem.n]
-        if not any(search.apart(q, other) <= 10 * NEAR for other in found):
+        if not any(search.apart(q, other) <= 10 * PARAMETERS.near for other in found):
             found.append(q)
     return found
 
@@ -86,12 +108,12 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
     """Sentences on such places; `value`: the function that is asked for."""
     told = []
     found = places(search)
-    for q in found[:MOST_TOLD]:
+    for q in found[: PARAMETERS.most_told]:
         where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, q, strict=True))
         told.append(
             f"at {where} the gradients of the rows depend on each other: the multiplier rule need not hold there, and"
             f" it may be an extreme without lambda ({value} = {search.problem.value(q):.9g})"
         )
-    if len(found) > MOST_TOLD:
+    if len(found) > PARAMETERS.most_told:
         told.append("there are more such places")
     return told

@@ -11,13 +11,30 @@ from lagcli.statics.static_problem import StaticProblem, Values
 
 Floats = npt.NDArray[np.float64]
 
-MOST_STEPS, HALVINGS, STRIDE = 80, 12, 0.5
-# A slope of this part of the forces is the bottom, for Newton's steps to go on.
-LEVEL, ENOUGH = 1e-5, 1e-4
-# The part of the largest curvature below which one is not taken for more. A chain of n links has curvatures down to
-# about 1/n^2 of the largest: with more it would go down in hundreds of steps.
-FLAT = 1e-7
-FAR = 1e3  # sizes of things: downhill for ever
+
+class DescentParameters:
+    """Numbers of the way downhill; parts are of no unit."""
+
+    __slots__ = ()
+
+    most_steps: int = 80
+    """Steps of one way: Newton's steps go on from wherever it ends."""
+    halvings: int = 12
+    """Halvings of one step until it goes down: it is then 1/4096 of the size of things."""
+    stride: float = 0.5
+    """The longest step, as a part of the size of things: farther off the curvatures say nothing."""
+    level: float = 1e-5
+    """A slope of this part of the forces is the bottom, for Newton's steps to go on."""
+    enough: float = 1e-4
+    """The part of the slope by which a step must go down (Armijo)."""
+    flat: float = 1e-7
+    """The part of the largest curvature below which one is not taken for more. A chain of n links has curvatures
+    down to about 1/n^2 of the largest: with more it would go down in hundreds of steps."""
+    far: float = 1e3
+    """Sizes of things: what goes down farther goes down for ever."""
+
+
+PARAMETERS = DescentParameters()
 
 
 class SurfaceConditions:
@@ -61,18 +78,18 @@ def lowest(equations: RestEquations, q: Floats, sign: float) -> Floats | None:
     if place is None:
         return None
     height = sign * problem.value(place)
-    for _ in range(MOST_STEPS):
+    for _ in range(PARAMETERS.most_steps):
         step, slope = _step(equations, place, sign)
-        if float(np.abs(place).max(initial=0.0)) > FAR * scales.length:
+        if float(np.abs(place).max(initial=0.0)) > PARAMETERS.far * scales.length:
             return None
-        if step is None or slope <= LEVEL * scales.force * scales.length:
+        if step is None or slope <= PARAMETERS.level * scales.force * scales.length:
             break
         length = float(np.linalg.norm(step))
-        part = min(1.0, STRIDE * scales.length / length) if length else 1.0
-        for _ in range(HALVINGS):
+        part = min(1.0, PARAMETERS.stride * scales.length / length) if length else 1.0
+        for _ in range(PARAMETERS.halvings):
             there = onto(problem, place + part * step, closed, scales)
             lower = np.inf if there is None else sign * problem.value(there)
-            if there is not None and lower < height - ENOUGH * part * slope:
+            if there is not None and lower < height - PARAMETERS.enough * part * slope:
                 place, height = there, lower
                 break
             part /= 2
@@ -98,9 +115,10 @@ def _step(equations: RestEquations, q: Floats, sign: float) -> tuple[Floats | No
     H = -sign * Z.T @ values.K @ Z
     curvatures, axes = np.linalg.eigh((H + H.T) / 2)
     length = equations.scales.length
-    least = FLAT * max(np.abs(curvatures).max(), equations.scales.force / length)
+    least = PARAMETERS.flat * max(np.abs(curvatures).max(), equations.scales.force / length)
     downhill = axes.T @ (sign * Z.T @ values.F)
     # One axis that is nearly flat must not shorten the step along all others.
-    along = np.clip(downhill / np.maximum(np.abs(curvatures), least), -STRIDE * length, STRIDE * length)
+    longest = PARAMETERS.stride * length
+    along = np.clip(downhill / np.maximum(np.abs(curvatures), least), -longest, longest)
     step: Floats = Z @ (axes @ along)
     return step, float(downhill @ along)

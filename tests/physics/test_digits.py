@@ -83,7 +83,9 @@ def ratios(name, rtol):
         values = np.array([run[column] for column in columns]).T
         error = np.maximum.accumulate(np.abs(values[at] - expected).max(axis=1))
         scale = np.maximum.accumulate(np.abs(values).max(axis=1))[at]
-        found += (run[f"err.{kind}"][at] / np.maximum(error, error_estimate.FLOOR * scale)).tolist()
+        found += (
+            run[f"err.{kind}"][at] / np.maximum(error, error_estimate.PARAMETERS.floor * scale)
+        ).tolist()
     return found
 
 
@@ -141,7 +143,7 @@ def test_every_row_of_the_first_steps_has_its_error(name):
         columns = [prefix + name for name in names]
         gap = np.maximum.accumulate(np.max([np.abs(run[c] - better[c]) for c in columns], axis=0))
         scale = np.maximum.accumulate(np.max([np.abs(run[c]) for c in columns], axis=0))
-        assert (run[f"err.{kind}"] >= np.maximum(gap, error_estimate.FLOOR * scale) / 3).all()
+        assert (run[f"err.{kind}"] >= np.maximum(gap, error_estimate.PARAMETERS.floor * scale) / 3).all()
 
 
 def test_the_rest_of_the_table_is_what_it_is_without():

@@ -25,5 +25,5 @@ def test_a_path_leads_to_what_all_else_has_missed(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(all_zeros, "complete", lambda search: Completeness(False, "left out"))
     found = lagcli.stationary(lagcli.loads(MODEL), QUARTIC)
     assert [point.value for point in found] == pytest.approx([point.value for point in proved], abs=1e-9)
-    monkeypatch.setattr(point_search, "PATHS", 0)
+    monkeypatch.setattr(point_search.SearchParameters, "paths", 0)
     assert len(lagcli.stationary(lagcli.loads(MODEL), QUARTIC)) < 5

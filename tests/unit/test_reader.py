@@ -125,7 +125,7 @@ def test_settings_have_the_defaults_of_the_format() -> None:
     declared = {key.name: key.default for key in keys.FORMAT.key("simulation").keys if key.default}
     # The default of atol is no number: it follows the motion.
     assert default.atol is None
-    assert declared.pop("atol") == f"{step_tolerance.DEFAULT:g} of the sizes of the motion"
+    assert declared.pop("atol") == f"{step_tolerance.PARAMETERS.default:g} of the sizes of the motion"
     assert {name: str(getattr(default, name)).removesuffix(".0").lower() for name in declared} == declared
 
 

@@ -24,18 +24,45 @@ from lagcli.linear.metric_rows import MetricRows, Sparse
 
 Floats = npt.NDArray[np.float64]
 
-# How far one flow leads, in parts of the size of the coordinates and of the duration, how often it is shortened, and
-# by which factor.
-STEP, LATER, SHORTER, FACTOR = 0.1, 0.01, 8, 4
-# Substeps of the midpoint rule that are extrapolated; what the last two columns may differ by, in parts of the step.
-# Where the first FEW differ by more than HOPELESS, the others would not come down to it.
-FEW, HOPELESS = 3, 1e-3
-SUBSTEPS, CONVERGED, ROUGHLY = (2, 4, 6, 8, 10, 12, 14, 16), 1e-12, 1e-5
-# Newton's steps back to f = 0 must become shorter by this, and end at rounding, in parts of the size.
-STEPS, CONTRACTS, MET, STALLED = 10, 0.9, 1e-13, 1e-9
-SEED = 20062
-# Points of a flow at which it is looked at whether it stays on its piece.
-LOOKS = 32
+
+class FlowParameters:
+    """Flows along the fields of the rows; parts are of the sizes of the coordinates."""
+
+    __slots__ = ()
+
+    step: float = 0.1
+    """How far one flow leads."""
+    later: float = 0.01
+    """How long one lasts, as a part of the duration."""
+    shorter: int = 8
+    """How often it is shortened."""
+    factor: int = 4
+    """By which factor."""
+    few: int = 3
+    """Where the first so many extrapolations differ by more than `hopeless`, the others would not come down to it."""
+    hopeless: float = 1e-3
+    """That difference, as a part of the step."""
+    substeps: tuple[int, ...] = (2, 4, 6, 8, 10, 12, 14, 16)
+    """Substeps of the midpoint rule that are extrapolated."""
+    converged: float = 1e-12
+    """What the last two columns may differ by, as a part of the step."""
+    roughly: float = 1e-5
+    """A flow that has come no closer than this is none."""
+    steps: int = 10
+    """Newton's steps back to f = 0."""
+    contracts: float = 0.9
+    """They must become shorter by this."""
+    met: float = 1e-13
+    """And end at rounding, as a part of the size."""
+    stalled: float = 1e-9
+    """Or, where they stall, at this."""
+    seed: int = 20062
+    """Of random directions: a fixed one, so that a verdict does not change."""
+    looks: int = 32
+    """Points of a flow at which it is looked at whether it stays on its piece."""
+
+
+PARAMETERS = FlowParameters()
 
 Field = Callable[[Floats], Floats | None]
 
@@ -45,7 +72,7 @@ class ReachablePlaces:
 
     def __init__(self, block: RowBlock, duration: float, deadline: float) -> None:
         self._block, self._deadline, self._duration = block, deadline, duration
-        self._random = np.random.default_rng(SEED)
+        self._random = np.random.default_rng(PARAMETERS.seed)
 
     def from_place(self, place: EvaluationPoint) -> EvaluationPoint | None:
         """The place at the end of a flow along a random field of the kernel of the rows, or None.
@@ -70,21 +97,25 @@ class ReachablePlaces:
         # Time goes on.
         sign = -1.0 if self._block.has_time and first[-1] < 0 else 1.0
         best = EvaluationPoint(self._block, place.x, place.p, math.inf)
-        for k in range(SHORTER):
+        for k in range(PARAMETERS.shorter):
             undecided.require_time(self._deadline)
-            scale = sign * ranges / largest / FACTOR**k
+            scale = sign * ranges / largest / PARAMETERS.factor**k
             if self._leaves(along, place, scale):
                 continue
             x, error = _flow(along, place.x, scale)
-            there = met(self._block, x, place.p, size) if error <= ROUGHLY and error < best.error else None
+            there = (
+                met(self._block, x, place.p, size)
+                if error <= PARAMETERS.roughly and error < best.error
+                else None
+            )
             if there is not None and there.is_finite:
                 best = EvaluationPoint(self._block, there.x, place.p, error)
-            if best.error <= CONVERGED:
+            if best.error <= PARAMETERS.converged:
                 break
         # The rounding of large terms may allow no more.
         return (
             EvaluationPoint(self._block, best.x, place.p, max(best.error, place.error))
-            if best.error <= ROUGHLY
+            if best.error <= PARAMETERS.roughly
             else None
         )
 
@@ -93,18 +124,18 @@ class ReachablePlaces:
         pieces = self._block.pieces
         if not pieces.count:
             return False
-        path = _path(along, place.x, scale, LOOKS)
+        path = _path(along, place.x, scale, PARAMETERS.looks)
         return path is None or pieces.end_between(np.array(path), place.p)
 
     def _ranges(self, place: EvaluationPoint) -> Floats:
         """The range of each variable (N,): as far as its kind is large, and angles less than one."""
         n = len(self._block.columns)
-        found = np.full(self._block.size, LATER * self._duration)
+        found = np.full(self._block.size, PARAMETERS.later * self._duration)
         values = np.abs(place.x[:n])
         least = min(float(values.max(initial=0.0)) or 1.0, 1.0)
         of_kind = np.full(int(self._block.kinds.max(initial=0)) + 1, least)
         np.maximum.at(of_kind, self._block.kinds[:n], values)
-        found[:n] = STEP * of_kind[self._block.kinds[:n]]
+        found[:n] = PARAMETERS.step * of_kind[self._block.kinds[:n]]
         return found
 
 
@@ -125,18 +156,18 @@ def _flow(along: Field, x: Floats, scale: Floats) -> tuple[Floats, float]:
     of the scale, infinite where there is no value on the way."""
     table: list[Floats] = []
     error = math.inf
-    for k, count in enumerate(SUBSTEPS):
+    for k, count in enumerate(PARAMETERS.substeps):
         end = _midpoint(along, x, scale, count)
         if end is None:
             return x, math.inf
         row = [end]
         for j in range(1, k + 1):
-            factor = (count / SUBSTEPS[k - j]) ** 2
+            factor = (count / PARAMETERS.substeps[k - j]) ** 2
             row.append(row[-1] + (row[-1] - table[j - 1]) / (factor - 1.0))
         if k:
             error = float(np.abs((row[-1] - row[-2]) / scale).max(initial=0.0))
         table = row
-        if error <= CONVERGED or (k + 1 == FEW and error > HOPELESS):
+        if error <= PARAMETERS.converged or (k + 1 == PARAMETERS.few and error > PARAMETERS.hopeless):
             break
     return table[-1], error
 
@@ -162,16 +193,16 @@ def met(block: RowBlock, x: Floats, p: Floats, size: float) -> EvaluationPoint |
     """The place on f = 0 that a few Newton steps in the coordinates reach from x, or None; size: that of x."""
     n, s = len(block.columns), len(block.holonomic)
     before = math.inf
-    for _ in range(STEPS):
+    for _ in range(PARAMETERS.steps):
         A, f = block.rows(x, p)
         if not (np.isfinite(A.nonzeros()).all() and np.isfinite(f.nonzeros()).all()):
             return None
         step = MetricRows(A[:s, :n], Metric.unit(n)).correction(np.array(f).ravel())
         length = float(np.abs(step).max(initial=0.0))
         # Of many rows the last steps end at a rounding of their own.
-        if length <= MET * size or before <= length <= STALLED * size:
+        if length <= PARAMETERS.met * size or before <= length <= PARAMETERS.stalled * size:
             return EvaluationPoint(block, x, p)
-        if not length < before * CONTRACTS:
+        if not length < before * PARAMETERS.contracts:
             return None
         x, before = np.append(x[:n] + step, x[n:]), length
     return None

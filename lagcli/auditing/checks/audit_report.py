@@ -12,7 +12,7 @@ from lagcli.auditing.evidence.autodiff import Array
 from lagcli.model import notebook_html
 
 Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]
-NAMED = 12
+NAMED = 12  # places that a check names, the worst
 NEARLY_ALL = (
     0.9  # of the entries must be judged before a check says `pass`: kinks may leave the rows around them open
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lagcli.auditing.evidence.tolerances import Evidence
 
-SHOWN = 6
+SHOWN = 6  # names of rows in a sentence
 
 
 def sentences(e: Evidence) -> tuple[str, ...]:

@@ -17,18 +17,41 @@ import numpy as np
 
 from lagcli.auditing.evidence.autodiff import Array
 
-# Rows of a stencil, the narrowest first: wider ones have less truncation and more noise.
-WIDTHS = (5, 7, 9, 11, 13)
-REACH = 4  # rows on either side within which a truncation counts
-GAUSS = 6  # nodes of the quadrature of an interpolant of 12 rows, of which it is exact
-BLOCK = 64  # rows
-CAUTION = 8.0  # times the difference of two stencils
-LAST = 0.1  # of the difference before that of two stencils counts: one may vanish by chance
-ONE_SIDED = 6.0  # times that where they do not stand around the row
-CONVERGING = 0.5  # the next stencil must come closer by that factor, or ...
-SMOOTH = 1e-6  # ... both differences be that part of the slopes around
-ROUGH, AROUND = 8, 6  # the order of differences that show a kink; rows on either side from which it is felt
-KINKED, KINKED_END = 0.1, 1.5
+
+class StencilParameters:
+    """Slopes and integrals from the rows of a table, with what they are known to."""
+
+    __slots__ = ()
+
+    widths: tuple[int, ...] = (5, 7, 9, 11, 13)
+    """Rows of a stencil, the narrowest first: wider ones have less truncation and more noise."""
+    reach: int = 4
+    """Rows on either side within which a truncation counts."""
+    gauss: int = 6
+    """Nodes of the quadrature of an interpolant of 12 rows, of which it is exact."""
+    block: int = 64
+    """Rows at a time."""
+    caution: float = 8.0
+    """Times the difference of two stencils: the limit."""
+    last: float = 0.1
+    """Of the difference before that of two stencils counts: one may vanish by chance."""
+    one_sided: float = 6.0
+    """Times the limit where they do not stand around the row."""
+    converging: float = 0.5
+    """The next stencil must come closer by that factor, or both differences be `smooth`."""
+    smooth: float = 1e-6
+    """That part of the slopes around."""
+    rough: int = 8
+    """The order of differences that show a kink."""
+    around: int = 6
+    """Rows on either side from which it is felt."""
+    kinked: float = 0.1
+    """The weight of such differences in a limit."""
+    kinked_end: float = 1.5
+    """The same at the ends of the table."""
+
+
+PARAMETERS = StencilParameters()
 """Of the differences of order 8 of rates: what the derivative of what they are the rates of may be off by at a kink.
 
 A jump J makes differences of 35 J and an error of J/2; a kink 20 and 1/10 of its change over a step, a jump of the
@@ -63,7 +86,7 @@ class DifferenceGrid:
     def _stencils(self) -> list[tuple[Array, Array]]:
         """Places (T, S) and weights (T, S) of d/dt, by width; narrower than the table."""
         found = []
-        for width in WIDTHS:
+        for width in PARAMETERS.widths:
             if width <= len(self.t):
                 places = self._around(np.arange(len(self.t)) - width // 2, width)
                 found.append((places, _weights(self.t[places] - self.t[:, None])[1]))
@@ -81,9 +104,11 @@ class DifferenceGrid:
             found = _combined(places, weights, y)
             if narrower is not None:
                 now = np.abs(found - narrower)
-                wrong = CAUTION * widest(np.maximum(now, LAST * before), REACH)
+                wrong = PARAMETERS.caution * widest(
+                    np.maximum(now, PARAMETERS.last * before), PARAMETERS.reach
+                )
                 before = now
-                wrong[places[:, 0] != np.arange(len(y)) - places.shape[1] // 2] *= ONE_SIDED
+                wrong[places[:, 0] != np.arange(len(y)) - places.shape[1] // 2] *= PARAMETERS.one_sided
                 sizes = np.abs(weights)
                 if noise.ndim == 1:
                     spread = sizes.sum(axis=1)[:, None] * noise
@@ -103,9 +128,9 @@ class DifferenceGrid:
         for places, weights in self._stencils[-3:]:
             slopes.append(_combined(places, weights, y))
             spread = np.abs(weights).sum(axis=1)[:, None] * noise
-        before, now = (widest(np.abs(b - a), REACH) for a, b in itertools.pairwise(slopes))
-        small = np.maximum(SMOOTH * widest(np.abs(slopes[-1]), 2 * REACH), spread)
-        return np.asarray((now <= CONVERGING * before) | (np.maximum(now, before) <= small))
+        before, now = (widest(np.abs(b - a), PARAMETERS.reach) for a, b in itertools.pairwise(slopes))
+        small = np.maximum(PARAMETERS.smooth * widest(np.abs(slopes[-1]), 2 * PARAMETERS.reach), spread)
+        return np.asarray((now <= PARAMETERS.converging * before) | (np.maximum(now, before) <= small))
 
     def integral(self, y: Array, noise: Array) -> Estimate:
         """The integrals of columns y (T, k), known to `noise`, from the first row to each; the noise is that of sums.
@@ -116,9 +141,9 @@ class DifferenceGrid:
         if len(self.t) > 1:
             sums = [_combined(places, weights, y, about=False) for places, weights in self._quadrature]
             increments = sums[0]
-            wrong = np.maximum(np.abs(sums[0] - sums[1]), LAST * np.abs(sums[1] - sums[2]))
-            wrong = CAUTION * widest(wrong, REACH)
-            wrong[self._is_one_sided] *= ONE_SIDED
+            wrong = np.maximum(np.abs(sums[0] - sums[1]), PARAMETERS.last * np.abs(sums[1] - sums[2]))
+            wrong = PARAMETERS.caution * widest(wrong, PARAMETERS.reach)
+            wrong[self._is_one_sided] *= PARAMETERS.one_sided
             clear = self.resolved(y, noise)
             wrong = np.where(clear[1:] & clear[:-1], wrong, np.maximum(wrong, self._unresolved(y)))
         begin = np.zeros((1, y.shape[1]))
@@ -152,7 +177,7 @@ class DifferenceGrid:
         show the kink, of y and of its rates alike; what one of them alone shows is an error of the table and excuses
         nothing.
         """
-        order = min(ROUGH, len(self.t) - 3)
+        order = min(PARAMETERS.rough, len(self.t) - 3)
         if order < 2:
             return np.zeros(rate.shape)
         steps = np.lib.stride_tricks.sliding_window_view(self._steps, order + 1).max(axis=1)[:, None]
@@ -163,11 +188,11 @@ class DifferenceGrid:
 
     def _felt(self, found: Array, order: int) -> Array:
         """Of differences of an order at each row the largest that its stencils may feel."""
-        weights = np.full(len(found), KINKED)
-        weights[: order // 2] = weights[-(order // 2) :] = KINKED_END
+        weights = np.full(len(found), PARAMETERS.kinked)
+        weights[: order // 2] = weights[-(order // 2) :] = PARAMETERS.kinked_end
         centred = np.zeros((len(self.t), found.shape[1]))
         centred[order // 2 : order // 2 + len(found)] = np.abs(found) * weights[:, None]
-        return widest(centred, AROUND)
+        return widest(centred, PARAMETERS.around)
 
     @functools.cached_property
     def _nearest(self) -> Array:
@@ -184,15 +209,15 @@ class DifferenceGrid:
     @functools.cached_property
     def _quadrature(self) -> list[tuple[Array, Array]]:
         """Places and weights (T - 1, S) of the integral over each step, by three widths, the widest first."""
-        nodes, shares = np.polynomial.legendre.leggauss(GAUSS)
+        nodes, shares = np.polynomial.legendre.leggauss(PARAMETERS.gauss)
         found: list[tuple[Array, Array]] = []
-        widest = min(2 * GAUSS, len(self.t))
+        widest = min(2 * PARAMETERS.gauss, len(self.t))
         for width in (widest, max(1, widest - 2), max(1, widest - 4)):
             places = self._around(np.arange(len(self.t) - 1) - (width - 1) // 2, width)
             at = self.t[:-1] + self._steps * (1 + nodes[:, None]) / 2
             values = _weights((self.t[places] - at[:, :, None]).reshape(-1, width))[0]
             weights = np.zeros(places.shape)
-            for share, value in zip(shares, values.reshape(GAUSS, *places.shape), strict=True):
+            for share, value in zip(shares, values.reshape(PARAMETERS.gauss, *places.shape), strict=True):
                 weights += share / 2 * self._steps[:, None] * value
             found.append((places, weights))
         return found
@@ -208,8 +233,8 @@ def _combined(places: Array, weights: Array, y: Array, about: bool = True) -> Ar
     The places of a row ascend.
     """
     found = np.empty((len(places), y.shape[1]))
-    for start in range(0, len(places), BLOCK):
-        rows = slice(start, start + BLOCK)
+    for start in range(0, len(places), PARAMETERS.block):
+        rows = slice(start, start + PARAMETERS.block)
         taken = places[rows]
         low, high = int(taken[:, 0].min()), int(taken[:, -1].max()) + 1
         band = np.zeros((len(taken), high - low))

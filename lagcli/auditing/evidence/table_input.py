@@ -11,7 +11,7 @@ from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.model import model as nouns
 
-SHOWN = 8
+SHOWN = 8  # missing columns that a message names
 ENERGY = "energy"  # the column that every table has
 
 

@@ -14,7 +14,7 @@ from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import render_latex, render_mathml, render_text
 from lagcli.output.report import latex_text
 
-WIDTH = 100
+WIDTH = 100  # columns where there is no terminal
 # Sides wider than this do not push the others of their section to the right.
 WIDEST_LEFT = 22
 # No line is broken before so many characters.

@@ -12,7 +12,7 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 RUNGS = 2  # a decade
-MOST_RUNGS = 200
+MOST_RUNGS = 200  # runs of one comparison
 # A ladder ends where what its run is uncertain by is more than this part of its error.
 UNCERTAIN = 0.1
 

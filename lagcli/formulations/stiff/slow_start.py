@@ -15,7 +15,7 @@ from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
-MOST_STEPS, ARRIVED = 60, 1e-15
+MOST_STEPS, ARRIVED = 60, 1e-15  # Newton's steps to the slow start, and the part of its size that is rounding
 
 
 class NoSlowStartError(ValueError):

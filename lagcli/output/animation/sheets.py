@@ -11,7 +11,7 @@ Floats = npt.NDArray[np.float64]
 NODES = 17  # of the net along both directions
 MOVING_NODES = 13  # the same of a net that moves, whose heights at each instant take room in a page
 AROUND = 0.15  # of the size of the scene, by which the net reaches beyond what moves
-STEPS = 30
+STEPS = 30  # Newton's; where they have not ended by then the net is left open
 DIFFERENCE = 1e-6  # of the size
 
 

@@ -11,7 +11,7 @@ Floats = npt.NDArray[np.float64]
 KEPT = 1e-9  # a part of the distance: what varies less at all samples does not vary
 MOST = 40  # particles whose pairs are looked at
 NEAREST = 3  # of the particles at a kept distance, so many are joined to each
-SAMPLES = 12
+SAMPLES = 12  # instants at which a distance is compared
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

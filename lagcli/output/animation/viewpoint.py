@@ -12,7 +12,7 @@ from lagcli.output.animation.scene import Viewpoint
 Floats = npt.NDArray[np.float64]
 FLAT = 1e-6  # a part of the extent: points closer than this to a plane lie in it
 ASIDE = np.array([0.45, -1.0, 0.4])  # towards the eye, where z is up
-LEAST = 1e-300
+LEAST = 1e-300  # for what is divided by: no extent at all
 
 
 def bounds(tracks: Sequence[Floats]) -> tuple[Floats, Floats]:

@@ -19,7 +19,7 @@ FINE = 240.0  # steps to the size of what is seen
 COARSE = 80.0  # the same of a curve that moves, of which each instant is followed
 CORNERS = 64  # of a curve that moves, at each instant
 REACH = 0.6  # sizes of the scene from its centre at which a curve is broken off
-CORRECTIONS, EXACT = 16, 1e-9
+CORRECTIONS, EXACT = 16, 1e-9  # Newton's steps onto the curve, and how far from it they may end
 DIFFERENCE = 1e-6  # of the size: the step of differences, whose rounding and truncation are both 1e-10
 
 

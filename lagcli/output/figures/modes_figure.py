@@ -12,7 +12,7 @@ from lagcli.linearization.linear_modes import Modes
 from lagcli.output import endings
 from lagcli.output.figures import labels, sheet
 
-MOST_PANELS, COLUMNS = 12, 3
+MOST_PANELS, COLUMNS = 12, 3  # of one page, and in one line of it
 # More bars than these are drawn as a line.
 MOST_BARS = 12
 _COLOURS = ("#0072B2", "#D55E00", "#009E73")

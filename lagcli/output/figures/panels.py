@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from lagcli.model import dimension_facts
 
-_OVERLAID = 6
-_LIKE_SIZE = 30.0
-_MULTIPLIER_PANELS = 50
-_FORCE_PANELS = 12
-_NUMBERS = 100_000
+_OVERLAID = 6  # curves in one panel whose colors are told apart
+_LIKE_SIZE = 30.0  # curves with ranges that differ by more have panels of their own
+_MULTIPLIER_PANELS = 50  # of more rows all curves stand in one panel
+_FORCE_PANELS = 12  # of more particles one panel shows the sizes of all; names in a note
+_NUMBERS = 100_000  # of a figure, shared by its curves, which are thinned to 200 points at the least
 _RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 _MARK = " (not unique)"
 _NOT_UNIQUE = (

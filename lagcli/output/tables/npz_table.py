@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lagcli.output.tables import row_buffer, text_cells
 
-_BYTES_IN_MEMORY = 1 << 23
+_BYTES_IN_MEMORY = 1 << 23  # of rows that wait, before a file is made for them
 _MOST_COMMENT = 65_535  # bytes; the format of zip archives has no room for more
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-_BYTES = 1 << 24
+_BYTES = 1 << 24  # of a block: large writes, and small beside what a run takes
 
 
 class Gathered:

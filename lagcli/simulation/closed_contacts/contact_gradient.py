@@ -12,19 +12,38 @@ from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
 from lagcli.start.initial import State
 
-# A gradient that has fallen to this part of what it was a step before is looked at.
-FALLEN = 1e-3
-# How far aside is looked, as a part of the size of the motion, and as many times the way to the zero of the gap: the
-# zero of a power of a distance is as far away as its root is known.
-ASIDE, TIMES = 1e-10, 10.0
-# Of a gap whose gradient does not vanish the change there is known to this part.
-OFF = 0.5
-# Two sides of a jump are so many times what counts as closed apart, and looked at again this much farther off; a
-# gradient jumps by this part of itself, and does not draw near with the distance.
-CLOSED, FARTHER, JUMP, STAYS = 10.0, 100.0, 1e-3, 0.1
-PAIRS = 3
-# How far before and behind a state the edge is looked for that it could not pass, as parts of its size.
-NEAR, FAR = 1e-6, 1e-4
+
+class GradientParameters:
+    """When the gradient of a gap vanishes or jumps; distances are parts of the size of the motion."""
+
+    __slots__ = ()
+
+    fallen: float = 1e-3
+    """A gradient that has fallen to this part of what it was a step before is looked at."""
+    aside: float = 1e-10
+    """How far aside is looked."""
+    times: float = 10.0
+    """And as many times the way to the zero of the gap: the zero of a power of a distance is as far away as its
+    root is known."""
+    off: float = 0.5
+    """Of a gap whose gradient does not vanish the change there is known to this part."""
+    closed: float = 10.0
+    """Two sides of a jump are so many times what counts as closed apart."""
+    farther: float = 100.0
+    """They are looked at again this much farther off."""
+    jump: float = 1e-3
+    """A gradient jumps by this part of itself."""
+    stays: float = 0.1
+    """And it stays: close by it is this part of what it is farther off, or more."""
+    pairs: int = 3
+    """Pairs of places on both sides that are compared."""
+    near: float = 1e-6
+    """How far before and behind a state the edge is looked for that it could not pass."""
+    far: float = 1e-4
+    """The same, from farther off."""
+
+
+PARAMETERS = GradientParameters()
 
 
 def require(here: ContactInstant, fallen: Flags, kinked: Flags) -> None:
@@ -64,8 +83,12 @@ def edges(numeric: NumericSystem, state: State, kinked: Flags, span: float) -> t
         one, other = (G[[i - first for i in closed]] for G in sides)
         return np.asarray(np.abs(other - one).max(axis=1) / (1e-300 + np.abs(one).max(axis=1)))
 
-    near, far = change(NEAR), change(FAR)
-    return tuple(i for i, jumps in zip(closed, (near > JUMP) & (near > STAYS * far), strict=True) if jumps)
+    near, far = change(PARAMETERS.near), change(PARAMETERS.far)
+    return tuple(
+        i
+        for i, jumps in zip(closed, (near > PARAMETERS.jump) & (near > PARAMETERS.stays * far), strict=True)
+        if jumps
+    )
 
 
 def fallen(here: ContactInstant, extents: Floats, contacts: Iterable[int]) -> Flags:
@@ -73,7 +96,7 @@ def fallen(here: ContactInstant, extents: Floats, contacts: Iterable[int]) -> Fl
     step before; zero where nothing is known of it."""
     found = np.zeros(here.g.size, dtype=bool)
     found[list(contacts)] = True
-    return np.asarray(found & (here.lowest <= FALLEN * extents))
+    return np.asarray(found & (here.lowest <= PARAMETERS.fallen * extents))
 
 
 def _vanishes(here: ContactInstant, contact: int) -> bool:
@@ -82,10 +105,10 @@ def _vanishes(here: ContactInstant, contact: int) -> bool:
     if not slope > 0:
         return True
     size = here.size or 1.0
-    aside = max(TIMES * abs(float(here.g[contact])) / slope, ASIDE * size)
+    aside = max(PARAMETERS.times * abs(float(here.g[contact])) / slope, PARAMETERS.aside * size)
     changes = [float(_displaced(here, part * way).g[contact] - here.g[contact]) for part in (aside, -aside)]
     off = [abs(change / (part * slope) - 1.0) for change, part in zip(changes, (aside, -aside), strict=True)]
-    return max(off) > OFF
+    return max(off) > PARAMETERS.off
 
 
 def _jumps(here: ContactInstant, contact: int) -> bool:
@@ -93,15 +116,19 @@ def _jumps(here: ContactInstant, contact: int) -> bool:
     slope, own = here.direction(contact)[1], here.entries(contact)
     if not slope > 0:
         return False
-    random, aside = np.random.default_rng(0), CLOSED * float(here.nearness[contact]) / slope
+    random, aside = np.random.default_rng(0), PARAMETERS.closed * float(here.nearness[contact]) / slope
     near = far = 0.0
-    for _ in range(PAIRS):
+    for _ in range(PARAMETERS.pairs):
         way = random.standard_normal(here.units.size) * here.units
         for part in (aside, -aside):
-            sides = (_displaced(here, times * part * way).entries(contact) for times in (1.0, FARTHER))
+            sides = (
+                _displaced(here, times * part * way).entries(contact) for times in (1.0, PARAMETERS.farther)
+            )
             changes = [float(np.abs(side - own).max(initial=0.0)) for side in sides]
             near, far = max(near, changes[0]), max(far, changes[1])
-    return near > JUMP * (float(np.abs(own).max(initial=0.0)) + far) and near > STAYS * far
+    return (
+        near > PARAMETERS.jump * (float(np.abs(own).max(initial=0.0)) + far) and near > PARAMETERS.stays * far
+    )
 
 
 def _displaced(here: ContactInstant, way: Floats) -> ContactInstant:

@@ -8,7 +8,8 @@ import numpy.typing as npt
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.singularity import singular_point
-from lagcli.simulation.singularity.singularity_monitor import NARROW, NEVER, SingularityMonitor
+from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
+from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -36,7 +37,7 @@ def foresee(run: Stepper) -> None:
         return
     outcome = bound.land.results[2]
     run.watch.foreseen(run.t, float(outcome[1]), float(outcome[2]))
-    if not run.watch.nearness[0] < NARROW:
+    if not run.watch.nearness[0] < MONITOR.narrow:
         return
     aside = BESIDE * run.control.step
     _, _, outcome, *_ = bound.landed_at(run.t + aside, bound.y + aside * bound.k)

@@ -16,7 +16,7 @@ DRIFTS = slice(-line_functions.BEYOND, -line_functions.BEYOND + 2)
 def put(run: Stepper, across: SingularStep, at: float) -> None:
     """Write the line at a time within the step; close to the instant it is the limit from both sides."""
     rows, step, tau = run.rows, across.step, at - across.instant
-    if abs(tau) > interpolate_rows.WINDOW * across.width:
+    if abs(tau) > interpolate_rows.PARAMETERS.window * across.width:
         _put_aside(run, at, step)
         return
     taus = interpolate_rows.beside(across.width, across.is_start)

@@ -27,24 +27,40 @@ from lagcli.simulation.scheme import step_tolerance
 Floats = npt.NDArray[np.float64]
 
 COLUMNS = tuple(f"err.{kind}" for kind in KINDS)
-# The steps of the repeated run are held to this part of the tolerance of the first.
-TIGHTER = 250.0
-# It begins with this part of the first step of the other: the first step, and those that grow from it as fast as they
-# may, do not always depend on the tolerance, and two runs with the same steps have the same errors.
-FIRST_STEP = 0.45
-# Below these the error estimate of a step is nothing but rounding, and steps only get shorter.
-FINEST, FINEST_ABSOLUTE = 3e-15, 1e-16
-# A run held to less than NEARLY times the finest cannot be repeated with less error: it is with more, LOOSER times.
-NEARLY, LOOSER = 3.0, 3.0
-# The estimate is the distance of the runs times the factor of the first line that the tolerance of a step reaches. Two
-# errors may agree by chance: rarely where one is a hundredth of the other, more often where both are sums of rounding.
-SAFETY = ((0.99e-12, 1.0), (0.99e-13, 1.5), (0.0, 3.0))
+
+
+class RepeatedRunParameters:
+    """The repeated run, and what the distance of the two says of the error."""
+
+    __slots__ = ()
+
+    tighter: float = 250.0
+    """The steps of the repeated run are held to this part of the tolerance of the first."""
+    first_step: float = 0.45
+    """It begins with this part of the first step of the other: the first step, and those that grow from it as fast
+    as they may, do not always depend on the tolerance, and two runs with the same steps have the same errors."""
+    finest: float = 3e-15
+    """The relative tolerance below which the error estimate of a step is nothing but rounding, and steps only get
+    shorter."""
+    finest_absolute: float = 1e-16
+    """The same of the absolute tolerance."""
+    nearly: float = 3.0
+    """A run held to less than so many times the finest cannot be repeated with less error: it is with more."""
+    looser: float = 3.0
+    """So many times more."""
+    safety: tuple[tuple[float, float], ...] = ((0.99e-12, 1.0), (0.99e-13, 1.5), (0.0, 3.0))
+    """The estimate is the distance of the runs times the factor of the first line that the tolerance of a step
+    reaches. Two errors may agree by chance: rarely where one is a hundredth of the other, more often where both
+    are sums of rounding."""
+    floor: float = 1e-13
+    """No estimate is below this part of the scale."""
+
+
+PARAMETERS = RepeatedRunParameters()
 NOT_RESUMED = (
     "a checkpoint holds a run, and not the one it is compared with, so that the error up to it is not known; take the"
     " run from its start"
 )
-# No estimate is below this part of the scale.
-FLOOR = 1e-13
 
 
 def repeated(settings: Simulation) -> Simulation:
@@ -53,15 +69,15 @@ def repeated(settings: Simulation) -> Simulation:
     if settings.max_step is not None:
         settings = dataclasses.replace(settings, max_step=settings.max_step / 2)
     rtol, atol, *_ = step_tolerance.of_steps(settings).tolist()
-    if rtol < NEARLY * FINEST:
-        return _held_to(settings, LOOSER * rtol, LOOSER * atol)
-    finer = max(rtol / TIGHTER, FINEST)
-    return _held_to(settings, finer, max(atol * finer / rtol, min(atol, FINEST_ABSOLUTE)))
+    if rtol < PARAMETERS.nearly * PARAMETERS.finest:
+        return _held_to(settings, PARAMETERS.looser * rtol, PARAMETERS.looser * atol)
+    finer = max(rtol / PARAMETERS.tighter, PARAMETERS.finest)
+    return _held_to(settings, finer, max(atol * finer / rtol, min(atol, PARAMETERS.finest_absolute)))
 
 
 def _held_to(settings: Simulation, rtol: float, atol: float) -> Simulation:
     """Settings whose steps are held to these: the inverse of `step_tolerance.of_steps`."""
-    wanted = rtol if rtol < step_tolerance.FINEST else rtol * step_tolerance.TIGHTENING
+    wanted = rtol if rtol < step_tolerance.PARAMETERS.finest else rtol * step_tolerance.PARAMETERS.tightening
     return dataclasses.replace(
         settings, rtol=wanted, atol=None if settings.atol is None else atol * wanted / rtol
     )
@@ -70,7 +86,7 @@ def _held_to(settings: Simulation, rtol: float, atol: float) -> Simulation:
 def safety(settings: Simulation) -> float:
     """The factor on the distance of the two runs."""
     rtol = step_tolerance.of_steps(settings)[0]
-    return next(factor for least, factor in SAFETY if rtol >= least)
+    return next(factor for least, factor in PARAMETERS.safety if rtol >= least)
 
 
 def places(system: System) -> tuple[list[int], ...]:
@@ -120,7 +136,7 @@ class Errors:
         both = [np.maximum(np.abs(rows[:, at]), np.abs(others[:, at])) for at in self._kinds]
         sizes = self._running(self._sizes, both)
         self._parting.take(rows[:, 0], gaps, sizes)
-        errors = np.maximum(self._factor * gaps, FLOOR * sizes)
+        errors = np.maximum(self._factor * gaps, PARAMETERS.floor * sizes)
         if len(rows):
             self._gaps, self._sizes = gaps[-1], sizes[-1]
             self._follow(rows[:, 0], errors > 10.0**-SURE * sizes)
@@ -130,7 +146,7 @@ class Errors:
         """The accuracy after the rows so far, if any; `again`: the repeated run, held to this tolerance."""
         if math.isnan(self._last):
             return None
-        errors = np.maximum(self._factor * self._gaps, FLOOR * self._sizes)
+        errors = np.maximum(self._factor * self._gaps, PARAMETERS.floor * self._sizes)
         account = again.account
         return Accuracy(
             self._last,
@@ -143,7 +159,7 @@ class Errors:
             account.evaluations,
             parted=self._parting.found,
             between=None if self.sides.first is None else (self.sides.rows, self.sides.first),
-            growth=self._growth.factor(FLOOR * float(self._sizes[0])),
+            growth=self._growth.factor(PARAMETERS.floor * float(self._sizes[0])),
         )
 
     def _running(self, before: Floats, values: list[Floats]) -> Floats:

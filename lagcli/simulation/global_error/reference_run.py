@@ -47,7 +47,7 @@ class RunWithReference:
         again = error_estimate.repeated(settings)
         self._tolerance = float(step_tolerance.of_steps(again)[0])
         self._run = run
-        smaller = dataclasses.replace(begin, part=error_estimate.FIRST_STEP, is_again=True)
+        smaller = dataclasses.replace(begin, part=error_estimate.PARAMETERS.first_step, is_again=True)
         self._again = loop.start(
             held, smaller, again, system.columns, (), time_functions.functions(system.model)
         )

@@ -31,8 +31,8 @@ from lagcli.simulation.singularity.singular_point import RankDrop
 
 Floats = npt.NDArray[np.float64]
 
-FORMAT = 7
-MOST_BYTES = 2**28
+FORMAT = 7  # of a checkpoint: goes up where another version could not read it
+MOST_BYTES = 2**28  # of a file that is read: states of ten thousand particles are some megabytes
 # What stands beside the parts of a checkpoint.
 AROUND = ("lagcli-checkpoint", "version", "sum")
 MOST_VERSION = 40  # letters of a version that are shown

@@ -87,7 +87,7 @@ def ended(
     # Rows are left by a part of the velocities; where these are the rounding of forces that hold all at the origin, by
     # no more than that.
     q, v, a = (sizes[numeric.n + i] for i in range(3))
-    part = ca.if_else(q < HELD * h * h * a, v / (v + HELD * h * a + tolerances.TINY), 1)
+    part = ca.if_else(q < HELD * h * h * a, v / (v + HELD * h * a + tolerances.PARAMETERS.tiny), 1)
     outcome = ca.vertcat(part * outcome[0], outcome[1:])
     # The doubles around t may be so far apart that the state is not known better.
     near_t = TIME_ROUNDING * ca.fabs(t + h) if numeric.has_time else 0.0
@@ -141,7 +141,7 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
     rounded = TIME_ROUNDING * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
     of_work = combined(h, *(ca.fabs(estimate[2 * n]) for estimate in estimates)) / (
-        tolerance[0] * energy + rounded + tolerances.TINY
+        tolerance[0] * energy + rounded + tolerances.PARAMETERS.tiny
     )
     error = combined(h, *(_largest(estimate, scale + noise[: 2 * n]) for estimate in estimates))
     inputs: list[Expression] = [y, new, landed, h, sizes, tolerance, noise, blur]
@@ -165,7 +165,7 @@ def scales(
     is_held, is_resting = q < HELD * h * h * a, v * v < RESTING**2 * forced * q
     # What rounding pushes comes back in the time in which the forces would have moved it by its size.
     lasting = ca.if_else(
-        is_held, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.TINY))), 0)
+        is_held, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.PARAMETERS.tiny))), 0)
     )
     balanced = BALANCED * lasting * forced
     # What the rounding of the forces makes of a step is not known better, however small the motion is as yet.
@@ -174,7 +174,7 @@ def scales(
         units * (part * h * speed + rounding * q + lasting * balanced + h * blur),
         units * (part * speed + rounding * q / h + balanced + blur),
     )
-    return rtol * largest + atol + floors + tolerances.TINY
+    return rtol * largest + atol + floors + tolerances.PARAMETERS.tiny
 
 
 def _largest(estimate: Expression, scale: Expression) -> Expression:

@@ -14,16 +14,32 @@ from lagcli.model.model import Simulation
 
 Floats = npt.NDArray[np.float64]
 
-# Errors of steps add up over a run, and what is promised is about the result: the scheme is held to a hundredth
-# of the tolerance asked for, but not below where its error estimate is rounding.
-TIGHTENING, FINEST = 100.0, 1e-14
-# The absolute tolerance of a run without `atol`, as a part of the size of the motion; of a step it is no more than
-# BELOW of the relative one, and no less than rounding.
-DEFAULT, BELOW, LEAST = 1e-13, 1e-2, 1e-16
-# A part of the size of positions that their own rounding makes invisible: in a step it moves velocities by as much,
-# divided by its length. It is below the spacing of doubles, for forces do not change by themselves in a step.
-ROUNDING = 1e-17
-TINY = 1e-300
+
+class ToleranceParameters:
+    """From the tolerances of a run to those of a step; parts are of no unit."""
+
+    __slots__ = ()
+
+    tightening: float = 100.0
+    """Errors of steps add up over a run, and what is promised is about the result: the scheme is held to a
+    hundredth of the tolerance asked for."""
+    finest: float = 1e-14
+    """The tightest tolerance of a step: below it its error estimate is rounding."""
+    default: float = 1e-13
+    """The absolute tolerance of a run without `atol`, as a part of the size of the motion."""
+    below: float = 1e-2
+    """Of a step it is no more than this part of the relative one."""
+    least: float = 1e-16
+    """And no less than this: rounding."""
+    rounding: float = 1e-17
+    """A part of the size of positions that their own rounding makes invisible: in a step it moves velocities by as
+    much, divided by its length. It is below the spacing of doubles, for forces do not change by themselves in a
+    step."""
+    tiny: float = 1e-300
+    """For what is divided by, so that zero over zero is zero."""
+
+
+PARAMETERS = ToleranceParameters()
 # Numbers of a tolerance; the unit of rounding.
 COUNT, UNIT = 6, 2**-53
 
@@ -34,21 +50,19 @@ def of_steps(settings: Simulation, balanced: float = 0.0, blurred: float = 0.0) 
     which is allowed; blurred: that of the rounding of the forces, at the start of the run; 0 where it does
     not count.
     """
-    rtol = max(settings.rtol / TIGHTENING, min(settings.rtol, FINEST))
+    rtol = max(settings.rtol / PARAMETERS.tightening, min(settings.rtol, PARAMETERS.finest))
     tightened = rtol / settings.rtol
     if settings.atol is not None:
         return np.array([rtol, settings.atol * tightened, 0.0, 0.0, balanced, blurred])
-    part = max(LEAST, min(DEFAULT * tightened, BELOW * rtol))
-    return np.array([rtol, 0.0, part, ROUNDING, balanced, blurred])
-
-
-def absolute(settings: Simulation, size: float) -> float:
-    """The absolute tolerance of a run for values of this size, such as the largest position or the largest speed."""
-    return DEFAULT * size if settings.atol is None else settings.atol
-
-
-def sentence(settings: Simulation) -> str:
-    """The tolerances of a run, for its account."""
-    if settings.atol is None:
-        return f"rtol {settings.rtol:g}, atol {DEFAULT:g} of the sizes of the motion"
-    return f"rtol {settings.rtol:g}, atol {settings.atol:g}"
+    part = max(PARAMETERS.least, min(PARAMETERS.default * tightened, PARAMETERS.below * rtol))
+    return np.array([rtol, 0.0, part, PARAMETERS.rounding, balanced, blurred])
+        return np.array([rtol, settings.atol * tightened, 0.0, 0.0, balanced])
+    return np.array(
+        [
+            rtol,
+            0.0,
+            max(PARAMETERS.least, min(PARAMETERS.default * tightened, PARAMETERS.below * rtol)),
+            PARAMETERS.rounding,
+            balanced,
+        ]
+    )

@@ -6,12 +6,11 @@ was not moved.
 
 from __future__ import annotations
 
-import dataclasses
 
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SingularStepParameters:
     """Parts are of no unit; a distance delta is the angle between rows, in radians."""
+
+    __slots__ = ()
 
     nodes: int = 10
     """Gauss nodes of the step, even: no node lies in the middle, where the instant is.

@@ -5,21 +5,37 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-# An angle between rows that is smaller is followed.
-NARROW = 0.9
-WIDE = math.sin(NARROW) ** 2
-# A step across may be this many times longer than an ordinary one, for each digit of the tolerance beyond DIGITS: its
-# order is higher.
-AHEAD, FARTHER, DIGITS = 2.0, 0.4, 6
-# Rounding of positions is amplified by about this over the cube of the angle.
-AMPLIFIED = 1e-16
-EARLIER = 6.0
-# A step that is this many times as long as the last one: steps grow.
-GROWING = 4.0
-# An ordinary step goes this part of the way to the instant.
-SHORTER = 0.6
-# Rows at a start at a smaller angle than this are looked at this part of the first step earlier, too.
-CLOSE_START, BACK = 0.1, 0.1
+
+class MonitorParameters:
+    """When a singular configuration is foreseen; times are parts of a step."""
+
+    __slots__ = ()
+
+    narrow: float = 0.9
+    """An angle (rad) between rows that is smaller is followed."""
+    ahead: float = 2.0
+    """A step across may be this many times longer than an ordinary one."""
+    farther: float = 0.4
+    """For each digit of the tolerance beyond `digits` it may be longer by this part: its order is higher."""
+    digits: int = 6
+    """The digits from which on it may."""
+    amplified: float = 1e-16
+    """Rounding of positions is amplified by about this over the cube of the angle."""
+    earlier: float = 6.0
+    """Where it counts, a step across begins so many times farther off. Soon after the start of a run, where steps are
+    short for no reason of the motion, it is the square of that."""
+    growing: float = 4.0
+    """A step that is this many times as long as the last one: steps grow."""
+    shorter: float = 0.6
+    """An ordinary step goes this part of the way to the instant."""
+    close_start: float = 0.1
+    """Rows at a start at a smaller angle (rad) than this are looked at before the start, too."""
+    back: float = 0.1
+    """And that is this part of the first step earlier."""
+
+
+PARAMETERS = MonitorParameters()
+WIDE = math.sin(PARAMETERS.narrow) ** 2
 # Places in the outcome of `land`.
 CLEARANCE, LEAST = 1, 2
 STANDING = -1  # in place of them, at a start at which rows are dependent
@@ -38,7 +54,7 @@ class Prediction(NamedTuple):
     def shortened(self, t: float, h: float) -> float:
         """An ordinary step that does not lead across unseen."""
         left = self.instant - t
-        return SHORTER * left if 0 < left < h / SHORTER else h
+        return PARAMETERS.shorter * left if 0 < left < h / PARAMETERS.shorter else h
 
     @property
     def is_any(self) -> bool:
@@ -56,11 +72,11 @@ class Prediction(NamedTuple):
         The closer to the instant a step begins, the more rounding is amplified: it may not come too close for its
         tolerance. Soon after the start of a run steps are short for no reason of the motion, and grow.
         """
-        steps = AHEAD + FARTHER * max(0.0, -math.log10(rtol) - DIGITS)
-        if self.angle < (AMPLIFIED / rtol) ** (1 / 3):
-            steps *= EARLIER
-        if h > GROWING * self.step:
-            steps *= EARLIER**2
+        steps = PARAMETERS.ahead + PARAMETERS.farther * max(0.0, -math.log10(rtol) - PARAMETERS.digits)
+        if self.angle < (PARAMETERS.amplified / rtol) ** (1 / 3):
+            steps *= PARAMETERS.earlier
+        if h > PARAMETERS.growing * self.step:
+            steps *= PARAMETERS.earlier**2
         return self.instant - t < h * steps
 
 

@@ -11,26 +11,45 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-# Lines this close to the instant, as a part of the step, are read off others, at these parts of the step beside it.
-WINDOW, BESIDE = 0.05, (0.06, 0.12, 0.2, 0.3)
-AFTER = 0.02, 0.7, 12  # the same, and their number, where a run begins at the instant
-# A column has a pole where tau times it does not vanish; it has no value at the pole itself.
-RESIDUE, POLE = 1e-6, 1e-6
-# At a kink or a jump two interpolations differ by some part of the range of a column; what is less than these parts of
-# the column, or of the largest, is rounding.
-BROKEN, ROUGH, NOISE = 1e-3, 1e-7, 1e-8
-# Of four lines at equal distances the differences shrink by half of their distance, or are rounding.
-SHRINKS, ROUNDING = 0.75, 1e-6
+
+class InterpolationParameters:
+    """Rows at and beside a singular configuration; distances are parts of the step."""
+
+    __slots__ = ()
+
+    window: float = 0.05
+    """Lines this close to the instant are read off others."""
+    beside: tuple[float, ...] = (0.06, 0.12, 0.2, 0.3)
+    """The distances at which those stand."""
+    after: tuple[float, float, int] = 0.02, 0.7, 12
+    """Where a run begins at the instant: the window, the distance of the farthest line, and the number of lines."""
+    residue: float = 1e-6
+    """A column has a pole where tau times it does not vanish, but for this part."""
+    pole: float = 1e-6
+    """It has no value this close to the pole itself."""
+    broken: float = 1e-3
+    """At a kink or a jump two interpolations differ by this part of the range of a column."""
+    rough: float = 1e-7
+    """What is less than this part of the column is rounding."""
+    noise: float = 1e-8
+    """And so is what is less than this part of the largest."""
+    shrinks: float = 0.75
+    """Of four lines at equal distances the differences shrink by half of their distance: to less than this part."""
+    rounding: float = 1e-6
+    """Or they are rounding: this part of the column."""
+
+
+PARAMETERS = InterpolationParameters()
 
 
 def beside(h: float, is_start: bool) -> Floats:
     """Times from an instant in the middle of a step of length h, or at its start, at which lines of the table are
     read to interpolate those close to it, (k,)."""
     if is_start:  # Chebyshev's points: they amplify rounding least
-        first, last, count = AFTER
+        first, last, count = PARAMETERS.after
         cosines = np.cos(np.pi * (np.arange(count) + 0.5) / count)
         return np.asarray(((first + last) - (last - first) * cosines) / 2 * h)
-    parts = np.array(BESIDE)
+    parts = np.array(PARAMETERS.beside)
     return np.concatenate([-parts[::-1], parts]) * h
 
 
@@ -43,12 +62,17 @@ def interpolated(taus: Floats, lines: Floats, tau: float) -> Floats:
     carried = lines * taus[:, None]
     near = np.abs(taus) < np.abs(taus).max()
     moment = np.abs(carried).max(axis=0)
-    has_pole = np.abs(_lagrange(taus, carried, 0.0)) > np.maximum(RESIDUE * moment, NOISE * moment.max())
+    has_pole = np.abs(_lagrange(taus, carried, 0.0)) > np.maximum(
+        PARAMETERS.residue * moment, PARAMETERS.noise * moment.max()
+    )
     plain = _lagrange(taus, lines, tau)
     largest = np.abs(lines).max(axis=0)
-    allowed = np.maximum(BROKEN * np.ptp(lines, axis=0), ROUGH * largest + NOISE * largest.max())
+    allowed = np.maximum(
+        PARAMETERS.broken * np.ptp(lines, axis=0),
+        PARAMETERS.rough * largest + PARAMETERS.noise * largest.max(),
+    )
     is_smooth = np.abs(plain - _lagrange(taus[near], lines[near], tau)) <= allowed
-    on_pole = abs(tau) <= POLE * float(np.abs(taus).max())
+    on_pole = abs(tau) <= PARAMETERS.pole * float(np.abs(taus).max())
     beside = np.full(plain.shape, np.nan) if on_pole else _lagrange(taus, carried, tau) / tau
     return np.where(has_pole, beside, np.where(is_smooth, plain, np.nan))
 
@@ -67,7 +91,7 @@ def between(lines: Floats) -> Floats:
     none: the differences of its values then do not shrink with the distance, as at a jump or a pole."""
     outer, inner, inner_after, outer_after = lines
     with np.errstate(invalid="ignore"):  # what is not finite is told by name when it is put
-        rounding = ROUNDING * (np.abs(inner) + np.abs(inner_after))
-        has_limit = np.abs(inner_after - inner) <= SHRINKS * np.abs(outer_after - outer) + rounding
+        rounding = PARAMETERS.rounding * (np.abs(inner) + np.abs(inner_after))
+        has_limit = np.abs(inner_after - inner) <= PARAMETERS.shrinks * np.abs(outer_after - outer) + rounding
         limit = (4 * (inner + inner_after) - (outer + outer_after)) / 6
     return np.asarray(np.where(has_limit, limit, np.nan))

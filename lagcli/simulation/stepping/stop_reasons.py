@@ -15,17 +15,32 @@ from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
-# How far along the motion the two sides of a place are looked at, as parts of the size of the configuration: a run
-# stops within rounding of a jump, and some way before the end of a function, where its steps have become too short.
-NEAR, FAR, REACHES = 1e-8, 1e-5, (1.0, 1e2, 1e3, 1e4)
-# A configuration is as large as the way of this part of the run, or larger.
-PART_OF_RUN = 1e-3
-# The part of a row by which it must differ: what draws near as the distance shrinks is no jump.
-JUMP, STAYS = 1e-4, 0.3
-# What rounding leaves of f on its surface, as a part of the size of its terms.
-ROUNDED = 1e-10
-# A pole grows by more than this where the distance shrinks from FAR to NEAR.
-GROWS = 10.0
+
+class DiagnosisParameters:
+    """Why a run could not go on; distances along the motion are parts of the size of the configuration."""
+
+    __slots__ = ()
+
+    near: float = 1e-8
+    """How close the two sides of a place are looked at: a run stops within rounding of a jump."""
+    far: float = 1e-5
+    """And from farther off: a run stops some way before the end of a function, where its steps have become too
+    short."""
+    reaches: tuple[float, ...] = (1.0, 1e2, 1e3, 1e4)
+    """So many times these distances, in turn."""
+    part_of_run: float = 1e-3
+    """A configuration is as large as the way of this part of the run, or larger."""
+    jump: float = 1e-4
+    """The part of a row by which its sides must differ."""
+    stays: float = 0.3
+    """And the part of that from farther off which must stay: what draws near as the distance shrinks is no jump."""
+    rounded: float = 1e-10
+    """What rounding leaves of f on its surface, as a part of the size of its terms."""
+    grows: float = 10.0
+    """A pole grows by more than this where the distance shrinks from `far` to `near`."""
+
+
+PARAMETERS = DiagnosisParameters()
 # `atan2` jumps by 2 pi at its cut, and by less where both of its arguments go through zero.
 AT_CUT = 1.5 * np.pi
 THROUGH_ZERO = "both arguments of `atan2` go through zero"
@@ -55,8 +70,13 @@ class Sides:
         a, b, c, d = self.values
         with np.errstate(invalid="ignore", over="ignore"):
             near, far = np.abs(c - b), np.abs(d - a)
-            least = np.maximum(JUMP * np.maximum(np.abs(b), np.abs(c)), self.rounding)
-            return np.isfinite(near) & (near > least) & (near > STAYS * far) & (near < far / STAYS)
+            least = np.maximum(PARAMETERS.jump * np.maximum(np.abs(b), np.abs(c)), self.rounding)
+            return (
+                np.isfinite(near)
+                & (near > least)
+                & (near > PARAMETERS.stays * far)
+                & (near < far / PARAMETERS.stays)
+            )
 
     def ends(self) -> npt.NDArray[np.bool_]:
         """True for those with a value before and none after."""
@@ -67,14 +87,14 @@ class Sides:
         """True for those that grow beyond any bound."""
         a, b, c, d = map(np.abs, self.values)
         with np.errstate(invalid="ignore"):
-            return (b > GROWS * a) & ~(c < GROWS * d) & (a > 0)
+            return (b > PARAMETERS.grows * a) & ~(c < PARAMETERS.grows * d) & (a > 0)
 
 
 def reason(system: System, numeric: NumericSystem, state: State) -> str:
     """Why rows do not lead on from a state along its velocity, as a sentence; empty where none of them jumps there."""
     if not system.rows.rows:
         return ""
-    seen = [(reach, _along(state, reach, time_scale(system, state))) for reach in REACHES]
+    seen = [(reach, _along(state, reach, time_scale(system, state))) for reach in PARAMETERS.reaches]
     found_sides = [
         (reach, places, Sides(tuple(_rows(numeric, x) for x in places), _rounding(numeric, places[1])))
         for reach, places in seen
@@ -82,12 +102,12 @@ def reason(system: System, numeric: NumericSystem, state: State) -> str:
     for reach, places, sides in found_sides:
         # A jump of a value first: close to it cancellation spoils the gradient too.
         hit = np.flatnonzero(sides.jumps()[: system.holonomic_count])
-        if hit.size and reach < REACHES[-1]:
+        if hit.size and reach < PARAMETERS.reaches[-1]:
             row = int(hit[0])
             return _sentence(system, row, "jumps", True, _call(system, row, places))
     for reach, places, sides in found_sides:
         kinds = [("ends", sides.ends())]
-        if reach < REACHES[-1]:
+        if reach < PARAMETERS.reaches[-1]:
             kinds += [("jumps", sides.jumps()), ("grows", sides.grows())]
         for kind, found in kinds:
             hit = np.flatnonzero(found)
@@ -120,9 +140,9 @@ def time_scale(system: System, state: State) -> float:
 def _along(state: State, reach: float, duration: float) -> tuple[State, ...]:
     """Places on both sides of a state, along its velocity."""
     speed = float(np.abs(state.v).max(initial=0.0))
-    size = max(float(np.abs(state.q).max(initial=0.0)), PART_OF_RUN * speed * duration)
+    size = max(float(np.abs(state.q).max(initial=0.0)), PARAMETERS.part_of_run * speed * duration)
     unit = reach * (size / speed if speed else 1.0)
-    steps = [part * unit for part in (-FAR, -NEAR, NEAR, FAR)]
+    steps = [part * unit for part in (-PARAMETERS.far, -PARAMETERS.near, PARAMETERS.near, PARAMETERS.far)]
     return tuple(dataclasses.replace(state, t=state.t + h, q=state.q + h * state.v) for h in steps)
 
 
@@ -140,7 +160,7 @@ def _rounding(numeric: NumericSystem, place: State) -> Floats:
     norms = LocalRows(numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)[0]).norms
     s, size = numeric.whole.size1_out(0), float(np.abs(place.q).max(initial=0.0))
     floor = np.zeros((4, norms.size))
-    floor[0, :s] = ROUNDED * np.nan_to_num(norms[:s], posinf=0.0) * size
+    floor[0, :s] = PARAMETERS.rounded * np.nan_to_num(norms[:s], posinf=0.0) * size
     return floor.ravel()
 
 
