@@ -106,7 +106,7 @@ def _amplified(n: int, clearance: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
     """The rounding of a step (2n + 1,) on rows that are nearly dependent, nothing where they are not: their
     forces are known no better, however short it is."""
     units, a = sizes[:n], sizes[n + 2]
-    delta = ca.sqrt(clearance + tolerances.TINY)
+    delta = ca.sqrt(clearance + tolerances.PARAMETERS.tiny)
     gained = ca.if_else(delta < CLOSE, AMPLIFIED / delta**3, 0.0) * h * a
     return gained * ca.vertcat(h * units, units, 0)
 

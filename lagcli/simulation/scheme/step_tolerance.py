@@ -56,13 +56,15 @@ def of_steps(settings: Simulation, balanced: float = 0.0, blurred: float = 0.0) 
         return np.array([rtol, settings.atol * tightened, 0.0, 0.0, balanced, blurred])
     part = max(PARAMETERS.least, min(PARAMETERS.default * tightened, PARAMETERS.below * rtol))
     return np.array([rtol, 0.0, part, PARAMETERS.rounding, balanced, blurred])
-        return np.array([rtol, settings.atol * tightened, 0.0, 0.0, balanced])
-    return np.array(
-        [
-            rtol,
-            0.0,
-            max(PARAMETERS.least, min(PARAMETERS.default * tightened, PARAMETERS.below * rtol)),
-            PARAMETERS.rounding,
-            balanced,
-        ]
-    )
+
+
+def absolute(settings: Simulation, size: float) -> float:
+    """The absolute tolerance of a run for values of this size, such as the largest position or the largest speed."""
+    return PARAMETERS.default * size if settings.atol is None else settings.atol
+
+
+def sentence(settings: Simulation) -> str:
+    """The tolerances of a run, for its account."""
+    if settings.atol is None:
+        return f"rtol {settings.rtol:g}, atol {PARAMETERS.default:g} of the sizes of the motion"
+    return f"rtol {settings.rtol:g}, atol {settings.atol:g}"
