@@ -68,7 +68,7 @@ def defect(numeric: NumericSystem, method: Interpolation) -> ca.Function:
     state = method.interpolated(y, coefficients, x)
     rate = numeric.rhs(t, state, p)
     off = ca.fabs(ca.jtimes(state, x, ca.MX(1)) - h * rate)
-    noise = step_end.TIME_ROUNDING * (ca.fabs(t) + ca.fabs(h)) * ca.fabs(rate)
+    noise = step_end.PARAMETERS.time_rounding * (ca.fabs(t) + ca.fabs(h)) * ca.fabs(rate)
     n = size // 2
     own = numeric.sizes.numel_in(3)  # the constants of levels that are held come behind the parameters
     sizes = numeric.sizes(t, state[:n], state[n : 2 * n], p[:own])

@@ -15,22 +15,40 @@ import casadi as ca
 from lagcli.compiled import NumericSystem
 from lagcli.simulation.scheme import step_tolerance as tolerances
 
-# The projection may move a state by this many tolerances, and by this part of its size.
-MOVED, MOVED_ROUNDING = 100.0, 1e-10
-# Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its change over the
-# step, divided by the step, in each of them. The same part of energies is rounding.
-TIME_ROUNDING = 2**-52
-# A step of so many roundings of the time may hold a jump; the part of a speed that is nothing there.
-JUMP, NEGLIGIBLE = 1024, 1e-9
-# Positions that are this part of what the forces would make of them in a step are none; rounding of such forces.
-HELD, BALANCED = 1e-6, 1e-14
-# A speed below this part of the one that the forces would give over the size of q, were they not balanced, is made by
-# their rounding.
-RESTING = 1e-12
-# Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger than
-# tolerances are: about this part of them over the cube of the angle.
-CLOSE, AMPLIFIED = 1e-2, 1e-16
-WRITTEN_OUT = 1000  # numbers of a state
+
+class StepEndParameters:
+    """The end of a step, and what counts as its error; parts are of no unit."""
+
+    __slots__ = ()
+
+    moved: float = 100.0
+    """The projection may move a state by this many tolerances."""
+    moved_rounding: float = 1e-10
+    """And by this part of its size."""
+    time_rounding: float = 2**-52
+    """Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its change
+    over the step, divided by the step, in each of them. The same part of energies is rounding."""
+    jump: int = 1024
+    """A step of so many roundings of the time may hold a jump."""
+    negligible: float = 1e-9
+    """The part of a speed that is nothing there."""
+    held: float = 1e-6
+    """Positions that are this part of what the forces would make of them in a step are none."""
+    balanced: float = 1e-14
+    """The rounding of such forces, as a part of them."""
+    resting: float = 1e-12
+    """A speed below this part of the one that the forces would give over the size of q, were they not balanced, is
+    made by their rounding."""
+    close: float = 1e-2
+    """Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger than
+    tolerances are."""
+    amplified: float = 1e-16
+    """About this part of them, over the cube of the angle."""
+    written_out: int = 1000
+    """Numbers of a state up to which the step is written out in one graph."""
+
+
+PARAMETERS = StepEndParameters()
 
 # Short states are written out, in SX.
 Expression = TypeVar("Expression", ca.SX, ca.MX)
@@ -87,16 +105,17 @@ def ended(
     # Rows are left by a part of the velocities; where these are the rounding of forces that hold all at the origin, by
     # no more than that.
     q, v, a = (sizes[numeric.n + i] for i in range(3))
-    part = ca.if_else(q < HELD * h * h * a, v / (v + HELD * h * a + tolerances.PARAMETERS.tiny), 1)
+    tiny = tolerances.PARAMETERS.tiny
+    part = ca.if_else(q < PARAMETERS.held * h * h * a, v / (v + PARAMETERS.held * h * a + tiny), 1)
     outcome = ca.vertcat(part * outcome[0], outcome[1:])
     # The doubles around t may be so far apart that the state is not known better.
-    near_t = TIME_ROUNDING * ca.fabs(t + h) if numeric.has_time else 0.0
+    near_t = PARAMETERS.time_rounding * ca.fabs(t + h) if numeric.has_time else 0.0
     noise = near_t * _within(near_t, h, (y, k, k_new)) * ca.fabs(k_new - k) if numeric.has_time else 0.0 * k
     noise = noise + _amplified(numeric.n, outcome[1], sizes, h)
     # Rows that move are where they are at one of these times.
     blur = near_t * ca.fabs(k_new)
     form = y.numel(), len(estimates), combined
-    judge = _judge(ca.SX, *form) if y.numel() <= WRITTEN_OUT else _judge(ca.MX, *form)
+    judge = _judge(ca.SX, *form) if y.numel() <= PARAMETERS.written_out else _judge(ca.MX, *form)
     return StepEnd(
         landed, k_new, outcome, judge(y, new, landed, h, sizes, tolerance, noise, blur, *estimates)
     )
@@ -107,7 +126,7 @@ def _amplified(n: int, clearance: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
     forces are known no better, however short it is."""
     units, a = sizes[:n], sizes[n + 2]
     delta = ca.sqrt(clearance + tolerances.PARAMETERS.tiny)
-    gained = ca.if_else(delta < CLOSE, AMPLIFIED / delta**3, 0.0) * h * a
+    gained = ca.if_else(delta < PARAMETERS.close, PARAMETERS.amplified / delta**3, 0.0) * h * a
     return gained * ca.vertcat(h * units, units, 0)
 
 
@@ -120,8 +139,8 @@ def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX])
     y, k, k_new = states
     n = y.numel() // 2
     gained, speed = h * ca.mmax(ca.fabs(k_new - k)[n : 2 * n]), ca.mmax(ca.fabs(y[n : 2 * n]))
-    is_jump = ca.logic_or(gained <= NEGLIGIBLE * speed, speed <= NEGLIGIBLE * gained)
-    return 1 + is_jump * near_t * JUMP**2 / h
+    is_jump = ca.logic_or(gained <= PARAMETERS.negligible * speed, speed <= PARAMETERS.negligible * gained)
+    return 1 + is_jump * near_t * PARAMETERS.jump**2 / h
 
 
 def _judge(sort: type[Expression], size: int, count: int, combined: Combined) -> ca.Function:
@@ -139,7 +158,7 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     moved = _moved(landed - new, scale + blur[: 2 * n], sizes)
     # The energy at hand: what has been done up to here, or that of the motion; and what rounding makes of rest.
     energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
-    rounded = TIME_ROUNDING * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
+    rounded = PARAMETERS.time_rounding * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
     of_work = combined(h, *(ca.fabs(estimate[2 * n]) for estimate in estimates)) / (
         tolerance[0] * energy + rounded + tolerances.PARAMETERS.tiny
     )
@@ -162,12 +181,12 @@ def scales(
     # The rounding of forces that balance is no error of the step, whether the rows hold the system at the origin, where
     # no size of q covers it, or at rest elsewhere, where no speed does.
     forced = ca.fmax(a, resting)
-    is_held, is_resting = q < HELD * h * h * a, v * v < RESTING**2 * forced * q
+    is_held, is_resting = q < PARAMETERS.held * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
     # What rounding pushes comes back in the time in which the forces would have moved it by its size.
     lasting = ca.if_else(
         is_held, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.PARAMETERS.tiny))), 0)
     )
-    balanced = BALANCED * lasting * forced
+    balanced = PARAMETERS.balanced * lasting * forced
     # What the rounding of the forces makes of a step is not known better, however small the motion is as yet.
     blur = h * blurred
     floors = ca.vertcat(
@@ -190,5 +209,7 @@ def _moved(by: Expression, scale: Expression, sizes: Expression) -> Expression:
     n2 = scale.numel()
     n = n2 // 2
     units = sizes[:n]
-    allowed = MOVED * scale + MOVED_ROUNDING * ca.vertcat(units * sizes[n], units * sizes[n + 1])
+    allowed = PARAMETERS.moved * scale + PARAMETERS.moved_rounding * ca.vertcat(
+        units * sizes[n], units * sizes[n + 1]
+    )
     return ca.mmax(ca.fabs(by[:n2]) / allowed)
