@@ -30,7 +30,11 @@ for name in ("SIGINT", "SIGHUP"):
 def pytest_configure(config: pytest.Config) -> None:
     """The tests start the program hundreds of times. Where Python may write nothing beside the sources, it is compiled
     once into a folder of this run, and not at every start.
+
+    Workers take tests as they stand, so that what the tests of a file share is made once, and at last from each other.
     """
+    if getattr(config.option, "dist", None) == "load":
+        config.option.dist = "worksteal"
     if os.environ.pop("PYTHONDONTWRITEBYTECODE", None) and "PYTHONPYCACHEPREFIX" not in os.environ:
         folder = tempfile.mkdtemp(prefix="lagcli-compiled-")
         os.environ["PYTHONPYCACHEPREFIX"] = folder

@@ -42,7 +42,7 @@ class Elimination:
         for column, (other, its) in self._basis.items():
             factor = rest[column]
             if factor:
-                rest = [a - factor * b for a, b in zip(rest, other, strict=True)]
+                rest = _less(rest, factor, other)
                 for i, weight in its.items():
                     weights[i] = weights.get(i, Fraction(0)) - factor * weight
         pivot = next((column for column, x in enumerate(rest) if x), None)
@@ -54,7 +54,7 @@ class Elimination:
         for column, (other, its) in self._basis.items():
             factor = other[pivot]
             if factor:
-                cleared = [a - factor * b for a, b in zip(other, reduced, strict=True)]
+                cleared = _less(other, factor, reduced)
                 mixed = dict(its)
                 for i, weight in combination.items():
                     mixed[i] = mixed.get(i, Fraction(0)) - factor * weight
@@ -62,6 +62,11 @@ class Elimination:
         self._basis[pivot] = reduced, combination
         self.rank += 1
         return None
+
+
+def _less(row: Row, factor: Fraction, other: Row) -> Row:
+    """row - factor other; most entries of rods are zero, and a sum of fractions is slow."""
+    return [a - factor * b if b else a for a, b in zip(row, other, strict=True)]
 
 
 def null_vectors(matrix: Sequence[Sequence[Fraction]]) -> list[dict[int, Fraction]]:

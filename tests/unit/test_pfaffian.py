@@ -609,7 +609,9 @@ def test_an_interrupt_that_is_swallowed_again_and_again_is_repeated(monkeypatch)
             assert not thread.is_alive()
 
 
-def test_no_thread_of_late_work_goes_on():
+def test_no_thread_of_late_work_goes_on(monkeypatch):
+    monkeypatch.setattr(time_limit, "_LEAST", 0.2)
+
     def forever():
         return [sum(range(1000)) for _ in iter(int, 1)]
 
