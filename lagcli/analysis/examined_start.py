@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 
-from lagcli.analysis import redundancy
 from lagcli.analysis.classification import hidden_conditions, known_integrals
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.codimension import redundancy
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics

@@ -15,8 +15,9 @@ from lagcli.api.load import Path, as_model
 from lagcli.api.simulate import simulate
 from lagcli.equations import row_jumps
 from lagcli.model.model import Model, Simulation
-from lagcli.output import incident_table, table_columns
-from lagcli.output.incident_table import IncidentTable
+from lagcli.output import table_columns
+from lagcli.output.tables import incident_table
+from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.run_state import run_stop

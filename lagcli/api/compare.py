@@ -16,7 +16,8 @@ from lagcli.api.load import Path, as_model
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.equations import particle_form, size_limits
 from lagcli.model.model import Model, Simulation
-from lagcli.output import column_choice, table_columns
+from lagcli.output import table_columns
+from lagcli.output.tables import column_choice
 from lagcli.simulation.run_state import run_stop
 
 if TYPE_CHECKING:

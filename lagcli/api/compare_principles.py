@@ -25,7 +25,7 @@ from lagcli.output import table_columns
 
 if TYPE_CHECKING:
     from lagcli.formulations.comparison import Formulation
-    from lagcli.formulations.vakonomic.principles import Principles
+    from lagcli.formulations.principles import Principles
 
 Floats = npt.NDArray[np.float64]
 Gathered = Callable[[str, SimulationRun], "Formulation"]
@@ -76,8 +76,8 @@ def beside(
 
     Raises `ModelError` for forces without a potential, one-sided rows, rows that are too many, and `OverrideError`.
     """
+    from lagcli.formulations.principles import Principles
     from lagcli.formulations.vakonomic import action_forces, vakonomic_system
-    from lagcli.formulations.vakonomic.principles import Principles
 
     built, model = run.built, run.model
     differential = built.rows.rows[built.holonomic_count :]

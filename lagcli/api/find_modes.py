@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 
 from lagcli import progress
-from lagcli.analysis import redundancy
+from lagcli.analysis.codimension import redundancy
 from lagcli.api import cache, linear_point, run_settings
 from lagcli.api.load import Path, as_model
 from lagcli.model.model import Model

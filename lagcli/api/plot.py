@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from lagcli.api.load import Path
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
-from lagcli.output import endings
+from lagcli.output.files import endings
 from lagcli.output.trajectory import Trajectory
 
 if TYPE_CHECKING:

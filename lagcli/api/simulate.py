@@ -16,8 +16,9 @@ from lagcli.api import prepare_run, run_settings
 from lagcli.api.load import Path, as_model
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.model.model import Model
-from lagcli.output import checkpoint_file, column_choice, incident_table
+from lagcli.output import checkpoint_file
 from lagcli.output.figures import decimate
+from lagcli.output.tables import column_choice, incident_table
 from lagcli.output.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation.run_state import run_stop
 

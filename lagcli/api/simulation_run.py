@@ -9,8 +9,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis import redundancy
 from lagcli.analysis.classification.verdict import Condition
+from lagcli.analysis.codimension import redundancy
 from lagcli.api.compiled_model import CompiledModel
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
@@ -18,8 +18,8 @@ from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.invariant import FirstIntegral
 from lagcli.output import event_rows, run_account, run_columns, table_columns
-from lagcli.output.incident_table import IncidentColumns
 from lagcli.output.run_columns import RunColumns
+from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.output.trajectory import Outcome, Stats, Stopped
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
 from lagcli.simulation.run_in_blocks import RunInBlocks

@@ -12,7 +12,7 @@ import numpy as np
 from lagcli.equations import restart, system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.output import endings
+from lagcli.output.files import endings
 from lagcli.output.tables import read_table
 from lagcli.output.tables.sinks import MissingExtra
 

@@ -11,10 +11,10 @@ from typing import TypedDict
 
 from lagcli.api import animate, run_settings
 from lagcli.cli import exits, file_conflicts, model_reading, preflight, simulate_command
-from lagcli.output import atomic_file, endings
 from lagcli.output.animation import page
 from lagcli.output.animation.places import NothingToShow
 from lagcli.output.animation.scene import Scene
+from lagcli.output.files import atomic_file, endings
 from lagcli.output.tables.sinks import MissingExtra
 from lagcli.output.tables.unreadable import UnreadableTable
 from lagcli.output.trajectory import SimulationStopped

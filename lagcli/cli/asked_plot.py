@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping
 
 from lagcli.cli import exits, file_conflicts, preflight
-from lagcli.output import endings
+from lagcli.output.files import endings
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ import tempfile
 from lagcli.api.sweeps import drawn_points, point_sources, sweep_plan
 from lagcli.cli import exits
 from lagcli.model.model import Model
-from lagcli.output import endings
+from lagcli.output.files import endings
 from lagcli.output.tables import read_table, sinks, unreadable
 
 UNREADABLE = (endings.UnknownFormat, sinks.MissingExtra, unreadable.UnreadableTable)

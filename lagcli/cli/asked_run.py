@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from lagcli.cli import exits, file_conflicts, preflight
 from lagcli.model import settings
-from lagcli.output import atomic_file, endings
+from lagcli.output.files import atomic_file, endings
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,7 @@ import pathlib
 from collections.abc import Iterable
 
 from lagcli.cli import exits, file_conflicts, preflight
-from lagcli.output import endings
+from lagcli.output.files import endings
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

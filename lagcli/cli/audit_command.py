@@ -13,10 +13,10 @@ from lagcli.auditing import audit_lines
 from lagcli.auditing.evidence.table_input import TableError
 from lagcli.cli import console, exits, file_conflicts, json_output, preflight
 from lagcli.errors import diagnostics
-from lagcli.output import endings
 from lagcli.output.figures import labels
-from lagcli.output.incident_table import IncidentTable
+from lagcli.output.files import endings
 from lagcli.output.tables import read_events, read_table
+from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.sinks import MissingExtra
 from lagcli.output.trajectory import SimulationStopped
 

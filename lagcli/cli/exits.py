@@ -13,7 +13,7 @@ from typing import ParamSpec
 from lagcli.cli import signals, status_line
 from lagcli.errors import diagnostics
 from lagcli.input.overrides import OverrideError
-from lagcli.output import atomic_file
+from lagcli.output.files import atomic_file
 
 # Exit codes, as the manual lists them.
 DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141

@@ -12,7 +12,7 @@ from lagcli.cli import console, exits, file_conflicts, json_output, preflight
 from lagcli.errors import diagnostics
 from lagcli.linearization.linear_modes import Modes
 from lagcli.model.model import Model
-from lagcli.output import endings
+from lagcli.output.files import endings
 from lagcli.output.trajectory import SimulationStopped
 
 MOST_MODES, MOST_COORDINATES = 60, 8  # what fits a screen; --json has all

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lagcli.cli import exits
-from lagcli.output import atomic_file
+from lagcli.output.files import atomic_file
 
 STDOUT = "-"
 # More than any model or schema; a file of this size is another one without looking.

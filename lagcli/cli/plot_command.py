@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from lagcli.cli import console, exits, model_reading
 from lagcli.cli.asked_plot import PlotOptions, is_table
-from lagcli.output import endings
 from lagcli.output.charts import chart_table, compose
 from lagcli.output.charts.chart import ChartData
 from lagcli.output.charts.chart_table import ChartTable
+from lagcli.output.files import endings
 from lagcli.output.tables import read_table
 from lagcli.output.tables.sinks import MissingExtra
 

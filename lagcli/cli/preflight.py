@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import TypedDict
 
 from lagcli.cli import exits, file_conflicts, model_reading
-from lagcli.output import atomic_file, endings
+from lagcli.output.files import atomic_file, endings
 
 
 class RepeatedRuns(TypedDict):

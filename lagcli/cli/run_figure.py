@@ -11,8 +11,8 @@ import numpy.typing as npt
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import exits
 from lagcli.cli.asked_run import SimulateOptions
-from lagcli.output import column_choice
 from lagcli.output.figures import decimate
+from lagcli.output.tables import column_choice
 
 Floats = npt.NDArray[np.float64]
 

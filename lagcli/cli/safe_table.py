@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import exits, signals
-from lagcli.output import atomic_file, checkpoint_file
+from lagcli.output import checkpoint_file
 from lagcli.output.checkpoint_file import KeptRows
+from lagcli.output.files import atomic_file
 from lagcli.output.tables import row_file, sinks, text_cells
 from lagcli.simulation.run_state.checkpoint import CheckpointTable
 

@@ -19,8 +19,9 @@ from lagcli.cli import console, exits, json_output, run_figure, safe_table, sign
 from lagcli.cli.asked_run import SimulateOptions
 from lagcli.cli.safe_table import RowsBefore, TablePlan
 from lagcli.model.model import Model, Simulation
-from lagcli.output import atomic_file, event_rows, trajectory
+from lagcli.output import event_rows, trajectory
 from lagcli.output.figures import decimate
+from lagcli.output.files import atomic_file
 from lagcli.output.trajectory import Outcome, Stats, Stopped
 from lagcli.simulation.run_state import checkpoint, run_stop
 from lagcli.simulation.scheme import step_tolerance

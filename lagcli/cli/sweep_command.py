@@ -31,7 +31,7 @@ from lagcli.cli import console, exits, json_output, signals
 from lagcli.cli.asked_points import UNREADABLE, AskedPoints
 from lagcli.cli.asked_sweep import SweepFiles
 from lagcli.model.model import Model
-from lagcli.output import atomic_file, endings
+from lagcli.output.files import atomic_file, endings
 from lagcli.output.tables import sinks
 
 # Points above which a sweep is asked for with --yes: days of computing, which a slip of the finger has asked for.

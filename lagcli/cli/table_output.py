@@ -13,9 +13,10 @@ from lagcli.api.simulation_run import SimulationRun
 from lagcli.cli import exits, safe_table, signals
 from lagcli.cli.asked_run import SimulateOptions
 from lagcli.cli.safe_table import RowsBefore, SafeTable, TablePlan
-from lagcli.output import checkpoint_file, incident_table
+from lagcli.output import checkpoint_file
 from lagcli.output.figures import decimate
-from lagcli.output.incident_table import IncidentColumns
+from lagcli.output.tables import incident_table
+from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.output.trajectory import provenance
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.run_state.incident import KINDS, Incident

@@ -16,7 +16,7 @@ from lagcli.formulations.event_times import RunEvent
 from lagcli.model.model import Model
 
 if TYPE_CHECKING:
-    from lagcli.formulations.vakonomic.principles import Principles
+    from lagcli.formulations.principles import Principles
 
 Floats = npt.NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import os
 import time
 from pathlib import Path
 
-from lagcli.output import atomic_file
+from lagcli.output.files import atomic_file
 from lagcli.output.tables import row_file
 from lagcli.simulation.run_state import checkpoint
 

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.output import incident_table
-from lagcli.output.incident_table import IncidentColumns
 from lagcli.output.table_columns import GeneralizedForces
+from lagcli.output.tables import incident_table
+from lagcli.output.tables.incident_table import IncidentColumns
 
 Floats = npt.NDArray[np.float64]
 

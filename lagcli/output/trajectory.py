@@ -15,9 +15,9 @@ from lagcli import __version__
 from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation, Vector3
-from lagcli.output import incident_table, table_facts
-from lagcli.output.incident_table import IncidentTable
-from lagcli.output.table_facts import TableFacts
+from lagcli.output.tables import incident_table, table_facts
+from lagcli.output.tables.incident_table import IncidentTable
+from lagcli.output.tables.table_facts import TableFacts
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.start.assembly_moves import Moves
 

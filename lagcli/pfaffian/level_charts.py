@@ -20,8 +20,8 @@ from math import gcd, lcm
 import sympy
 
 from lagcli.model import invariant
-from lagcli.pfaffian import printing
 from lagcli.pfaffian.exact import guarded, time_limit
+from lagcli.pfaffian.forms import printing
 from lagcli.pfaffian.single_form import potential, tidy_integral
 
 Variables = tuple[sympy.Symbol, ...]

@@ -8,11 +8,11 @@ from typing import TypeAlias
 
 import sympy
 
-from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import printing
 from lagcli.pfaffian.exact import guarded, normal_form, zero_at_point
 from lagcli.pfaffian.flag import elimination
-from lagcli.pfaffian.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms import printing
+from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
 
 # A coordinate stands still where it differs by less than this part of its size; a value that is so near to a multiple
 # of pi/12 is one.

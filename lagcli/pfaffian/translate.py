@@ -23,9 +23,10 @@ from lagcli.model import model as nouns
 from lagcli.model.family import Family, Whole
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.resolve import ModelNames, Reference, Resolver
-from lagcli.pfaffian import level_charts, printing
-from lagcli.pfaffian.form import Form
-from lagcli.pfaffian.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian import level_charts
+from lagcli.pfaffian.forms import printing
+from lagcli.pfaffian.forms.form import Form
+from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
 
 FUNCTIONS: dict[str, Callable[..., sympy.Expr]] = {
     **{

@@ -9,10 +9,10 @@ from lagcli.equations import level_functions, size_limits
 from lagcli.equations.system import System
 from lagcli.expression.tree import ExpressionError
 from lagcli.model.invariant import FirstIntegral
-from lagcli.simulation import loop
 from lagcli.simulation.kept_functions import KeptFunctions
+from lagcli.simulation.run import loop
+from lagcli.simulation.run.run_start import RunStart
 from lagcli.simulation.run_in_blocks import RunInBlocks
-from lagcli.simulation.run_start import RunStart
 from lagcli.simulation.run_state.checkpoint import Checkpoint, CheckpointError
 from lagcli.simulation.scheme import invariants
 from lagcli.start import initial

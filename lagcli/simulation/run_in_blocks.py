@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lagcli.model.model import Simulation
 from lagcli.simulation.global_error.accuracy import Accuracy
-from lagcli.simulation.loop import Run
+from lagcli.simulation.run.loop import Run
 from lagcli.simulation.run_report import RunBlock, RunReport
 from lagcli.simulation.run_state.checkpoint import RunState
 from lagcli.simulation.run_state.statistics import Figures

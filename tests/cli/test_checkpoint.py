@@ -19,7 +19,7 @@ from lagcli.analysis.classification import known_integrals
 from lagcli.api import prepare_run, run_settings, simulation_run
 from lagcli.model import invariant
 from lagcli.output import checkpoint_file
-from lagcli.simulation import loop
+from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint, saved_form
 from tests.helpers import in_process
 

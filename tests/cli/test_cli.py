@@ -31,8 +31,8 @@ from lagcli import __main__ as entry
 from lagcli.api import cache, prepare_run
 from lagcli.cli import asked_run, console, exits, run_figure, signals
 from lagcli.errors import catalogue, diagnostics
-from lagcli.output import endings
 from lagcli.output.figures import figure
+from lagcli.output.files import endings
 from lagcli.output.tables import sinks
 from tests.helpers import pendulum
 

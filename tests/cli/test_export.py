@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 
-from lagcli.output import column_choice, endings
 from lagcli.output.figures import decimate
-from lagcli.output.tables import block_file, float_text, sinks
+from lagcli.output.files import endings
+from lagcli.output.tables import block_file, column_choice, float_text, sinks
 
 NAMES = ("t", "p[1][2].x", "rate(theta)", "lambda.größe", "file")
 HARD = [5e-324, 1e308, -0.0, 0.1, 1 / 3, -2.2250738585072014e-308, 1.7976931348623157e308, 123456789.0]

@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 
 import lagcli
 from lagcli.api import prepare_run, run_settings
-from lagcli.output import column_choice
-from lagcli.output.tables import sinks
+from lagcli.output.tables import column_choice, sinks
 from tests.helpers.pendulum import PENDULUM
 
 if os.name != "posix":

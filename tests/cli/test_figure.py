@@ -17,8 +17,8 @@ from matplotlib import text as mpl_text
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output import endings
 from lagcli.output.figures import figure, labels, panels, sheet
+from lagcli.output.files import endings
 
 
 @dataclasses.dataclass(frozen=True)

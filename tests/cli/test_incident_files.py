@@ -9,9 +9,10 @@ import pytest
 
 import lagcli
 from lagcli.cli import table_output
-from lagcli.output import atomic_file, checkpoint_file, event_rows, incident_table
-from lagcli.output.tables import read_events, read_table, sinks
-from lagcli.simulation import loop
+from lagcli.output import checkpoint_file, event_rows
+from lagcli.output.files import atomic_file
+from lagcli.output.tables import incident_table, read_events, read_table, sinks
+from lagcli.simulation.run import loop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.stepping import stepper
 from tests.helpers import pendulum

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lagcli.cli import exits, file_conflicts
-from lagcli.output import atomic_file
+from lagcli.output.files import atomic_file
 from lagcli.output.tables import sinks
 from tests.helpers import pendulum
 from tests.helpers.in_process import command

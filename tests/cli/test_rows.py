@@ -17,9 +17,10 @@ import pytest
 import lagcli
 from lagcli.api import prepare_run, simulation_run
 from lagcli.cli import signals, table_output
-from lagcli.output import atomic_file, checkpoint_file
+from lagcli.output import checkpoint_file
+from lagcli.output.files import atomic_file
 from lagcli.output.tables import parquet_table, read_table, row_file, sinks
-from lagcli.simulation import loop
+from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.scheme import controller
 from tests.helpers import in_process, pendulum

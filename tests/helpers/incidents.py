@@ -3,8 +3,8 @@
 import numpy as np
 
 from lagcli.model.model import Model
-from lagcli.output import incident_table
-from lagcli.output.incident_table import IncidentColumns
+from lagcli.output.tables import incident_table
+from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.simulation.run_state.incident import Incident, Kind
 
 BALL = """

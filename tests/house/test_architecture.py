@@ -181,21 +181,30 @@ def test_the_files_of_a_room_import_each_other_in_no_circle() -> None:
             del graph[name]
 
 
-@pytest.mark.parametrize("package", ["simulation", "auditing", "derivation"])
+# Packages whose rooms still import each other in a circle: a debt.
+CIRCLES = {"api"}
+
+
+@pytest.mark.parametrize(
+    "package", sorted({path.parent.parent.name for path in PACKAGE.glob("*/*/__init__.py")})
+)
 def test_the_rooms_of_a_package_import_each_other_in_no_circle(package: str) -> None:
+    """The files that stand in no room are one more: they use rooms, or are used by them."""
+
     def place(name: str) -> str:
         return str(FILES[name].parent.relative_to(PACKAGE))
 
-    inner = [name for name in FILES if FILES[name].parent.parent == PACKAGE / package]
+    inner = [
+        name for name in FILES if name.startswith(f"lagcli.{package}.") and FILES[name].stem != "__init__"
+    ]
     graph: dict[str, set[str]] = {place(name): set() for name in inner}
     for name in inner:
         graph[place(name)] |= {place(other) for other in inside(name) if other in inner} - {place(name)}
     assert len(graph) > 1
-    while graph:
-        free = [name for name, needs in graph.items() if not needs & graph.keys()]
-        assert free, f"a circle among {sorted(graph)}"
+    while free := [name for name, needs in graph.items() if not needs & graph.keys()]:
         for name in free:
             del graph[name]
+    assert bool(graph) == (package in CIRCLES), f"a circle among {sorted(graph)}"
 
 
 @pytest.mark.parametrize("library", DOORS)

@@ -14,7 +14,7 @@ import scipy.integrate
 import lagcli
 from lagcli.api import cache, prepare_run, run_settings
 from lagcli.compiled import numeric
-from lagcli.simulation import loop
+from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint, run_stop
 from lagcli.simulation.scheme import collocation, dop853, dop853_tableau
 from lagcli.simulation.singularity import singular_point, singularity_monitor

@@ -14,8 +14,8 @@ import pytest
 
 import lagcli
 from lagcli.api import prepare_run, run_settings
-from lagcli.simulation import loop
 from lagcli.simulation.global_error import accuracy, error_estimate, reference_run
+from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.stepping.stepper import Stepper

@@ -7,9 +7,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from sympy import Abs, Matrix, atan2, cos, exp, log, sin, sqrt
 
-from lagcli.pfaffian import form, pfaffian_block
+from lagcli.pfaffian import joint
 from lagcli.pfaffian.exact import operations, surface_points, time_limit
-from lagcli.pfaffian.flag import elimination, joint
+from lagcli.pfaffian.flag import elimination
+from lagcli.pfaffian.forms import form, pfaffian_block
 from lagcli.pfaffian.integrals import first_integrals
 from lagcli.pfaffian.single_form import frobenius, potential
 from tests.helpers import spent

@@ -10,9 +10,9 @@ import pyarrow.parquet
 import pytest
 
 import lagcli
-from lagcli.output import endings
-from lagcli.output.incident_table import IncidentTable
+from lagcli.output.files import endings
 from lagcli.output.tables import read_events, sinks
+from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.unreadable import UnreadableTable
 from tests.helpers import incidents
 

@@ -11,7 +11,6 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.pfaffian import form
 from lagcli.pfaffian.exact import (
     constant_combinations,
     enclosure,
@@ -20,6 +19,7 @@ from lagcli.pfaffian.exact import (
     time_limit,
     zero_test,
 )
+from lagcli.pfaffian.forms import form
 from lagcli.pfaffian.single_form import frobenius, memo, potential
 from tests.helpers import spent
 

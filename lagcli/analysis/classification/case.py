@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from lagcli.analysis.classification import coupling
 from lagcli.analysis.classification.coupling import CoupledGroup
-from lagcli.analysis.redundancy import Orbit
+from lagcli.analysis.codimension.redundancy import Orbit
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
 from lagcli.start.initial import State

@@ -21,11 +21,12 @@ from lagcli.analysis.classification.verdict import (
 )
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
-from lagcli.pfaffian import printing, translate
+from lagcli.pfaffian import joint, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
-from lagcli.pfaffian.flag import function_field, joint
-from lagcli.pfaffian.form import Form
-from lagcli.pfaffian.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.flag import function_field
+from lagcli.pfaffian.forms import printing
+from lagcli.pfaffian.forms.form import Form
+from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius, memo
 from lagcli.pfaffian.special_places import Expression
 from lagcli.start import initial

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.analysis import redundancy
 from lagcli.analysis.classification import classify, hidden_conditions, unenforced
 from lagcli.analysis.classification.case import Case
 from lagcli.analysis.classification.verdict import Condition
+from lagcli.analysis.codimension import redundancy
 from lagcli.compiled import NumericSystem
 from lagcli.equations import row_parameters, system
 from lagcli.errors import diagnostics

@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from lagcli.analysis.classification.case import Case
 from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
-from lagcli.pfaffian import special_places, translate
+from lagcli.pfaffian import joint, special_places, translate
 from lagcli.pfaffian.exact import time_limit
-from lagcli.pfaffian.flag import function_field, joint
-from lagcli.pfaffian.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.flag import function_field
+from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_places import Expression
 from lagcli.start.initial import State

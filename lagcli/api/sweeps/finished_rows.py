@@ -10,7 +10,7 @@ import numpy as np
 from lagcli.api.sweeps import sweep_journal, sweep_table
 from lagcli.api.sweeps.point_task import PointRow
 from lagcli.api.sweeps.sweep_plan import SweepPlan
-from lagcli.output import endings
+from lagcli.output.files import endings
 from lagcli.output.tables import read_table, sinks, unreadable
 from lagcli.output.tables.read_table import ReadTable
 

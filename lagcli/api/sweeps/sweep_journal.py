@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from lagcli.api.sweeps.point_task import PointRow
-from lagcli.output import atomic_file
+from lagcli.output.files import atomic_file
 
 KIND = "lagcli sweep 1"
 ENDED = "table"  # in the second line of a sweep that has come to its end

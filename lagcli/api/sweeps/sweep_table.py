@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.api.sweeps.point_task import PointRow
-from lagcli.output import endings
+from lagcli.output.files import endings
 from lagcli.output.tables import sinks
 
 Floats = npt.NDArray[np.float64]

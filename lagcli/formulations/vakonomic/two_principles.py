@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lagcli.formulations.comparison import MOST_DIGITS, Agreement, Formulation
-from lagcli.formulations.vakonomic.principles import PartingPoint
+from lagcli.formulations.principles import PartingPoint
 
 # Of the two principles the forces of constraint can be compared as a whole, and multipliers not: those of differential
 # rows are not there, and those of holonomic ones share the force with them. Motions that agree are one motion.

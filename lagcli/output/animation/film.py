@@ -15,10 +15,10 @@ from matplotlib import animation, axes, collections, colors, figure, lines, quiv
 from matplotlib.backends import backend_agg
 
 from lagcli import progress
-from lagcli.output import atomic_file
 from lagcli.output.animation import packing, sheets, still
 from lagcli.output.animation.scene import Scene
 from lagcli.output.figures import labels, sheet
+from lagcli.output.files import atomic_file
 
 Floats = npt.NDArray[np.float64]
 

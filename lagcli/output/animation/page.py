@@ -10,10 +10,10 @@ import pathlib
 import string
 
 from lagcli import __version__
-from lagcli.output import atomic_file
 from lagcli.output.animation import packing, still
 from lagcli.output.animation.scene import Scene
 from lagcli.output.figures import labels
+from lagcli.output.files import atomic_file
 
 ASSETS = pathlib.Path(__file__).with_name("assets")
 LIBRARY = "three-0.180.0.min.js"

@@ -11,10 +11,10 @@ import matplotlib
 import numpy as np
 from matplotlib import axes, collections, ticker
 
-from lagcli.output import endings
 from lagcli.output.charts.chart import ChartData, ChartPanel, decades, squared
 from lagcli.output.figures import incident_marks, labels, sheet
 from lagcli.output.figures.incident_marks import IncidentMarks
+from lagcli.output.files import endings
 
 GAP = 0.08  # inches above a panel
 SMALL = 7.0  # points: ticks and names beside a bar of colours

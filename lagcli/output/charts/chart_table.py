@@ -14,9 +14,8 @@ from typing import BinaryIO, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output import table_facts
-from lagcli.output.table_facts import TableFacts
-from lagcli.output.tables import read_table
+from lagcli.output.tables import read_table, table_facts
+from lagcli.output.tables.table_facts import TableFacts
 from lagcli.output.tables.unreadable import UnreadableTable
 
 Floats = NDArray[np.float64]

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
-from lagcli.output import column_choice
 from lagcli.output.charts import chart_series, overlay_names
 from lagcli.output.charts.chart import MOST_KEYS, ChartCurve, ChartData, ChartPanel, IncidentDots, LegendKey
 from lagcli.output.charts.chart_series import Series
 from lagcli.output.charts.chart_table import ChartTable
 from lagcli.output.charts.column_words import COMPARABLE, OPEN, ColumnWords
 from lagcli.output.figures import incident_marks, panels
+from lagcli.output.tables import column_choice
 
 Floats = NDArray[np.float64]
 

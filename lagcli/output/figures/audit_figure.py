@@ -8,8 +8,8 @@ from matplotlib import axes, figure
 from matplotlib.backends import backend_agg
 
 from lagcli.auditing.checks.audit_report import Audit, Check
-from lagcli.output import endings
 from lagcli.output.figures import labels, sheet
+from lagcli.output.files import endings
 
 _BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
 _HEIGHT, _FLOOR = 0.62, 1e-9  # inches of one check; what is below that part of its limit is drawn there

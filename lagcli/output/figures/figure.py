@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib import collections, figure
 from numpy.typing import NDArray
 
-from lagcli.output import endings
 from lagcli.output.figures import incident_marks, labels, panels, sheet
+from lagcli.output.files import endings
 
 
 def draw(

@@ -10,8 +10,8 @@ from matplotlib import axes, axis, figure, ticker
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output import endings
 from lagcli.output.figures import labels, sheet
+from lagcli.output.files import endings
 
 _BLUE, _RED, _GREY, _GREEN = "#0072B2", "#D55E00", "#888888", "#009E73"
 

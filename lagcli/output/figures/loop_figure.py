@@ -10,8 +10,8 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.analysis.holonomy import witness
-from lagcli.output import endings
 from lagcli.output.figures import labels, sheet
+from lagcli.output.files import endings
 
 WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
 NEAR = 0.07  # of the width of a plot: numbers closer than this would overlap

@@ -9,8 +9,8 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.linearization.linear_modes import Modes
-from lagcli.output import endings
 from lagcli.output.figures import labels, sheet
+from lagcli.output.files import endings
 
 MOST_PANELS, COLUMNS = 12, 3  # of one page, and in one line of it
 # More bars than these are drawn as a line.

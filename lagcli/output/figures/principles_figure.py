@@ -10,8 +10,8 @@ from matplotlib import axes, figure
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output import endings
 from lagcli.output.figures import labels, sheet
+from lagcli.output.files import endings
 
 _COLOURS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _BLUE, _RED = "#0072B2", "#D55E00"

@@ -20,8 +20,8 @@ from matplotlib import axes, colors, figure, font_manager, lines, textpath, tick
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output import atomic_file
 from lagcli.output.figures import incident_marks, labels
+from lagcli.output.files import atomic_file
 
 Dash = Literal["-"] | tuple[float, tuple[float, ...]]
 

@@ -7,7 +7,7 @@ import dataclasses
 import os
 from pathlib import Path
 
-from lagcli.output import atomic_file, endings
+from lagcli.output.files import atomic_file, endings
 from lagcli.output.report import pdf_programs, report_writer
 from lagcli.output.report.report_contents import ReportContents
 

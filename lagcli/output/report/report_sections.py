@@ -13,7 +13,6 @@ from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows
 from lagcli.model.model import Model, Units
 from lagcli.output.figures import labels
-from lagcli.output.incident_table import IMPULSE, IncidentTable
 from lagcli.output.report import model_listing, model_tables
 from lagcli.output.report.report_contents import (
     Block,
@@ -24,6 +23,7 @@ from lagcli.output.report.report_contents import (
     PageTable,
     ReportContents,
 )
+from lagcli.output.tables.incident_table import IMPULSE, IncidentTable
 from lagcli.output.trajectory import Stats, Trajectory
 
 # Rows of a table of incidents or of constraints, and names of what fails: the files of `simulate` hold them all.

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from lagcli.output import atomic_file
+from lagcli.output.files import atomic_file
 
 
 class BlockFile:

@@ -6,9 +6,8 @@ import os
 
 import numpy as np
 
-from lagcli.output import incident_table
-from lagcli.output.incident_table import IncidentTable
-from lagcli.output.tables import read_table
+from lagcli.output.tables import incident_table, read_table
+from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.unreadable import SHOWN, UnreadableTable
 from lagcli.simulation.run_state.incident import KINDS
 

@@ -18,7 +18,7 @@ from typing import Protocol, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output import endings
+from lagcli.output.files import endings
 from lagcli.output.tables import float_text, plain_csv
 from lagcli.output.tables.read_npz import NpzTable
 from lagcli.output.tables.sinks import needing_pyarrow

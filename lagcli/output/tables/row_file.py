@@ -15,7 +15,7 @@ from typing import BinaryIO, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output import atomic_file
+from lagcli.output.files import atomic_file
 
 MAGIC = b"\x93NUMPY\x03\x00"  # version 3: names in UTF-8
 DIGITS = 20  # room for the number of rows, which changes in its place

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli import requirements
-from lagcli.output import atomic_file, endings
+from lagcli.output.files import atomic_file, endings
 from lagcli.output.tables import csv_table, text_cells
 
 

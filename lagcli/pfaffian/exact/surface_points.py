@@ -13,8 +13,8 @@ import mpmath
 import sympy
 from mpmath.ctx_iv import ivmpf
 
-from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import enclosure
+from lagcli.pfaffian.forms import form as forms
 
 # Newton's method ends with nearly all digits; a sum of many terms loses some of them.
 ZERO = 1e-30

@@ -13,9 +13,9 @@ from itertools import combinations
 
 import sympy
 
-from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import pfaffian_block as blocks
 from lagcli.pfaffian.exact import guarded, time_limit, zero_test
+from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms import pfaffian_block as blocks
 
 Substitutions = dict[sympy.Symbol, sympy.Expr]
 

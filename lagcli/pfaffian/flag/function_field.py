@@ -14,9 +14,9 @@ import sympy
 from sympy.polys.fields import FracElement
 from sympy.polys.rings import PolyElement
 
-from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import guarded, normal_form, surface_points, time_limit, zero_test
-from lagcli.pfaffian.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
 
 Row = list[FracElement]  # entries in the field of the tower
 Values = Mapping[sympy.Symbol, sympy.Expr]

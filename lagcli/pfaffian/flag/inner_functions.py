@@ -13,7 +13,7 @@ import sympy
 
 from lagcli.pfaffian.exact import guarded
 from lagcli.pfaffian.exact.sympy_failure import SympyFailure
-from lagcli.pfaffian.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
 
 _KINDS = (sympy.Function, sympy.Pow)
 

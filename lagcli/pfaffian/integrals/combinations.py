@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
-from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form
+from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.integrals import sampling
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import sympy
 
-from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import pfaffian_block as blocks
 from lagcli.pfaffian.exact import guarded, zero_test
 from lagcli.pfaffian.exact.sympy_failure import SympyFailure
 from lagcli.pfaffian.flag import elimination
+from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms import pfaffian_block as blocks
 from lagcli.pfaffian.integrals import combinations, darboux, matrix_flow
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.integrals.integral_search import IntegralSearch, Proposals, SearchResult

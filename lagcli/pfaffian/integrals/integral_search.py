@@ -9,11 +9,11 @@ from functools import partial
 
 import sympy
 
-from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import pfaffian_block as blocks
 from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
 from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
 from lagcli.pfaffian.flag import elimination
+from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms import pfaffian_block as blocks
 from lagcli.pfaffian.integrals import combinations
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.single_form import potential, tidy_integral

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import sympy
 from sympy.polys.fields import FracElement
 
-from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import guarded, normal_form, zero_test
+from lagcli.pfaffian.forms import form as forms
 
 
 @dataclass(frozen=True, slots=True)

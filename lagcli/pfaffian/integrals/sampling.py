@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
-from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
+from lagcli.pfaffian.forms import form as forms
 
 Values = npt.NDArray[np.float64]
 """Of shape (points,)."""

@@ -17,9 +17,9 @@ from typing import Literal
 import sympy
 from sympy.polys.rings import PolyElement
 
-from lagcli.pfaffian import form as forms
-from lagcli.pfaffian import printing
 from lagcli.pfaffian.exact import enclosure, normal_form, time_limit, zero_test
+from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms import printing
 from lagcli.pfaffian.single_form import integrating_factors, potential, tidy_integral
 
 Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]

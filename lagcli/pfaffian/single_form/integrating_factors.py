@@ -14,9 +14,9 @@ from typing import TypeVar
 
 import sympy
 
-from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import guarded, normal_form, sympy_failure, time_limit, zero_test
 from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
+from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.single_form import ansatz, potential, tidy_integral
 
 Value = TypeVar("Value")

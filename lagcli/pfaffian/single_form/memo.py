@@ -8,7 +8,7 @@ import re
 
 import sympy
 
-from lagcli.pfaffian.form import Form
+from lagcli.pfaffian.forms.form import Form
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.single_form.frobenius import FormVerdict
 

@@ -6,9 +6,9 @@ from math import lcm
 
 import sympy
 
-from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import guarded, sympy_failure
 from lagcli.pfaffian.exact.sympy_failure import NoAnswerError, SympyFailure
+from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.single_form import rational
 
 WRITABLE = (

@@ -17,10 +17,10 @@ import numpy.typing as npt
 
 from lagcli.equations.system import System
 from lagcli.model.model import Simulation
-from lagcli.simulation import loop
 from lagcli.simulation.global_error import divergence
 from lagcli.simulation.global_error.accuracy import KINDS, SURE, Accuracy
 from lagcli.simulation.global_error.incident_sides import ImpactGrowth, IncidentSides
+from lagcli.simulation.run import loop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.scheme import step_tolerance
 

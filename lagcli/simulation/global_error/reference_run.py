@@ -12,10 +12,10 @@ import numpy.typing as npt
 from lagcli.equations import time_functions
 from lagcli.equations.system import System
 from lagcli.model.model import Simulation
-from lagcli.simulation import loop, run_start
 from lagcli.simulation.global_error import divergence, error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.simulation.global_error.incident_errors import IncidentErrors
+from lagcli.simulation.run import loop, run_start
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.checkpoint import RunState
 from lagcli.simulation.run_state.incident import Incident, Tally

@@ -68,7 +68,8 @@ def begin(
     if found.value is None:
         raise _refusal(system, found)
     # Loaded here and not above: independent rows need none of it.
-    from lagcli.analysis import codimension, rank_advice
+    from lagcli.analysis import codimension
+    from lagcli.analysis.codimension import rank_advice
 
     whole = whole or (system, numeric)
     conflict.require_lasting(*whole, state)

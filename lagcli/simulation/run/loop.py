@@ -16,14 +16,14 @@ import numpy.typing as npt
 from lagcli.compiled.selection import Selection
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
-from lagcli.simulation import run_start
 from lagcli.simulation.closed_contacts.row_gaps import RowGaps
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.impulse_event import ImpulseEvent
 from lagcli.simulation.events.singular_event import SingularEvent
 from lagcli.simulation.events.switch_event import SwitchEvent
-from lagcli.simulation.row_writer import RowWriter
-from lagcli.simulation.run_start import RunStart
+from lagcli.simulation.run import run_start
+from lagcli.simulation.run.row_writer import RowWriter
+from lagcli.simulation.run.run_start import RunStart
 from lagcli.simulation.run_state.angle_turns import Turns
 from lagcli.simulation.run_state.checkpoint import CheckpointError, RunState
 from lagcli.simulation.run_state.incident import Incident

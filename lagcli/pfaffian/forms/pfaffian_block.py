@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import sympy
 
-from lagcli.pfaffian.form import Form
+from lagcli.pfaffian.forms.form import Form
 
 Coefficients = tuple[sympy.Expr, ...]
 

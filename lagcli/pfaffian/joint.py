@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
-from lagcli.pfaffian import form as forms
 from lagcli.pfaffian.exact import enclosure, guarded, surface_points, time_limit
 from lagcli.pfaffian.flag import derived_flag as flags
 from lagcli.pfaffian.flag import elimination, inner_functions
 from lagcli.pfaffian.flag.function_field import NotDecidedError, Values
+from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.integrals import first_integrals
-from lagcli.pfaffian.pfaffian_block import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius
 
 Floats = npt.NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""Pfaffian forms, blocks of them, and how their expressions are written."""
