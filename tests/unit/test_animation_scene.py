@@ -320,6 +320,28 @@ def test_a_surface_that_is_not_simple_is_a_net_on_it(
     np.testing.assert_allclose(off(corners), 0, atol=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("row", "place", "velocity"),
+    [
+        ("a.x**2 + a.y**2 = a.z**2", "[1, 0, 1]", "[0, 2, 0]"),
+        ("a.x**2 + a.y**2 - a.z**2 = 1", "[1, 0, 0]", "[0, 1, 1]"),
+        ("(norm([a.x, a.y, 0]) - 2)**2 + a.z**2 = 0.25", "[2.5, 0, 0]", "[0, 2, 1]"),
+    ],
+)
+def test_a_surface_that_bends_back_is_drawn_all_along_the_motion(row: str, place: str, velocity: str) -> None:
+    text = (
+        f"particles: {{a: {{mass: 1, position: {place}, velocity: {velocity}}}}}\nholonomic: {{s: '{row}'}}"
+    )
+    scene = scene_of(text + FALLING.replace("duration: 1,", "duration: 2,"))
+    assert len(scene.surfaces) > 1
+    assert {one.kind for one in scene.surfaces} == {"net"}
+    nodes = np.concatenate([one.places(0) for one in scene.surfaces])
+    nodes = nodes[np.isfinite(nodes).all(axis=1)]
+    assert len(np.unique(nodes.round(6), axis=0)) == len(nodes)
+    apart = np.linalg.norm(scene.points[0][:, None] - nodes, axis=-1).min(axis=1)
+    assert np.quantile(apart, 0.8) < 4 * scene.view.size / sheets.NODES  # two squares of the net
+
+
 def test_a_curve_that_two_moving_rows_leave_moves_whole() -> None:
     text = """
 parameters: {w: 1}

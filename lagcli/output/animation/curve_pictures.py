@@ -109,8 +109,8 @@ class CurvePictures:
         if row.moves and self._moving() >= MOST_MOVING:
             return
         with np.errstate(all="ignore"):
-            nodes = sheets.net(row.function, track, 2 * self.view.size, row.moves)
-        if nodes.shape[1]:
+            found = sheets.nets(row.function, track, 2 * self.view.size, row.moves)
+        for nodes in found:
             self.drawn.append(DrawnSurface("net", row.name, row.one_sided, STANDING, nodes))
             self.found.shown.add(row.name)
 
