@@ -39,19 +39,24 @@ for old, new in (
 REFERENCE = {1: 3.337870803105097731817957, 4: 12.68425959351397191786348, 10: 31.75059718698610181708135}
 
 
+def solution_of(stiffness, duration, begin, **options):
+    """phi'' = stiffness sin(phi) by SciPy, to rounding."""
+    return scipy.integrate.solve_ivp(
+        lambda _, y: [y[1], stiffness * np.sin(y[0])],
+        (0, duration),
+        begin,
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+        **options,
+    )
+
+
 @functools.cache
 def angle(N, phi=0.0, rate=1.0):
     """phi(t) of L = ((N + 1)/3 + N) phi'^2/2 - g ((N + 1)/2 + N) cos(phi), up to t = 10."""
     stiffness = 9.81 * ((N + 1) / 2 + N) / ((N + 1) / 3 + N)
-    return scipy.integrate.solve_ivp(
-        lambda _, y: [y[1], stiffness * np.sin(y[0])],
-        (0, 10),
-        [phi, rate],
-        method="DOP853",
-        rtol=1e-13,
-        atol=1e-13,
-        dense_output=True,
-    )
+    return solution_of(stiffness, 10, [phi, rate], dense_output=True)
 
 
 def level_times(solution, end=10.0):
@@ -183,15 +188,7 @@ def test_a_third_crank_leads_a_parallelogram_through(order, digits):
     rows = CRANK_ROWS[3 * order :] + CRANK_ROWS[: 3 * order]
     text = CRANKS + "\n".join(rows)
     run = lagcli.simulate(lagcli.loads(text), rtol=10.0**-digits)
-    truth = scipy.integrate.solve_ivp(
-        lambda _, y: [y[1], 9.81 * np.sin(y[0])],
-        (0, 10),
-        [0, 2],
-        method="DOP853",
-        rtol=1e-13,
-        atol=1e-13,
-        t_eval=run.t,
-    ).y[0]
+    truth = solution_of(9.81, 10, [0, 2], t_eval=run.t).y[0]
     assert np.abs(run["a.x"] - np.sin(truth)).max() < max(10 * 10.0**-digits, 1e-9)
     assert run.stats.singular_times == ()
     assert set(run.stats.indeterminate) == {"ab", "ac", "bc", "ra", "rb", "rc"}
@@ -393,16 +390,7 @@ simulation: {duration: 3, samples: 31}
 @pytest.mark.parametrize("digits", [4, 5, 6, 7, 8, 9, 10, 11, 12])
 def test_unequal_masses_at_every_tolerance(digits):
     run = lagcli.simulate(lagcli.loads(PARALLELOGRAM), rtol=10.0**-digits)
-    truth = scipy.integrate.solve_ivp(
-        lambda _, y: [y[1], 9.81 * np.sin(y[0])],
-        (0, 3),
-        [np.arcsin(0.6), 1.0],
-        method="DOP853",
-        rtol=1e-13,
-        atol=1e-13,
-        t_eval=run.t,
-        events=lambda _, y: np.cos(y[0]),
-    )
+    truth = solution_of(9.81, 3, [np.arcsin(0.6), 1.0], t_eval=run.t, events=lambda _, y: np.cos(y[0]))
     assert np.abs(run["a.x"] - np.sin(truth.y[0])).max() < max(10 * 10.0**-digits, 1e-9)
     assert len(run.stats.singular_times) == len(truth.t_events[0])
     assert np.abs(np.array(run.stats.singular_times) - truth.t_events[0]).max() < max(
@@ -454,16 +442,7 @@ simulation: {{duration: 0.3, samples: 31}}
 def test_a_crossing_soon_after_the_start(early, digits):
     phi, rate = np.pi / 2 - early, 1.0
     run = lagcli.simulate(lagcli.loads(near_the_crossing(early)), rtol=10.0**-digits)
-    truth = scipy.integrate.solve_ivp(
-        lambda _, y: [y[1], 9.81 * np.sin(y[0])],
-        (0, 0.3),
-        [phi, rate],
-        method="DOP853",
-        rtol=1e-13,
-        atol=1e-13,
-        t_eval=run.t,
-        events=lambda _, y: np.cos(y[0]),
-    )
+    truth = solution_of(9.81, 0.3, [phi, rate], t_eval=run.t, events=lambda _, y: np.cos(y[0]))
     assert np.abs(run["a.x"] - np.sin(truth.y[0])).max() < max(10 * 10.0**-digits, 1e-9)
     assert np.abs(np.array(run.stats.singular_times) - truth.t_events[0]).max(initial=0) < 1e-6
     assert len(run.stats.singular_times) == len(truth.t_events[0])

@@ -4,28 +4,19 @@ import numpy as np
 import pytest
 
 import lagcli
+from tests.helpers.parallelogram import LINKAGE
 
 pytestmark = pytest.mark.numeric
 
-# A parallelogram whose bars are in one line where a.y = 0; it turns with angular velocity 1 from a.y = 1.
-LINKAGE = """lagcli: 1
-particles:
-  a: {mass: 1, position: [0, 1, 0], velocity: [1, 0, 0]}
-  b: {mass: 1, position: [2, 1, 0], velocity: [1, 0, 0]}
-holonomic:
-  left: norm(a) = 1
-  right: "distance(b, [2, 0, 0]) = 1"
-  bar: distance(a, b) = 2
-  plane: a.z = 0
-  other: b.z = 0
-inequality: {wall: {condition: "a.y >= PLACE", restitution: E}}
-simulation: {samples: 31}
+WALLED = f"""{LINKAGE}\
+inequality: {{wall: {{condition: "a.y >= PLACE", restitution: E}}}}
+simulation: {{samples: 31}}
 """
 
 
 def run(place, e, duration=6):
     return lagcli.simulate(
-        lagcli.loads(LINKAGE.replace("PLACE", str(place)).replace("E}", f"{e}}}")), duration=duration
+        lagcli.loads(WALLED.replace("PLACE", str(place)).replace("E}", f"{e}}}")), duration=duration
     )
 
 

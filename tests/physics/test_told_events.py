@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from tests.helpers.parallelogram import LINKAGE
 
 pytestmark = pytest.mark.numeric
 
@@ -29,18 +30,9 @@ events:
   force: {when: multiplier(floor) - 5, direction: up}
 """
 
-LINKAGE = """lagcli: 1
-particles:
-  a: {mass: 1, position: [0, 1, 0], velocity: [1, 0, 0]}
-  b: {mass: 1, position: [2, 1, 0], velocity: [1, 0, 0]}
-holonomic:
-  left: norm(a) = 1
-  right: "distance(b, [2, 0, 0]) = 1"
-  bar: distance(a, b) = 2
-  plane: a.z = 0
-  other: b.z = 0
-inequality: {wall: {condition: "a.y >= WALL", restitution: 0.5}}
-events: {nine: {when: a.x - 0.999, direction: up}, level: {when: a.y}}
+WALLED = f"""{LINKAGE}\
+inequality: {{wall: {{condition: "a.y >= WALL", restitution: 0.5}}}}
+events: {{nine: {{when: a.x - 0.999, direction: up}}, level: {{when: a.y}}}}
 """
 
 
@@ -103,7 +95,7 @@ def test_an_event_that_jumps_at_a_switch_is_told():
 
 
 def test_a_singular_configuration_that_is_passed_is_told_in_the_order_of_time():
-    model = lagcli.loads(LINKAGE.replace("WALL", "-2"))
+    model = lagcli.loads(WALLED.replace("WALL", "-2"))
     found = lagcli.simulate(model, duration=2.0, samples=3)
     assert sorted(told(found, "crossing")) == [
         ("crossing", "bar"),
@@ -118,7 +110,7 @@ def test_a_singular_configuration_that_is_passed_is_told_in_the_order_of_time():
 
 @pytest.mark.parametrize("wall", [0.01, 0.001, -0.1])
 def test_a_contact_closes_beside_a_singular_configuration(wall):
-    found = lagcli.simulate(lagcli.loads(LINKAGE.replace("WALL", str(wall))), duration=1.75, samples=3)
+    found = lagcli.simulate(lagcli.loads(WALLED.replace("WALL", str(wall))), duration=1.75, samples=3)
     hit = found.events.of("impact")
     assert np.abs(hit.t - np.arccos(wall)).max() < 1e-10
     # Both masses go round together: an impulse on one stops both.

@@ -340,23 +340,23 @@ def _values(world: World, law: nouns.Holonomic | nouns.Differential) -> Iterator
 def _holonomic(
     world: World, name: str, family: str, f: sympy.Expr, index: dict[sympy.Symbol, int]
 ) -> SymbolicRow:
-    calculus = world.calculus
-    present = calculus.symbols(f)
-    slopes = ((i, calculus.partial(f, x)) for x, i in index.items() if x in present)
-    B = {i: tidy(slope) for i, slope in slopes if slope != 0}
-    rate = calculus.rate(f)
-    b = _at_rest(world, rate)
-    return SymbolicRow(name, family, f, B, tidy(b), tidy(-calculus.rate(rate)))
+    rate = world.calculus.rate(f)
+    B, b = _slopes(world, f, index), _at_rest(world, rate)
+    return SymbolicRow(name, family, f, B, tidy(b), tidy(-world.calculus.rate(rate)))
 
 
 def _differential(
     world: World, name: str, family: str, value: sympy.Expr, rates: dict[sympy.Symbol, int]
 ) -> SymbolicRow:
-    calculus = world.calculus
-    present = calculus.symbols(value)
-    slopes = ((i, calculus.partial(value, v)) for v, i in rates.items() if v in present)
-    B = {i: tidy(slope) for i, slope in slopes if slope != 0}
-    return SymbolicRow(name, family, None, B, tidy(_at_rest(world, value)), tidy(-calculus.rate(value)))
+    B, b = _slopes(world, value, rates), _at_rest(world, value)
+    return SymbolicRow(name, family, None, B, tidy(b), tidy(-world.calculus.rate(value)))
+
+
+def _slopes(world: World, value: sympy.Expr, index: dict[sympy.Symbol, int]) -> dict[int, sympy.Expr]:
+    """The partial derivatives that do not vanish, by the numbers of their symbols."""
+    present = world.calculus.symbols(value)
+    slopes = ((i, world.calculus.partial(value, x)) for x, i in index.items() if x in present)
+    return {i: tidy(slope) for i, slope in slopes if slope != 0}
 
 
 def _at_rest(world: World, value: sympy.Expr) -> sympy.Expr:

@@ -107,6 +107,9 @@ class Dot(FormulaNode):
 
 
 ZERO, ONE = FormulaNumber("0"), FormulaNumber("1")
+# What stands in brackets as a factor, and as the base of a power or with a dot.
+SUMS = (FormulaSum, Dot)
+COMPOSED = (FormulaSum, FormulaProduct, Fraction, FormulaPower, Apply, Dot)
 
 
 def negative(node: FormulaNode) -> FormulaNode:

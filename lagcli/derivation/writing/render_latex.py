@@ -7,23 +7,12 @@ from collections.abc import Callable
 
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing.paper_names import LETTERS
+from lagcli.output.report.latex_text import RESERVED
 
 _SCRIPT = {"𝒯": "T", "𝒱": "V", "ℒ": "L"}
 _KNOWN = frozenset("sin cos tan sinh cosh tanh exp log max min arcsin arccos arctan".split())
 _DOTS = {0: "{}", 1: r"\dot{{{}}}", 2: r"\ddot{{{}}}"}
 _RELATIONS = {"=": "=", "≥": r"\ge", "≤": r"\le", "⊥": r"\perp"}
-_SPECIAL = {
-    "\\": r"\textbackslash{}",
-    "{": r"\{",
-    "}": r"\}",
-    "_": r"\_",
-    "^": r"\textasciicircum{}",
-    "~": r"\textasciitilde{}",
-    "#": r"\#",
-    "$": r"\$",
-    "%": r"\%",
-    "&": r"\&",
-}
 
 
 def latex(node: f.FormulaNode) -> str:
@@ -38,7 +27,7 @@ def relation(sign_: str) -> str:
 
 def escaped(text: str) -> str:
     """Plain text that LaTeX prints as it is."""
-    return "".join(_SPECIAL.get(letter, letter) for letter in text)
+    return "".join(RESERVED.get(letter, letter) for letter in text)
 
 
 def word(text: str) -> str:
@@ -59,7 +48,7 @@ def _math(text: str) -> str:
     return "".join(
         f"\\{LETTERS[letter]} "
         if letter in LETTERS
-        else _SPECIAL.get(letter, letter)
+        else RESERVED.get(letter, letter)
         if letter.isascii()
         else rf"\text{{{letter}}}"
         for letter in text
@@ -94,12 +83,11 @@ def _closed(text: str) -> str:
 
 
 def _factor(node: f.FormulaNode) -> str:
-    return _closed(latex(node)) if isinstance(node, (f.FormulaSum, f.Dot)) else latex(node)
+    return _closed(latex(node)) if isinstance(node, f.SUMS) else latex(node)
 
 
 def _held(node: f.FormulaNode) -> str:
-    loose = (f.FormulaSum, f.FormulaProduct, f.Fraction, f.FormulaPower, f.Apply, f.Dot)
-    return _closed(latex(node)) if isinstance(node, loose) else latex(node)
+    return _closed(latex(node)) if isinstance(node, f.COMPOSED) else latex(node)
 
 
 def _apply(node: f.Apply) -> str:
@@ -122,7 +110,7 @@ def _in_words(letter: str, after: str) -> str:
         return rf"${_ACCENTS[after]}{{{letter}}}$"
     if letter in LETTERS:
         return rf"$\{LETTERS[letter]}$"
-    return _IN_WORDS.get(letter) or _SPECIAL.get(letter, letter)
+    return _IN_WORDS.get(letter) or RESERVED.get(letter, letter)
 
 
 _ACCENTS = {"\u0307": r"\dot", "\u0308": r"\ddot"}

@@ -70,12 +70,11 @@ def _spaced(factors: tuple[f.FormulaNode, ...]) -> list[str]:
 
 
 def _factor(node: f.FormulaNode) -> str:
-    return _closed(mathml(node)) if isinstance(node, (f.FormulaSum, f.Dot)) else mathml(node)
+    return _closed(mathml(node)) if isinstance(node, f.SUMS) else mathml(node)
 
 
 def _held(node: f.FormulaNode) -> str:
-    loose = (f.FormulaSum, f.FormulaProduct, f.Fraction, f.FormulaPower, f.Apply, f.Dot)
-    return _closed(mathml(node)) if isinstance(node, loose) else mathml(node)
+    return _closed(mathml(node)) if isinstance(node, f.COMPOSED) else mathml(node)
 
 
 def _apply(node: f.Apply) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import unicodedata
 
-SPECIAL = {
+# Characters that LaTeX takes for commands, and those that it prints as others outside of mathematics.
+RESERVED = {
     "\\": r"\textbackslash{}",
     "{": r"\{",
     "}": r"\}",
@@ -16,6 +17,9 @@ SPECIAL = {
     "$": r"\$",
     "%": r"\%",
     "&": r"\&",
+}
+SPECIAL = {
+    **RESERVED,
     "<": r"\textless{}",
     ">": r"\textgreater{}",
     "|": r"\textbar{}",
