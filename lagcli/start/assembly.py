@@ -139,8 +139,9 @@ def _configuration(search: Search) -> Floats:
         return _polished(search, best)
     _, parts = search.components()
     lengths = _lengths(search, parts, best)
+    optima: list[Floats] = []
     for begin in (best, q0, *_asides(search)):
-        for q in _minima(search, begin):
+        for q in _minima(search, begin, optima):
             found = _lengths(search, parts, q)
             # What shares no coordinate and no row may be near in one solution, and the rest in another.
             nearer = found < (1 - NEARER) * lengths
@@ -156,10 +157,18 @@ def _asides(search: Search) -> list[Floats]:
     return starts[:: max(1, len(starts) // most)][:most] if most < len(starts) else starts
 
 
-def _minima(search: Search, begin: Floats) -> Iterator[Floats]:
-    """Local minima of the distance on the surface, found from a point: by IPOPT or else by Gauss-Newton."""
+def _minima(search: Search, begin: Floats, optima: list[Floats]) -> Iterator[Floats]:
+    """Local minima of the distance on the surface, found from a point: by IPOPT or else by Gauss-Newton.
+
+    optima: those of IPOPT so far, to which one more is added; from one that is there already the way is known.
+    """
     q0, surface = search.state.q, search.surface()
     found = search.optimum(range(search.system.holonomic_count), begin, q0)
+    if found is not None:
+        near = nearest.SAME * float(np.abs(found).max(initial=0.0))
+        if any(np.abs(found - other).max(initial=0.0) <= near for other in optima):
+            return
+        optima.append(found)
     reached = surface.descend(begin if found is None else found)
     if reached.is_on:
         yield surface.refined(reached.q, q0, BRIEFLY)

@@ -19,7 +19,7 @@ from lagcli import __main__ as entry
 from lagcli.api import cache
 from lagcli.cli import signals
 from lagcli.linear.metric_rows import LocalRows
-from lagcli.start import assembly, conflict, initial
+from lagcli.start import assembly, conflict, initial, projection
 
 ON = 1e-12
 
@@ -463,3 +463,25 @@ def test_exit_codes(tmp_path, capsys, monkeypatch, laws, options, code):
     else:
         assert out == ""
         assert "error[" in err
+
+
+def test_a_minimum_that_several_searches_come_to_is_refined_once(monkeypatch):
+    """Two rods held at both ends, from afar: the nearest configuration, its mirror image, and no more."""
+    laws = {
+        "a": "distance(p0, [0, 0, 0]) = 1", "b": "distance(p0, p1) = 1.2", "c": "distance(p1, [2, 0, 0]) = 1",
+        "d": "p0.y = 0", "e": "p1.y = 0",
+    }  # fmt: skip
+    starts, refined = [], projection.Surface.refined
+
+    def counted(self, q, *more):
+        starts.append(q)
+        return refined(self, q, *more)
+
+    monkeypatch.setattr(projection.Surface, "refined", counted)
+    _, found = assembled(document([[0.5, 0.3, -2], [1.7, -0.2, -1]], laws))
+    assert found.moved > 1
+    assert np.abs(found.state.q.reshape(2, 3) - [1, 0, 0]).max() < 2
+    brief = starts[1:-1]
+    assert 1 <= len(brief) <= 8
+    apart = [float(np.abs(one - other).max()) for one, other in itertools.combinations(brief, 2)]
+    assert min(apart, default=1.0) > 1e-7
