@@ -1,6 +1,7 @@
 """The shape of the package: imports point down, one door for each library, functions one can hold in the head."""
 
 import ast
+import functools
 import gc
 import re
 from collections.abc import Iterator
@@ -135,12 +136,22 @@ def parsed(files: dict[str, Path]) -> dict[str, ast.Module]:
 
 
 FILES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
-TREES = parsed(FILES)
 
 
-def imported(name: str) -> Iterator[str]:
+@functools.cache
+def trees() -> dict[str, ast.Module]:
+    """The tree of every file, by its module."""
+    return parsed(FILES)
+
+
+@functools.cache
+def imported(name: str) -> frozenset[str]:
     """Every module that a file imports anywhere, in functions and for types alone too."""
-    for node in ast.walk(TREES[name]):
+    return frozenset(_imported(name))
+
+
+def _imported(name: str) -> Iterator[str]:
+    for node in ast.walk(trees()[name]):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -222,7 +233,7 @@ def test_what_runs_at_import_is_not_loaded_by_name() -> None:
     """Imports are written as imports, where the tests of this file see them; the package's root is lazy, and the group
     of commands loads the one that is asked for."""
     lazy = {"lagcli", "lagcli.cli.command_group"}
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
         used |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         assert not used & {"__import__"}, name
@@ -238,7 +249,7 @@ def tuples_of_slips() -> set[str]:
     """The names of tuples of exceptions that hold one of `SLIPS`, whatever module they are in."""
     assigned = [
         node
-        for tree in TREES.values()
+        for tree in trees().values()
         for node in ast.walk(tree)
         if isinstance(node, (ast.Assign, ast.AnnAssign)) and isinstance(node.value, ast.Tuple)
     ]
@@ -249,7 +260,7 @@ def tuples_of_slips() -> set[str]:
 
 def test_slips_of_ours_are_caught_in_a_few_places_alone() -> None:
     wide, found = SLIPS | tuples_of_slips(), []
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         for node in ast.walk(tree):
             if isinstance(node, ast.ExceptHandler) and (node.type is None or names_in(node.type) & wide):
                 found.append(name)
@@ -260,7 +271,7 @@ def test_slips_of_ours_are_caught_in_a_few_places_alone() -> None:
 
 
 def test_no_text_is_executed() -> None:
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         calls = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
         called = {func.id for func in calls if isinstance(func, ast.Name)}
         called |= {func.attr for func in calls if isinstance(func, ast.Attribute)}
@@ -281,7 +292,7 @@ def test_no_room_is_a_drawer() -> None:
 
 
 def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef):
                 yield name, node
