@@ -39,7 +39,8 @@ class ChartError(Exception):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ReducedMotion:
-    """A point of the chart in full: q, v, a (n,), with (xi', u'), and how far the null space has turned (1: not)."""
+    """A point of the chart in full: q, v, a (n,), with (xi', u'), and how far the null space of all rows has turned
+    (1: not)."""
 
     q: Floats
     v: Floats
@@ -71,6 +72,10 @@ class Chart:
         lengths = np.concatenate([lower.T @ q, [1e-300]])
         self.sizes = np.concatenate([np.full(len(self._G_h), np.abs(lengths).max()), np.zeros(len(self._G))])
 
+    def stand(self, q: Floats) -> None:
+        """Look for configurations from q (n,) on: a trial that was given up may have led to another branch."""
+        self._guess = q
+
     def at(self, t: float, y: Floats) -> ReducedMotion:
         """The motion at y (n - s + n - rank,). Raises `Lost`."""
         d = len(self._G_h)
@@ -88,10 +93,26 @@ class Chart:
         except np.linalg.LinAlgError:
             raise ChartError("the inertia of the independent motions is singular") from None
         a = N @ w + a_p
-        turned = float(np.linalg.norm(self._lower.T @ N)) / np.sqrt(max(1, self.freedoms))
         if not np.isfinite(a).all():
             raise ChartError("the accelerations are not finite")
-        return ReducedMotion(q, v, a, np.concatenate([self._G_h @ v, w]), turned)
+        return ReducedMotion(q, v, a, np.concatenate([self._G_h @ v, w]), self._grown(N))
+
+    def turned(self, t: float, motion: ReducedMotion) -> float:
+        """The size of a basis of the null space at a motion (1: not turned), of all rows or of the holonomic ones: these may
+        allow what the others do not."""
+        functions, s = self._functions, self._functions.holonomic
+        if s == functions.rows:
+            return motion.turned
+        rows = self._mix_h @ functions.place(t, motion.q).B[:s]
+        try:
+            N_h = _inverse(np.vstack([rows, self._G_h]))[:, len(rows) :]
+        except ChartError:
+            return np.inf
+        return max(motion.turned, self._grown(N_h))
+
+    def _grown(self, N: Floats) -> float:
+        """The size of a basis (n, d) that has size 1 at the reference."""
+        return float(np.linalg.norm(self._lower.T @ N) / np.sqrt(max(1, N.shape[1])))
 
     def _position(self, t: float, xi: Floats) -> tuple[Floats, DensePoint]:
         """The configuration on f = 0 with these xi, and the rows there.

@@ -76,7 +76,7 @@ def rows(
         began = time.perf_counter()
         goal = grid.time(i)
         while t < goal:
-            if motion.turned > TURNED:
+            if chart.turned(t, motion) > TURNED:
                 chart, y, motion = _renewed(functions, t, motion, account)
             switch = timetable.switch(t)
             if switch is not None:
@@ -86,7 +86,7 @@ def rows(
             taken = min(timetable.shortened(t, h), goal - t)
             last = taken == goal - t or goal - t - taken < 1e-12 * taken
             taken = goal - t if last else taken
-            error, found = _step(chart, t, taken, (y, motion.rate), held_to)
+            error, found = _step(chart, t, taken, (y, motion), held_to)
             if found is None or not error < 1.0:
                 account.rejected += 1
                 h = taken * (
@@ -142,13 +142,15 @@ def _first(motion: ReducedMotion, grid: Grid) -> float:
 
 
 def _step(
-    chart: Chart, t: float, h: float, begin: tuple[Floats, Floats], held_to: Floats
+    chart: Chart, t: float, h: float, begin: tuple[Floats, ReducedMotion], held_to: Floats
 ) -> tuple[float, tuple[Floats, ReducedMotion] | None]:
-    """A step from (y, y'): its error as a part of the tolerance, and where it leads; infinite where the chart ends.
+    """A step from y and the motion there: its error as a part of the tolerance, and where it leads; infinite where the
+    chart ends.
 
     Hairer's estimate, over the largest component of each kind.
     """
-    y, rate = begin
+    y, rate = begin[0], begin[1].rate
+    chart.stand(begin[1].q)
     stages = np.zeros((dop853_tableau.STAGES, y.size))
     stages[0] = rate
     try:
