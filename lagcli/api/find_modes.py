@@ -12,6 +12,7 @@ from lagcli import progress
 from lagcli.analysis.codimension import redundancy
 from lagcli.api import cache, linear_point, run_settings
 from lagcli.api.load import Path, as_model
+from lagcli.equations import cut_warnings
 from lagcli.model.model import Model
 from lagcli.start import initial
 
@@ -175,6 +176,7 @@ def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:
         raise NoEquilibriumError(
             "the start is no equilibrium and no steady motion, and no equilibrium is found from it: the forces that"
             f" are left are {point.residual:.3g} of their size at best"
+            + "".join(f"; {told}" for told in cut_warnings.out_of_sight(ready.system))
         )
     start, rows = initial.declared(ready.system), len(ready.system.rows.rows)
     nothing = np.zeros_like(point.q)

@@ -34,6 +34,18 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     return (*found.values(), *_forces(built))
 
 
+def out_of_sight(built: System) -> tuple[str, ...]:
+    """A sentence on rows that go on smoothly beyond a cut, where searches for points do not follow them."""
+    cut = built.cuts
+    passed = zip(cut.rows, cut.verdicts, strict=True) if cut else ()
+    names = dict.fromkeys(
+        f"`{built.rows.rows[i].name}`" for i, verdict in passed if verdict == branch_cuts.PASSED
+    )
+    if not names:
+        return ()
+    return (f"points beyond the cut of `atan2` or `atan` in {', '.join(names)} are not looked for: {HINT}",)
+
+
 def _rows(built: System) -> Iterator[tuple[int, str]]:
     cut = built.cuts
     jumps = "jumps where `atan2` or `atan` crosses its cut; a run that gets there stops"

@@ -98,8 +98,8 @@ class Chart:
         return ReducedMotion(q, v, a, np.concatenate([self._G_h @ v, w]), self._grown(N))
 
     def turned(self, t: float, motion: ReducedMotion) -> float:
-        """The size of a basis of the null space at a motion (1: not turned), of all rows or of the holonomic ones: these may
-        allow what the others do not."""
+        """The size of a basis of the null space at a motion (1: not turned), the larger of that of all rows and of the
+        holonomic ones, which may allow what the others do not."""
         functions, s = self._functions, self._functions.holonomic
         if s == functions.rows:
             return motion.turned

@@ -9,6 +9,7 @@ import pytest
 
 import lagcli
 from lagcli.api import prepare_run
+from lagcli.api.find_modes import NoEquilibriumError
 from lagcli.compiled import pattern
 from lagcli.equations import system
 from lagcli.errors import diagnostics
@@ -337,3 +338,27 @@ holonomic: {rod: norm(a) = 1, plane: a.y = 0}
     with pytest.raises(lagcli.SimulationStopped, match="the run is too long") as stopped:
         lagcli.simulate(lagcli.loads(text), duration=1e20)
     assert "sqrt" not in stopped.value.reason
+
+
+def test_points_of_rest_beyond_a_cut_are_told_to_be_out_of_sight():
+    """A bead on a helix of pitch 2 pi / 2 that a spring pulls to a place one turn further."""
+    text = """lagcli: 1
+particles:
+  bead: {mass: 1, position: [cos(2), sin(2), 1]}
+forces: {spring: {potential: "5*(bead.z - 2.2)**2"}}
+holonomic:
+  pipe: bead.x**2 + bead.y**2 = 1
+  helix: bead.z = atan2(bead.y, bead.x)/2
+"""
+    model = lagcli.loads(text)
+    found = lagcli.equilibrium(model, starts=4)
+    note = "points beyond the cut of `atan2` or `atan` in `helix` are not looked for"
+    assert any(each.startswith(note) for each in found.notes)
+    with pytest.raises(NoEquilibriumError, match="beyond the cut of `atan2` or `atan` in `helix`"):
+        lagcli.modes(model)
+    smooth = lagcli.loads(
+        text.replace("bead.z = atan2(bead.y, bead.x)/2", "bead.y*cos(2*bead.z) = bead.x*sin(2*bead.z)")
+    )
+    found = lagcli.equilibrium(smooth, starts=4)
+    assert not any("beyond the cut" in each for each in found.notes)
+    assert min(abs(point.at["bead.z"] - 2.2) for point in found.points) < 1e-9
