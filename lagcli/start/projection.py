@@ -20,7 +20,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class ProjectionParameters:
-    """The way onto the constraints; lengths are parts of the size of the configuration."""
+    """The way onto the constraints; lengths are parts of the size of the configuration.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

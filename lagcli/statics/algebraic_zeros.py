@@ -21,7 +21,10 @@ Rationals = list[list[Fraction]]
 
 
 class AlgebraParameters:
-    """Numbers of the algebra of functions on the zeros; parts are of the size of a zero."""
+    """Numbers of the algebra of functions on the zeros; parts are of the size of a zero.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

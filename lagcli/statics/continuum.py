@@ -15,7 +15,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class ContinuumParameters:
-    """Numbers of continua of points; lengths are parts of the size of things."""
+    """Numbers of continua of points; lengths are parts of the size of things.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

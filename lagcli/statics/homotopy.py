@@ -18,7 +18,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class HomotopyParameters:
-    """Numbers of Newton's homotopy; lengths are parts of the size of things."""
+    """Numbers of Newton's homotopy; lengths are parts of the size of things.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

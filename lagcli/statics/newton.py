@@ -17,7 +17,10 @@ Residual = Callable[[Floats], tuple[Floats, Floats] | None]
 
 
 class NewtonParameters:
-    """Numbers of a search for a zero; parts are of no unit."""
+    """Numbers of a search for a zero; parts are of no unit.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

@@ -16,7 +16,10 @@ from lagcli.statics.point_search import PointSearch
 
 
 class BranchingParameters:
-    """Numbers of the enclosure of all zeros of one unknown."""
+    """Numbers of the enclosure of all zeros of one unknown.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

@@ -24,7 +24,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class PolynomialParameters:
-    """Sizes beyond which equations are not taken for polynomials."""
+    """Sizes beyond which equations are not taken for polynomials.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

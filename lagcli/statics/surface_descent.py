@@ -13,7 +13,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class DescentParameters:
-    """Numbers of the way downhill; parts are of no unit."""
+    """Numbers of the way downhill; parts are of no unit.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

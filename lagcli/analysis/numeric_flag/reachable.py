@@ -26,7 +26,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class FlowParameters:
-    """Flows along the fields of the rows; parts are of the sizes of the coordinates."""
+    """Flows along the fields of the rows; parts are of the sizes of the coordinates.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

@@ -14,7 +14,10 @@ from lagcli.start.initial import State
 
 
 class GradientParameters:
-    """When the gradient of a gap vanishes or jumps; distances are parts of the size of the motion."""
+    """When the gradient of a gap vanishes or jumps; distances are parts of the size of the motion.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

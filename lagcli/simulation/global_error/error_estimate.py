@@ -30,7 +30,10 @@ COLUMNS = tuple(f"err.{kind}" for kind in KINDS)
 
 
 class RepeatedRunParameters:
-    """The repeated run, and what the distance of the two says of the error."""
+    """The repeated run, and what the distance of the two says of the error.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

@@ -17,7 +17,10 @@ from lagcli.simulation.scheme import step_tolerance as tolerances
 
 
 class StepEndParameters:
-    """The end of a step, and what counts as its error; parts are of no unit."""
+    """The end of a step, and what counts as its error; parts are of no unit.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

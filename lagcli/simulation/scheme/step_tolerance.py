@@ -16,7 +16,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class ToleranceParameters:
-    """From the tolerances of a run to those of a step; parts are of no unit."""
+    """From the tolerances of a run to those of a step; parts are of no unit.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

@@ -13,7 +13,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class InterpolationParameters:
-    """Rows at and beside a singular configuration; distances are parts of the step."""
+    """Rows at and beside a singular configuration; distances are parts of the step.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 

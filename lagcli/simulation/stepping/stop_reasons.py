@@ -17,7 +17,10 @@ Floats = npt.NDArray[np.float64]
 
 
 class DiagnosisParameters:
-    """Why a run could not go on; distances along the motion are parts of the size of the configuration."""
+    """Why a run could not go on; distances along the motion are parts of the size of the configuration.
+
+    None was moved to see which test fails: that is not known.
+    """
 
     __slots__ = ()
 
