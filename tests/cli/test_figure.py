@@ -282,8 +282,8 @@ def test_an_unknown_ending_and_a_table_without_time_are_refused(tmp_path: Path) 
 
 def test_only_the_figure_needs_matplotlib() -> None:
     script = (
-        "import sys\nfrom lagcli.output import column_choice, endings\n"
-        "from lagcli.output.figures import panels\nfrom lagcli.output.tables import sinks\n"
+        "import sys\nfrom lagcli.output.files import endings\n"
+        "from lagcli.output.figures import panels\nfrom lagcli.output.tables import column_choice, sinks\n"
         "assert 'matplotlib' not in sys.modules and 'pyarrow' not in sys.modules\n"
         "from lagcli.output.figures import figure\nassert 'matplotlib.pyplot' not in sys.modules\n"
     )
