@@ -59,6 +59,8 @@ def _table(points: str) -> point_sources.TableOfPoints:
     label = f"--points {_shown(points)}"
     with contextlib.ExitStack() as stack:
         path = points
+        if os.path.isdir(path):
+            raise exits.UsageError(f"--points: {points} is a folder, and a table of points is needed")
         if points == "-":
             # Tables are read twice, first their names: what comes through a pipe is put aside.
             folder = stack.enter_context(tempfile.TemporaryDirectory())

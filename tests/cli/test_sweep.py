@@ -233,6 +233,7 @@ def test_reductions_are_expressions_over_columns() -> None:
         (("--uncertain", "L~normal(1, 0)"), "positive"),
         ((), "no points"),
         (("--points", "nowhere.csv"), "there is no file nowhere.csv"),
+        (("--points", os.curdir), "--points: . is a folder, and a table of points is needed"),
     ],
 )  # fmt: skip
 def test_bad_input_is_refused_with_its_place(
