@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lagcli.api.find_displacements import displacements
     from lagcli.api.find_modes import modes
     from lagcli.api.limit import limit
-    from lagcli.api.load import load, loads
+    from lagcli.api.models.load import load, loads
     from lagcli.api.plot import plot
     from lagcli.api.report import report
     from lagcli.api.simulate import simulate
@@ -110,8 +110,8 @@ _FUNCTIONS = {
     "dof": "count_dof",
     "equilibrium": "equilibrium",
     "limit": "limit",
-    "load": "load",
-    "loads": "load",
+    "load": "models.load",
+    "loads": "models.load",
     "modes": "find_modes",
     "plot": "plot",
     "report": "report",

@@ -22,7 +22,7 @@ from lagcli.analysis.codimension import Codimension
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
-from lagcli.linear import independent_rows, metric_rows, rank
+from lagcli.linear import generic_direction, independent_rows, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.start import conflict, initial, sample_points
 from lagcli.start.initial import State
@@ -267,7 +267,7 @@ def _notes(on: _Ranks, surface: Codimension, rank_beyond: int) -> tuple[str, ...
 
 def _undecided_tip(numeric: NumericSystem, state: State, whole: list[int]) -> str:
     """Say that gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`), or nothing."""
-    direction = np.random.default_rng(SEED).standard_normal(state.q.size)
+    direction = generic_direction.direction(state.q.size, SEED)
     # Where a gradient vanishes second derivatives have been looked at (`codimension`).
     gradients = metric_rows.LocalRows(numeric.whole(state.t, state.q, state.p)[1])
     whole = [i for i in whole if gradients.norms[i] > 0]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
-from lagcli.analysis.classification import hidden_conditions, known_integrals
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.analysis.codimension import redundancy
 from lagcli.compiled import NumericSystem
@@ -15,6 +15,10 @@ from lagcli.errors import diagnostics
 from lagcli.start import consistent_start, known_starts
 from lagcli.start.assembly import Assembly
 from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    # Most models have no differential rows, and load nothing that judges them.
+    from lagcli.analysis.classification.integral_searches import KnownSearches
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +38,7 @@ class KnownAnswers:
     """Findings about one text with some values, kept for others which they do not depend on."""
 
     _starts: known_starts.KnownStarts | None = None
-    _searches: known_integrals.KnownSearches | None = None
+    _searches: KnownSearches | None = None
 
     def starts(self, system: System) -> known_starts.KnownStarts:
         """The consistent starts that are known."""
@@ -50,7 +54,9 @@ class KnownAnswers:
         if not system.model.differential:
             return KnownIntegrals()
         if self._searches is None:
-            self._searches = known_integrals.KnownSearches(system)
+            from lagcli.analysis.classification.integral_searches import KnownSearches
+
+            self._searches = KnownSearches(system)
         return self._searches.search(system, numeric, limit)
 
 
@@ -70,12 +76,16 @@ def examine(
         begin = answers.starts(system).find(system, numeric)
         known = integrals()
     except diagnostics.ModelError as error:
+        from lagcli.analysis.classification import hidden_conditions
+
         # Off a hidden condition no velocity satisfies the rows.
         known = integrals() if hidden_conditions.is_conflict(error) else KnownIntegrals()
         if not known.conditions:
             raise
     whole = None
     if known.conditions:
+        from lagcli.analysis.classification import hidden_conditions
+
         extended = hidden_conditions.extended(system, known.conditions)
         whole = extended, NumericSystem(extended)
         # The conditions may have angles of their own, whose cuts the whole system counts among its values.

@@ -3,6 +3,12 @@
 In: `model.Model` or a path, options
 Out: the result of a command
 
-No physics and no printing here. `cache` keeps compiled systems, which changes no answer; `prepare_run` starts and
-resumes runs, each a `simulation_run.SimulationRun`.
+No physics and no printing here. What several commands need stands in rooms, each of which imports only from those
+before it:
+
+- `models`: reads and compiles; `cache` keeps compiled systems, which changes no answer
+- `runs`: starts and resumes runs, each a `simulation_run.SimulationRun`
+- `points`: points of rest
+- `stiff`: runs beside a constrained one
+- `sweeps`: many runs
 """

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.api.load import Path, as_model
+from lagcli.api.models.load import Path, as_model
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
 from lagcli.output.animation import builder, packing, page, places, tied

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lagcli.analysis.classification import hidden_conditions
-from lagcli.api import cache
+from lagcli.api.models import cache
 from lagcli.equations import restart
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.api import prepare_run, run_settings
-from lagcli.api.load import Path, as_model
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import prepare_run, run_settings
 from lagcli.api.simulate import simulate
 from lagcli.equations import row_jumps
 from lagcli.model.model import Model, Simulation

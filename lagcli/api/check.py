@@ -7,9 +7,11 @@ import dataclasses
 from lagcli.analysis import check_report, codimension, free_particles, uniqueness
 from lagcli.analysis.check_report import Report
 from lagcli.analysis.classification import row_verdicts
-from lagcli.api import assemble_start, cache, count_dof, run_settings
-from lagcli.api.compiled_model import CompiledModel
-from lagcli.api.load import Path, as_model
+from lagcli.api import assemble_start, count_dof
+from lagcli.api.models import cache
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import run_settings
 from lagcli.equations import cut_warnings, energy_jumps, jump_warnings, system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model

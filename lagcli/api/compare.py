@@ -10,10 +10,10 @@ import numpy as np
 
 from lagcli import progress
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
-from lagcli.api import prepare_run, run_settings
-from lagcli.api.compiled_model import CompiledModel
-from lagcli.api.load import Path, as_model
-from lagcli.api.simulation_run import SimulationRun
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.equations import particle_form, size_limits
 from lagcli.model.model import Model, Simulation
 from lagcli.output import table_columns

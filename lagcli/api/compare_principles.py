@@ -12,9 +12,9 @@ import numpy.typing as npt
 from lagcli import progress
 from lagcli.analysis.classification import hidden_conditions
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
-from lagcli.api import prepare_run
-from lagcli.api.compiled_model import CompiledModel
-from lagcli.api.simulation_run import SimulationRun
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.runs import prepare_run
+from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.equations import size_limits
 from lagcli.errors import diagnostics
 from lagcli.input import given_value

@@ -8,9 +8,10 @@ from lagcli.analysis import dof as counting
 from lagcli.analysis import free_particles
 from lagcli.analysis.classification import hidden_conditions
 from lagcli.analysis.dof import DofCount
-from lagcli.api import cache, run_settings
-from lagcli.api.compiled_model import CompiledModel
-from lagcli.api.load import Path, as_model
+from lagcli.api.models import cache
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import run_settings
 from lagcli.model.model import Model
 
 

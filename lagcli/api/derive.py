@@ -6,8 +6,10 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from lagcli import progress
-from lagcli.api import cache, linear_point, run_settings
-from lagcli.api.load import Path, as_model
+from lagcli.api import linear_point
+from lagcli.api.models import cache
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import run_settings
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 

@@ -6,8 +6,10 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from lagcli import progress
-from lagcli.api import assemble_start, cache, run_settings
-from lagcli.api.load import Path, as_model
+from lagcli.api import assemble_start
+from lagcli.api.models import cache
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import run_settings
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
 from lagcli.output import table_columns

@@ -10,14 +10,16 @@ import numpy as np
 
 from lagcli import progress
 from lagcli.analysis.codimension import redundancy
-from lagcli.api import cache, linear_point, run_settings
-from lagcli.api.load import Path, as_model
+from lagcli.api import linear_point
+from lagcli.api.models import cache
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import run_settings
 from lagcli.equations import cut_warnings
 from lagcli.model.model import Model
 from lagcli.start import initial
 
 if TYPE_CHECKING:
-    from lagcli.api.compiled_model import CompiledModel
+    from lagcli.api.models.compiled_model import CompiledModel
     from lagcli.compiled import NumericSystem
     from lagcli.linearization.linear_modes import Modes
     from lagcli.linearization.linearized import LinearizedFunctions, Reference
@@ -167,7 +169,7 @@ def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:
 
 def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:
     """The point of rest that the start leads to, and the contacts that press there. Raises `NoEquilibriumError`."""
-    from lagcli.api import rest_point
+    from lagcli.api.points import rest_point
     from lagcli.linearization.linearized import Reference
     from lagcli.statics.refine import NoEquilibrium
 

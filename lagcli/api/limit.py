@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from lagcli import progress
-from lagcli.api import run_settings
-from lagcli.api.load import Path, as_model
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import run_settings
 from lagcli.model.model import Model
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ def limit(
     is not and for bad options.
     """
     # Other commands make no limit.
-    from lagcli.api import stiff_runs
-    from lagcli.api.constrained_run import LimitPlan
+    from lagcli.api.stiff import stiff_runs
+    from lagcli.api.stiff.constrained_run import LimitPlan
     from lagcli.formulations.stiff import ladder
 
     model = as_model(model)

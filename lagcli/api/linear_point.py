@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.api import cache
+from lagcli.api.models import cache
 from lagcli.api.simulate import simulate
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model

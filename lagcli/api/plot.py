@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lagcli.api.load import Path
+from lagcli.api.models.load import Path
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
 from lagcli.output.files import endings

@@ -7,8 +7,10 @@ import pathlib
 from typing import TYPE_CHECKING
 
 from lagcli import progress
-from lagcli.api import audit, cache, check, derive, run_settings
-from lagcli.api.load import Path, as_model
+from lagcli.api import audit, check, derive
+from lagcli.api.models import cache
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import run_settings
 from lagcli.api.simulate import simulate
 from lagcli.errors import diagnostics
 from lagcli.model import dimension_facts

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.api import prepare_run, run_settings
-from lagcli.api.load import Path, as_model
-from lagcli.api.simulation_run import SimulationRun
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.model.model import Model
 from lagcli.output import checkpoint_file
 from lagcli.output.figures import decimate
@@ -63,7 +63,7 @@ def simulate(
     model = as_model(model)
     if begin is not None:
         # Other runs read no tables.
-        from lagcli.api import start_row
+        from lagcli.api.runs import start_row
 
         if resume is not None:
             raise ValueError("begin with resume: a run goes on from its checkpoint, and not from a row")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagcli import progress
-from lagcli.api import run_settings
-from lagcli.api.load import Path, as_model
+from lagcli.api.models.load import Path, as_model
+from lagcli.api.runs import run_settings
 from lagcli.model.model import Model
 
 if TYPE_CHECKING:

@@ -3,7 +3,12 @@
 In: arguments
 Out: text or JSON on stdout, messages on stderr, an exit code
 
-`app` is the program, `commands` has the options of each command, `simulate_command` carries out `simulate`,
-`console` is the one place that uses rich, `exits` turns failures into exit codes, `signals` keeps interrupts away
-from half-written rows.
+`app` is the program, `command_group` loads the command that is asked for. Each room below imports only from those
+before it:
+
+- `terminal`: streams, signals, exit codes; `console` is the one place that uses rich
+- `requests`: what is asked for, checked before any work
+- `files`: tables, figures and new models on their way out
+- `actions`: what each command does
+- `commands`: a file a command with its options, and the list of all
 """

@@ -6,7 +6,8 @@ import os
 import sys
 from typing import TextIO
 
-from lagcli.cli import app, exits
+from lagcli.cli import app
+from lagcli.cli.terminal import exits
 
 
 def run() -> int:

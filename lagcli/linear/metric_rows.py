@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import generic_direction
 from lagcli.linear.metric import Metric
 
 Floats = npt.NDArray[np.float64]
@@ -206,7 +207,7 @@ class MetricRows:
         """The smallest eigenvalue of the Gram matrix, the square of the singular value, and its vector."""
         # Exactly dependent rows would leave a zero to divide by; the shift is far below what is asked for.
         solve = self._repeated_solver(SHIFT)
-        x = np.random.default_rng(0).standard_normal(self.count)
+        x = generic_direction.direction(self.count, 0)
         value = 0.0
         for _ in range(ITERATIONS):
             found = solve(x)

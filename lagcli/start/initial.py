@@ -12,6 +12,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.linear import generic_direction
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.model import model as nouns
@@ -223,7 +224,7 @@ def _explained(rows_at: Callable[[Floats], LocalRows], state: State, rows: Local
     """
     sizes = _sizes(rows, state.q)
     largest = float(np.abs(state.q).max(initial=0.0))
-    direction = np.random.default_rng(0).standard_normal(state.q.size)
+    direction = generic_direction.direction(state.q.size, 0)
     radius = np.full(rows.count, np.inf)
     for k in range(PROBES):
         step = largest * 10.0**-k

@@ -12,6 +12,7 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations import cut_warnings
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.linear import generic_direction
 from lagcli.model import model as nouns
 from lagcli.start.initial import State
 
@@ -39,8 +40,8 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     size = float(np.abs(state.q).max(initial=0.0)) or 1.0
     speed = float(np.abs(state.v).max(initial=0.0)) or size / (system.model.simulation.duration or 1.0)
     entries = n + numeric.inertia.nnz_out(0) + numeric.rows.nnz_out(0) + numeric.rows.size1_out(1)
-    random = np.random.default_rng(0)
-    ways = [random.standard_normal(2 * n) for _ in range(DIRECTIONS if entries < MANY else 1)]
+    count = DIRECTIONS if entries < MANY else 1
+    ways = list(generic_direction.direction(count * 2 * n, 0).reshape(count, 2 * n))
     if not _may_grow(numeric, state, [np.repeat((size, speed), n) * way for way in ways]):
         return ()
     here = _values(numeric, state, state.q[:, None], state.v[:, None])[0]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.linear import metric_rows, rank
+from lagcli.linear import generic_direction, metric_rows, rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import assembly, initial, projection
 from lagcli.start.initial import State
@@ -110,7 +110,7 @@ def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.ra
 def rows(numeric: NumericSystem, point: State) -> MetricRows:
     """All rows at a point of the surface; one whose gradient vanishes on it is zero, whatever rounding leaves of it."""
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
-    direction = np.random.default_rng(SEED).standard_normal(point.q.size)
+    direction = generic_direction.direction(point.q.size, SEED)
     aside = point.q + ASIDE * size(point.q) * direction
     off = LocalRows(numeric.rows(point.t, aside, point.v, point.p)[0])
     here = LocalRows(B)

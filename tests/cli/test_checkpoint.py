@@ -16,7 +16,7 @@ import pytest
 
 import lagcli
 from lagcli.analysis.classification import known_integrals
-from lagcli.api import prepare_run, run_settings, simulation_run
+from lagcli.api.runs import prepare_run, run_settings, simulation_run
 from lagcli.model import invariant
 from lagcli.output import checkpoint_file
 from lagcli.simulation.run import loop

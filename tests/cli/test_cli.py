@@ -28,8 +28,11 @@ import pytest
 
 import lagcli as package
 from lagcli import __main__ as entry
-from lagcli.api import cache, prepare_run
-from lagcli.cli import asked_run, console, exits, run_figure, signals
+from lagcli.api.models import cache
+from lagcli.api.runs import prepare_run
+from lagcli.cli.files import run_figure
+from lagcli.cli.requests import asked_run
+from lagcli.cli.terminal import console, exits, signals
 from lagcli.errors import catalogue, diagnostics
 from lagcli.output.figures import figure
 from lagcli.output.files import endings
@@ -1141,7 +1144,7 @@ def test_a_report_on_a_terminal_folds_and_loses_nothing(
     monkeypatch.setenv("TERM", "xterm")
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", stream)
-        from lagcli.cli import check_text
+        from lagcli.cli.actions import check_text
 
         check_text.report(package.check(package.load("model.yaml")), heading=False)
     lines = stream.getvalue().splitlines()

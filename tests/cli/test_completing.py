@@ -9,8 +9,7 @@ import types
 
 import pytest
 
-from lagcli.cli import completing
-from lagcli.cli.commands import COMMANDS
+from lagcli.cli.commands import COMMANDS, completing
 from lagcli.errors import catalogue
 from lagcli.input.starting import gallery_models, model_outline, model_templates
 from tests.helpers import in_process

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.cli import table_output
+from lagcli.cli.files import table_output
 from lagcli.output import checkpoint_file, event_rows
 from lagcli.output.files import atomic_file
 from lagcli.output.tables import incident_table, read_events, read_table, sinks

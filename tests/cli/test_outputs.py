@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from lagcli.cli import exits, file_conflicts
+from lagcli.cli.requests import file_conflicts
+from lagcli.cli.terminal import exits
 from lagcli.output.files import atomic_file
 from lagcli.output.tables import sinks
 from tests.helpers import pendulum
@@ -231,7 +232,7 @@ def test_links_are_followed_as_linux_does_with_protected_symlinks(link, folder, 
 @pytest.mark.parametrize("option", ["-o", "--plot", "--stats", "--checkpoint"])
 @pytest.mark.parametrize("through", ["name", "link"])
 def test_a_write_protected_file_is_refused_before_the_run(command, here, option, through, monkeypatch):
-    from lagcli.api import prepare_run
+    from lagcli.api.runs import prepare_run
 
     ending = {"-o": "csv", "--plot": "png"}.get(option, "json")
     old = here / f"old.{ending}"

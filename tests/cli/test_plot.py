@@ -16,7 +16,7 @@ import pytest
 
 import lagcli
 from lagcli.api import plot
-from lagcli.cli import exits, watching
+from lagcli.cli.terminal import exits, watching
 from lagcli.output.charts import (
     chart_figure,
     chart_series,

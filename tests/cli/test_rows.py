@@ -15,8 +15,9 @@ import pyarrow.parquet
 import pytest
 
 import lagcli
-from lagcli.api import prepare_run, simulation_run
-from lagcli.cli import signals, table_output
+from lagcli.api.runs import prepare_run, simulation_run
+from lagcli.cli.files import table_output
+from lagcli.cli.terminal import signals
 from lagcli.output import checkpoint_file
 from lagcli.output.files import atomic_file
 from lagcli.output.tables import parquet_table, read_table, row_file, sinks
@@ -463,7 +464,7 @@ def test_a_signal_after_everything_was_written_says_so_or_changes_nothing(here):
     script = (
         "import os, signal, sys, time\n"
         "from lagcli import __main__ as entry\n"
-        "from lagcli.cli import signals, simulate_command\n"
+        "from lagcli.cli.actions import simulate_command\nfrom lagcli.cli.terminal import signals\n"
         "when = sys.argv.pop(1)\n"
         "def then(number):\n"
         "    os.kill(os.getpid(), number)\n"

@@ -12,8 +12,9 @@ import pytest
 
 import lagcli
 from lagcli import progress
-from lagcli.api import cache, prepare_run
-from lagcli.cli import status_line
+from lagcli.api.models import cache
+from lagcli.api.runs import prepare_run
+from lagcli.cli.terminal import status_line
 
 MODEL = Path(__file__).resolve().parents[2] / "models" / "pendulum.yaml"
 
@@ -147,7 +148,7 @@ def test_all_work_is_a_phase(work, wanted) -> None:
 
 COMPUTING = """
 import numpy as np
-from lagcli.cli import prompt_end, signals
+from lagcli.cli.terminal import prompt_end, signals
 signals.install()
 prompt_end.start()
 {begun}

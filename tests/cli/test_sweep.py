@@ -19,7 +19,7 @@ import pytest
 import lagcli
 from lagcli import progress
 from lagcli.analysis.numeric_flag import undecided
-from lagcli.api import cache
+from lagcli.api.models import cache
 from lagcli.api.sweeps import drawn_points, reductions, sweep_journal
 from lagcli.api.sweeps.point_task import PointRow
 from lagcli.output.tables import read_table

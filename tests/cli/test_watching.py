@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from lagcli.cli import exits, watching
+from lagcli.cli.terminal import exits, watching
 from lagcli.errors import diagnostics
 
 ROOT = pathlib.Path(__file__).parents[2]

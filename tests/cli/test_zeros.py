@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import prepare_run, run_settings
+from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model import dimension_facts
 from lagcli.output import table_columns
 from lagcli.output.figures import panels
@@ -228,7 +228,7 @@ def test_the_growth_vector_says_that_time_counts(command, tmp_path):
 
 @pytest.mark.parametrize("columns", [40, 80])
 def test_a_table_too_wide_for_a_terminal_is_told_row_by_row(columns):
-    from lagcli.cli import console
+    from lagcli.cli.terminal import console
 
     headers = ["", *(f"d{i}" for i in range(8)), "allowed"]
     table = [[f"coordinate{k}", *(f"{0.123456 * i:.6g}" for i in range(8)), ""] for k in range(3)]

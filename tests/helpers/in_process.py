@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from lagcli import __main__ as entry
-from lagcli.cli import signals
+from lagcli.cli.terminal import signals
 
 Command = Callable[..., tuple[str, str, Any]]
 

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 import lagcli
-from lagcli.api import prepare_run, run_settings
+from lagcli.api.runs import prepare_run, run_settings
 from lagcli.simulation.run_state.incident import Incident
 from tests.helpers.motion_legs import Instant, Recorded
 from tests.helpers.one_sided_models import Floats, Scene

@@ -54,4 +54,43 @@ def test_a_run_without_contacts_and_errors_loads_nothing_of_them() -> None:
         "contact_instant",
         "impact_law",
         "reference_run",
+        "collocation",
+        "singularity_step",
+        "work_integral",
+        "classify",
+        "hidden_conditions",
     }
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("dof",), ("simulate", "--duration", "0.1", "-o", "run.csv")],
+)
+def test_a_plain_command_loads_nothing_of_checkpoints_and_random_numbers(
+    arguments: tuple[str, ...], tmp_path: pathlib.Path
+) -> None:
+    code = (
+        "import sys\nfrom lagcli import __main__\n"
+        "try:\n    __main__.main()\n"
+        "except SystemExit as end:\n    assert not end.code\n"
+        "print('loaded', *sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, arguments[0], str(MODELS / "pendulum.yaml"), *arguments[1:]],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+    )
+    loaded = set(done.stdout.partition("loaded")[2].split())
+    assert "lagcli.equations.system" in loaded
+    assert not loaded & {
+        "numpy.random",
+        "numpy.polynomial",
+        "lagcli.output.tables.row_file",
+        "lagcli.output.checkpoint_file",
+        "lagcli.simulation.run_state.saved_form",
+        "lagcli.cli.files.rows_before",
+    }
+    # With JSON come the numbers of a table.
+    assert ("lagcli.simulation.run.loop" in loaded) == ("json" in loaded) == (arguments[0] == "simulate")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import lagcli
-from lagcli.api import cache
+from lagcli.api.models import cache
 from tests.helpers import calls_between
 from tests.helpers.in_process import run
 from tests.house.test_architecture import ROOMS

@@ -16,8 +16,8 @@ from scipy.optimize import least_squares
 
 import lagcli
 from lagcli import __main__ as entry
-from lagcli.api import cache
-from lagcli.cli import signals
+from lagcli.api.models import cache
+from lagcli.cli.terminal import signals
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import assembly, conflict, initial, projection
 

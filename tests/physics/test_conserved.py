@@ -10,11 +10,12 @@ import pytest
 import sympy
 
 import lagcli
-from lagcli.analysis.classification import known_integrals
+from lagcli.analysis.classification import integral_searches, known_integrals
 from lagcli.analysis.classification.case import Case
-from lagcli.api import cache, prepare_run, run_settings, simulation_run
-from lagcli.cli import asked_run
-from lagcli.cli import simulate_command as telling
+from lagcli.api.models import cache
+from lagcli.api.runs import prepare_run, run_settings, simulation_run
+from lagcli.cli.actions import simulate_command as telling
+from lagcli.cli.requests import asked_run
 from lagcli.compiled import NumericSystem, numeric
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral, LevelFunction
@@ -586,7 +587,7 @@ def test_the_search_is_done_once_for_the_same_values(monkeypatch: pytest.MonkeyP
         searches.append(limit)
         return known_integrals.KnownIntegrals()
 
-    monkeypatch.setattr(known_integrals, "_searched", search)
+    monkeypatch.setattr(integral_searches, "_searched", search)
     cache.forget()
     for changes in ({}, {}, {"k": 3}, {"k": 3}, {"x.value": 2}, {"x.value": 2}, {}):
         lagcli.simulate(lagcli.loads(POWER, changes), duration=0.1, assemble=True)

@@ -12,7 +12,8 @@ import pytest
 import scipy.integrate
 
 import lagcli
-from lagcli.api import cache, prepare_run, run_settings
+from lagcli.api.models import cache
+from lagcli.api.runs import prepare_run, run_settings
 from lagcli.compiled import numeric
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint, run_stop

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import lagcli
 from lagcli import derivation
-from lagcli.api import cache
+from lagcli.api.models import cache
 from lagcli.cli.app import app
 from lagcli.derivation.symbolic import closed_form, identity, multiplier_equations, symbolic_system, tidy
 from lagcli.derivation.symbolic.calculus import TIME

@@ -8,7 +8,8 @@ import sympy
 from scipy import linalg
 
 import lagcli
-from lagcli.api import cache, linear_point
+from lagcli.api import linear_point
+from lagcli.api.models import cache
 from lagcli.derivation.sections.linear_section import TITLE
 from lagcli.derivation.symbolic import linear_matrices
 from lagcli.linearization import reference

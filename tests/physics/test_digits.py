@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import prepare_run, run_settings
+from lagcli.api.runs import prepare_run, run_settings
 from lagcli.simulation.global_error import accuracy, error_estimate, reference_run
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import run_stop

@@ -13,8 +13,8 @@ import pytest
 
 import lagcli
 from lagcli.analysis.holonomy import local_system, path_orbit, witness
-from lagcli.api import cache
-from lagcli.cli import witness_command as telling
+from lagcli.api.models import cache
+from lagcli.cli.actions import witness_command as telling
 from lagcli.start import initial
 from tests.helpers import in_process, reference_models
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import run_settings
+from lagcli.api.runs import run_settings
 from lagcli.model.model import Simulation
 from lagcli.simulation.scheme import dop853, dop853_tableau, step_tolerance
 

@@ -11,8 +11,8 @@ import pytest
 
 import lagcli
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
-from lagcli.api import prepare_run
-from lagcli.api.compiled_model import CompiledModel
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.runs import prepare_run
 from lagcli.formulations.stiff import ladder, slow_start, stiff_system
 from tests.helpers import in_process
 

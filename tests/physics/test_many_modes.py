@@ -76,7 +76,8 @@ def test_damping_is_kept() -> None:
 
 
 def test_sparse_and_dense_algebra_agree_with_rows_that_are_dependent() -> None:
-    from lagcli.api import cache, find_modes, linear_point
+    from lagcli.api import find_modes, linear_point
+    from lagcli.api.models import cache
     from lagcli.linearization import reference
 
     text = RODS.replace("N: 250", "N: 12") + "  again: 2*norm(p[1]) = 2*l\n"

@@ -9,7 +9,7 @@ import pytest
 
 import lagcli
 from lagcli.analysis.classification import classify
-from lagcli.api import cache
+from lagcli.api.models import cache
 from lagcli.expression import tree
 from lagcli.start import assembly
 

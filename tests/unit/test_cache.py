@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import cache
+from lagcli.api.models import cache
 from lagcli.model.model import Model
 
 MODELS = Path(__file__).parents[2] / "models"

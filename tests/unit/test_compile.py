@@ -7,7 +7,7 @@ import pytest
 
 import lagcli
 from lagcli import compiled
-from lagcli.api import cache
+from lagcli.api.models import cache
 from lagcli.compiled import numeric
 from lagcli.equations import system
 

@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli.api import cache
+from lagcli.api.models import cache
 from lagcli.equations import family_rows, system
 from lagcli.errors import diagnostics
 from lagcli.input import overrides

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import cache
+from lagcli.api.models import cache
 from lagcli.compiled import factored
 from lagcli.compiled.selection import Selection
 from lagcli.errors import diagnostics

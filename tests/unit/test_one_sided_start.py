@@ -7,8 +7,8 @@ import pytest
 
 import lagcli
 from lagcli.analysis.check_report import Report
-from lagcli.api import cache
-from lagcli.cli import check_text
+from lagcli.api.models import cache
+from lagcli.cli.actions import check_text
 from lagcli.equations import time_functions
 from lagcli.errors import diagnostics
 from lagcli.start import assembly, gaps, initial

@@ -12,8 +12,8 @@ import pytest
 
 import lagcli
 from lagcli import __main__ as entry
-from lagcli.api import run_settings
-from lagcli.cli import signals
+from lagcli.api.runs import run_settings
+from lagcli.cli.terminal import signals
 from lagcli.equations import system as mechanics
 from lagcli.errors import catalogue
 from lagcli.model import settings

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import cache, prepare_run
+from lagcli.api.models import cache
+from lagcli.api.runs import prepare_run
 from lagcli.equations import time_functions
 from lagcli.linear import metric_rows
 from lagcli.simulation.stepping import timetable

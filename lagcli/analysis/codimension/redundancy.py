@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +19,13 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows, rank
-from lagcli.simulation.run_report import RunReport
-from lagcli.simulation.singularity.singular_point import RankDrop
 from lagcli.start import conflict, initial, sample_points
 from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    # Counts and verdicts come without a run.
+    from lagcli.simulation.run_report import RunReport
+    from lagcli.simulation.singularity.singular_point import RankDrop
 
 MOST_TOLD = 6  # instants told one by one
 # Points ahead of the start, at these parts of the size of the configuration: rows that depend on one another at the

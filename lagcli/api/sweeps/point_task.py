@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.api import cache, prepare_run, run_settings
-from lagcli.api.simulation_run import SimulationRun
+from lagcli.api.models import cache
+from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.api.sweeps import reductions
 from lagcli.api.sweeps.point_sources import Point
 from lagcli.api.sweeps.reductions import Reduction

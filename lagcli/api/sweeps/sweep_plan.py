@@ -8,7 +8,8 @@ import json
 from collections.abc import Mapping, Sequence
 
 from lagcli import __version__
-from lagcli.api import cache, run_settings
+from lagcli.api.models import cache
+from lagcli.api.runs import run_settings
 from lagcli.api.sweeps import reductions, sweep_table
 from lagcli.api.sweeps.point_sources import BadPoints, SweepPoints, joined
 from lagcli.api.sweeps.point_task import PointTask

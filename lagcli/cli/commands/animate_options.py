@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits
-from lagcli.cli.options import (
+from lagcli.cli.commands import completing
+from lagcli.cli.commands.options import (
     AssembleOption,
     DebugOption,
     FromOption,
@@ -16,6 +16,7 @@ from lagcli.cli.options import (
     SetOption,
     VerboseOption,
 )
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 
@@ -61,7 +62,7 @@ def animate(
     The page on standard output without -o. A model is simulated with its own settings. Exit 3 where the run stops
     before its end: the page of what there is stands in FILE.partial, and FILE is as it was.
     """
-    from lagcli.cli import animate_command
+    from lagcli.cli.actions import animate_command
 
     given: animate_command.AnimatedRun = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,

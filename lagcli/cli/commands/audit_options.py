@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading, options
+from lagcli.cli.commands import options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 
 
 @exits.command
@@ -46,7 +48,7 @@ def audit(
 
     Exit 1 where a check fails, 3 where the new run stops before its end.
     """
-    from lagcli.cli import audit_command
+    from lagcli.cli.actions import audit_command
 
     has_rows = duration is not None or samples is not None
     asked = audit_command.AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, options
+from lagcli.cli.commands import completing, options
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 
@@ -46,7 +47,9 @@ def check(
 
     With --json one object for one MODEL; for several a list in the order of the MODELs, each with path and title.
     """
-    from lagcli.cli import asked_check, check_command, watching
+    from lagcli.cli.actions import check_command
+    from lagcli.cli.requests import asked_check
+    from lagcli.cli.terminal import watching
 
     asked = asked_check.CheckOptions(strict, assemble, limit, witness, plot, as_json, quiet, verbose)
     asked.require(models)

@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, model_reading, options
+from lagcli.cli.commands import completing, options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 
 OtherArgument = Annotated[
     str | None,
@@ -74,7 +76,9 @@ def compare(
     makes the action stationary among those that satisfy the rows, which in general is another one. Exit 1 where
     formulations disagree, 3 where a run stops before its end.
     """
-    from lagcli.cli import compare_command, preflight, principles_output
+    from lagcli.cli.actions import compare_command
+    from lagcli.cli.files import principles_output
+    from lagcli.cli.requests import preflight
 
     paths = [model] if other is None else [model, other]
     preflight.require_models(paths)

@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, model_reading, options
+from lagcli.cli.commands import completing, options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 
@@ -47,7 +49,7 @@ def derive(
     Constraints, rows, reactions, energies, Newton's and Lagrange's equations, the identity between them verified, and
     the linear system for lambda.
     """
-    from lagcli.cli import derive_command
+    from lagcli.cli.actions import derive_command
 
     form = "json" if as_json else form
     asked = derive_command.DeriveOptions(form, fragment, solve, everything, values, limit)

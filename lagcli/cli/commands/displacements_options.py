@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading, options
+from lagcli.cli.commands import options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 
 
 @exits.command
@@ -27,7 +29,7 @@ def displacements(
 
     Exit 3 where the motion stops before T.
     """
-    from lagcli.cli import displacements_command as displacing
+    from lagcli.cli.actions import displacements_command as displacing
 
     read = model_reading.read(model, changes, as_json)
     model_reading.reported(lambda: displacing.run(read, at, assemble, as_json, quiet), as_json)

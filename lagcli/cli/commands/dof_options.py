@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, json_output, model_reading, options
+from lagcli.cli.commands import options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits, json_output
 from lagcli.model import settings
 
 

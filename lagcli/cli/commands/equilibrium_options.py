@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from lagcli.cli import exits, model_reading, options
+from lagcli.cli.commands import options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 
@@ -23,7 +25,7 @@ def equilibrium(
 
     With lambda, R, the effective potential and the type by the bordered Hessian. Exit 4 where none is found.
     """
-    from lagcli.cli import equilibrium_command, static_points_command
+    from lagcli.cli.actions import equilibrium_command, static_points_command
 
     asked = static_points_command.PointOptions(output, starts, seed, limit, as_json, quiet)
     asked.require(model)

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, console, exits, options
+from lagcli.cli.commands import completing, options
+from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 
 

@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, model_reading, options
+from lagcli.cli.commands import completing, options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 
 
 @exits.command
@@ -56,7 +58,8 @@ def limit(
     Runs start on the slow motion, where the spring pulls as the row does, and the error goes as 1/k. Exit 3 where a run
     stops before its end.
     """
-    from lagcli.cli import limit_command, preflight
+    from lagcli.cli.actions import limit_command
+    from lagcli.cli.requests import preflight
 
     preflight.require_models([model])
     asked = limit_command.LimitOptions(

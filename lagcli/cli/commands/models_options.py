@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, options
+from lagcli.cli.commands import completing, options
+from lagcli.cli.terminal import exits
 
 
 @exits.command
@@ -28,7 +29,7 @@ def models(
     debug: options.DebugOption = False,
 ) -> None:
     """List the models of the gallery by subject, print one, or copy it with -o."""
-    from lagcli.cli import models_command
+    from lagcli.cli.actions import models_command
 
     if name is None and output is not None:
         raise exits.UsageError("-o copies one model: give its NAME; `lagcli models` lists them")

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading, options
+from lagcli.cli.commands import options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 if TYPE_CHECKING:
@@ -43,7 +45,7 @@ def modes(
 
     Exit 4 where there is no equilibrium to be found.
     """
-    from lagcli.cli import modes_command
+    from lagcli.cli.actions import modes_command
 
     asked = modes_command.ModesOptions(plot, animate, as_json, quiet)
     asked.require(model)

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, options
+from lagcli.cli.commands import completing, options
+from lagcli.cli.terminal import exits
 
 
 @exits.command
@@ -37,6 +38,6 @@ def new(
 
     On a terminal what is not given is asked for.
     """
-    from lagcli.cli import new_command
+    from lagcli.cli.actions import new_command
 
     new_command.run(name, template, new_command.NewOptions(not no_schema, force, as_json, quiet))

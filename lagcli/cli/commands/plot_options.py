@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits
-from lagcli.cli.options import (
+from lagcli.cli.commands import completing
+from lagcli.cli.commands.options import (
     AssembleOption,
     DebugOption,
     FromOption,
@@ -16,6 +16,7 @@ from lagcli.cli.options import (
     SetOption,
     WatchOption,
 )
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 FilesArgument = Annotated[
@@ -91,7 +92,9 @@ def plot(
     Without --y and --xy the multipliers. Exit 3 where the run of a model stops before its end: the rows so far are
     drawn.
     """
-    from lagcli.cli import asked_plot, plot_command, watching
+    from lagcli.cli.actions import plot_command
+    from lagcli.cli.requests import asked_plot
+    from lagcli.cli.terminal import watching
 
     run = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading
-from lagcli.cli.options import (
+from lagcli.cli.commands.options import (
     AssembleOption,
     DebugOption,
     LimitOption,
@@ -16,6 +15,8 @@ from lagcli.cli.options import (
     SetOption,
     VerboseOption,
 )
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 
@@ -57,7 +58,7 @@ def report(
 
     The page is written where the run stops (exit 3) and where the audit fails (exit 1) too, and says so at its top.
     """
-    from lagcli.cli import report_command
+    from lagcli.cli.actions import report_command
 
     options = report_command.ReportOptions(output, title, digits, limit, quiet, pdf)
     options.require(model)

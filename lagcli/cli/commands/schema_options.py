@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, options
+from lagcli.cli.commands import options
+from lagcli.cli.terminal import exits
 
 
 @exits.command
@@ -25,7 +26,7 @@ def schema(
 
     New models name lagcli.schema.json, in their own folder, on their first line.
     """
-    from lagcli.cli import new_files
+    from lagcli.cli.files import new_files
     from lagcli.input import format_schema
 
     name = output or new_files.STDOUT

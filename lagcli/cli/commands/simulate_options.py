@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, model_reading, options
+from lagcli.cli.commands import completing, options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 
@@ -56,8 +58,9 @@ def simulate(
     CSV on standard output without -o and --plot. Exit 3 where the integration stops before its end: the rows
     so far are in FILE.partial, and FILE is as it was.
     """
-    from lagcli.api import run_settings
-    from lagcli.cli import asked_run, simulate_command
+    from lagcli.api.runs import run_settings
+    from lagcli.cli.actions import simulate_command
+    from lagcli.cli.requests import asked_run
 
     asked = asked_run.SimulateOptions(
         output, plot, stats, columns, as_json, quiet, verbose,

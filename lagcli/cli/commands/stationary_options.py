@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import exits, model_reading, options
+from lagcli.cli.commands import options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 
@@ -28,7 +30,7 @@ def stationary(
 
     Masses and forces play no part. Exit 4 where none is found.
     """
-    from lagcli.cli import static_points_command, stationary_command
+    from lagcli.cli.actions import static_points_command, stationary_command
 
     asked = static_points_command.PointOptions(output, starts, seed, limit, as_json, quiet)
     asked.require(model)

@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli import completing, exits, model_reading, options
+from lagcli.cli.commands import completing, options
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 ModelsArgument = Annotated[
@@ -108,7 +110,8 @@ def sweep(
     draw. Each row is that of `simulate --set`, to the last bit, whatever computes it. Exit 1 where a point is invalid,
     else 3 where one stopped; all have a row. Rows are safe as they come: --resume goes on after any end.
     """
-    from lagcli.cli import asked_points, asked_sweep, sweep_command
+    from lagcli.cli.actions import sweep_command
+    from lagcli.cli.requests import asked_points, asked_sweep
 
     files = asked_sweep.SweepFiles(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
     if merge:

@@ -27,7 +27,7 @@ from lagcli.simulation.events.watch_kinds import WatchKinds
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import StepFailure
-from lagcli.simulation.scheme.work_integral import COARSE
+from lagcli.simulation.scheme.step_tolerance import COARSE_WORK
 from lagcli.simulation.singularity.singularity_step import SingularStep
 from lagcli.simulation.stepping.stepper import Stepper
 
@@ -334,7 +334,7 @@ class ContactEvent(Event):
         if found.reached != end and abs(found.reached - end) <= event_zeros.AT_END * math.ulp(end):
             # It is at the end of the run, to rounding.
             step_again.up_to(run, end)
-        if bound.outcome[7] > COARSE and run.account.is_balanced:
+        if bound.outcome[7] > COARSE_WORK and run.account.is_balanced:
             run.find_work(found.taken)
         found.is_jump = True
         found.proposed = min(found.proposed, LONGER * (found.reached - run.contacts.last))

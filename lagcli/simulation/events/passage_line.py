@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from lagcli.simulation.scheme import collocation, line_functions
-from lagcli.simulation.singularity.singularity_step import SingularStep
+from lagcli.simulation.scheme import line_functions
 from lagcli.simulation.stepping import interpolate_rows
 from lagcli.simulation.stepping.stepper import Stepper
+
+if TYPE_CHECKING:
+    # Most runs meet no singular configuration.
+    from lagcli.simulation.scheme import collocation
+    from lagcli.simulation.singularity.singularity_step import SingularStep
 
 # Where the drifts of a row stand in a line: rounding, which is not interpolated.
 DRIFTS = slice(-line_functions.BEYOND, -line_functions.BEYOND + 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -15,12 +15,14 @@ from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import SINGULAR, StepFailure
-from lagcli.simulation.scheme import collocation
-from lagcli.simulation.singularity import rank_dip, singularity_step
+from lagcli.simulation.singularity import rank_dip
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
-from lagcli.simulation.singularity.singularity_step import Crossing
 from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.simulation.stepping.stepper import LANDING, Stepper
+
+if TYPE_CHECKING:
+    # Loaded where they are used: most runs meet no singular configuration.
+    from lagcli.simulation.singularity.singularity_step import Crossing, Point
 
 
 class SingularEvent(Event):
@@ -50,6 +52,8 @@ class SingularEvent(Event):
         if foreseen.angle > rank_dip.CERTAIN and self._is_dip():
             return False
         bound = run.bound
+        from lagcli.simulation.singularity import singularity_step
+
         found = singularity_step.across(bound.numeric, bound.aside, self._point, foreseen)
         run.count_aside()
         if isinstance(found, Selection):
@@ -59,7 +63,7 @@ class SingularEvent(Event):
             self._cross(found)
         elif bound.held.is_any:
             return self._pass_without_integrals()
-        return isinstance(found, Crossing)
+        return isinstance(found, singularity_step.Crossing)
 
     def act(self) -> None:
         """See `Event`."""
@@ -100,12 +104,15 @@ class SingularEvent(Event):
 
         Those that hold beyond it are kept, else they are let go.
         """
+        from lagcli.simulation.scheme import collocation
+        from lagcli.simulation.singularity import singularity_step
+
         run, bound = self._stepper, self._stepper.bound
         plain = bound.held.plain.functions.numeric
         land = BoundFunction(plain.land, [np.zeros(1), np.zeros(bound.y.size), bound.held.p])
         found = singularity_step.across(plain, land, self._point, run.foreseen)
         run.account.evaluations += land.used
-        if not isinstance(found, Crossing):
+        if not isinstance(found, singularity_step.Crossing):
             return False
         step = found.passage.step
         reached, new = step.t + step.h, step.state(1.0)
@@ -117,6 +124,8 @@ class SingularEvent(Event):
 
     def _leave(self) -> None:
         """Take the first step from a singular configuration."""
+        from lagcli.simulation.singularity import singularity_step
+
         run, bound = self._stepper, self._stepper.bound
         found = singularity_step.away(bound.numeric, bound.aside, self._point, run.control.step)
         run.count_aside()
@@ -125,9 +134,11 @@ class SingularEvent(Event):
         self._cross(found)
 
     @property
-    def _point(self) -> singularity_step.Point:
+    def _point(self) -> Point:
+        from lagcli.simulation.singularity.singularity_step import Point
+
         run, bound = self._stepper, self._stepper.bound
-        return singularity_step.Point(run.t, bound.y, bound.k, bound.held.p, run.tolerance)
+        return Point(run.t, bound.y, bound.k, bound.held.p, run.tolerance)
 
     def _cross(self, crossing: Crossing) -> None:
         """Make a step across the step just found."""

@@ -22,7 +22,6 @@ from lagcli.errors.diagnostics import printable
 from lagcli.model import settings
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Vector3
-from lagcli.simulation.run_state import saved_form
 from lagcli.simulation.run_state.contact_state import NOTHING, ContactState
 from lagcli.simulation.run_state.incident import NONE, Tally
 from lagcli.simulation.run_state.statistics import Figures
@@ -171,6 +170,8 @@ def _shown(value: object) -> str:
 
 def encoded(point: Checkpoint) -> bytes:
     """The checkpoint as JSON."""
+    from lagcli.simulation.run_state import saved_form
+
     parts = saved_form.saved(point)
     assert isinstance(parts, dict)
     whole = {"lagcli-checkpoint": FORMAT, "version": __version__, **parts, "sum": control_sum(parts)}
@@ -193,6 +194,8 @@ def read(path: str | os.PathLike[str]) -> Checkpoint:
 
 def decoded(data: bytes) -> Checkpoint:
     """The checkpoint in JSON. Raises `CheckpointError`."""
+    from lagcli.simulation.run_state import saved_form
+
     try:
         whole = json.loads(data)
     except (ValueError, RecursionError):

@@ -21,7 +21,7 @@ from lagcli.compiled import NumericSystem, invariant_values
 from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions
 from lagcli.equations.system import System
-from lagcli.linear import rank
+from lagcli.linear import generic_direction, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.model.invariant import FirstIntegral
@@ -159,7 +159,7 @@ class _Forms:
         self._state = state
         self._here = self._read(state.q)
         sizes = ASIDE * np.abs(state.q) + AROUND * (np.abs(state.q).max(initial=0.0) or 1.0)
-        direction = np.random.default_rng(0).standard_normal(state.q.size)
+        direction = generic_direction.direction(state.q.size, 0)
         self._beside = self._read(state.q + sizes * direction)
 
     def _read(self, q: Floats) -> _Read:

@@ -43,6 +43,9 @@ class ToleranceParameters:
 
 
 PARAMETERS = ToleranceParameters()
+# In a step the estimate of the error of W may be so many tolerances of a step: it is far above the error, and W swings
+# twice as fast as the motion, so that a bound near 1 would integrate W again in every step of a smooth drive.
+COARSE_WORK = 300.0
 # Numbers of a tolerance; the unit of rounding.
 COUNT, UNIT = 6, 2**-53
 

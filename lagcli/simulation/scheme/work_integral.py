@@ -22,9 +22,6 @@ from lagcli.simulation.scheme.collocation import Step
 Floats = npt.NDArray[np.float64]
 Powers = Callable[[Floats], tuple[Floats, float] | None]
 
-# In a step the estimate of the error of W may be so many tolerances of a step: it is far above the error, and W swings
-# twice as fast as the motion, so that a bound near 1 would integrate W again in every step of a smooth drive.
-COARSE = 300.0
 # Nodes of a panel: a wave takes about one panel to rounding.
 NODES = 12
 # A step is halved into no more panels than these: they hold some thousand waves, and take about as long as ten

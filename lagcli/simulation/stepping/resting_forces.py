@@ -13,6 +13,7 @@ import numpy as np
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
+from lagcli.linear import generic_direction
 from lagcli.simulation.scheme.step_tolerance import UNIT
 from lagcli.start import initial
 
@@ -40,7 +41,7 @@ def of_start(system: System, numeric: NumericSystem) -> RestingForces:
     if not q.size or np.any(v):
         return RestingForces(0.0, 0.0)
     reach = BESIDE * (np.abs(q) + np.abs(q).max() + (not np.any(q)))
-    aside = q + reach * np.random.default_rng(0).choice((-1.0, 1.0), size=q.size)
+    aside = q + reach * generic_direction.signs(q.size)
     place = q.copy()
     sizes = BoundFunction(numeric.sizes, [np.array([t]), place, v.copy(), p.copy()])
     sizes.trigger()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -21,16 +23,20 @@ from lagcli.simulation.scheme import invariants, method, step_tolerance
 from lagcli.simulation.scheme.bound_scheme import BoundRows, BoundStep
 from lagcli.simulation.scheme.controller import GROW, PACE, StepController
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
-from lagcli.simulation.scheme.work_integral import COARSE, Work, within
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
-from lagcli.simulation.singularity.singularity_step import SingularStep
 from lagcli.simulation.stepping import resting_forces, stop_diagnosis, switch_states
 from lagcli.simulation.stepping.grid import Grid
 from lagcli.simulation.stepping.timetable import Timetable
 from lagcli.simulation.stepping.witness_times import Witnesses
 from lagcli.start.initial import State
 
+if TYPE_CHECKING:
+    # Most runs meet no singular configuration, and in most W needs no integral of its own.
+    from lagcli.simulation.scheme.work_integral import Work
+    from lagcli.simulation.singularity.singularity_step import SingularStep
+
 Floats = npt.NDArray[np.float64]
+States = Callable[[Floats], Floats]
 
 # A landed state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
 LANDING = 1e-9
@@ -206,7 +212,7 @@ class Stepper:
         self.foreseen = self.watch.foreseen(reached, outcome[4], outcome[5])
         self.account.steps += 1
         found = self.found
-        if outcome[7] > COARSE and self.account.is_balanced:
+        if outcome[7] > step_tolerance.COARSE_WORK and self.account.is_balanced:
             self.find_work(taken)
         found.is_open, found.is_jump, found.reached, found.taken = True, False, reached, taken
         grown = self.control.grown(taken, error, grow)
@@ -265,9 +271,7 @@ class Stepper:
         self.make_dense()
         span = self.t, taken, self.tolerance[0]
         begin, coefficients = bound.y[:, None], self.rows.dense.results[0][:, :, None]
-        work = within(
-            bound.aside, span, bound.y, lambda x: self.method.interpolated(begin, coefficients, x).T
-        )
+        work = _work(bound.aside, span, bound.y, lambda x: self.method.interpolated(begin, coefficients, x).T)
         self.count_aside()
         if work is None:
             self.account.doubt()
@@ -371,3 +375,10 @@ class Stepper:
         rates = [np.array(bound.numeric.rhs(at, bound.y, bound.p)).ravel() for at in times]
         self.account.evaluations += len(rates)
         return switch_states.is_pole(rates)
+
+
+def _work(land: BoundFunction, span: tuple[float, float, float], y: Floats, states: States) -> Work | None:
+    """W within a step, as of `work_integral.within`."""
+    from lagcli.simulation.scheme import work_integral
+
+    return work_integral.within(land, span, y, states)

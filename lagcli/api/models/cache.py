@@ -1,0 +1,32 @@
+"""Compiled systems that stay for another run: a cache and nothing else, that may forget at any time."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+from lagcli import progress
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.equations import size_limits, system
+from lagcli.model.model import Model
+
+KEPT_SYSTEMS = 8  # compiled systems that stay for another run with other parameters
+
+_kept: OrderedDict[tuple[str, str], CompiledModel] = OrderedDict()
+
+
+@progress.phase("building the equations")
+def compiled(model: Model) -> CompiledModel:
+    """The compiled system of a model. Other values of parameters or of the start need no new build."""
+    size_limits.require_built(model)
+    key = model.path, model.fingerprint  # a place that is told holds the path
+    kept = _kept.pop(key, None)
+    result = (kept.with_values(model) if kept is not None else None) or CompiledModel(system.build(model))
+    _kept[key] = result
+    while len(_kept) > KEPT_SYSTEMS:
+        _kept.popitem(last=False)
+    return result
+
+
+def forget() -> None:
+    """Keep nothing of what was compiled before."""
+    _kept.clear()

@@ -1,0 +1,116 @@
+"""The point of rest next to a model's start, for commands that begin there."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from lagcli import progress
+from lagcli.analysis.classification import hidden_conditions
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.runs import run_settings
+from lagcli.compiled import invariant_values
+from lagcli.equations import cut_warnings, level_functions
+from lagcli.equations.system import System
+from lagcli.errors import diagnostics
+from lagcli.model.invariant import LevelFunction
+from lagcli.start import assembly, initial
+from lagcli.start.initial import State
+from lagcli.statics import effective_potential, refine, rest_equations, static_laws, surface_descent
+from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
+from lagcli.statics.rest_equations import RestEquations
+from lagcli.statics.static_laws import HeldLevel, StaticLaws
+from lagcli.statics.static_problem import StaticProblem
+
+MODERATE = 1e4  # levels of this size are not measured by it
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class StaticStart:
+    """A consistent start for searches, the levels of the integrals through it, and notes on those that are not held.
+
+    held: the differential rows whose integrals are held, by name.
+    """
+
+    state: State
+    levels: tuple[HeldLevel, ...]
+    held: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+@progress.phase("looking for a consistent start")
+def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
+    """The nearest consistent configuration to the declared start. Raises `diagnostics.ModelError` where there is
+    none."""
+    limit = run_settings.seconds(limit)
+    built, numeric = ready.system, ready.numeric
+    declared = initial.declared(built)
+    declared = dataclasses.replace(declared, v=np.zeros(declared.v.size))
+    try:
+        state = assembly.configuration(built, numeric, declared)
+    except diagnostics.ModelError as error:
+        if not hidden_conditions.is_conflict(error):
+            raise
+        case = hidden_conditions.classified(built, numeric, limit).case
+        state = assembly.configuration(case.system, case.numeric, declared)
+    state = dataclasses.replace(state, v=declared.v)
+    known = ready.first_integrals(limit)
+    levels: list[HeldLevel] = []
+    held: list[str] = []
+    notes = [*known.notes, *cut_warnings.out_of_sight(built)]
+    for integral in known.integrals:
+        chart = next((c for c in _charts(built, integral.charts, state)), None)
+        if chart is None:
+            notes.append(f"the integral {integral.text} is not held: no form of it serves at the start")
+        else:
+            levels.append(chart)
+            held += integral.rows
+    return StaticStart(state, tuple(levels), tuple(dict.fromkeys(held)), tuple(notes))
+
+
+def problem(ready: CompiledModel, laws: StaticLaws, start: StaticStart) -> StaticProblem:
+    """The equations at numbers, with the values of the model."""
+    state = start.state
+    return StaticProblem(laws, state.p, (state.t, state.q), ready.system.model.simulation.duration)
+
+
+@progress.phase("looking for a point of rest")
+def nearest(ready: CompiledModel) -> EquilibriumPoint | NoEquilibrium:
+    """The point of rest nearest to the declared start (D.25): lambda and contacts with it.
+
+    Of two, the one that Newton's steps lead to and, where the forces have a potential, the one that lies downhill, the
+    nearer in the metric. Raises `diagnostics.ModelError` where no configuration satisfies the rows.
+    """
+    start = begin(ready)
+    asked, q = problem(ready, static_laws.of_rest(ready.system, start.levels), start), start.state.q
+    falls = effective_potential.origin(asked) == "declared"
+    is_large = falls and asked.n + asked.C > refine.PARAMETERS.large
+    found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.PARAMETERS.aside)]
+    if falls:
+        equations = RestEquations(asked, (), rest_equations.scales(asked, q))
+        bottom = surface_descent.lowest(equations, q, 1.0)
+        if bottom is not None:
+            found.append(refine.nearest_equilibrium(asked, bottom))
+    if is_large and not any(isinstance(one, EquilibriumPoint) for one in found):
+        found.append(refine.nearest_equilibrium(asked, q))
+    points = [one for one in found if isinstance(one, EquilibriumPoint)]
+    if not points:
+        return found[0]
+    M = ready.numeric.inertia(start.state.t, q, np.zeros_like(q), start.state.p).full()
+    return min(points, key=lambda point: float((point.q - q) @ M @ (point.q - q)))
+
+
+def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> list[HeldLevel]:
+    """The charts that have finite values and a gradient at a state."""
+    found = []
+    for chart in level_functions.charts(built, written).charts:
+        value = invariant_values.function(built, [chart])(state.t, state.q, state.p)
+        (above, below), period = value[0].full()[0], float(value[3])
+        size = 1.0 if period else float(np.hypot(above, below))
+        if 1 / MODERATE < size < MODERATE:
+            size = 1.0  # numbers that were written stay so, for exact algebra
+        gradient = value[1].full() * below - value[2].full() * above if not period else value[1].full()
+        if np.isfinite([above, below, *gradient.ravel()]).all() and size and np.abs(gradient).max() > 0:
+            found.append(HeldLevel(chart, above / size, below / size))
+    return found

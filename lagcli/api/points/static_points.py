@@ -1,0 +1,153 @@
+"""The stages that `stationary` and `equilibrium` share: a search, its completeness, and the report of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import progress
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.points.rest_point import StaticStart
+from lagcli.statics import (
+    all_zeros,
+    effective_potential,
+    one_unknown,
+    periodic,
+    shared_multipliers,
+    singular_rows,
+)
+from lagcli.statics.effective_potential import Origin
+from lagcli.statics.point_columns import PointColumns
+from lagcli.statics.point_search import FoundPoint, PointSearch, SearchOptions
+from lagcli.statics.static_problem import StaticProblem
+from lagcli.statics.static_report import StaticPoint, StaticReport, Value
+
+Floats = npt.NDArray[np.float64]
+
+STARTS, SEED, MOST_STARTS = 32, 0, 100_000  # the first two by default
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class StaticQuestion:
+    """A question for points: `called` says which, rows: the equality rows that have multipliers, by their numbers."""
+
+    called: Value
+    problem: StaticProblem
+    start: StaticStart
+    rows: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+def require(starts: int, seed: int) -> None:
+    """Raise `ValueError` for a number of starts, or a seed, that is none."""
+    if not 0 <= starts <= MOST_STARTS:
+        raise ValueError(f"starts: a number from 0 to {MOST_STARTS} is needed")
+    if seed < 0:
+        raise ValueError("seed: a number that is not negative is needed")
+
+
+@progress.phase("looking for points")
+def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int) -> StaticReport:
+    """The points that are found, by the columns of the model."""
+    problem = asked.problem
+    source: Origin = "declared"
+    if asked.called == "potential":
+        source = effective_potential.origin(problem)
+    angles = periodic.angles(problem.programs(), problem.n)
+    pushes = asked.called == "potential"
+    search = PointSearch(problem, SearchOptions(source != "none", pushes, angles, starts, seed))
+    search.run(0)
+    whole = all_zeros.complete(search)
+    if not whole.proved:
+        search.run(starts)
+        if not whole.final:
+            whole = all_zeros.complete(search)
+    if not whole.proved and problem.n == 1 and not problem.C and not problem.K:
+        whole = one_unknown.complete(search, angles[0])
+    columns = PointColumns(ready.system, problem.t, problem.p)
+    points = [_point(ready, asked, columns, source, found) for found in search.points]
+    are_unique = all(point.unique_multipliers for point in points)
+    notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, are_unique, starts)]
+    notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
+    points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
+    best = search.best.residual if not points else None
+    told = tuple(dict.fromkeys(notes))
+    return StaticReport(asked.called, tuple(points), search.starts, whole.proved, told, best)
+
+
+def _point(
+    ready: CompiledModel, asked: StaticQuestion, columns: PointColumns, source: Origin, found: FoundPoint
+) -> StaticPoint:
+    system, q = ready.system, found.point.q
+    lam, unique = _multipliers(ready, asked, found)
+    names = [row.name for row in system.multiplier_rows]
+    count = len(system.rows.rows)
+    shown = [*asked.rows, *range(count, len(names))]
+    is_rest = asked.called == "potential"
+    reactions = columns.reactions(q, lam) if is_rest else columns.row_reactions(q, lam)
+    value = effective_potential.value(asked.problem, source, q) if is_rest else asked.problem.value(q) + 0.0
+    return StaticPoint(
+        columns.at(q),
+        {names[i]: float(lam[i]) + 0.0 for i in shown},
+        reactions,
+        value,
+        found.type.kind,
+        found.type.index,
+        found.point.residual,
+        unique,
+        found.dimension,
+    )
+
+
+def _multipliers(ready: CompiledModel, asked: StaticQuestion, found: FoundPoint) -> tuple[Floats, bool]:
+    """lambda of all rows of the system (C + K,): as found, or where they are not unique those of least norm, as in a
+    run; and whether they are."""
+    problem, point, t = asked.problem, found.point, asked.problem.t
+    system, numeric = ready.system, ready.numeric
+    count, s = len(system.rows.rows), system.holonomic_count
+    is_own = asked.called == "potential" or len(asked.rows) == s == problem.C
+    lam = np.zeros(count + problem.K)
+    if is_own and found.type.unique:
+        lam[list(asked.rows)] = point.lam[: problem.C]
+        lam[count:] = point.lam[problem.C :]
+        if found.touching == point.closed:
+            return lam, True
+    values = problem.at(t, point.q, point.lam)
+    v = np.zeros(problem.n)
+    B = numeric.rows(t, point.q, v, problem.p)[0].full()[list(asked.rows)]
+    closed = list(found.touching if asked.called == "potential" else point.closed)
+    rows = np.vstack([B, values.G[closed]])
+    M = numeric.inertia(t, point.q, v, problem.p).full()
+    if asked.called == "potential" and closed:
+        given = point.lam[[*range(problem.C), *(problem.C + k for k in closed)]]
+        shared, unique = shared_multipliers.pushing(rows, given, M, len(B))
+    else:
+        unique = found.type.unique
+        shared = shared_multipliers.least(rows, -values.F, shared_multipliers.lengths(rows, M))
+    lam[list(asked.rows)] = shared[: len(B)]
+    lam[[count + k for k in closed]] = shared[len(B) :]
+    return lam, unique
+
+
+def _remarks(search: PointSearch, source: Origin, are_unique: bool, starts: int) -> Iterator[str]:
+    """Notes on what was found and what was not looked for."""
+    if source == "integrated":
+        yield "forces that are declared without a potential have one; it is counted from the start"
+    elif source == "none":
+        yield "the forces have no potential: points have no type"
+    sizes = sorted({one.dimension for one in search.points if one.dimension})
+    for size in sizes:
+        count = sum(one.dimension == size for one in search.points)
+        what = "one point stands for a continuum" if count == 1 else f"{count} points stand for continua"
+        yield f"{what} of dimension {size}"
+    if not are_unique:
+        yield "multipliers that are not unique are those of least norm, as in a run"
+    if len(search.problem.times) > 1:
+        t = search.problem.t
+        yield f"the equations hold t: points hold at every t that was looked at, lambda is that of t = {t:g}"
+    if search.is_cut:
+        ends = "" if search.starts > starts else f", after {search.starts} of {starts + 1} starts"
+        yield f"the search ended at its budget of work{ends}"

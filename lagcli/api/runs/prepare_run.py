@@ -1,0 +1,112 @@
+"""Runs from their start and from a checkpoint, as far as before their first step."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+
+from lagcli import progress
+from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.api.models import cache
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.load import Path
+from lagcli.api.runs import run_settings
+from lagcli.api.runs.simulation_run import PreparedRun, SimulationRun
+from lagcli.model import settings
+from lagcli.model.model import Model, Simulation
+from lagcli.simulation import run_entry
+from lagcli.simulation.run_entry import RunPlan
+from lagcli.simulation.run_state import checkpoint as checkpoints
+from lagcli.start import initial
+
+
+@progress.phase("preparing the run")
+def prepare(
+    model: Model,
+    chosen: Simulation,
+    resume_from: Path | None = None,
+    limit: float | None = None,
+    digits: bool = False,
+    may_be_over: bool = False,
+) -> SimulationRun:
+    """A run from its start, or from the checkpoint in a file.
+
+    limit: seconds to find first integrals; digits: with columns of errors; may_be_over: a run whose rows were all
+    handed out before is no error. Raises as `start` and `resume`, `OSError`, and `ValueError` for a limit that is
+    none and for digits of a run that is resumed; what is wrong with the checkpoint is told with the name of the file.
+    """
+    seconds = run_settings.seconds(limit)
+    if resume_from is None:
+        return start(model, chosen, limit=seconds, digits=digits)
+    if digits:
+        from lagcli.simulation.global_error import error_estimate
+
+        raise ValueError(f"digits: {error_estimate.NOT_RESUMED}")
+    try:
+        run = resume(model, chosen, checkpoints.read(resume_from))
+        if not may_be_over:
+            run.require_rows_left()
+    except checkpoints.CheckpointError as error:
+        raise checkpoints.CheckpointError(f"{os.fspath(resume_from)}: {error}") from None
+    return run
+
+
+def start(
+    model: Model,
+    chosen: Simulation,
+    known: KnownIntegrals | None = None,
+    *,
+    limit: float = settings.LIMIT,
+    digits: bool = False,
+) -> SimulationRun:
+    """A run from the start of the model.
+
+    known: the first integrals of the differential rows, which are held at their values at the start as far as that
+    can be; without them they are searched for `limit` seconds. digits: with columns of errors, from the same run
+    repeated. Raises `diagnostics.ModelError`.
+    """
+    began = time.perf_counter()
+    ready = cache.compiled(dataclasses.replace(model, simulation=chosen))
+    return SimulationRun(_started(ready, known, limit, digits, began))
+
+
+def start_compiled(ready: CompiledModel, known: KnownIntegrals) -> SimulationRun:
+    """A run from the start of a model that is compiled, with its own settings. Raises `diagnostics.ModelError`."""
+    return SimulationRun(_started(ready, known, settings.LIMIT, False, time.perf_counter()))
+
+
+def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> SimulationRun:
+    """A run that goes on from where an earlier run of the same model stood.
+
+    Its start was examined, and perhaps assembled, when it began. Raises `diagnostics.ModelError`,
+    `checkpoints.CheckpointError` for a checkpoint of another run.
+    """
+    began = time.perf_counter()
+    model = dataclasses.replace(model, simulation=chosen)
+    checkpoints.require_same(point.identity, model)
+    ready = cache.compiled(model)
+    run = run_entry.resume(ready.system, ready.kept, point)
+    state = initial.declared(ready.system)
+    return SimulationRun(
+        PreparedRun(ready, state, run, point.integrals, time.perf_counter() - began, resumed=point)
+    )
+
+
+def _started(
+    ready: CompiledModel, known: KnownIntegrals | None, limit: float, digits: bool, began: float
+) -> PreparedRun:
+    """The parts of a run from its start; `began`: when the work for it did. Raises `diagnostics.ModelError`."""
+    start = ready.examined_start(known, limit)
+    found = start.known
+    plan = RunPlan(start.state, start.selection, start.is_singular, found.integrals, found.notes, digits)
+    run = run_entry.begin(ready.system, ready.kept, plan)
+    return PreparedRun(
+        ready,
+        start.state,
+        run,
+        found.integrals,
+        time.perf_counter() - began,
+        found.conditions,
+        start.assembly,
+    )

@@ -1,0 +1,247 @@
+"""A run that is ready to go, from its start or from a checkpoint."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.analysis.codimension import redundancy
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.compiled import NumericSystem
+from lagcli.compiled.selection import Selection
+from lagcli.equations import system
+from lagcli.errors import diagnostics
+from lagcli.model.invariant import FirstIntegral
+from lagcli.output import event_rows, run_account, run_columns, table_columns
+from lagcli.output.run_columns import RunColumns
+from lagcli.output.tables.incident_table import IncidentColumns
+from lagcli.output.trajectory import Outcome, Stats, Stopped
+from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
+from lagcli.simulation.run_in_blocks import RunInBlocks
+from lagcli.simulation.run_state import checkpoint as checkpoints
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.incident import Incident
+from lagcli.start import assembly, initial, lipschitz
+
+if TYPE_CHECKING:
+    # Most models have no differential rows, and load nothing that judges them.
+    from lagcli.analysis.classification.verdict import Condition
+
+Floats = npt.NDArray[np.float64]
+Integrals = tuple[FirstIntegral, ...]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class PreparedRun:
+    """All that a run goes with.
+
+    `start`: the state at its start, assembled where that was wanted; `integrals`: those that are held; `seconds`: the
+    time this took; `conditions`: hidden conditions among the rows; `resumed`: where an earlier run stood, if this one
+    goes on from there.
+    """
+
+    ready: CompiledModel
+    start: initial.State
+    run: RunInBlocks
+    integrals: Integrals
+    seconds: float
+    conditions: tuple[Condition, ...] = ()
+    assembly: assembly.Assembly | None = None
+    resumed: checkpoints.Checkpoint | None = None
+
+
+class SimulationRun:
+    """A run that is ready to go: columns, then `blocks` of rows once, then `stats`."""
+
+    def __init__(self, prepared: PreparedRun) -> None:
+        self._prepared = prepared
+        self._system, self._numeric = prepared.ready.system, prepared.ready.numeric
+        self._start, self._run = prepared.start, prepared.run
+        self.model = self._system.model
+        self.columns = self._run.columns
+        self.assembly = prepared.assembly
+        self.resumed = prepared.resumed
+        self.grid = self._run.grid
+        # Those that have come with the last block, up to its last row or a little beyond.
+        self.incidents: list[Incident] = []
+        self._has_event_rows = False
+        # The account covers the whole run: rows that were handed out before it was resumed too.
+        self.outcome = Outcome()
+        if self.resumed is not None:
+            mark = self.resumed.mark
+            self.outcome = Outcome(self._run.handed_out, mark.origin + mark.row)
+
+    @functools.cached_property
+    def warnings(self) -> tuple[diagnostics.Diagnostic, ...]:
+        """Warnings of the model, of its equations and of its start; one of many runs looks for none."""
+        read = (*self.model.warnings, *self._system.warnings)
+        if self.resumed is not None:
+            return read
+        return (*read, *lipschitz.warnings(self._system, self._numeric, self._start))
+
+    @property
+    def t(self) -> float:
+        """The time reached."""
+        return self._run.report.t
+
+    def blocks(self) -> Iterator[Floats]:
+        """Blocks of rows (k, len(columns)), each with its `incidents`. Raises `run_stop.RunStop` after the last one."""
+        outcome = self.outcome
+        try:
+            for block in self._run.blocks():
+                rows, self.incidents = block.rows, block.incidents
+                if self._run.reference:
+                    self._floors.take(rows)
+                if self._has_event_rows:
+                    rows = event_rows.merged(rows, self.incidents)
+                if len(rows):
+                    outcome.rows += len(rows)
+                    outcome.t_end = float(rows[-1, 0])
+                yield rows
+        except run_stop.RunStop as stopped:
+            # Most runs go to their end.
+            from lagcli.analysis import stop_causes
+
+            ends = self._start, self._run.report
+            stop = stop_causes.explained(
+                stopped.stop, self._system, self._numeric, ends, self._prepared.conditions
+            )
+            outcome.stopped = Stopped(stop.t, stop.reason, stop.code)
+            raise run_stop.RunStop(stop) from None
+
+    def add_event_rows(self) -> None:
+        """Hand out two more rows at each instant of incidents, before and after it."""
+        self._has_event_rows = True
+        if self.resumed is not None:
+            self.outcome.rows += 2 * self.resumed.mark.told.instants
+
+    @functools.cached_property
+    def _others(self) -> RunColumns:
+        return run_columns.of(self._system, self._numeric, self._start.p, self.columns)
+
+    @property
+    def incident_columns(self) -> IncidentColumns:
+        """The columns of the table of incidents."""
+        return self._others.incidents
+
+    @property
+    def end(self) -> float:
+        """The time of the last row: the end of the grid, or that of the event that has ended the run."""
+        return self.t if self._run.report.ended_by is not None else self.grid.end
+
+    @property
+    def built(self) -> system.System:
+        """The system that is integrated."""
+        return self._system
+
+    @property
+    def numeric(self) -> NumericSystem:
+        """Its functions, whatever integrals are held."""
+        return self._numeric
+
+    @property
+    def parameters(self) -> Floats:
+        """The numbers that go with them."""
+        return self._start.p
+
+    @property
+    def exchanged(self) -> float:
+        """The largest T so far plus the largest change of V."""
+        return self._run.report.exchanged
+
+    @property
+    def rank(self) -> int:
+        """The number of independent rows it is stepped with."""
+        return len(self._run.report.selection.kept)
+
+    @property
+    def begin(self) -> initial.State:
+        """The state that it starts from."""
+        return self._start
+
+    @property
+    def selection(self) -> Selection:
+        """The rows it is stepped with at the time reached."""
+        return self._run.report.selection
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """The hidden conditions among its rows."""
+        return self._prepared.conditions
+
+    @property
+    def integrals(self) -> Integrals:
+        """The first integrals of the differential rows that it holds."""
+        return self._prepared.integrals
+
+    @property
+    def by_name(self) -> tuple[str, ...]:
+        """Columns that are given only where they are asked for by name: `Q.theta`."""
+        return self._others.by_name
+
+    def taken(self, block: Floats, picked: list[int]) -> Floats:
+        """Some columns of a block, by their numbers in `columns` and, after them, `by_name`."""
+        if picked == list(range(len(self.columns))):
+            return block
+        if max(picked, default=0) >= len(self.columns):
+            block = np.hstack([block, self._others.forces(block)])
+        return block[:, picked]
+
+    def of_table(self, rows: Floats) -> Accuracy | None:
+        """The known error of a table of this run; of one with `digits`, in place of `blocks`."""
+        self._floors.take(rows)
+        return self._known(self._run.of_table(rows))
+
+    @functools.cached_property
+    def _floors(self) -> table_columns.Floors:
+        return self.floors()
+
+    def floors(self) -> table_columns.Floors:
+        """Limits of what is zero to rounding in a table of this run, when it has taken its rows."""
+        return table_columns.Floors(self._system, self._numeric, self._start.p, self.columns)
+
+    def _known(self, found: Accuracy | None) -> Accuracy | None:
+        """The accuracy with the kinds that are zero to rounding."""
+        if found is None or self._run.reference is None:
+            return None
+        floors = self._floors
+        kinds = zip(KINDS, self._run.reference.places, strict=True)
+        return dataclasses.replace(found, zero=frozenset(k for k, at in kinds if floors.are_zero(at)))
+
+    @property
+    def passed_over(self) -> int:
+        """Rows of the grid that a resumed run cannot give: those before the state it goes on from."""
+        return self._run.passed_over
+
+    def require_rows_left(self) -> None:
+        """Raise `checkpoints.CheckpointError` where a resumed run has nothing left to do."""
+        if self.resumed is not None:
+            self._run.require_rows_left()
+
+    def checkpoint(self) -> checkpoints.Checkpoint:
+        """The state to go on from after all blocks so far; for the time between two of them, or after the last."""
+        return checkpoints.Checkpoint(self._identity, self._run.mark(), self._prepared.integrals)
+
+    @functools.cached_property
+    def _identity(self) -> checkpoints.Identity:
+        return checkpoints.identity(self.model)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks so far: multipliers that are not unique, singular configurations that were passed,
+        integrals that are not held all the time."""
+        return redundancy.remarks(self._system, self._run.report)
+
+    @property
+    def stats(self) -> Stats:
+        """The account so far; of a resumed run it covers the whole, but for the seconds."""
+        report = self._run.report
+        known = self._known(report.accuracy)
+        return run_account.of(
+            self._system, report, self.outcome, self._prepared.seconds, self.assembly, known
+        )

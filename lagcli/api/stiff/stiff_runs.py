@@ -1,0 +1,256 @@
+"""The stiff runs of `lagcli.limit`: one for each stiffness, or one in which it rises."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.runs import prepare_run
+from lagcli.api.stiff import constrained_run
+from lagcli.api.stiff.constrained_run import IN_A_SWING, Constrained, LimitPlan
+from lagcli.formulations.stiff import ladder, slow_start, stiff_system
+from lagcli.formulations.stiff.ladder import Rung, StiffLimit
+from lagcli.formulations.stiff.stiff_system import Stiffness
+from lagcli.model.model import Model, Simulation
+from lagcli.output import table_columns
+from lagcli.simulation.run_state import run_stop
+
+Floats = npt.NDArray[np.float64]
+
+# The run that tells the uncertainty has this many times the tolerance; where rounding takes part, the errors of the two
+# are nearly equal, and what they differ by is divided by little.
+LOOSER, LARGER = 100.0, 2.0
+# Steps of a swing at the usual tolerance: an estimate until the first run has been made.
+STEPS_IN_A_SWING = 12.0
+NO_RATE = "of a ramp no rate is fitted: its errors are swings that the soft spring began, and they keep their action"
+ROUNDINGS = 4.0 * 2.0**-52
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Followed:
+    """A stiff run: -k f (T,) on its grid, accepted steps, seconds, the uncertainty of the force (rows,) at the rows."""
+
+    force: Floats
+    steps: int
+    seconds: float
+    uncertainty: Floats
+
+
+def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
+    """The limit of one row. Raises `diagnostics.ModelError`, `ValueError`."""
+    held, row, notes = constrained_run.constrained(model, chosen, plan)
+    kind = "unprestressed" if plan.unprestressed else "adapted"
+    if isinstance(held, str):
+        nothing = np.zeros(0)
+        rate_of = "mean_error" if plan.unprestressed or plan.is_ramp else "max_error"
+        return StiffLimit(model.path, row, kind, nothing, nothing, (), None, rate_of, stopped=held)
+    runs = _StiffRuns(held, row, plan)
+    try:
+        found = runs.ramp(kind) if plan.is_ramp else runs.ladder(kind)
+    except run_stop.RunStop as stop:
+        t, multiplier = held.at(1)
+        said = f"the stiff run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
+        found = StiffLimit(model.path, row, kind, t, multiplier, (), None, "mean_error", stopped=said)
+    return dataclasses.replace(found, notes=(*notes, *found.notes))
+
+
+class _StiffRuns:
+    """The stiff runs beside a constrained one."""
+
+    def __init__(self, held: Constrained, row: str, plan: LimitPlan) -> None:
+        self._held, self._row, self._plan = held, row, plan
+        self._ready: CompiledModel | None = None
+        built = held.run.built
+        self._stretch = stiff_system.stretch(built, held.row.place)
+        self._size = stiff_system.size_of_terms(built, held.row.place, held.start)
+
+    def ladder(self, kind: str) -> StiffLimit:
+        """One run for each stiffness, from the least on, as far as their errors can be told."""
+        held, plan = self._held, self._plan
+        rate_of = "mean_error" if plan.unprestressed else "max_error"
+        rungs: list[Rung] = []
+        ended = stopped = ""
+        soft: list[str] = []
+        paced: tuple[float, _Followed] | None = None
+        for k in plan.stiffness:
+            if ended := self._foreseen(rungs, k):
+                break
+            if k == plan.stiffness[-1]:
+                plan.told(self._forecast(k, paced))
+            try:
+                followed = self._follow(Stiffness(k))
+            except slow_start.NoSlowStartError:
+                soft.append(f"k = {k:.4g}")
+                continue
+            except run_stop.RunStop as stop:
+                stopped = f"the run of k = {k:.4g} stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
+                break
+            paced = k, followed
+            rung = self._rung(k, followed)
+            ended = self._drowned(rung, rate_of)
+            if not ended or not rungs:
+                rungs.append(rung)
+            if ended:
+                break
+        t, multiplier = held.at(1)
+        said = f"no configuration near the start is stretched by -lambda/k at {', '.join(soft)}: too soft a spring"
+        errors = [one.mean_error if plan.unprestressed else one.max_error for one in rungs]
+        known = [error for error in errors if error is not None]
+        rate = ladder.fitted([one.stiffness for one in rungs], known) if len(known) == len(rungs) else None
+        return StiffLimit(
+            held.run.model.path, self._row, kind, t, multiplier, tuple(rungs), rate, rate_of, ended,
+            steps=sum(one.steps or 0 for one in rungs), notes=(said,) if soft else (), stopped=stopped,
+        )  # fmt: skip
+
+    def ramp(self, kind: str) -> StiffLimit:
+        """One run in which k rises by one factor in equal times. Raises `run_stop.RunStop`."""
+        held, plan = self._held, self._plan
+        low, high = plan.stiffness[0], plan.stiffness[-1]
+        seconds = held.settings.duration
+        k = Stiffness(low, math.log(high / low) / seconds, held.start.t)
+        plan.told(self._forecast_of_ramp(k, seconds))
+        followed = self._follow(k)
+        refined = self._refined(high)
+        t, multiplier = held.at(refined)
+        stiffness, error = k.at(t), followed.force - multiplier
+        rows = constrained_run.spaced(len(t), refined)
+        rungs = []
+        for least, most in zip(plan.stiffness[:-1], plan.stiffness[1:], strict=True):
+            inside = (stiffness >= least * (1 - 1e-12)) & (stiffness <= most * (1 + 1e-12))
+            near = (stiffness[rows] >= least) & (stiffness[rows] <= most)
+            if inside.sum() < 2:
+                continue
+            mean, apart = ladder.mean_of_swings(t[inside], error[inside])
+            own = float(followed.uncertainty[near].max(initial=0.0))
+            middle = math.sqrt(least * most)
+            largest = float(np.abs(error[inside]).max())
+            rungs.append(Rung(middle, largest, abs(mean), apart, None, own, followed.force[inside]))
+        # The mean of a stretch is that of the swings which the soft spring began: no power of k fits it.
+        return StiffLimit(
+            held.run.model.path, self._row, kind, t[rows], multiplier[rows], tuple(rungs), None, "mean_error",
+            ramp={"seconds": seconds, "from": low, "to": high, "steps": float(followed.steps)},
+            stiffness=stiffness[rows], force=followed.force[rows], steps=followed.steps, notes=(NO_RATE,),
+        )  # fmt: skip
+
+    def _rung(self, k: float, followed: _Followed) -> Rung:
+        refined = self._refined(k)
+        t, multiplier = self._held.at(refined)
+        error = followed.force - multiplier
+        rows = constrained_run.spaced(len(t), refined)
+        mean: tuple[float | None, float | None] = (None, None)
+        swings = self._swings(k)
+        if len(t) - 1 >= IN_A_SWING / 2 * swings:
+            value, apart = ladder.mean_of_swings(t, error)
+            mean = abs(value), apart
+        largest = float(np.abs(error[rows]).max())
+        doubt = float(followed.uncertainty.max(initial=0.0))
+        return Rung(k, largest, *mean, followed.steps, doubt, followed.force[rows])
+
+    def _swings(self, k: float) -> float:
+        """Swings of the row in the duration of the run."""
+        return self._held.frequency * math.sqrt(k) * self._held.settings.duration / (2 * math.pi)
+
+    def _refined(self, k: float) -> int:
+        rows = (len(self._held.t) - 1) // self._held.refined
+        return min(self._held.refined, constrained_run.refinement(max(1, rows), self._swings(k)))
+
+    def _follow(self, k: Stiffness) -> _Followed:
+        """The run of a stiffness, and again with a larger tolerance. Raises `run_stop.RunStop`, `NoSlowStartError`."""
+        held, plan = self._held, self._plan
+        most = k.least * math.exp(k.growth * held.settings.duration)
+        refined = self._refined(most)
+        q, v = held.start.q, held.start.v
+        if not plan.unprestressed:
+            rate = held.row.rate - held.row.multiplier * k.growth
+            row = dataclasses.replace(held.row, rate=rate)
+            q, v = slow_start.stretched(held.run.numeric, held.start, row, k.least)
+        settings = constrained_run.finer(held.settings, refined)
+        force, steps, seconds = self._force(k, (q, v), settings)
+        loose = dataclasses.replace(
+            held.settings,
+            rtol=min(LOOSER * held.settings.rtol, 0.1),
+            atol=None if held.settings.atol is None else LOOSER * held.settings.atol,
+        )
+        again, _, _ = self._force(k, (q, v), loose)
+        rows = constrained_run.spaced(len(force), refined)
+        t = held.at(1)[0]
+        doubt = np.abs(again - force[rows]) / LARGER + ROUNDINGS * self._size * k.at(t)
+        return _Followed(force, steps, seconds, doubt)
+
+    def _force(
+        self, k: Stiffness, begin: tuple[Floats, Floats], settings: Simulation
+    ) -> tuple[Floats, int, float]:
+        """-k f (T,) of a run from q, v, its accepted steps, and seconds. Raises `run_stop.RunStop`."""
+        held = self._held
+        bare = dataclasses.replace(held.run.model, simulation=settings)
+        model = stiff_system.model(bare, self._row, (held.start.t, *begin), k)
+        ready = None if self._ready is None else self._ready.with_values(model)
+        if ready is None:
+            ready = CompiledModel(stiff_system.build(model, self._row, self._plan.is_ramp))
+        self._ready = ready
+        # The lengths of rigid bodies are those of the constrained start, not those of the stretched one.
+        ready = ready.of(dataclasses.replace(ready.system, bodies=held.run.built.bodies))
+        began = time.perf_counter()
+        run = prepare_run.start_compiled(ready, KnownIntegrals())
+        states = table_columns.States(model, run.columns)
+        found = [np.zeros(0)]
+        for block in run.blocks():
+            if len(block):
+                t, q, _ = states(block)
+                f = np.array(self._stretch(t[None], q.T, held.start.p)).ravel()
+                found.append(-k.at(t) * f)
+        return np.concatenate(found), run.stats.steps, time.perf_counter() - began
+
+    def _drowned(self, rung: Rung, rate_of: str) -> str:
+        """Why the ladder ends with a run whose error is lost in what is uncertain, or nothing."""
+        error = rung.max_error if rate_of == "max_error" else rung.mean_error
+        if error is None:
+            return f"at k = {rung.stiffness:.4g} the swings are too many for a mean"
+        if rung.uncertainty <= ladder.UNCERTAIN * error:
+            return ""
+        return (
+            f"at k = {rung.stiffness:.4g} tolerance and rounding make the force uncertain by {rung.uncertainty:.2g},"
+            f" more than a tenth of its error {error:.2g}"
+        )
+
+    def _foreseen(self, rungs: list[Rung], k: float) -> str:
+        """Why a run is not begun whose error would be smaller than what is uncertain, or nothing."""
+        if len(rungs) < 2 or self._plan.unprestressed:
+            return ""
+        one, last = rungs[-2:]
+        if not (one.uncertainty > 0 and last.uncertainty > 0 and one.max_error > 0 and last.max_error > 0):
+            return ""
+        step = math.log(k / last.stiffness) / math.log(last.stiffness / one.stiffness)
+        doubt = last.uncertainty * max(1.0, last.uncertainty / one.uncertainty) ** step
+        error = last.max_error * (last.max_error / one.max_error) ** step
+        if doubt <= error:
+            return ""
+        return (
+            f"at k = {k:.4g} tolerance and rounding would make the force uncertain by {doubt:.1g}, more than its error"
+            f" {error:.1g}: that run was not begun"
+        )
+
+    def _forecast(self, k: float, paced: tuple[float, _Followed] | None) -> str:
+        swings = self._swings(k)
+        head = f"the stiffest run, k = {k:.4g}, swings {swings:.3g} times"
+        if paced is None:
+            return f"{head} and takes some {self._steps(swings):.2g} steps"
+        before, followed = paced
+        times = math.sqrt(k / before)
+        # The run is made again with a larger tolerance, in fewer steps.
+        seconds = 1.6 * times * followed.seconds
+        return f"{head} and takes some {times * followed.steps:.2g} steps, {seconds:.2g} s at the pace so far"
+
+    def _forecast_of_ramp(self, k: Stiffness, seconds: float) -> str:
+        swings = (self._swings(k.least * math.exp(k.growth * seconds)) - self._swings(k.least)) * 2
+        swings /= k.growth * seconds
+        return f"the run swings {swings:.3g} times and takes some {self._steps(swings):.2g} steps"
+
+    def _steps(self, swings: float) -> float:
+        return max(10.0, STEPS_IN_A_SWING * swings)

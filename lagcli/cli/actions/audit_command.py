@@ -1,0 +1,180 @@
+"""`lagcli audit`: a second opinion on a run, told, drawn, or as JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+import textwrap
+from typing import TYPE_CHECKING, TypedDict
+
+from lagcli.api import audit
+from lagcli.auditing import audit_lines
+from lagcli.auditing.evidence.table_input import TableError
+from lagcli.cli.requests import file_conflicts, preflight
+from lagcli.cli.terminal import console, exits, json_output
+from lagcli.errors import diagnostics
+from lagcli.output.figures import labels
+from lagcli.output.files import endings
+from lagcli.output.tables import read_events, read_table
+from lagcli.output.tables.incident_table import IncidentTable
+from lagcli.output.tables.sinks import MissingExtra
+from lagcli.output.trajectory import SimulationStopped
+
+if TYPE_CHECKING:
+    from lagcli.auditing.checks.audit_report import Audit, Check
+    from lagcli.model.model import Model
+
+SHOWN = 6  # names of a check that fails
+LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class AuditOptions:
+    """Options of `audit` besides the settings of the run; `has_rows`: --duration or --samples is given."""
+
+    table: str | None
+    events: str | None
+    plot: str | None
+    digits: bool
+    as_json: bool
+    quiet: bool
+    verbose: bool
+    has_rows: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        preflight.require_ending(self.plot, endings.FIGURES)
+        preflight.require_ending(self.table, endings.TABLES)
+        if self.table is not None and not os.path.exists(self.table):
+            raise exits.UsageError(f"--run: there is no file {self.table}")
+        preflight.require_ending(self.events, endings.TABLES)
+        if self.events is not None and self.table is None:
+            raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
+        if self.events is not None and not os.path.exists(self.events):
+            raise exits.UsageError(f"--events: there is no file {self.events}")
+        if self.plot is not None:
+            given = (("--run", self.table), ("--events", self.events))
+            read = [file_conflicts.File(option, file) for option, file in given if file is not None]
+            figure = file_conflicts.File("--plot", self.plot, is_written=True)
+            preflight.require_writable(file_conflicts.model(model), [*read, figure])
+        if self.table is not None and self.has_rows:
+            raise exits.UsageError(
+                "--run: the table has its own rows; --duration and --samples are of a new run"
+            )
+
+
+class AuditedRun(TypedDict):
+    """The settings of the run, None where the file's stays."""
+
+    duration: float | None
+    samples: int | None
+    rtol: float | None
+    atol: float | None
+    max_step: float | None
+    assemble: bool | None
+
+
+def run(model: Model, given: AuditedRun, options: AuditOptions) -> None:
+    """Audit and tell. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before its end."""
+    found = _audited(model, given, options)
+    if options.plot is not None:
+        with exits.drawing(options.plot):
+            from lagcli.output.figures import audit_figure
+
+            audit_figure.draw(pathlib.Path(options.plot), found, model.units.time)
+    if options.as_json:
+        print(json_output.text(found.as_json()))
+    else:
+        _tell(found, options)
+    if not options.quiet:
+        exits.say_all(f"note: {note}" for note in found.notes)
+    if not found.passed:
+        raise exits.Exit(exits.INVALID)
+    if not found.complete:
+        raise exits.Exit(exits.STOPPED)
+
+
+def _audited(model: Model, given: AuditedRun, options: AuditOptions) -> Audit:
+    """The audit. Raises `exits.UsageError` for a table that is none, or not of this model, `exits.Exit` with 3 where
+    the run stopped before its first row."""
+    try:
+        return audit.audit(model, options.table, digits=options.digits, events=_events(options), **given)
+    except OSError as error:
+        raise exits.UsageError(f"--run: cannot read {options.table}: {error.strerror}") from None
+    except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
+        raise exits.UsageError(f"--run: {error}") from None
+    except SimulationStopped as stopped:
+        exits.say(f"lagcli: {stopped.reason}; there is no row to audit")
+        raise exits.Exit(exits.STOPPED) from None
+    except TableError as error:
+        raise exits.UsageError(f"--run {options.table}: {error}") from None
+    except ValueError as error:
+        raise exits.UsageError(str(error)) from None
+
+
+def _events(options: AuditOptions) -> IncidentTable | None:
+    """The incidents in the file of `--events`. Raises `exits.UsageError` for one that is none."""
+    if options.events is None:
+        return None
+    try:
+        return read_events.read_events(options.events)
+    except OSError as error:
+        raise exits.UsageError(f"--events: cannot read {options.events}: {error.strerror}") from None
+    except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
+        raise exits.UsageError(f"--events: {error}") from None
+
+
+def _tell(found: Audit, options: AuditOptions) -> None:
+    """The report: a table of checks, what fails by name, and what the rows say about uniqueness."""
+    name = labels.shortened(found.title or found.path, labels.TITLE)
+    console.paragraph(
+        f"Audit of {name}: {found.rows} rows from t = {found.start:g} to {found.end:g},"
+        f" run to rtol {found.rtol:g}, atol {found.atol:g}",
+        "",
+    )
+    print(
+        "\n"
+        + "\n".join(diagnostics.printable(line) for line in _table_of(found.checks, options.verbose))
+        + "\n"
+    )
+    for check in found.checks:
+        if check.verdict == "fail":
+            console.paragraph(audit_lines.failure(check), "  ")
+            for place in check.failing[:SHOWN]:
+                console.paragraph(f"  {audit_lines.fault(place)}", "    ")
+            if check.failures > SHOWN:
+                print(f"  and {check.failures - SHOWN} others")
+    for sentence in found.sentences:
+        console.paragraph(sentence[0].upper() + sentence[1:] + ".", "")
+    if found.figures:
+        console.paragraph(audit_lines.work(dict(found.figures)), "")
+    if found.unread:
+        console.paragraph(audit_lines.unread(found.unread), "")
+    console.paragraph(found.conclusion, "")
+
+
+def _table_of(checks: tuple[Check, ...], verbose: bool) -> list[str]:
+    """The lines of the table; on a narrow terminal laws are named by their numbers alone."""
+    lines = audit_lines.wide_rows(checks)
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    if sum(widths) + 2 * (len(widths) - 1) > console.width():
+        lines = [
+            (line[0], law, *line[2:])
+            for line, law in zip(lines, ["law", *(c.law for c in checks)], strict=True)
+        ]
+        widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+        room = console.width() - sum(widths[:-1]) - 2 * (len(widths) - 1)
+        widths[-1] = max(LEAST_WHERE, min(widths[-1], room))
+    told = []
+    for number, line in enumerate(lines):
+        last = textwrap.wrap(line[-1], widths[-1], break_on_hyphens=False) or [""]
+        cells = [cell.ljust(width) for cell, width in zip(line[:-1], widths[:-1], strict=True)]
+        told.append("  ".join([*cells, last[0]]).rstrip())
+        told += [" " * (sum(widths[:-1]) + 2 * len(widths[:-1])) + part for part in last[1:]]
+        if number and checks[number - 1].note and (verbose or checks[number - 1].name == "momenta"):
+            for part in checks[number - 1].note.split("; "):
+                told += textwrap.wrap(
+                    part, console.width(), initial_indent="    ", subsequent_indent="      "
+                )
+    return told

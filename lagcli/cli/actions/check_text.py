@@ -1,0 +1,73 @@
+"""The text of `check` for a person, as wide as the terminal."""
+
+from __future__ import annotations
+
+import sys
+
+from lagcli.analysis import check_lines
+from lagcli.analysis.check_report import ConstraintReport, Report
+from lagcli.cli.terminal import console
+from lagcli.errors import diagnostics
+from lagcli.linear import independent_rows
+from lagcli.output.figures import labels
+
+ALWAYS, FORMULAS = ("constraint", "declared", "verdict"), ("integral", "factor")
+NARROW = 60  # columns of a terminal below which a table is folded beyond reading
+COLOURS = {"nonholonomic": "yellow", "undecided": "red", "yes": "red", "violated": "red"}
+
+
+def report(found: Report, heading: bool) -> None:
+    """The report of `check` on stdout; `heading`: it is one of several."""
+    title = labels.shortened(found.title or found.path, labels.TITLE)
+    console.paragraph(f"{found.path}: {title}" if heading and found.title else title, "")
+    print()
+    if found.constraints:
+        _constraints(found.constraints)
+        print()
+        if found.null_vectors:
+            for line in independent_rows.shares([vector.rows for vector in found.null_vectors]):
+                console.paragraph(diagnostics.printable(line), "    ")
+            print()
+        if any(one.verdict.declared == "differential" for one in found.constraints):
+            for line in check_lines.joint(found.joint):
+                console.paragraph(line, "    ")
+            print()
+    for line in check_lines.count(found.dof):
+        console.paragraph(line, "    ")
+    print()
+    console.paragraph(check_lines.start(found), "    ")
+    if heading:
+        print()
+    # A long list of models is read as it comes.
+    sys.stdout.flush()
+
+
+def _constraints(constraints: tuple[ConstraintReport, ...]) -> None:
+    """The table, and below it what needs a whole line: reasons, and formulas too long for the terminal."""
+    rows = [check_lines.cells(constraint) for constraint in constraints]
+    shown = [name for name in rows[0] if name in ALWAYS or any(row[name] for row in rows)]
+    narrow = console.width() < NARROW
+    formulas = narrow or not console.fits(shown, _picked(rows, shown))
+    if narrow:
+        for row in rows:
+            redundant = ", redundant" if row["redundant"] else ""
+            multiplier = f", multiplier {row['multiplier']}" if row["multiplier"] else ""
+            side = f", {row['at the start']} at the start" if row["at the start"] else ""
+            console.paragraph(f"{row['constraint']}: {row['verdict']}{redundant}{multiplier}{side}", "    ")
+    else:
+        shown = [name for name in shown if not (formulas and name in FORMULAS)]
+        console.table(shown, _picked(rows, shown), COLOURS)
+    below = []
+    for row, constraint in zip(rows, constraints, strict=True):
+        verdict = constraint.verdict
+        below += [(verdict.row, f"{name} {row[name]}") for name in FORMULAS if formulas and row[name]]
+        # A row that is what it was declared to be needs no reason.
+        below += [(verdict.row, verdict.method)] if verdict.declared != verdict.kind else []
+    if below:
+        print()
+    for name, sentence in below:
+        console.paragraph(f"{name}: {sentence}", "    ")
+
+
+def _picked(rows: list[dict[str, str]], shown: list[str]) -> list[list[str]]:
+    return [[row[name] for name in shown] for row in rows]

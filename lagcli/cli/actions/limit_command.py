@@ -1,0 +1,159 @@
+"""`lagcli limit`: a holonomic row as a stiff spring, and how its force tends to the multiplier."""
+
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagcli.api import limit
+from lagcli.cli.files import safe_table
+from lagcli.cli.files.table_plan import TablePlan
+from lagcli.cli.requests import preflight
+from lagcli.cli.requests.preflight import RepeatedRuns
+from lagcli.cli.terminal import console, exits, json_output
+from lagcli.formulations.stiff.ladder import StiffLimit
+from lagcli.model.model import Model
+from lagcli.output import trajectory
+
+if TYPE_CHECKING:
+    from lagcli.output.figures.limit_figure import LimitCurves
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class LimitOptions:
+    """Options of `limit` besides the settings of the runs."""
+
+    constraint: str
+    stiffness: str | None
+    unprestressed: bool
+    ramp: float | None
+    output: str | None
+    plot: str | None
+    as_json: bool
+    quiet: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        preflight.require_outputs(model, self.output, self.plot, self.as_json)
+
+
+def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
+    """Make the runs and tell. Raises `exits.UsageError`, `exits.Exit` where a run stopped."""
+    try:
+        found = limit.limit(
+            model,
+            options.constraint,
+            stiffness=options.stiffness or limit.STIFFNESS,
+            unprestressed=options.unprestressed,
+            ramp=options.ramp,
+            told=None if options.quiet else lambda sentence: exits.say(f"note: {sentence}"),
+            **settings,
+        )
+    except ValueError as error:
+        raise exits.UsageError(f"--{error}" if str(error).startswith("constraint") else str(error)) from None
+    _write(model, found, options)
+    if options.as_json:
+        print(json_output.text(found.as_json()))
+    elif options.output != "-":
+        _tell(found)
+    if not options.quiet:
+        exits.say_all(f"note: {note}" for note in found.notes)
+        if found.ended:
+            exits.say(f"note: the ladder ends there: {found.ended}")
+    if found.stopped:
+        exits.say(f"lagcli: {found.stopped}")
+        raise exits.Exit(exits.STOPPED)
+
+
+def _tell(found: StiffLimit) -> None:
+    rows = [
+        [
+            f"{one.stiffness:.6g}",
+            f"{one.max_error:.6g}",
+            "" if one.mean_error is None else f"{one.mean_error:.6g}",
+            "" if one.mean_uncertainty is None else f"{one.mean_uncertainty:.2g}",
+            f"{one.uncertainty:.2g}",
+            "" if one.steps is None else str(one.steps),
+        ]
+        for one in found.rungs
+    ]
+    if rows:
+        console.table(["k", "largest error", "mean error", "±", "tolerance", "steps"], rows, {})
+        print()
+    console.paragraph(sentence(found), "    ")
+
+
+def sentence(found: StiffLimit) -> str:
+    """The outcome in words."""
+    name = f"-k f of `{found.constraint}`"
+    if not found.rungs:
+        return f"there is no stiff run of `{found.constraint}` to be compared"
+    what = "mean" if found.rate_of == "mean_error" else "largest error"
+    start = "on the slow motion" if found.start == "adapted" else "without stretch"
+    if found.ramp is not None:
+        last, seconds = found.rungs[-1], found.ramp["seconds"]
+        return (
+            f"k rose from {found.ramp['from']:g} to {found.ramp['to']:g} in {seconds:g} s: {name}, started {start}, is"
+            f" in the end off lambda by {last.mean_error:.3g} in the mean and by {last.max_error:.3g} at most"
+        )
+    last = found.rungs[-1]
+    if found.rate is None and last.max_error <= last.uncertainty:
+        return f"{name}, started {start}, is lambda as far as tolerance and rounding tell: to {last.max_error:.2g}"
+    if found.rate is None:
+        told = "no rate can be fitted"
+    else:
+        doubt = "" if found.rate.error is None else f" ± {found.rate.error:.2g}"
+        told = f"its {what} goes as k^({found.rate.slope:.4f}{doubt})"
+    return f"{name}, started {start}, against lambda: {told}"
+
+
+def _write(model: Model, found: StiffLimit, options: LimitOptions) -> None:
+    """The table and the figure that were asked for."""
+    if options.output is not None:
+        names, rows = found.table
+        whence = trajectory.provenance(model).as_json() | {"limit": {"constraint": found.constraint}}
+        plan = TablePlan("--output", None if options.output == "-" else options.output, names)
+        with safe_table.opened(plan, whence) as table:
+            table.write(rows)
+            if found.stopped:
+                kept = table.keep()
+                exits.say(f"lagcli: {kept}" if kept else "lagcli: a run stopped")
+            else:
+                table.complete()
+    if options.plot is not None and found.rungs:
+        with exits.drawing(options.plot):
+            # matplotlib takes a third of a second to load: only where a figure is asked for.
+            from lagcli.output.figures import limit_figure
+
+            title = f"{model.title or pathlib.Path(model.path).stem}: `{found.constraint}` as a stiff spring"
+            limit_figure.draw(options.plot, _curves(found), title, model.units.time)
+
+
+def _curves(found: StiffLimit) -> LimitCurves:
+    """The curves of the figure."""
+    from lagcli.output.figures.limit_figure import LimitCurves
+
+    rungs = found.rungs
+    if found.force is not None:
+        forces = [("-k f as k rises", found.force)]
+    else:
+        ends = [rungs[0], rungs[-1]] if len(rungs) > 1 else [rungs[0]]
+        forces = [(f"-k f, k = {one.stiffness:.3g}", one.force) for one in ends]
+    by_mean = found.rate_of == "mean_error"
+    errors = [(one.stiffness, (one.mean_error or 0.0) if by_mean else one.max_error) for one in rungs]
+    k = np.array([one.stiffness for one in rungs])
+    rate = "" if found.rate is None else f", slope {-found.rate.slope:.3f}".replace("-", "−")
+    return LimitCurves(
+        found.constraint,
+        found.t,
+        found.multiplier,
+        forces,
+        np.array([(one.stiffness, one.force.min(), one.force.max()) for one in rungs]),
+        np.array(errors),
+        None if found.rate is None else found.rate.line(k),
+        rate,
+        "mean error" if by_mean else "largest error",
+    )

@@ -1,0 +1,90 @@
+"""`lagcli report`: the page of a model in a file or on standard output."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+from typing import TypedDict
+
+from lagcli.api import report
+from lagcli.cli.requests import file_conflicts, preflight
+from lagcli.cli.terminal import exits
+from lagcli.model.model import Model
+from lagcli.output.report import pdf_programs, report_page
+
+
+class ReportedRun(TypedDict):
+    """The settings of the run, None where the file's stays."""
+
+    duration: float | None
+    samples: int | None
+    rtol: float | None
+    atol: float | None
+    max_step: float | None
+    assemble: bool | None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ReportOptions:
+    """Options of `report` besides the settings of the run; `output`: a file, or `-` for standard output."""
+
+    output: str
+    title: str | None
+    digits: bool
+    limit: float
+    quiet: bool
+    pdf: str | None = None
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL, before any work."""
+        preflight.require_models([model])
+        is_pdf = pathlib.Path(self.output).suffix.lower() == ".pdf"
+        if self.pdf is not None and not is_pdf:
+            raise exits.UsageError(f"--pdf {self.pdf}: the page is no PDF; write -o report.pdf")
+        if self.output == "-":
+            return
+        preflight.require_ending(self.output, report_page.FORMATS)
+        target = pathlib.Path(self.output)
+        files = [file_conflicts.File("--output", self.output, is_written=True)]
+        preflight.require_writable(file_conflicts.model(model), files)
+        if target.suffix.lower() == ".md":
+            folder = report_page.figure_folder(target)
+            if folder.exists() and not folder.is_dir():
+                raise exits.UsageError(
+                    f"--output {self.output}: {folder} is needed for figures, and is no folder"
+                )
+        if is_pdf:
+            try:
+                pdf_programs.require(self.pdf)
+            except pdf_programs.NoPdf as error:
+                raise exits.UsageError(f"--output {self.output}: {error}") from None
+            except ValueError as error:
+                raise exits.UsageError(f"--pdf: {error}") from None
+
+
+def run(model: Model, settings: ReportedRun, options: ReportOptions) -> None:
+    """Write the page. Raises `exits.Exit` with 1 where the audit fails, with 3 where the run stopped before its end."""
+    try:
+        page = report.report(
+            model, title=options.title, digits=options.digits, limit=options.limit, **settings
+        )
+    except ValueError as error:
+        raise exits.UsageError(str(error)) from None
+    if options.output == "-":
+        print(page.html(), end="")
+    else:
+        try:
+            with exits.drawing(options.output):
+                files = page.save(options.output, options.pdf)
+        except pdf_programs.NoPdf as error:
+            raise exits.WriteError(f"cannot write {options.output}: {error}") from None
+        if not options.quiet:
+            exits.say(f"written: {', '.join(map(os.fspath, files))}")
+    if page.stopped is not None:
+        exits.say(f"lagcli: {page.stopped}")
+    if not page.passed:
+        exits.say("lagcli: the audit fails; the page says which checks")
+        raise exits.Exit(exits.INVALID)
+    if page.stopped is not None:
+        raise exits.Exit(exits.STOPPED)

@@ -1,0 +1,20 @@
+"""`lagcli stationary`: stationary points of a function on the surfaces of a model."""
+
+from __future__ import annotations
+
+from lagcli.api import stationary
+from lagcli.cli.actions import static_points_command
+from lagcli.cli.actions.static_points_command import PointOptions
+from lagcli.cli.terminal import exits
+from lagcli.model.model import Model
+
+
+def run(model: Model, of: str, options: PointOptions) -> None:
+    """Find the stationary points and tell them. Raises `exits.UsageError`, `exits.Exit`."""
+    try:
+        found = stationary.stationary(
+            model, of, starts=options.starts, seed=options.seed, limit=options.limit
+        )
+    except ValueError as error:
+        raise exits.UsageError(f"--{error}") from None
+    static_points_command.tell(model, found, options)

@@ -1,0 +1,96 @@
+"""Options that several commands have."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import typer
+
+from lagcli.cli.commands import completing
+
+
+def _seconds(value: float) -> float:
+    """A limit as it is. Raises `typer.BadParameter` for nan, which no lower bound refuses."""
+    if math.isnan(value):
+        raise typer.BadParameter("must be a number of seconds, not nan")
+    return value
+
+
+ModelArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="MODEL", help="model file; - for standard input", autocompletion=completing.model_files
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=EXPR",
+        help="a different value for a parameter (m=2) or a start (theta.value=pi/3, a.z=-1); repeatable",
+        autocompletion=completing.settings,
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, errors too")]
+LimitOption = Annotated[
+    float, typer.Option("--limit", metavar="SECONDS", min=0.0, callback=_seconds, help="time for proofs")
+]
+QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="only errors on standard error")]
+VerboseOption = Annotated[bool, typer.Option("-v", "--verbose", help="more on standard error")]
+DebugOption = Annotated[bool, typer.Option("--debug", help="a traceback where lagcli itself fails")]
+AssembleOption = Annotated[
+    bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
+]
+OutputStepOption = Annotated[float | None, typer.Option("--output-step", help="time between rows")]
+# Of runs that a command makes several of.
+RunsDurationOption = Annotated[float | None, typer.Option(help="length of the runs")]
+RunsRtolOption = Annotated[float | None, typer.Option(help="relative tolerance of the runs")]
+RunsAtolOption = Annotated[float | None, typer.Option(help="absolute tolerance of the runs")]
+RunsMaxStepOption = Annotated[float | None, typer.Option("--max-step", help="no step of the runs is longer")]
+# Those of `simulate` alone, at some length.
+OutputOption = Annotated[
+    str | None,
+    typer.Option("-o", "--output", metavar="FILE", help=".csv, .tsv, .json, .npz, .parquet; - for stdout"),
+]
+ColumnsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PATTERNS",
+        help="columns to write, such as 't,lambda.*,R.a.*'",
+        autocompletion=completing.columns,
+    ),
+]
+EventsOption = Annotated[
+    str | None,
+    typer.Option(metavar="FILE", help="table of impacts, contacts, releases and events; - for stdout"),
+]
+EventRowsOption = Annotated[
+    bool, typer.Option("--event-rows", help="two more rows at each of these instants, before and after")
+]
+CheckpointOption = Annotated[
+    str | None, typer.Option(metavar="FILE", help="keep the state of the run, for --resume")
+]
+ResumeOption = Annotated[
+    str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
+]
+DigitsOption = Annotated[
+    bool, typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run")
+]
+PointsOption = Annotated[
+    str | None,
+    typer.Option("-o", "--output", metavar="FILE", help="the points: .csv, .tsv, .json, .npz, .parquet; -"),
+]
+StartsOption = Annotated[int, typer.Option("--starts", min=0, help="starts beside the declared one")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="of these starts; the same for the same seed")]
+FromOption = Annotated[
+    str | None,
+    typer.Option("--from", metavar="FILE[:ROW]", help="start from a row of a table; by default the last"),
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="write over a file that is there")]
+NoSchemaOption = Annotated[
+    bool, typer.Option("--no-schema", help="no schema for editors beside it, and no line that names it")
+]
+WatchOption = Annotated[
+    bool, typer.Option("--watch", help="run again at each change of the file, until Ctrl-C")
+]

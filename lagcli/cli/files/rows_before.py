@@ -1,0 +1,88 @@
+"""The rows of the run before, with which the table of a run that is resumed begins, and what is refused about them."""
+
+from __future__ import annotations
+
+import contextlib
+import pathlib
+from typing import Literal
+
+from lagcli.api.runs.simulation_run import SimulationRun
+from lagcli.cli.files.table_plan import RowsBefore, TablePlan
+from lagcli.cli.terminal import exits
+from lagcli.output import checkpoint_file
+from lagcli.output.tables import row_file
+from lagcli.simulation.run_state.checkpoint import CheckpointTable
+
+
+def _record(ready: SimulationRun, plan: TablePlan) -> CheckpointTable | None:
+    """The words of a checkpoint about the table of the run before."""
+    point = ready.resumed
+    if point is None:
+        return None
+    return point.events if plan.option == "--events" else point.table
+
+
+def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBefore | None:
+    """The rows before a resumed run, where it writes the same table and that table was never completed.
+
+    Raises `exits.UsageError` where they do not fit together, for they would be lost.
+    """
+    point, record = ready.resumed, _record(ready, plan)
+    if point is None or record is None or plan.file is None or resume is None:
+        return None
+    table, told = plan.path, f"{plan.option} {plan.file}"
+    path = row_file.path_of(table)
+    if checkpoint_file.table_of(pathlib.Path(resume), record.file) != table or not path.is_file():
+        return None
+    instead = f"give another file for the {plan.noun} after it alone"
+    if record.step != plan.step:
+        raise exits.UsageError(
+            f"{told}: the run before wrote rows {record.step:.9g} apart into it, and this one {plan.step:.9g};"
+            f" {instead}"
+        )
+    if record.has_event_rows != plan.has_event_rows:
+        with_them, without = ("the run before", "this one")[:: 1 if record.has_event_rows else -1]
+        raise exits.UsageError(
+            f"{told}: {with_them} writes rows of --event-rows into it, and {without} none; {instead}"
+        )
+    rows = row_file.SafeRows(record.count, record.checksum)
+    try:
+        with contextlib.closing(row_file.read(path, plan.names, rows)) as blocks:
+            for _ in blocks:
+                pass
+    except row_file.UnfitRows as error:
+        raise exits.UsageError(f"{told}: {error}; {instead}") from None
+    except OSError as error:
+        raise exits.UsageError(f"{told}: cannot read {path}: {error.strerror}") from None
+    return RowsBefore(path, rows, point.mark.origin + point.mark.row, plan.noun)
+
+
+def require_kept(ready: SimulationRun, resume: str | None, plan: TablePlan) -> None:
+    """Refuse to replace the table of the run before by the rows after it alone. Raises `exits.UsageError`."""
+    point, record = ready.resumed, _record(ready, plan)
+    if point is None or record is None or plan.file is None or resume is None:
+        return
+    if plan.path.is_file() and checkpoint_file.table_of(pathlib.Path(resume), record.file) == plan.path:
+        t = point.mark.origin + point.mark.row
+        raise exits.UsageError(
+            f"{plan.option} {plan.file}: that is the table of the run before, and a resumed run has only the"
+            f" {plan.noun} after t = {t:.9g}: give another file, or move that one away"
+        )
+
+
+def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", "events"]) -> str:
+    """The place of the rows before a resumed run if their table was never completed, as a sentence, or nothing."""
+    point = ready.resumed
+    record = None if point is None else getattr(point, field)
+    if point is None or record is None or resume is None:
+        return ""
+    table = checkpoint_file.table_of(pathlib.Path(resume), record.file)
+    path = row_file.path_of(table)
+    if not path.is_file():
+        return ""
+    t = point.mark.origin + point.mark.row
+    option, noun = ("-o", "rows") if field == "table" else ("--events", "events")
+    return (
+        f"the {record.count} {noun} up to t = {t:.9g} of the run before are in {path}; `{option} {table}` writes one"
+        " table of all"
+    )

@@ -1,0 +1,101 @@
+"""The options of `simulate` besides the settings of the run, and what is refused about them."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+from collections.abc import Iterator
+
+from lagcli.cli.requests import file_conflicts, preflight
+from lagcli.cli.terminal import exits
+from lagcli.model import settings
+from lagcli.output.files import atomic_file, endings
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class SimulateOptions:
+    """Options of `simulate` besides the settings of the run."""
+
+    output: str | None = None
+    plot: str | None = None
+    stats: str | None = None
+    columns: str | None = None
+    as_json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    checkpoint: str | None = None
+    resume: str | None = None
+    limit: float = settings.LIMIT
+    digits: bool = False
+    events: str | None = None
+    event_rows: bool = False
+
+    @property
+    def to_stdout(self) -> bool:
+        """True if the table goes to standard output."""
+        return self.output == "-" or (self.output is None and self.plot is None)
+
+    @property
+    def file(self) -> str | None:
+        """The file of the table, if it goes to one."""
+        return None if self.output == "-" else self.output
+
+    @property
+    def events_file(self) -> str | None:
+        """The file of the incidents, if they go to one."""
+        return None if self.events == "-" else self.events
+
+    @property
+    def is_stdout_taken(self) -> bool:
+        """True if a table goes to standard output."""
+        return self.to_stdout or self.events == "-"
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        if self.events == "-" and self.to_stdout:
+            raise exits.UsageError(
+                "--events -: the rows go to standard output; give -o FILE, or a file for the events"
+            )
+        if self.digits and self.resume is not None:
+            from lagcli.simulation.global_error import error_estimate
+
+            raise exits.UsageError(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
+        preflight.require_ending(self.file, endings.TABLES)
+        preflight.require_ending(self.events_file, endings.TABLES)
+        preflight.require_ending(self.plot, endings.FIGURES)
+        for option, name, instead in (
+            ("--stats", self.stats, "; --json prints the account"),
+            ("--checkpoint", self.checkpoint, ""),
+            ("--resume", self.resume, ""),
+        ):
+            if name == "-":
+                raise exits.UsageError(f"{option}: a file name is needed{instead}")
+        preflight.require_writable(
+            file_conflicts.model(model), self._files(), frozenset(("--checkpoint", "--resume"))
+        )
+
+    def _files(self) -> Iterator[file_conflicts.File]:
+        """All files of the options, those that belong to others after them."""
+        for option, name in (
+            ("--output", self.file),
+            ("--events", self.events_file),
+            ("--plot", self.plot),
+            ("--stats", self.stats),
+            ("--checkpoint", self.checkpoint),
+            ("--resume", self.resume),
+        ):
+            if name is not None:
+                yield file_conflicts.File(option, name, is_written=option != "--resume")
+        for option, name in (("--output", self.file), ("--events", self.events_file)):
+            if name is None or not atomic_file.is_replaced(pathlib.Path(name)):
+                continue
+            table = pathlib.Path(os.path.realpath(name))
+            derived = [atomic_file.partial_of(table)]
+            if self.checkpoint is not None:
+                # Only here are rows kept.
+                from lagcli.output.tables import row_file
+
+                derived.append(row_file.path_of(table))
+            for path in derived:
+                yield file_conflicts.File(option, os.fspath(path), is_written=True, is_derived=True)

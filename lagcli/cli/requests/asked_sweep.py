@@ -1,0 +1,84 @@
+"""The options of `sweep` besides its points: files, and who computes."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+from collections.abc import Iterable
+
+from lagcli.cli.requests import file_conflicts, preflight
+from lagcli.cli.terminal import exits
+from lagcli.output.files import endings
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class SweepFiles:
+    """Options of `sweep` besides its points: files, and who computes."""
+
+    output: str | None
+    tables: str | None
+    shard: str | None
+    scheduler: str | None
+    jobs: int
+    resume: bool
+    as_json: bool
+    quiet: bool
+
+    @property
+    def target(self) -> str | None:
+        """The file or, with a stroke at its end, the folder of a dataset; None for standard output."""
+        return None if self.output in (None, "-") else self.output
+
+    @property
+    def is_dataset(self) -> bool:
+        """True if the rows are one part of a folder."""
+        name = self.target or ""
+        return name.endswith(("/", os.sep)) or os.path.isdir(name)
+
+    def path(self, number: int, count: int) -> pathlib.Path:
+        """The file of this shard."""
+        assert self.target is not None
+        if self.is_dataset:
+            return pathlib.Path(self.target) / f"part-{number:05d}-of-{count:05d}.parquet"
+        return pathlib.Path(self.target)
+
+    def rows_so_far(self, path: pathlib.Path) -> pathlib.Path:
+        """The name that the rows of an interrupted sweep get, before `.partial`. In a folder it begins with a dot: what
+        reads a dataset passes over such files, and over no others."""
+        return path.with_name(f".{path.name}") if self.is_dataset else path
+
+    def require(self, model: str, points: str | None) -> None:
+        """Refuse what cannot be done for this MODEL and these points."""
+        if model == points == "-":
+            raise exits.UsageError("standard input can be read once only: MODEL and --points are both -")
+        if self.scheduler is not None and self.jobs != 1:
+            raise exits.UsageError("--jobs and --scheduler both say who computes; give one of them")
+        if self.target is None:
+            if self.resume:
+                raise exits.UsageError(
+                    "--resume goes on in the file of the sweep before: give it with -o FILE"
+                )
+            if self.as_json:
+                raise exits.UsageError("--json has standard output: give a file for the rows with -o FILE")
+        elif not self.is_dataset:
+            preflight.require_outputs(model, self.output, None, self.as_json)
+            if points not in (None, "-"):
+                given = file_conflicts.File("--points", str(points))
+                preflight.require_writable(
+                    [given], [file_conflicts.File("--output", self.target, is_written=True)]
+                )
+
+    def require_merge(self, paths: Iterable[str]) -> None:
+        """Refuse what cannot be done with the tables of these shards."""
+        if self.target is None and self.as_json:
+            raise exits.UsageError("--json has standard output: give a file for the rows with -o FILE")
+        if self.target is None:
+            return
+        if self.is_dataset:
+            raise exits.UsageError(
+                f"--merge: {self.target} is a folder; the parts of a dataset need no merging"
+            )
+        preflight.require_ending(self.target, endings.TABLES)
+        read = [file_conflicts.File("--merge", path) for path in paths]
+        preflight.require_writable(read, [file_conflicts.File("--output", self.target, is_written=True)])

@@ -1,0 +1,168 @@
+"""Exit codes of the command line, and the one place where a failure becomes one."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from typing import ParamSpec
+
+from lagcli.cli.terminal import signals, status_line
+from lagcli.errors import diagnostics
+from lagcli.input.overrides import OverrideError
+from lagcli.output.files import atomic_file
+
+# Exit codes, as the manual lists them.
+DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141
+
+
+# Beginnings of the places of what stands on the command line and in no file.
+OPTIONS = ("--set ", "--mu ", "--of", "--over ", "--reduce ", "--uncertain ")
+
+signals.before_end(atomic_file.sweep)
+
+
+class Exit(Exception):
+    """Exit with this code; all output has been printed."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+class UsageError(Exception):
+    """The command line is wrong, or MODEL does not exist."""
+
+
+class WriteError(Exception):
+    """A file could not be written."""
+
+
+def say(text: str) -> None:
+    """Lines on stderr. A closed stderr is no reason to fail."""
+    with contextlib.suppress(OSError, ValueError):
+        print(diagnostics.printable(text), file=sys.stderr)
+
+
+def say_all(texts: Iterable[str]) -> None:
+    """Each text on stderr."""
+    for text in texts:
+        say(text)
+
+
+def of(error: diagnostics.ModelError) -> int:
+    """The code for an invalid model; where all that is wrong stands in an option, it is the command line's."""
+    ours = all(
+        found.location.path.startswith(("--set ", "--mu ", "--of", "--over ", "--reduce ", "--uncertain "))
+        for found in error.diagnostics
+    )
+    return USAGE if ours else INVALID
+
+
+P = ParamSpec("P")
+
+
+def command(function: Callable[P, None]) -> Callable[P, None]:
+    """Give a command its exit code: it always ends in `SystemExit`."""
+
+    @functools.wraps(function)
+    def ended(*arguments: P.args, **options: P.kwargs) -> None:
+        try:
+            with status_line.showing(bool(options.get("quiet"))):
+                code = guarded(lambda: function(*arguments, **options), debug=bool(options.get("debug")))
+        finally:
+            atomic_file.sweep()
+        raise SystemExit(code)
+
+    return ended
+
+
+def guarded(run: Callable[[], None], debug: bool = False) -> int:
+    """Run a command and return its exit code; say on stderr what went wrong."""
+    try:
+        code = outcome(run)
+        # What was printed is written now, while a failure still has an exit code.
+        sys.stdout.flush()
+        return code
+    except signals.Interrupted as error:
+        say_all(signals.last_words())
+        # Whoever reads stdout may have stopped to: nothing more is written.
+        _drop_stdout()
+        return 128 + error.number
+    except BrokenPipeError:
+        code = PIPE_CLOSED
+    except WriteError as error:
+        say(f"lagcli: {error}")
+        code = NOT_WRITTEN
+    except OSError as error:
+        name = error.filename or "standard output"
+        say(f"lagcli: cannot write {name}: {error.strerror or error}")
+        code = NOT_WRITTEN
+    except Exception as error:  # noqa: BLE001 - the last resort: any other failure is a bug, reported as such
+        code = _bug(error, debug)
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+    _drop_stdout()
+    return code
+
+
+def outcome(run: Callable[[], None]) -> int:
+    """The code of a command that ended as commands may; any other exception passes."""
+    try:
+        run()
+    except Exit as end:
+        return end.code
+    except (UsageError, OverrideError) as error:
+        say(f"lagcli: {error}")
+        return USAGE
+    except diagnostics.ModelError as error:
+        say(str(error))
+        return of(error)
+    return DONE
+
+
+@contextlib.contextmanager
+def writing(name: str) -> Iterator[None]:
+    """Take what fails inside as the writing of `name`. A closed pipe stays what it is. Raises `WriteError`.
+
+    An interrupt inside is an exception, so that what has been written aside is put in order.
+    """
+    try:
+        with signals.unwinding():
+            yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise WriteError(f"cannot write {name}: {error.strerror or error}") from error
+
+
+@contextlib.contextmanager
+def drawing(name: str) -> Iterator[None]:
+    """Surround what loads matplotlib and writes a figure; matplotlib's remarks on its cache are no answer of ours."""
+    import logging
+
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    with writing(name):
+        yield
+
+
+def _drop_stdout() -> None:
+    """Point stdout at nothing: what is left in its buffer would fail again at the interpreter's end."""
+    with contextlib.suppress(OSError, ValueError):
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, sys.stdout.fileno())
+        os.close(nothing)
+
+
+def _bug(error: Exception, debug: bool) -> int:
+    if debug:
+        traceback.print_exc()
+    first = str(error).partition("\n")[0]
+    say(
+        f"lagcli: this is a bug in lagcli ({type(error).__name__}: {first});"
+        " please report it with the model file and the output of the same command with --debug"
+    )
+    return BUG

@@ -1,0 +1,109 @@
+"""A line on the terminal that says which phase is going on, where a command takes long.
+
+It is drawn by a thread of its own: the libraries below let other threads run while they compute.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator
+
+from lagcli import progress
+from lagcli.cli.terminal import console, signals
+
+DELAY = 1.0  # seconds before anything is shown: most commands have ended by then
+TICK = 0.25  # seconds between looks at what is going on
+ERASE = "\r\x1b[2K"
+
+_shown: list[Status] = []
+
+
+@contextlib.contextmanager
+def showing(quiet: bool) -> Iterator[None]:
+    """Inside the block phases that last are shown on stderr, where that is a terminal that takes such lines."""
+    if quiet or console.is_plain(sys.stderr):
+        yield
+        return
+    line = Status()
+    _shown.append(line)
+    try:
+        with progress.heard_by(line):
+            yield
+    finally:
+        _shown.remove(line)
+        line.close()
+
+
+def erase() -> None:
+    """Take the line off the terminal, from any thread: the process is about to end."""
+    for line in _shown:
+        line.erase_at_once()
+
+
+signals.before_end(erase)
+
+
+class Status:
+    """The phases that are going on, and the line that shows the innermost one."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._names: list[str] = []
+        self._began = time.monotonic()
+        self._is_shown, self._text = False, ""
+        self._closed = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def begin(self, name: str) -> None:
+        """A phase begins."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._watch, daemon=True)
+            self._thread.start()
+        with self._lock:
+            self._names.append(name)
+
+    def end(self) -> None:
+        """The innermost phase has ended; after the last one others may write on the terminal."""
+        with self._lock:
+            self._names.pop()
+            if not self._names:
+                self._erase()
+
+    def close(self) -> None:
+        """Nothing more is shown."""
+        self._closed.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def erase_at_once(self) -> None:
+        """Take the line away without waiting for whoever draws it."""
+        if self._is_shown:
+            with contextlib.suppress(OSError):
+                os.write(2, ERASE.encode())
+
+    def _watch(self) -> None:
+        while not self._closed.wait(TICK):
+            with self._lock:
+                seconds = time.monotonic() - self._began
+                if self._names and seconds >= DELAY:
+                    self._draw(f"{self._names[-1]} ... {seconds:.0f} s")
+
+    def _draw(self, text: str) -> None:
+        if text != self._text:
+            self._is_shown, self._text = True, text
+            # A line that is folded could not be erased.
+            self._write(ERASE + text[: console.stderr_width() - 1])
+
+    def _erase(self) -> None:
+        if self._is_shown:
+            self._write(ERASE)
+            self._is_shown, self._text = False, ""
+
+    def _write(self, text: str) -> None:
+        with contextlib.suppress(OSError, ValueError):  # a closed stderr is no reason to fail
+            sys.stderr.write(text)
+            sys.stderr.flush()
