@@ -77,7 +77,7 @@ def test_a_resumed_run_remembers_that_work_is_unknown(tmp_path: Path) -> None:
 
 
 def test_a_motion_at_rest_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lagcli.simulation.stepping.stepper.within", None)
+    monkeypatch.setattr("lagcli.simulation.scheme.work_integral.within", None)
     text = MOTOR.replace("holonomic: {motor: th = om*t}\n", "").replace("multiplier(motor)", "th")
     stats = lagcli.simulate(lagcli.loads(text), duration=5).stats
     assert stats.energy_imbalance is not None
