@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations import time_functions
+from lagcli.equations import time_functions, total_columns
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Parameter
@@ -21,6 +21,7 @@ class KeptFunctions:
     numeric: NumericSystem
     _plain: invariants.RunFunctions | None = None
     _integrals: dict[Found, invariants.Integrals] = dataclasses.field(default_factory=dict)
+    _totals: dict[tuple[tuple[str, float], ...], bool] = dataclasses.field(default_factory=dict)
     _timed: tuple[tuple[Parameter, ...], time_functions.TimeFunctions | None] | None = None
 
     @property
@@ -38,6 +39,12 @@ class KeptFunctions:
         elif known.system is not system:  # whose start, values and restitutions a run reads
             known = self._integrals[found] = known.of(system)
         return known
+
+    def has_total_columns(self, system: System) -> bool:
+        """See `total_columns.are_all`."""
+        if system.built_in not in self._totals:
+            self._totals[system.built_in] = total_columns.are_all(system)
+        return self._totals[system.built_in]
 
     def timed(self, model: Model) -> time_functions.TimeFunctions | None:
         """The functions of t alone, None where the model has none, whatever its parameters are."""

@@ -11,6 +11,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.model.invariant import FirstIntegral
 from lagcli.simulation.kept_functions import KeptFunctions
 from lagcli.simulation.run import loop
+from lagcli.simulation.run.row_writer import TableRows
 from lagcli.simulation.run.run_start import RunStart
 from lagcli.simulation.run_in_blocks import RunInBlocks
 from lagcli.simulation.run_state.checkpoint import Checkpoint, CheckpointError
@@ -23,7 +24,8 @@ class RunPlan:
     """A run that is asked for, from a consistent start.
 
     selection: the independent rows there; is_singular: they are dependent there and not nearby; integrals: the first
-    integrals to hold; notes: what was said about them; is_repeated: with columns of errors.
+    integrals to hold; notes: what was said about them; is_repeated: with columns of errors; ends_only: with the
+    first row of the grid and the last one alone, where no other row can end the run.
     """
 
     start: initial.State
@@ -32,6 +34,7 @@ class RunPlan:
     integrals: tuple[FirstIntegral, ...] = ()
     notes: tuple[str, ...] = ()
     is_repeated: bool = False
+    ends_only: bool = False
 
 
 def begin(system: System, kept: KeptFunctions, plan: RunPlan) -> RunInBlocks:
@@ -46,7 +49,8 @@ def begin(system: System, kept: KeptFunctions, plan: RunPlan) -> RunInBlocks:
     if not plan.is_singular:
         initial.require_finite(system, held.functions.numeric, dataclasses.replace(start, p=held.parameters))
     first, chosen = RunStart(start.q, start.v, plan.is_singular), system.model.simulation
-    run = loop.start(held, first, chosen, system.columns, (*not_held, *plan.notes), timed)
+    rows = TableRows(system.columns, plan.ends_only and kept.has_total_columns(system))
+    run = loop.start(held, first, chosen, rows, (*not_held, *plan.notes), timed)
     if not plan.is_repeated:
         return RunInBlocks(run, chosen, system.columns)
     # Loaded here: most runs are not repeated.

@@ -94,6 +94,7 @@ class RunInBlocks:
             crossings=tuple(one for one in account.crossings if one.t <= run.origin + run.t),
             told=account.told,
             ended_by=account.ended_by,
+            complete=run.complete,
             notes=account.notes,
             accuracy=again.accuracy if again else None,
         )

@@ -24,8 +24,8 @@ class RunReport:
     rejected; evaluations: of the right-hand side; solve_seconds: wall time, of a repeated run too; position_drift,
     velocity_drift: as in `statistics.Figures`; energy_imbalance: a part of what was exchanged, None where it is not
     known; exchanged: the largest T so far plus the largest change of V; crossings: singular configurations up to t;
-    told: the tally of incidents handed out; ended_by: the event that has ended the run; accuracy: of its rows, where
-    the run is repeated.
+    told: the tally of incidents handed out; ended_by: the event that has ended the run; complete: the rows of
+    the grid up to t, be they made or not; accuracy: of rows, where the run is repeated.
     """
 
     t: float
@@ -46,6 +46,7 @@ class RunReport:
     crossings: tuple[RankDrop, ...]
     told: Tally
     ended_by: str | None
+    complete: int
     notes: tuple[str, ...]
     accuracy: Accuracy | None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import time
+from typing import NamedTuple
 
 from lagcli import progress
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
@@ -59,21 +60,22 @@ def start(
     *,
     limit: float = settings.LIMIT,
     digits: bool = False,
+    ends_only: bool = False,
 ) -> SimulationRun:
     """A run from the start of the model.
 
     known: the first integrals of the differential rows, which are held at their values at the start as far as that
     can be; without them they are searched for `limit` seconds. digits: with columns of errors, from the same run
-    repeated. Raises `diagnostics.ModelError`.
+    repeated; ends_only: the first and the last row are enough. Raises `diagnostics.ModelError`.
     """
     began = time.perf_counter()
     ready = cache.compiled(dataclasses.replace(model, simulation=chosen))
-    return SimulationRun(_started(ready, known, limit, digits, began))
+    return SimulationRun(_started(ready, known, limit, began, RunRows(digits, ends_only)))
 
 
 def start_compiled(ready: CompiledModel, known: KnownIntegrals) -> SimulationRun:
     """A run from the start of a model that is compiled, with its own settings. Raises `diagnostics.ModelError`."""
-    return SimulationRun(_started(ready, known, settings.LIMIT, False, time.perf_counter()))
+    return SimulationRun(_started(ready, known, settings.LIMIT, time.perf_counter(), RunRows()))
 
 
 def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> SimulationRun:
@@ -93,13 +95,20 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
     )
 
 
+class RunRows(NamedTuple):
+    """The rows that are asked for: with columns of errors; the first and the last alone, where these are enough."""
+
+    digits: bool = False
+    ends_only: bool = False
+
+
 def _started(
-    ready: CompiledModel, known: KnownIntegrals | None, limit: float, digits: bool, began: float
+    ready: CompiledModel, known: KnownIntegrals | None, limit: float, began: float, rows: RunRows
 ) -> PreparedRun:
     """The parts of a run from its start; `began`: when the work for it did. Raises `diagnostics.ModelError`."""
     start = ready.examined_start(known, limit)
     found = start.known
-    plan = RunPlan(start.state, start.selection, start.is_singular, found.integrals, found.notes, digits)
+    plan = RunPlan(start.state, start.selection, start.is_singular, found.integrals, found.notes, *rows)
     run = run_entry.begin(ready.system, ready.kept, plan)
     return PreparedRun(
         ready,

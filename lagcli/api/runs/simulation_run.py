@@ -89,6 +89,11 @@ class SimulationRun:
         """The time reached."""
         return self._run.report.t
 
+    @property
+    def complete(self) -> int:
+        """The rows of the grid that the run is beyond, be they made or not."""
+        return self._run.report.complete
+
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, len(columns)), each with its `incidents`. Raises `run_stop.RunStop` after the last one."""
         outcome = self.outcome

@@ -60,6 +60,11 @@ class PointTask:
     tables: str | None = None
 
     @property
+    def ends_only(self) -> bool:
+        """True where no rows are needed but the first and the last of each run."""
+        return self.tables is None and reductions.are_of_ends(self.reductions)
+
+    @property
     def key(self) -> str:
         """A text that tells tasks apart."""
         parts = [self.path, self.given, self.settings, self.names, self.reductions, self.limit]
@@ -108,7 +113,9 @@ class PointRunner:
                 self._is_built = cache.compiled(model) is not None
             with progress.ends_after(math.inf if most is None else most):
                 chosen = run_settings.chosen(model, self.task.settings)
-                run = prepare_run.prepare(model, chosen, limit=self.task.limit)
+                seconds = run_settings.seconds(self.task.limit)
+                with progress.phase("preparing the run"):
+                    run = prepare_run.start(model, chosen, limit=seconds, ends_only=self.task.ends_only)
                 kept.begin(run, number)
                 try:
                     self._go(run, kept)
@@ -120,6 +127,7 @@ class PointRunner:
         except (OverrideError, run_settings.BadSetting, reductions.MissingColumn) as error:
             return PointRow(number, point, nothing, INVALID, _cut(str(error)), math.nan)
         except run_stop.RunStop as stop:
+            kept.reach(run)
             return PointRow(number, point, nothing, STOPPED, _cut(stop.stop.reason), kept.t_end)
         except progress.OverTime:
             where = "before its first row" if math.isnan(kept.t_end) else f"at t = {kept.t_end:.9g}"
@@ -164,9 +172,16 @@ class _Kept:
         """Rows of the run."""
         if len(block):
             self.t_end = float(block[-1, 0])
+        else:
+            self.reach(run)
         if self._sink is not None:
             self._sink.write(block)
         self._blocks.append(run.taken(block, self._places))
+
+    def reach(self, run: SimulationRun) -> None:
+        """The run has come to a time without the rows up to there, which nobody needs."""
+        if self._task.ends_only and run.complete:
+            self.t_end = run.grid.time(run.complete - 1)
 
     def results(self, run: SimulationRun) -> list[float]:
         """The reductions of the whole run, whose table is complete."""

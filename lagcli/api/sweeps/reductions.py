@@ -26,6 +26,7 @@ Array = npt.NDArray[np.float64]
 Reference = tree.Name | tree.Member | tree.Index
 
 LABEL = "--reduce"
+_CALLED = re.compile(r"([A-Za-z_]\w*)\s*\(")
 _PART_OF_NAME = re.compile(r"[\w.\[]")
 _HINT = (
     "one number is kept of a run: max, min, mean, rms, first, last, argmax, argmin or integral of a column"
@@ -87,6 +88,12 @@ def columns_of(reduction: Reduction, known: Sequence[str]) -> tuple[str, ...]:
             raise MissingColumn(f"this run has no column `{reduction.text}`")
         return (reduction.text,)
     return columns_in(reduction.text, known)
+
+
+def are_of_ends(reductions: Sequence[Reduction]) -> bool:
+    """True where the first and the last row of a run are all they need."""
+    others = set(_OF_ROWS) - {"first", "last"}
+    return not any(others.intersection(_CALLED.findall(one.text)) for one in reductions if not one.is_last)
 
 
 def value(

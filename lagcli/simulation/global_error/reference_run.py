@@ -16,6 +16,7 @@ from lagcli.simulation.global_error import divergence, error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.simulation.global_error.incident_errors import IncidentErrors
 from lagcli.simulation.run import loop, run_start
+from lagcli.simulation.run.row_writer import TableRows
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.checkpoint import RunState
 from lagcli.simulation.run_state.incident import Incident, Tally
@@ -48,9 +49,8 @@ class RunWithReference:
         self._tolerance = float(step_tolerance.of_steps(again)[0])
         self._run = run
         smaller = dataclasses.replace(begin, part=error_estimate.PARAMETERS.first_step, is_again=True)
-        self._again = loop.start(
-            held, smaller, again, system.columns, (), time_functions.functions(system.model)
-        )
+        rows, timed = TableRows(system.columns), time_functions.functions(system.model)
+        self._again = loop.start(held, smaller, again, rows, (), timed)
         self._ahead = self._again.blocks()
         self._waiting = np.zeros((0, 1 + len(system.columns)))
         self._broken: run_stop.Stop | None = None

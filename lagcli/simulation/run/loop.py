@@ -22,7 +22,7 @@ from lagcli.simulation.events.impulse_event import ImpulseEvent
 from lagcli.simulation.events.singular_event import SingularEvent
 from lagcli.simulation.events.switch_event import SwitchEvent
 from lagcli.simulation.run import run_start
-from lagcli.simulation.run.row_writer import RowWriter
+from lagcli.simulation.run.row_writer import RowWriter, TableRows
 from lagcli.simulation.run.run_start import RunStart
 from lagcli.simulation.run_state.angle_turns import Turns
 from lagcli.simulation.run_state.checkpoint import CheckpointError, RunState
@@ -64,11 +64,11 @@ def start(
     held: EnforcedInvariants,
     begin: RunStart,
     settings: Simulation,
-    columns: tuple[str, ...],
+    rows: TableRows,
     notes: tuple[str, ...] = (),
     timed: TimeFunctions | None = None,
 ) -> Run:
-    """A run from a consistent start; `columns` after t.
+    """A run from a consistent start.
 
     held: the functions, with the integrals that are held there; notes: what was said about them; timed: what the model
     says about t alone.
@@ -93,7 +93,7 @@ def start(
         turns=Turns(held.integrals.system).of(held.p),
     )
     stepper = Stepper(held, state, settings, grid, timed if held.has_time else None, begin.is_again)
-    return Run(stepper, RowWriter(stepper, columns, 0), begin)
+    return Run(stepper, RowWriter(stepper, rows, 0), begin)
 
 
 def resume(
@@ -109,7 +109,7 @@ def resume(
     after = grid.after(mark.row)
     first = max(after, grid.first(mark.t))
     stepper = Stepper(held, mark, settings, grid, timed if held.has_time else None)
-    return Run(stepper, RowWriter(stepper, columns, first), None, mark.row, first - after)
+    return Run(stepper, RowWriter(stepper, TableRows(columns), first), None, mark.row, first - after)
 
 
 def _grid(settings: Simulation, origin: float) -> grids.Grid:
@@ -176,6 +176,11 @@ class Run:
     def y(self) -> Floats:
         """The state reached, (2n + 1,)."""
         return self._stepper.bound.y.copy()
+
+    @property
+    def complete(self) -> int:
+        """The rows of the grid that it is beyond."""
+        return self._writer.complete
 
     @property
     def rate(self) -> Floats:
@@ -310,7 +315,7 @@ class Run:
 
     def _stopped(self, failure: StepFailure) -> Stop:
         t = self.origin + self.t
-        where = f"stopped at t = {t:.9g} (after row {self._writer.next_row} of {self.grid.count})"
+        where = f"stopped at t = {t:.9g} (after row {self._writer.complete} of {self.grid.count})"
         return Stop(t, f"{where}: {failure.reason}", failure.code)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,14 +20,18 @@ NEAR = 1e-4
 WORK = -2
 
 
+class TableRows(NamedTuple):
+    """The rows that are made: their columns after t; of the grid only the first and the last where `ends_only`."""
+
+    columns: tuple[str, ...]
+    ends_only: bool = False
+
+
 class RowWriter:
-    """Lines of a block, one after the other; next_row: the number of the row of the grid that comes next.
+    """Lines of a block, one after the other; next_row: the number of the row of the grid that comes next."""
 
-    columns: of a row, without t.
-    """
-
-    def __init__(self, stepper: Stepper, columns: tuple[str, ...], next_row: int) -> None:
-        self._stepper, self._columns = stepper, columns
+    def __init__(self, stepper: Stepper, made: TableRows, next_row: int) -> None:
+        self._stepper, self._columns, self._ends_only = stepper, made.columns, made.ends_only
         self.grid, self.next_row = stepper.grid, next_row
         self._lines, self._filled = np.empty((0, 0)), 0
         stepper.row_time = self.grid.time(next_row)
@@ -40,6 +45,12 @@ class RowWriter:
     def is_done(self) -> bool:
         """True if all rows of the grid have been written."""
         return self.next_row == self.grid.count
+
+    @property
+    def complete(self) -> int:
+        """The rows of the grid that the run is beyond."""
+        is_within = self._ends_only and 0 < self.next_row < self.grid.count
+        return self.grid.first(math.nextafter(self._stepper.t, math.inf)) if is_within else self.next_row
 
     def open(self, capacity: int) -> None:
         """Begin a block; blocks are handed out without a copy, so that each needs memory of its own."""
@@ -161,6 +172,8 @@ class RowWriter:
         self._lines[self._filled] = line
         self._filled += 1
         self.next_row += 1
+        if self._ends_only:
+            self.next_row = max(self.next_row, self.grid.count - 1)
         run.row_time = self.grid.time(self.next_row)
 
     def _require_finite(self) -> None:
