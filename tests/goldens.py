@@ -4,8 +4,9 @@
     python -m tests.goldens compare FOLDER [--only PART]
 
 Recorded are, of every model of the gallery, `check --json`, `dof --json`, `derive` in its formats and 200 rows of
-`simulate`; the help of every command, the pages of `explain` and the signatures of the Python API. Numbers are
-compared to 1e-13 of the largest in their column (both on one machine: other processors round sums otherwise), texts
+`simulate`; the help of every command, the pages of `explain` and the signatures of the Python API; of the other
+commands the results of one small model each. Numbers are compared to 1e-13 of the largest in their column (both on
+one machine: other processors round sums otherwise), those of the other commands to 1e-6 (`golden_outputs`), texts
 letter by letter. The folder is outside the repository.
 """
 
@@ -19,12 +20,15 @@ from pathlib import Path
 import numpy as np
 
 import lagcli
+from lagcli.cli import commands
+from lagcli.input.starting import model_templates
+from tests.helpers import golden_outputs
 from tests.helpers.in_process import run
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
 SAMPLES = 200
 TOLERANCE = 1e-13
-COMMANDS = ("", "dof", "check", "simulate", "derive", "compare", "displacements", "audit", "explain")
+BRIEF = ("--duration", "1", "--samples", "20")
 Part = tuple[str, Callable[[Path], None]]
 
 
@@ -62,12 +66,38 @@ def api(path: Path) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def results() -> Iterator[Part]:
+    """Those of the commands that need no model, or one small model."""
+    yield "models.json", said("models", "--json")
+    yield "schema.txt", said("schema")
+    for template in model_templates.TEMPLATES:
+        yield f"new/{template}.txt", said("new", "-", "--template", template)
+    pendulum, double = MODELS / "pendulum.yaml", MODELS / "double-pendulum.yaml"
+    yield "plot/pendulum.txt", golden_outputs.drawing("plot", pendulum, *BRIEF)
+    yield (
+        "plot/paths.txt",
+        golden_outputs.drawing("plot", double, "--xy", "a.x,a.z", "--xy", "b.x,b.z", *BRIEF),
+    )
+    for model in (double, MODELS / "sphere-fall-off.yaml"):
+        yield f"animate/{model.stem}.txt", golden_outputs.scene("animate", model, *BRIEF)
+    yield "report/pendulum.txt", golden_outputs.report("report", pendulum, *BRIEF)
+    yield "sweep/pendulum.values", golden_outputs.rows("sweep", pendulum, "--over", "m=1:2:3", *BRIEF)
+    yield "equilibrium/double-pendulum.values", golden_outputs.values("equilibrium", double, "--starts", "8")
+    yield "modes/double-pendulum.values", golden_outputs.values("modes", double)
+    stick, stiffness = MODELS / "driven-stick.yaml", ("--stiffness", "1e3:1e4:3")
+    limit = golden_outputs.values("limit", stick, "--constraint", "stick", *stiffness, *BRIEF)
+    yield "limit/driven-stick.values", limit
+    yield "stationary/pendulum.values", golden_outputs.values("stationary", pendulum, "--of", "a.z")
+
+
 def parts() -> Iterator[Part]:
     """Name of a file and what writes it."""
     yield "api.txt", api
-    for command in COMMANDS:
-        yield f"help/{command or 'lagcli'}.txt", said(*([command] if command else []), "--help")
+    yield "help/lagcli.txt", said("--help")
+    for command in commands.COMMANDS:
+        yield f"help/{command}.txt", said(command, "--help")
     yield "explain.txt", said("explain")
+    yield from results()
     for model in sorted(MODELS.glob("*.yaml")):
         yield f"check/{model.stem}.json", said("check", "--json", model)
         yield f"dof/{model.stem}.json", said("dof", "--json", model)
@@ -78,6 +108,8 @@ def parts() -> Iterator[Part]:
 
 def agree(old: Path, new: Path) -> list[str]:
     """The differences of two recorded files; nothing where they agree."""
+    if old.suffix == ".values":
+        return golden_outputs.differences(old, new)
     if old.suffix == ".npz":
         before, after = np.load(old), np.load(new)
         if list(before["columns"]) != list(after["columns"]):
