@@ -201,6 +201,8 @@ def test_a_report_whose_audit_fails_is_written_and_told(tmp_path, monkeypatch):
     assert len(alarms) == 1
     told = "".join(page.texts)
     assert "The audit failed: 3 checks fail: the table is not a motion of this model." in told
+    failing = re.findall(r'<tr class="fail"><td[^>]*>(\w+)</td>', file.read_text(encoding="utf-8"))
+    assert failing == ["reactions", "multipliers", "columns"]
     again = lagcli.report(MODELS / "pendulum.yaml", duration=1)
     assert again.passed is False
     assert "audit failed" in repr(again)

@@ -20,7 +20,7 @@ ABOUT = {
     "steady": "About the declared start, an instant of a steady motion; what is zero there is put in.",
     "general": (
         "The declared start is no equilibrium and no steady motion. About any point of rest, with the coordinates and λ"
-        " of that point (`lagcli equilibrium` finds them):"
+        " of that point (the command equilibrium finds them):"
     ),
 }
 

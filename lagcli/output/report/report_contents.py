@@ -13,12 +13,14 @@ from typing import Literal
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class PageTable:
-    """A table; `code`: numbers of the columns that hold what was typed, `caption`: what it is a table of."""
+    """A table; `code`: numbers of the columns that hold what was typed, `caption`: what it is a table of, `alarms`:
+    numbers of the rows that tell of a failure."""
 
     headers: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     code: frozenset[int] = frozenset()
     caption: str = ""
+    alarms: frozenset[int] = frozenset()
     kind: Literal["table"] = "table"
 
 

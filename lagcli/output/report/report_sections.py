@@ -208,7 +208,8 @@ def _audit(found: Audit, figure: PageFigure | None) -> Iterator[Block]:
         )
     )
     head, *rows = audit_lines.wide_rows(found.checks)
-    yield PageTable(head, tuple(rows))
+    failing = frozenset(i for i, check in enumerate(found.checks) if check.verdict == "fail")
+    yield PageTable(head, tuple(rows), alarms=failing)
     for check in found.checks:
         if check.verdict == "fail":
             faults = [audit_lines.fault(place) for place in check.failing[:MOST_FAULTS]]
