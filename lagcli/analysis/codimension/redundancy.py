@@ -1,7 +1,7 @@
 """The independent rows a run is stepped with, and what is told about the multipliers of dependent ones.
 
 Where the rank of the rows is the codimension of the constraint surface, motion and R are unique whichever
-independent rows are taken, and the multipliers of all rows are split by a rule (`compile.selection`). Where it is
+independent rows are taken, and the multipliers of all rows are split by a rule (`compiled.selection`). Where it is
 below, no finite multipliers give the true motion, and there is no run.
 """
 

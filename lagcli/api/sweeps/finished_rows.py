@@ -40,7 +40,7 @@ class OfUnknownSweep(ValueError):
 def is_silent(path: Path, plan: SweepPlan) -> bool:
     """True if a table of this sweep does not say of which it is: a shard does by its column, a whole sweep by the
     provenance that all formats but CSV and TSV have a place for."""
-    return not plan.is_shard and endings.of(path, endings.TABLES) in ("csv", "tsv")
+    return not plan.is_shard and endings.of(path, endings.TABLES) in endings.PLAIN
 
 
 def found(path: Path, plan: SweepPlan, digest: str) -> list[PointRow] | None:

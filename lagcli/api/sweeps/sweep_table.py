@@ -34,7 +34,7 @@ def columns(names: Sequence[str], results: Sequence[str], is_shard: bool = False
 
 def texts(fmt: str, names: Sequence[str]) -> tuple[str, ...]:
     """The columns that are written as text; where a file holds plain text whole numbers are, to have no point."""
-    whole = (NUMBER, STATUS) if fmt in ("csv", "tsv") else ()
+    whole = (NUMBER, STATUS) if fmt in endings.PLAIN else ()
     return tuple(name for name in (*whole, MESSAGE, SHARD) if name in names)
 
 

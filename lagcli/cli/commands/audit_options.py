@@ -9,6 +9,7 @@ import typer
 from lagcli.cli.commands import options
 from lagcli.cli.requests import model_reading
 from lagcli.cli.terminal import exits
+from lagcli.output.files import endings
 
 
 @exits.command
@@ -16,9 +17,7 @@ def audit(
     model: options.ModelArgument,
     run: Annotated[
         str | None,
-        typer.Option(
-            "--run", metavar="FILE", help="a table: .csv, .tsv, .json, .npz, .parquet; else a new run"
-        ),
+        typer.Option("--run", metavar="FILE", help=f"a table: {endings.LISTED}; else a new run"),
     ] = None,
     events: Annotated[
         str | None,

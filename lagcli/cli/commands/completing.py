@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from lagcli.cli.commands import COMMANDS
+from lagcli.output.files import endings
 
 if TYPE_CHECKING:
     from lagcli.input.starting.model_outline import Outline
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
 Described = list[tuple[str, str]]
 
 ENDINGS = (".yaml", ".yml")
-TABLES = (".csv", ".tsv", ".json", ".npz", ".parquet")
+TABLES = tuple(f".{ending}" for ending in endings.FORMATS)
 # Tables whose names of columns stand in the first line, with what is between them.
-_PLAIN_TABLES = {".csv": ",", ".tsv": "\t"}
+_PLAIN_TABLES = {f".{ending}": separator for ending, separator in endings.PLAIN.items()}
 MOST_HEADER = 2**18  # characters of a first line that are read
 MOST_FILES = 2000  # entries of a folder that are looked at
 DEEPEST = 8  # folders that are gone down where each holds one folder only

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from lagcli.cli.commands import completing
+from lagcli.output.files import endings
 
 
 def _seconds(value: float) -> float:
@@ -51,7 +52,7 @@ RunsMaxStepOption = Annotated[float | None, typer.Option("--max-step", help="no 
 # Those of `simulate` alone, at some length.
 OutputOption = Annotated[
     str | None,
-    typer.Option("-o", "--output", metavar="FILE", help=".csv, .tsv, .json, .npz, .parquet; - for stdout"),
+    typer.Option("-o", "--output", metavar="FILE", help=f"{endings.LISTED}; - for stdout"),
 ]
 ColumnsOption = Annotated[
     str | None,
@@ -79,7 +80,7 @@ DigitsOption = Annotated[
 ]
 PointsOption = Annotated[
     str | None,
-    typer.Option("-o", "--output", metavar="FILE", help="the points: .csv, .tsv, .json, .npz, .parquet; -"),
+    typer.Option("-o", "--output", metavar="FILE", help=f"the points: {endings.LISTED}; -"),
 ]
 StartsOption = Annotated[int, typer.Option("--starts", min=0, help="starts beside the declared one")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="of these starts; the same for the same seed")]

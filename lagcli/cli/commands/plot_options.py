@@ -18,12 +18,13 @@ from lagcli.cli.commands.options import (
 )
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
+from lagcli.output.files import endings
 
 FilesArgument = Annotated[
     list[str],
     typer.Argument(
         metavar="FILE...",
-        help="tables (.csv, .tsv, .json, .npz, .parquet; - for CSV on standard input), or models, to be simulated",
+        help=f"tables ({endings.LISTED}; - for CSV on standard input), or models, to be simulated",
         autocompletion=completing.run_files,
     ),
 ]

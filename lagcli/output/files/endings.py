@@ -2,8 +2,28 @@
 
 import os
 from pathlib import Path
+from typing import NamedTuple
 
-TABLES = ("csv", "json", "npz", "parquet", "tsv")
+
+class FileFormat(NamedTuple):
+    """A format of tables. module: the file of `output.tables` that writes and reads it (`table_format`); separator:
+    between the cells of plain text, which has no place for a provenance."""
+
+    module: str
+    separator: str = ""
+
+
+# A line each: all that is said of formats and their endings follows from these.
+FORMATS = {
+    "csv": FileFormat("csv_format", ","),
+    "tsv": FileFormat("tsv_format", "\t"),
+    "json": FileFormat("json_format"),
+    "npz": FileFormat("npz_format"),
+    "parquet": FileFormat("parquet_format"),
+}
+TABLES = tuple(sorted(FORMATS))
+PLAIN = {ending: fmt.separator for ending, fmt in FORMATS.items() if fmt.separator}
+LISTED = ", ".join(f".{ending}" for ending in FORMATS)  # for the help of options
 FIGURES = ("png", "svg", "pdf")
 ANIMATIONS = ("html", "gif", "mp4")
 

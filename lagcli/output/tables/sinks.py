@@ -2,10 +2,9 @@
 
 import abc
 import contextlib
-import functools
 import io
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Protocol, Self, TextIO, cast
@@ -15,7 +14,8 @@ from numpy.typing import NDArray
 
 from lagcli import requirements
 from lagcli.output.files import atomic_file, endings
-from lagcli.output.tables import csv_table, text_cells
+from lagcli.output.tables import csv_table, table_format, text_cells
+from lagcli.output.tables.table_format import Make
 
 
 class MissingExtra(RuntimeError):
@@ -53,19 +53,6 @@ class Sink(Protocol):
     ) -> None: ...
 
 
-class _Writer(Protocol):
-    """One file format."""
-
-    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None: ...
-
-    def finish(self) -> None: ...
-
-    def abandon(self) -> None: ...
-
-
-Make = Callable[[Path, Sequence[str], Sequence[str]], _Writer]
-
-
 def open_sink(
     target: str | os.PathLike[str] | BinaryIO | TextIO,
     columns: Sequence[str],
@@ -92,7 +79,9 @@ def open_sink(
     path = Path(target)
     if fmt is None:
         fmt = endings.of(path, endings.TABLES)
-    return _FileSink(path, columns, texts, _writer(path, fmt, provenance))
+    if fmt not in endings.TABLES:
+        raise endings.UnknownFormat(path.name, endings.TABLES)
+    return _FileSink(path, columns, texts, table_format.of(fmt).writer(path, provenance))
 
 
 class _Base(abc.ABC):
@@ -240,22 +229,3 @@ def needing_pyarrow(path: Path) -> Iterator[None]:
         raise MissingExtra(
             f'"{path.name}" needs pyarrow, which is not installed: pip install "lagcli[parquet]"'
         ) from error
-
-
-def _writer(path: Path, fmt: str, provenance: Mapping[str, object] | None) -> Make:
-    match fmt:
-        case "csv" | "tsv":
-            return functools.partial(csv_table.CsvWriter, delimiter="\t" if fmt == "tsv" else ",")
-        case "json":
-            from lagcli.output.tables import json_table
-
-            return functools.partial(json_table.JsonWriter, provenance=provenance)
-        case "npz":
-            from lagcli.output.tables import npz_table
-
-            return functools.partial(npz_table.NpzWriter, provenance=provenance)
-        case "parquet":
-            with needing_pyarrow(path):
-                from lagcli.output.tables import parquet_table
-            return functools.partial(parquet_table.ParquetTableWriter, provenance=provenance)
-    raise endings.UnknownFormat(path.name, endings.TABLES)

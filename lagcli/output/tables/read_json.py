@@ -1,0 +1,72 @@
+"""Tables read from JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lagcli.output.tables import float_text
+from lagcli.output.tables.table_format import CheckSize, Floats, places
+from lagcli.output.tables.unreadable import SHOWN, UnreadableTable, as_text, bad
+
+MOST_JSON = 1 << 26  # bytes: a parsed file is up to 27 times as large (empty lists), 1.8 GB
+
+
+class JsonTable:
+    """An object with `columns` and `rows`. It is read as a whole, so its bytes are bounded."""
+
+    def __init__(self, path: Path, check_size: CheckSize) -> None:
+        self._path, self._check_size = path, check_size
+        with path.open("rb") as file:
+            text = file.read(MOST_JSON + 1)
+        if len(text) > MOST_JSON:
+            raise UnreadableTable(
+                f"{path} is too large: a table in JSON may have {MOST_JSON >> 20} MiB (parsed, it is many times larger"
+                " in memory); write .npz, .parquet or .csv"
+            )
+        try:
+            found = float_text.parsed_json(text.removeprefix(b"\xef\xbb\xbf"))
+        except ValueError as error:
+            raise bad(path, error) from None
+        names = found.get("columns") if isinstance(found, dict) else None
+        rows = found.get("rows") if isinstance(found, dict) else None
+        if not isinstance(names, list) or not isinstance(rows, list):
+            raise bad(path, "it is no object with the lists `columns` and `rows`")
+        if not all(isinstance(name, str) for name in names):
+            raise bad(path, "a name of a column is no text")
+        self.columns, self._rows, self.length = tuple(names), rows, len(rows)
+        origin = found.get("provenance")
+        self.provenance = origin if isinstance(origin, dict) else None
+
+    def take(self, names: Sequence[str]) -> Floats:
+        """See `table_format.ReadTable`."""
+        at = places(self.columns, names)
+        found = np.empty((len(self._rows), len(names)))
+        for number, row in self._whole(len(names)):
+            found[number - 1] = [self._number(row[k], number, self.columns[k]) for k in at]
+        return found
+
+    def words(self, name: str) -> list[str]:
+        """See `table_format.ReadTable`."""
+        place = self.columns.index(name)
+        return [as_text(self._path, row[place], number, name) for number, row in self._whole(1)]
+
+    def _whole(self, wanted: int) -> Iterator[tuple[int, list[object]]]:
+        """The rows, counted from 1, of which so many columns are wanted."""
+        self._check_size(self._path, len(self._rows), wanted)
+        for number, row in enumerate(self._rows, 1):
+            if not isinstance(row, list) or len(row) != len(self.columns):
+                many = len(row) if isinstance(row, list) else "no list of"
+                raise bad(self._path, f"row {number} has {many} entries for {len(self.columns)} columns")
+            yield number, row
+
+    def _number(self, cell: object, row: int, name: str) -> float:
+        if cell is None:
+            return np.nan
+        if isinstance(cell, bool) or not isinstance(cell, int | float):
+            raise bad(
+                self._path, f"row {row}: {name[:SHOWN]!r} holds {str(cell)[:SHOWN]!r}, which is no number"
+            )
+        return float(cell)
