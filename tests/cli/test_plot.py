@@ -242,6 +242,17 @@ def test_what_is_zero_to_rounding_is_drawn_as_zero() -> None:
     assert "may be zero to rounding" in alone.notes[0]
 
 
+def test_an_output_that_may_be_zero_to_rounding_is_said_where_a_model_is_told() -> None:
+    """Outputs have any size: they are drawn as they are, and tables of others are left without a word."""
+    noise = 1e-16 * np.sin(99 * T)
+    rows = np.column_stack([T, noise])
+    told = chart_table.table_facts.TableFacts(units=chart_table.table_facts.Units())
+    (panel,) = chart(chart_table.of_rows("t.json", ["t", "slip"], rows, told)).panels
+    assert panel.curves[0].y.any()
+    assert panel.notes == ("no value is larger than 1.0e-16: these may be zero to rounding",)
+    assert chart(table(t=T, slip=noise)).panels[0].notes == ()
+
+
 BALL = """\
 lagcli: 1
 parameters: {m: 1, R: 0.1}

@@ -246,6 +246,10 @@ class _Plan:
                 f"no value is larger than {largest:.1e}: these may be zero to rounding, which a plot of the model"
                 " decides"
             )
+        # Outputs have any unit, and no run knows the sums they come from; of tables of others nothing is presumed.
+        told = all(table.facts.units is not None for table in self._tables)
+        if told and kind == "other" and not self._choice.is_log and 0 < largest < SUSPECT:
+            yield f"no value is larger than {largest:.1e}: these may be zero to rounding"
         for name in names:
             lacking = [t.name for t in self._tables if name not in t.columns]
             if lacking:
