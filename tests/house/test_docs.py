@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import textwrap
 from types import ModuleType
 
 import pytest
@@ -196,7 +197,7 @@ def words(text: str) -> list[str]:
 
 def are_alike(shown: str, printed: str) -> bool:
     """Word for word, numbers to nine digits and a residual to the size of rounding."""
-    pairs = list(zip(words(shown), words(printed), strict=False))
+    pairs = [(a.strip("()"), b.strip("()")) for a, b in zip(words(shown), words(printed), strict=False)]
     number = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
     return len(words(shown)) == len(words(printed)) and all(
         float(a) == pytest.approx(float(b), rel=1e-8, abs=1e-9)
@@ -218,6 +219,16 @@ def in_words(line: str) -> list[str]:
     return words(NUMBER.sub("N", line.partition(" pass ")[0]))
 
 
+def require_shown(program: str, output: str, out: str, err: str) -> None:
+    """Every line that is shown is printed, in this order; of commands with numbers of their own its words are."""
+    printed = iter([*out.splitlines(), *err.splitlines()])
+    for shown in filter(str.strip, output.splitlines()):
+        costs = program in OWN_NUMBERS or shown.startswith("done:")
+        assert shown.strip() == "..." or any(
+            in_words(shown) == in_words(line) if costs else are_alike(shown, line) for line in printed
+        ), (program, shown)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="its lines are for a shell")
 @pytest.mark.parametrize("chapter", CHAPTERS, ids=lambda chapter: chapter.partition("\n")[0])
 def test_the_tutorial_prints_what_is_shown(
@@ -236,12 +247,7 @@ def test_the_tutorial_prints_what_is_shown(
             done = run(command, tmp_path)
             out, err, code = done.stdout, done.stderr, done.returncode
         assert code == 0, (command, err)
-        printed = iter([*out.splitlines(), *err.splitlines()])
-        for shown in filter(None, output.splitlines()):
-            costs = name in OWN_NUMBERS or shown.startswith("done:")
-            assert shown == "..." or any(
-                in_words(shown) == in_words(line) if costs else are_alike(shown, line) for line in printed
-            ), (command, shown)
+        require_shown(name, output, out, err)
 
 
 HOW_TO = [
@@ -268,6 +274,41 @@ def test_how_to_pages_print_what_is_shown(
         assert program == "lagcli"
         out, err, code = in_process.run(*arguments)
         assert code == 0, (command, err)
-        printed = iter([*out.splitlines(), *err.splitlines()])
-        for shown in filter(None, output.splitlines()):
-            assert shown == "..." or any(are_alike(shown, line) for line in printed), (command, shown)
+        require_shown("", output, out, err)
+
+
+# Sessions in pages of another kind stand indented.
+SESSION = re.compile(r"^    \$ (lagcli .*)\n((?:(?:    .*)?\n)*)", re.MULTILINE)
+EXPLAINED = [
+    page
+    for folder in ("explanation", "reference")
+    for page in sorted((ROOT / "docs" / folder).glob("*.md"))
+    if SESSION.search(page.read_text("utf-8"))
+]
+
+
+@pytest.mark.parametrize("page", EXPLAINED, ids=lambda page: page.stem)
+def test_pages_that_explain_print_what_is_shown(
+    page: pathlib.Path, tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files that a page shows under their names, and those of the gallery; each session by itself."""
+    text = page.read_text(encoding="utf-8")
+    for body in blocks(text, "yaml"):
+        if body.startswith("# "):
+            (tmp_path / body.split()[1]).write_text(body, encoding="utf-8")
+    shutil.copytree(ROOT / "models", tmp_path / "models")
+    monkeypatch.chdir(tmp_path)
+    for command, output in SESSION.findall(text):
+        _, *arguments = shlex.split(command)
+        out, err, code = in_process.run(*arguments)
+        assert code == 0, (command, err)
+        require_shown(arguments[0], textwrap.dedent(output), out, err)
+
+
+def test_the_derivation_that_is_shown_is_printed() -> None:
+    (shown,) = blocks((ROOT / "docs/explanation/derivation.md").read_text(encoding="utf-8"), "text")
+    out, err, code = in_process.run("derive", str(ROOT / "models/rolling-disk.yaml"), "--solve")
+    assert code == 0, err
+    printed = iter(out.splitlines())
+    for line in filter(str.strip, shown.splitlines()):
+        assert any(words(line) == words(other) for other in printed), line
