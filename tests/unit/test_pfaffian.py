@@ -569,7 +569,16 @@ def test_work_that_is_hardly_counted_ends_by_time():
         time_limit.run(math.inf, lambda: [sum(range(1000)) for _ in iter(int, 1)], 600)
 
 
+def late_work_ends():
+    """Wait for what goes on of work that was given up: its operations are those of the process."""
+    for thread in threading.enumerate():
+        if thread.name in ("lagcli-algebra", "lagcli-late"):
+            thread.join(20)
+            assert not thread.is_alive()
+
+
 def test_work_of_two_threads_is_counted_apart():
+    late_work_ends()
     errors = []
 
     def own():
@@ -603,10 +612,7 @@ def test_an_interrupt_that_is_swallowed_again_and_again_is_repeated(monkeypatch)
     with pytest.raises(time_limit.TimeUpError):
         time_limit.run(time_limit.after(0.05), careless)
     deaf.set()
-    for thread in threading.enumerate():
-        if thread.name in ("lagcli-algebra", "lagcli-late"):
-            thread.join(20)
-            assert not thread.is_alive()
+    late_work_ends()
 
 
 def test_no_thread_of_late_work_goes_on(monkeypatch):
