@@ -20,6 +20,7 @@ coordinates:
   y: {value: y0}
   psi: {value: START, rate: w0}
   phi: {}
+forces: {steer: {to: psi, force: -0.1}}
 differential:
   forward: rate(x) = R*rate(phi)*cos(psi)
   sideways: rate(y) = R*rate(phi)*sin(psi)
@@ -43,7 +44,8 @@ inequality:
 def test_a_contact_whose_multiplier_has_a_pole_opens_there(e):
     text = ROLLING.replace("START", "-1") + WALL.replace("E", str(e))
     run = lagcli.simulate(lagcli.loads(text), duration=2, samples=101)
-    pole = (np.pi / 2 - 1) / 0.5
+    # psi'' = -1/2, so that it goes through -pi/2 along a parabola.
+    pole = np.sqrt(1 + 4 * (np.pi / 2 - 1)) - 1
     events = run.events
     assert list(events["kind"]) == ["crossing", "crossing", "release"]
     assert events["name"][-1] == "wall"
@@ -54,7 +56,8 @@ def test_a_contact_whose_multiplier_has_a_pole_opens_there(e):
     assert run["lambda.wall"][held] == pytest.approx(force[0] + force[1] * np.tan(psi), rel=1e-8)
     assert run["lambda.forward"][held] == pytest.approx(force[1] * np.tan(psi), rel=1e-8)
     # From there on it rolls as one that has no wall, and away from it.
-    free = lagcli.simulate(lagcli.loads(ROLLING.replace("START", "-pi/2")), duration=2 - pole, samples=2)
+    model = lagcli.loads(ROLLING.replace("START", "-pi/2"), parameters={"w0": -0.5 - 0.5 * pole})
+    free = lagcli.simulate(model, duration=2 - pole, samples=2)
     for name in ("x", "y", "phi", "lambda.forward", "R.x", "R.y"):
         assert run[name][-1] == pytest.approx(free[name][-1], abs=1e-9)
     assert run["x"][-1] < 0.8 - 1e-4
