@@ -205,13 +205,13 @@ def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
     """The rows that depend on rows before them. Of very many they are looked for among rows that share a circuit."""
     found = rank.rank(rows).value if rows.is_large else None
     if found is None:
-        return rank.redundant(rows)
+        return independent_rows.redundant(rows)
     flags = np.zeros(rows.count, dtype=bool)
     chosen = independent_rows.dependence(rows, found).selection
     flags[[circuit[0] for circuit in chosen.circuits if len(circuit) == 1]] = True
     for rest, support in chosen.groups():
         among = sorted([*rest, *support])
-        flags[among] = rank.redundant(rows.take(among))
+        flags[among] = independent_rows.redundant(rows.take(among))
     return flags
 
 

@@ -2,6 +2,7 @@
 
 A row and the independent rows it is a combination of are a circuit: leave out any one of them and the rest are
 independent. Circuits are null vectors of B^T, each with as few rows as can be, so that they can be told by name.
+Dense rows are chosen by Gram-Schmidt (twice, for rounding).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
-from lagcli.linear import pivots, rank
+from lagcli.linear import rank
 from lagcli.linear.metric_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
@@ -100,7 +101,7 @@ def _clearance(rows: MetricRows, kept: tuple[int, ...]) -> float:
 def _independent(rows: MetricRows, count: int, first: list[int]) -> list[int]:
     """`count` independent rows, those in `first` among them."""
     if not rows.is_large:
-        return sorted(pivots.farthest(rows.dense, count, first, EARLY))
+        return sorted(farthest(rows.dense, count, first, EARLY))
     return _farther(rows, count, first) if first else _pivots(rows)
 
 
@@ -147,12 +148,12 @@ def _combinations(rows: MetricRows, kept: list[int], rest: list[int]) -> Floats:
 
 
 def _farther(rows: MetricRows, count: int, first: list[int]) -> list[int]:
-    """As `_farthest`, of many rows: what is left of the other rows after the first ones, by its Gram matrix."""
+    """As `farthest`, of many rows: what is left of the other rows after the first ones, by its Gram matrix."""
     others = sorted(set(range(rows.count)) - set(first))
     weights = _combinations(rows, first, others)
     unit = rows.unit
     left = np.array(ca.densify(unit[others, :])) - weights @ np.array(ca.densify(unit[first, :]))
-    return sorted([*first, *(others[k] for k in pivots.farthest(left, count - len(first), (), EARLY))])
+    return sorted([*first, *(others[k] for k in farthest(left, count - len(first), (), EARLY))])
 
 
 def _pivots(rows: MetricRows) -> list[int]:
@@ -160,3 +161,55 @@ def _pivots(rows: MetricRows) -> list[int]:
     D, _, order = ca.ldl(ca.mtimes(rows.unit, rows.unit.T) + SHIFT * ca.DM.eye(rows.count))
     large = np.array(D).ravel() > PIVOT
     return sorted(np.asarray(order)[large].tolist())
+
+
+def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
+    """The rows that depend on rows before them in their order.
+
+    Of more rows than are looked at densely none is named.
+    """
+    flags = np.zeros(rows.count, dtype=bool)
+    if rows.are_independent or rows.is_large:
+        return flags
+    flags[:] = True
+    flags[leading(rows.dense, rank.LARGE)] = False
+    return flags
+
+
+def farthest(
+    rows: Floats, count: int, first: Sequence[int] = (), nearly: float = 1.0, least: float = 0.0
+) -> list[int]:
+    """Numbers of `count` independent rows, those in `first`, which are independent, before all, in order of choice.
+
+    Each next one is the first that is `nearly` as far from those before it as the farthest: which of several alike is
+    taken must not depend on rounding, as it does with the pivots of LAPACK. It ends where all are nearer than `least`.
+    """
+    kept = list(first)
+    basis = np.linalg.qr(rows[kept].T)[0]
+    rest = rows - rows @ basis @ basis.T
+    while len(kept) < count:
+        lengths = np.linalg.norm(rest, axis=1)
+        lengths[kept] = 0.0
+        if lengths.max(initial=0.0) < least:
+            break
+        row = int(np.flatnonzero(lengths >= nearly * lengths.max())[0])
+        direction = rest[row] / lengths[row]
+        for _ in range(2):
+            rest -= np.outer(rest @ direction, direction)
+        kept.append(row)
+    return kept
+
+
+def leading(rows: Floats, least: float) -> list[int]:
+    """Numbers of the rows that are farther than `least` from all combinations of rows before them."""
+    kept: list[int] = []
+    basis = np.zeros((0, rows.shape[1]))
+    for i, row in enumerate(rows):
+        rest = row.copy()
+        for _ in range(2):
+            rest -= basis.T @ (basis @ rest)
+        length = float(np.linalg.norm(rest))
+        if length > least:
+            kept.append(i)
+            basis = np.vstack([basis, rest / length])
+    return kept

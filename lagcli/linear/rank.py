@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import metric_rows, pivots
+from lagcli.linear import metric_rows
 from lagcli.linear.metric_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
@@ -80,19 +80,6 @@ def _rank_of_many(rows: MetricRows) -> Rank:
     weights = np.random.default_rng(0).standard_normal(rows.count)
     weights -= held @ (held.T @ weights)
     return Rank(held.shape[1], int((sigma > SMALL).sum()), weights[None])
-
-
-def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
-    """The rows that depend on rows before them in their order.
-
-    Of more rows than are looked at densely none is named.
-    """
-    flags = np.zeros(rows.count, dtype=bool)
-    if rows.are_independent or rows.is_large:
-        return flags
-    flags[:] = True
-    flags[pivots.leading(rows.dense, LARGE)] = False
-    return flags
 
 
 def null_basis(rows: Floats) -> Floats:

@@ -16,7 +16,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import pivots
+from lagcli.linear import independent_rows
 from lagcli.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -82,4 +82,4 @@ def _numbers(model: Model) -> tuple[int | None, ...]:
 def _pivots(B: Floats, rank: int) -> list[int]:
     """Columns of B that span its range, each the farthest from those before it, the last of several."""
     last = B.shape[1] - 1
-    return sorted(last - k for k in pivots.farthest(B.T[::-1], rank, nearly=EQUAL))
+    return sorted(last - k for k in independent_rows.farthest(B.T[::-1], rank, nearly=EQUAL))

@@ -23,7 +23,7 @@ from lagcli.analysis.holonomy.loop_words import Goal, LoopWords
 from lagcli.analysis.holonomy.path_orbit import PathOrbit
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.linear import pivots
+from lagcli.linear import independent_rows
 from lagcli.start import assembly, initial, projection
 from lagcli.start.initial import State
 
@@ -366,7 +366,7 @@ class _WitnessSearch:
             return []
         A = A / (np.linalg.norm(A, axis=2, keepdims=True) + 1e-300)
         rank = part.k - found.kernel.shape[1]
-        chosen = np.array(pivots.leading(A[0][:, :-1], LEAST_ROW)[:rank], dtype=np.int64)
+        chosen = np.array(independent_rows.leading(A[0][:, :-1], LEAST_ROW)[:rank], dtype=np.int64)
         if chosen.size < rank:
             return []
         others = [i for i in range(part.k) if i != along]
@@ -609,4 +609,6 @@ def _pivots(rows: Floats, first: int) -> Numbers:
     """Columns of rows (r, k) that are independent, `first` before all and then the largest, (r,)."""
     if np.linalg.norm(rows[:, first]) < LEAST_PIVOT:
         return np.zeros(0, dtype=np.int64)
-    return np.array(pivots.farthest(rows.T, min(rows.shape), [first], least=LEAST_PIVOT), dtype=np.int64)
+    return np.array(
+        independent_rows.farthest(rows.T, min(rows.shape), [first], least=LEAST_PIVOT), dtype=np.int64
+    )

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lagcli.analysis.numeric_flag import term_sizes
 from lagcli.compiled import program, variable_sizes
 from lagcli.compiled.row_block import RowBlock
-from lagcli.linear import metric_rows, rank
+from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows, Sparse
 
@@ -55,7 +55,7 @@ class Ranks:
     @cached_property
     def independent(self) -> list[int]:
         """Rows that do not depend on rows before them."""
-        return np.flatnonzero(~rank.redundant(self.rows)).tolist()
+        return np.flatnonzero(~independent_rows.redundant(self.rows)).tolist()
 
     @property
     def are_independent(self) -> bool:

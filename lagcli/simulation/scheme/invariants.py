@@ -21,7 +21,7 @@ from lagcli.compiled import NumericSystem, invariant_values
 from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions
 from lagcli.equations.system import System
-from lagcli.linear import generic_direction, rank
+from lagcli.linear import generic_direction, independent_rows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.model.invariant import FirstIntegral
@@ -213,7 +213,7 @@ class _Forms:
         if rows.are_independent:
             return []
         if not rows.is_large:
-            return [i for i, flag in zip(numbers, rank.redundant(rows)[s:], strict=True) if flag]
+            return [i for i, flag in zip(numbers, independent_rows.redundant(rows)[s:], strict=True) if flag]
         dependent: list[int] = []
         good = list(range(s))
         for place, i in enumerate(numbers, start=s):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagcli.linear import pivots
+from lagcli.linear import independent_rows
 
 ROOT = np.sqrt(0.5)
 # The third is a combination of the first two, and the fourth is the first but for rounding.
@@ -11,19 +11,19 @@ ROWS = np.array([[1.0, 0, 0], [0, 1, 0], [ROOT, ROOT, 0], [1 - 1e-15, 0, 0], [0,
 
 
 def test_the_first_of_several_alike_is_taken():
-    assert pivots.farthest(ROWS, 3) == [0, 1, 4]
-    assert pivots.farthest(ROWS, 3, nearly=0.3) == [0, 1, 4]
-    assert pivots.farthest(ROWS[::-1], 3, nearly=1 - 1e-9) == [1, 3, 0]
+    assert independent_rows.farthest(ROWS, 3) == [0, 1, 4]
+    assert independent_rows.farthest(ROWS, 3, nearly=0.3) == [0, 1, 4]
+    assert independent_rows.farthest(ROWS[::-1], 3, nearly=1 - 1e-9) == [1, 3, 0]
 
 
 def test_given_rows_come_before_all():
-    assert pivots.farthest(ROWS, 3, [2]) == [2, 0, 4]
-    assert pivots.farthest(ROWS, 3, [4, 1]) == [4, 1, 0]
+    assert independent_rows.farthest(ROWS, 3, [2]) == [2, 0, 4]
+    assert independent_rows.farthest(ROWS, 3, [4, 1]) == [4, 1, 0]
 
 
 def test_it_ends_where_nothing_is_left():
-    assert pivots.farthest(ROWS[:4], 3, least=1e-9) == [0, 1]
-    assert pivots.farthest(np.zeros((0, 3)), 0) == []
+    assert independent_rows.farthest(ROWS[:4], 3, least=1e-9) == [0, 1]
+    assert independent_rows.farthest(np.zeros((0, 3)), 0) == []
 
 
 @pytest.mark.parametrize("turn", range(5))
@@ -31,4 +31,4 @@ def test_leading_rows_depend_on_none_before_them(turn):
     rows = np.roll(ROWS, turn, axis=0)
     ranks = [np.linalg.matrix_rank(rows[: k + 1], tol=1e-9) for k in range(len(rows))]
     new = [k for k, rank in enumerate(ranks) if rank > (ranks[k - 1] if k else 0)]
-    assert pivots.leading(rows, 1e-6) == new
+    assert independent_rows.leading(rows, 1e-6) == new
