@@ -12,8 +12,8 @@ import dataclasses
 import numpy as np
 
 from lagcli.contact import least_distance, load_sharing
+from lagcli.contact.least_distance import Floats
 from lagcli.contact.load_sharing import Flags
-from lagcli.contact.nonnegative import Floats
 
 # A contact holds where what is left of its inequality is this part of the terms.
 TIGHT = 1e-10

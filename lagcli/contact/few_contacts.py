@@ -1,8 +1,9 @@
 """Few contacts at one instant whose rows stand well apart: the laws of `impact_law` by enumeration.
 
 With D = G P G^T (k, k), P the inverse of M that equality rows leave, both laws ask for 0 <= z, D z + c >= 0, one of the
-two zero for each contact. Of few contacts every set that may push is tried; D is positive definite, so that one answers
-(Cottle, Pang and Stone, The Linear Complementarity Problem, section 3.3).
+two zero for each contact. Of one the answer is a formula, Lambda = -(1 + e) dot g- / D. Of few contacts every set that
+may push is tried; D is positive definite, so that one answers (Cottle, Pang and Stone, The Linear Complementarity
+Problem, section 3.3).
 """
 
 from __future__ import annotations
@@ -13,12 +14,55 @@ import itertools
 import numpy as np
 
 from lagcli.contact.impact_law import SAFE, Exchange, LawResult, certified
-from lagcli.contact.nonnegative import EPS, Floats
-from lagcli.contact.single_contact import Response
+from lagcli.contact.least_distance import EPS, Floats
 
 # So many contacts are few. The smallest eigenvalue of D with ones on its diagonal is not below APART: what is solved
 # with it keeps its digits.
 MOST, APART = 4, 1e-2
+# Of the square of a row the equality rows leave this part at the least, or rounding is too large for a formula; and the
+# response breaks them by no more than LEFT.
+FREE, LEFT = 0.01, 1e-13
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """The effect of an impulse 1 of a contact: velocities P G^T (n,), impulses of the equality rows (C,).
+
+    square: G P G^T; free: G M^-1 G^T; left: what rounding leaves of the equality rows, as a part; terms: the sum of
+    |G_i v_i| and |g_t| at the velocities at hand.
+    """
+
+    x: Floats
+    of_equalities: Floats
+    square: float
+    free: float
+    left: float
+    terms: float
+
+    @property
+    def is_certain(self) -> bool:
+        """True where the formula is as good as rounding."""
+        return bool(0.0 < self.free < np.inf and self.square > FREE * self.free and self.left <= LEFT)
+
+
+def single(v: Floats, speed: float, e: float, response: Response) -> LawResult | None:
+    """The impact of one contact with dg/dt = speed and coefficient e; None where rounding is too large for a formula.
+
+    Raises `EnergyCreated`.
+    """
+    if not response.is_certain:
+        return None
+    asked = -e * min(speed, 0.0)
+    impulse = max(0.0, asked - speed) / response.square
+    after = speed + impulse * response.square
+    rounding = SAFE * EPS * response.terms
+    if not (after >= asked - rounding and (impulse == 0.0 or after <= asked + rounding)):
+        return None
+    before, speeds, impulses = np.array([speed]), np.array([after]), np.array([impulse])
+    energy = certified(Exchange(before, speeds, np.array([response.terms])), impulses)
+    of_equalities = impulse * response.of_equalities
+    unique = np.ones(of_equalities.size + 1, dtype=bool)
+    return LawResult(v + impulse * response.x, of_equalities, impulses, unique, speeds, energy)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -3,24 +3,31 @@
 The shortest x with A x >= h is A^T mu with mu >= 0, and mu is that of the least squares with mu >= 0 of
 (A^T; h^T) mu against (0, ..., 0, 1). That answer names the rows that hold x; from those x and mu are solved anew to
 rounding, and what is found is checked.
+
+Weights that are not negative are proposed by SciPy, and not believed before they are proved: `scipy.optimize.nnls` has
+given wrong answers where columns are dependent in several releases (scipy issues 21630, 25389), and dependent columns
+are what contacts have. Another order of the columns, and another method, give other proposals.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.contact import nonnegative
-from lagcli.contact.nonnegative import Floats
+Floats = npt.NDArray[np.float64]
 
+EPS = float(np.finfo(float).eps)
 # A least squares distance below this says that no vector will do: a shortest one would be 1e8 times as long as h.
 NONE_LEFT = 1e-8
 # Relative to lengths and bounds of unit rows, what the solution may leave of them.
 CLOSE = 1e-11
 # A row takes part in a contradiction if its weight is this part of the largest.
 WEIGHT = 1e-9
+# Of columns of about length one: what a gradient may be off.
+OFF = 1e-9
 
 
 class ContradictoryRows(ValueError):
@@ -57,7 +64,7 @@ def shortest(A: Floats, h: Floats) -> Shortest:
     target = np.zeros(min(n, count) + 1)
     target[-1] = 1.0
     doubt = None
-    for weights in nonnegative.proposals(np.vstack([factor, h / largest]), target):
+    for weights in proposals(np.vstack([factor, h / largest]), target):
         if float(np.hypot(np.linalg.norm(weights @ A), weights @ h / largest - 1)) <= NONE_LEFT:
             raise ContradictoryRows(_numbers(weights > WEIGHT * weights.max()))
         try:
@@ -100,3 +107,31 @@ def _on(A: Floats, h: Floats) -> tuple[Floats, Floats]:
     except np.linalg.LinAlgError as error:
         raise UndecidedRows("rows too near dependent ones") from error
     return x, mu
+
+
+def proposals(columns: Floats, target: Floats) -> Iterator[Floats]:
+    """Weights w (k,) >= 0 that may be those of the least |columns w - target|, columns (m, k); each may be wrong."""
+    from scipy import optimize
+
+    most = 30 * columns.shape[1] + 100
+    for order in (slice(None), slice(None, None, -1)):
+        try:
+            yield np.asarray(optimize.nnls(columns[:, order], target, maxiter=most)[0])[order]
+        except RuntimeError:
+            continue
+    try:
+        found = optimize.lsq_linear(columns, target, (0, np.inf), method="bvls", tol=EPS)
+    except np.linalg.LinAlgError:
+        return
+    yield np.where(found.active_mask == 0, found.x, 0.0)
+
+
+def residual(columns: Floats, target: Floats) -> Floats | None:
+    """target - columns w (m,) for the best w >= 0, proved by its conditions; None where no proposal meets them."""
+    size = float(np.linalg.norm(target))
+    for weights in proposals(columns, target):
+        left = target - columns @ weights
+        gradient = columns.T @ left
+        if (gradient <= OFF * size).all() and abs(float(weights @ gradient)) <= OFF * size * size:
+            return np.asarray(left)
+    return None

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.contact import least_distance, nonnegative
-from lagcli.contact.nonnegative import EPS, Floats
+from lagcli.contact import least_distance
+from lagcli.contact.least_distance import EPS, Floats
 
 Flags = npt.NDArray[np.bool_]
 
@@ -73,7 +73,7 @@ def _varies(free: Floats, mu: Floats, pulling: int) -> Flags:
         # A direction z with (free z)_row = 1 and (free z)_zero >= 0: none if some weights >= 0 of the rows at zero
         # sum to minus this row (Farkas).
         zero = np.flatnonzero(~positive)
-        left = nonnegative.residual(free[zero].T, -free[row])
+        left = least_distance.residual(free[zero].T, -free[row])
         if left is not None and np.linalg.norm(left) > DEPENDENT:
             positive[zero] |= free[zero] @ -left > NONE
     rest = free[~positive]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.contact import nonnegative
+from lagcli.contact import least_distance
 from lagcli.statics import continuum, newton, point_type, refine
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
@@ -61,5 +61,5 @@ def _without_side(G: Floats) -> list[bool]:
     weights that are not negative (Farkas)."""
     sizes = np.linalg.norm(G, axis=1)
     rows = G / np.where(sizes > NO_SIDE, sizes, 1.0)[:, None]
-    left = (nonnegative.residual(rows.T, -row) for row in rows)
+    left = (least_distance.residual(rows.T, -row) for row in rows)
     return [rest is not None and float(np.linalg.norm(rest)) <= NO_SIDE for rest in left]

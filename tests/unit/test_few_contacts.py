@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from lagcli.contact import few_contacts, impact_law
-from lagcli.contact.few_contacts import FewContacts
-from lagcli.contact.single_contact import Response
+from lagcli.contact.few_contacts import FewContacts, Response
 from lagcli.linear.metric import Metric
 
 

@@ -8,9 +8,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from lagcli.contact import impact_law
+from lagcli.contact import few_contacts, impact_law
 from lagcli.contact.impact_law import SAFE
-from lagcli.contact.nonnegative import EPS
+from lagcli.contact.least_distance import EPS
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
 
 # The tail of a series of rebounds is left out where its coefficient is below this.
@@ -98,7 +98,7 @@ def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult
     try:
         if near.size == 1 and here.is_lean:
             j = int(near[0])
-            single = impact_law.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
+            single = few_contacts.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
             if single is not None:
                 return single
         few = here.few(near)

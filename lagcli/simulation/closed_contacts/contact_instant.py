@@ -13,8 +13,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem, contact_values
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.contact import few_contacts
-from lagcli.contact.few_contacts import FewContacts
-from lagcli.contact.single_contact import Response
+from lagcli.contact.few_contacts import FewContacts, Response
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, Sparse, sparse, stacked
 from lagcli.start.initial import State
