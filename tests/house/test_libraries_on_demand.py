@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pathlib
 import subprocess
 import sys
@@ -94,3 +95,29 @@ def test_a_plain_command_loads_nothing_of_checkpoints_and_random_numbers(
     }
     # With JSON come the numbers of a table.
     assert ("lagcli.simulation.run.loop" in loaded) == ("json" in loaded) == (arguments[0] == "simulate")
+
+
+@pytest.mark.parametrize("chosen", [None, "2"])
+def test_the_program_runs_linear_algebra_on_one_thread_unless_told_otherwise(chosen: str | None) -> None:
+    """Threads that wait took a quarter of the processor time of a short run."""
+    names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+    environment = {name: value for name, value in os.environ.items() if name not in names}
+    if chosen is not None:
+        environment |= dict.fromkeys(names, chosen)
+    code = (
+        "import os, sys\n"
+        "import lagcli\n"
+        f"assert [os.environ.get(name) for name in {names}] == [{chosen!r}] * 3, 'the caller of the library decides'\n"
+        "from lagcli import __main__\n"
+        "try:\n    __main__.main()\n"
+        "except SystemExit as end:\n    assert not end.code\n"
+        f"print('threads', *(os.environ.get(name) for name in {names}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "dof", str(MODELS / "pendulum.yaml")],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
+    )
+    assert done.stdout.partition("threads")[2].split() == [chosen or "1"] * 3
