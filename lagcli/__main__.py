@@ -32,23 +32,22 @@ def main() -> None:
 
 def _run() -> int:
     from lagcli import requirements
-    from lagcli.cli.terminal import signals
+    from lagcli.output.files import interrupts
 
     refusal = requirements.too_old()
     if refusal:
         print(refusal, file=sys.stderr)
         return 2
     try:
-        signals.install()
+        interrupts.install()
         # Loaded under the signal handlers: an interrupt at start-up is an interrupt and no traceback.
         from lagcli.cli import entry
-        from lagcli.cli.terminal import prompt_end
 
-        prompt_end.start()
+        interrupts.end_promptly()
         code = entry.run()
         # The interpreter takes a while to end; an interrupt from now on ends it like any other program.
-        signals.release()
-    except signals.Interrupted as interrupt:
+        interrupts.release()
+    except interrupts.Interrupted as interrupt:
         code = 128 + interrupt.number
     return code
 

@@ -32,10 +32,10 @@ from lagcli.api.models import cache
 from lagcli.api.runs import prepare_run
 from lagcli.cli.files import run_figure
 from lagcli.cli.requests import asked_run
-from lagcli.cli.terminal import console, exits, signals
+from lagcli.cli.terminal import console, exits
 from lagcli.errors import catalogue, diagnostics
 from lagcli.output.figures import figure
-from lagcli.output.files import endings
+from lagcli.output.files import endings, interrupts
 from lagcli.output.tables import sinks
 from tests.helpers import pendulum
 
@@ -129,7 +129,7 @@ def lagcli(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Lagcli:
     folder.mkdir()
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    monkeypatch.setattr(signals, "install", lambda: None)
+    monkeypatch.setattr(interrupts, "install", lambda: None)
 
     def call(*arguments: str | os.PathLike[str], stdin: str = "") -> Result:
         with monkeypatch.context() as patch:
@@ -1198,31 +1198,31 @@ def test_an_invalid_model_is_the_command_lines_fault_only_if_all_of_it_is() -> N
 
 
 def test_a_signal_waits_for_the_end_of_what_is_shielded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(signals, "_raised", [])  # nothing of it is left for others
+    monkeypatch.setattr(interrupts, "_raised", [])  # nothing of it is left for others
     reached = []
 
     def shielded() -> None:
-        with signals.shielded():
-            with signals.shielded():
-                signals._handle(signal.SIGTERM, None)
+        with interrupts.shielded():
+            with interrupts.shielded():
+                interrupts._handle(signal.SIGTERM, None)
             reached.append("the end of what is inside")
         reached.append("more")
 
-    with pytest.raises(signals.Interrupted) as caught:
+    with pytest.raises(interrupts.Interrupted) as caught:
         shielded()
     assert caught.value.number == signal.SIGTERM
     assert reached == ["the end of what is inside"]
-    with signals.shielded():
+    with interrupts.shielded():
         pass
 
 
 def test_a_second_signal_does_not_wait_for_a_pipe(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(signals, "_raised", [])
+    monkeypatch.setattr(interrupts, "_raised", [])
 
     def stuck() -> None:
-        with signals.shielded(signals.PATIENCE):
-            signals._handle(signal.SIGTERM, None)
-            with pytest.raises(signals.Interrupted):
-                signals._handle(signal.SIGINT, None)
+        with interrupts.shielded(interrupts.PATIENCE):
+            interrupts._handle(signal.SIGTERM, None)
+            with pytest.raises(interrupts.Interrupted):
+                interrupts._handle(signal.SIGINT, None)
 
     stuck()  # and nothing is left over for its end

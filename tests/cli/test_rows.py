@@ -17,9 +17,8 @@ import pytest
 import lagcli
 from lagcli.api.runs import prepare_run, simulation_run
 from lagcli.cli.files import table_output
-from lagcli.cli.terminal import signals
 from lagcli.output import checkpoint_file
-from lagcli.output.files import atomic_file
+from lagcli.output.files import atomic_file, interrupts
 from lagcli.output.tables import parquet_table, read_table, row_file, sinks
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint
@@ -418,19 +417,19 @@ def test_signals_while_the_rows_are_being_written_lose_none(command, here, endin
         take(*arguments)
         taken.append(len(arguments[1]))
         if len(taken) == 6:
-            signals._handle(signal.SIGINT, None)
+            interrupts._handle(signal.SIGINT, None)
 
     def more_of_them(*arguments):
         for number in more:
-            signals._handle(number, None)
+            interrupts._handle(number, None)
         found = keep(*arguments)
         for number in more:
-            signals._handle(number, None)
+            interrupts._handle(number, None)
         return found
 
     def moved(*arguments):
         for number in more:
-            signals._handle(number, None)
+            interrupts._handle(number, None)
         rename(*arguments)
 
     monkeypatch.setattr(table_output.TableOutput, "take", raising)
@@ -449,7 +448,7 @@ def test_a_signal_at_the_last_row_completes_the_file(command, here, monkeypatch)
 
     def last(self):
         yield from blocks(self)
-        signals._handle(signal.SIGTERM, None)
+        interrupts._handle(signal.SIGTERM, None)
 
     monkeypatch.setattr(simulation_run.SimulationRun, "blocks", last)
     _, err, code = command("simulate", "m.yaml", "-q", "-o", "run.csv", "--checkpoint", "ck")
@@ -464,7 +463,7 @@ def test_a_signal_after_everything_was_written_says_so_or_changes_nothing(here):
     script = (
         "import os, signal, sys, time\n"
         "from lagcli import __main__ as entry\n"
-        "from lagcli.cli.actions import simulate_command\nfrom lagcli.cli.terminal import signals\n"
+        "from lagcli.cli.actions import simulate_command\nfrom lagcli.output.files import interrupts\n"
         "when = sys.argv.pop(1)\n"
         "def then(number):\n"
         "    os.kill(os.getpid(), number)\n"
@@ -473,8 +472,8 @@ def test_a_signal_after_everything_was_written_says_so_or_changes_nothing(here):
         "    tell = simulate_command._tell_account\n"
         "    simulate_command._tell_account = lambda *a: (tell(*a), then(signal.SIGTERM))\n"
         "else:\n"
-        "    release = signals.release\n"
-        "    signals.release = lambda: (release(), then(signal.SIGTERM))\n"
+        "    release = interrupts.release\n"
+        "    interrupts.release = lambda: (release(), then(signal.SIGTERM))\n"
         "entry.main()\n"
     )
     for when, code, said in (("told", 143, True), ("released", 0, False)):
@@ -489,18 +488,18 @@ def test_a_signal_after_everything_was_written_says_so_or_changes_nothing(here):
 
 @posix
 def test_waiting_is_told_once_and_a_pipe_is_given_up(monkeypatch, capfd):
-    monkeypatch.setattr(signals, "_raised", [])
-    monkeypatch.setattr(signals, "_told", [])
+    monkeypatch.setattr(interrupts, "_raised", [])
+    monkeypatch.setattr(interrupts, "_told", [])
     monkeypatch.setattr(sys, "stderr", sys.__stderr__)
 
     def file():
-        with signals.unwinding(), signals.shielded():
+        with interrupts.unwinding(), interrupts.shielded():
             for _ in range(4):
-                signals._handle(signal.SIGINT, None)
+                interrupts._handle(signal.SIGINT, None)
 
-    with pytest.raises(signals.Interrupted):
+    with pytest.raises(interrupts.Interrupted):
         file()
-    assert capfd.readouterr().err.count(signals.WAIT) == 1
+    assert capfd.readouterr().err.count(interrupts.WAIT) == 1
 
 
 # Smaller.

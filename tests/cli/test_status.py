@@ -148,9 +148,9 @@ def test_all_work_is_a_phase(work, wanted) -> None:
 
 COMPUTING = """
 import numpy as np
-from lagcli.cli.terminal import prompt_end, signals
-signals.install()
-prompt_end.start()
+from lagcli.output.files import interrupts
+interrupts.install()
+interrupts.end_promptly()
 {begun}
 print("now", flush=True)
 np.linalg.eig(np.random.default_rng(0).standard_normal(({n}, {n})))
@@ -176,7 +176,7 @@ def test_an_interrupt_ends_the_process_while_a_library_computes(number: signal.S
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
 def test_what_has_been_begun_is_put_in_order_after_the_library_has_computed() -> None:
-    text = COMPUTING.format(begun="unwinding = signals.unwinding()\nunwinding.__enter__()", n=600)
+    text = COMPUTING.format(begun="unwinding = interrupts.unwinding()\nunwinding.__enter__()", n=600)
     with subprocess.Popen(
         [sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:

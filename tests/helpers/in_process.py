@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from lagcli import __main__ as entry
-from lagcli.cli.terminal import signals
+from lagcli.output.files import interrupts
 
 Command = Callable[..., tuple[str, str, Any]]
 
@@ -19,7 +19,7 @@ def run(*arguments: object) -> tuple[str, str, Any]:
     """Stdout, stderr and the exit code. Signal handlers stay pytest's."""
     streams = [io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="\n") for _ in range(2)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(signals, "install", lambda: None)
+        patch.setattr(interrupts, "install", lambda: None)
         patch.setattr(sys, "argv", ["lagcli", *map(str, arguments)])
         patch.setattr(sys, "stdout", streams[0])
         patch.setattr(sys, "stderr", streams[1])

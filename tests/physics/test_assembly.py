@@ -17,8 +17,8 @@ from scipy.optimize import least_squares
 import lagcli
 from lagcli import __main__ as entry
 from lagcli.api.models import cache
-from lagcli.cli.terminal import signals
 from lagcli.linear.metric_rows import LocalRows
+from lagcli.output.files import interrupts
 from lagcli.start import assembly, conflict, initial, projection
 
 ON = 1e-12
@@ -452,7 +452,7 @@ def test_exit_codes(tmp_path, capsys, monkeypatch, laws, options, code):
     path.write_text(document([(1.5, 0, 0)], laws))
     arguments = ["lagcli", "simulate", str(path), "--duration", "0.1", "--samples", "3", *options]
     monkeypatch.setattr(sys, "argv", arguments)
-    monkeypatch.setattr(signals, "install", lambda: None)  # pytest keeps its own
+    monkeypatch.setattr(interrupts, "install", lambda: None)  # pytest keeps its own
     with pytest.raises(SystemExit) as ended:
         entry.main()
     out, err = capsys.readouterr()

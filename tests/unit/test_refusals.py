@@ -13,10 +13,10 @@ import pytest
 import lagcli
 from lagcli import __main__ as entry
 from lagcli.api.runs import run_settings
-from lagcli.cli.terminal import signals
 from lagcli.equations import system as mechanics
 from lagcli.errors import catalogue
 from lagcli.model import settings
+from lagcli.output.files import interrupts
 
 BALL = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0]}\n  b: {mass: 2, position: [2, 0, 0]}\n"
 KNIFE = """\
@@ -478,7 +478,7 @@ def refused(
     """Exit code, stdout and stderr of the command on the model."""
     (folder / "model.yaml").write_text(case.text, encoding="utf-8")
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(signals, "install", lambda: None)  # signal handlers stay pytest's
+    monkeypatch.setattr(interrupts, "install", lambda: None)  # signal handlers stay pytest's
     monkeypatch.setattr(sys, "argv", ["lagcli", case.command, "model.yaml"])
     with pytest.raises(SystemExit) as end:
         entry.main()
@@ -563,7 +563,7 @@ def test_errors_as_data_hold_code_place_and_hint(
 ) -> None:
     (tmp_path / "model.yaml").write_text(law("rate(x)**2 = 1"), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(signals, "install", lambda: None)
+    monkeypatch.setattr(interrupts, "install", lambda: None)
     monkeypatch.setattr(sys, "argv", ["lagcli", "check", "--json", "model.yaml"])
     with pytest.raises(SystemExit):
         entry.main()

@@ -17,7 +17,7 @@ from lagcli.cli.terminal import exits
 from lagcli.output.animation import page
 from lagcli.output.animation.places import NothingToShow
 from lagcli.output.animation.scene import Scene
-from lagcli.output.files import atomic_file, endings
+from lagcli.output.files import atomic_file, endings, write_guard
 from lagcli.output.tables.sinks import MissingExtra
 from lagcli.output.tables.unreadable import UnreadableTable
 from lagcli.output.trajectory import SimulationStopped
@@ -59,7 +59,7 @@ class AnimateOptions:
         return None if self.output in (None, "-") else self.output
 
     def require(self, given: AnimatedRun) -> None:
-        """Refuse what cannot be done. Raises `exits.UsageError`, `exits.WriteError`."""
+        """Refuse what cannot be done. Raises `exits.UsageError`, `write_guard.WriteError`."""
         if not self.is_table and self.model is not None:
             raise exits.UsageError(f"--model is of a table, and {self.source} is a model")
         if self.is_table:
@@ -129,7 +129,7 @@ def writer(file: str | None) -> Callable[[pathlib.Path | None, Scene], None]:
 
     def write_film(path: pathlib.Path | None, scene: Scene) -> None:
         assert path is not None
-        with exits.drawing(str(path)):
+        with write_guard.drawing(str(path)):
             film.write(path, scene, fmt)
 
     return write_film
@@ -139,7 +139,7 @@ def _write_page(path: pathlib.Path | None, scene: Scene) -> None:
     if path is None:
         sys.stdout.write(page.text(scene))
         return
-    with exits.writing(str(path)):
+    with write_guard.writing(str(path)):
         page.write(path, scene)
 
 

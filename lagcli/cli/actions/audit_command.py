@@ -15,7 +15,7 @@ from lagcli.cli.requests import file_conflicts, preflight
 from lagcli.cli.terminal import console, exits, json_output
 from lagcli.errors import diagnostics
 from lagcli.output.figures import labels
-from lagcli.output.files import endings
+from lagcli.output.files import endings, write_guard
 from lagcli.output.tables import read_events, read_table
 from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.sinks import MissingExtra
@@ -79,7 +79,7 @@ def run(model: Model, given: AuditedRun, options: AuditOptions) -> None:
     """Audit and tell. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before its end."""
     found = _audited(model, given, options)
     if options.plot is not None:
-        with exits.drawing(options.plot):
+        with write_guard.drawing(options.plot):
             from lagcli.output.figures import audit_figure
 
             audit_figure.draw(pathlib.Path(options.plot), found, model.units.time)

@@ -17,6 +17,7 @@ from lagcli.cli.terminal import console, exits, json_output
 from lagcli.formulations.stiff.ladder import StiffLimit
 from lagcli.model.model import Model
 from lagcli.output import trajectory
+from lagcli.output.files import write_guard
 
 if TYPE_CHECKING:
     from lagcli.output.figures.limit_figure import LimitCurves
@@ -124,7 +125,7 @@ def _write(model: Model, found: StiffLimit, options: LimitOptions) -> None:
             else:
                 table.complete()
     if options.plot is not None and found.rungs:
-        with exits.drawing(options.plot):
+        with write_guard.drawing(options.plot):
             # matplotlib takes a third of a second to load: only where a figure is asked for.
             from lagcli.output.figures import limit_figure
 

@@ -13,7 +13,7 @@ from lagcli.cli.terminal import console, exits, json_output
 from lagcli.errors import diagnostics
 from lagcli.linearization.linear_modes import Modes
 from lagcli.model.model import Model
-from lagcli.output.files import endings
+from lagcli.output.files import endings, write_guard
 from lagcli.output.trajectory import SimulationStopped
 
 MOST_MODES, MOST_COORDINATES = 60, 8  # what fits a screen; --json has all
@@ -69,7 +69,7 @@ def run(model: Model, settings: find_modes.ModesSettings, options: ModesOptions)
 
 def _draw(found: Modes, model: Model, path: str) -> None:
     # matplotlib takes a third of a second to load: only where a figure is asked for.
-    with exits.drawing(path):
+    with write_guard.drawing(path):
         from lagcli.output.figures import modes_figure
 
         modes_figure.draw(path, found, model.title or pathlib.Path(model.path).stem)
@@ -85,7 +85,7 @@ def _animate(found: Modes, model: Model, path: str) -> None:
         scene = animate_modes.of_modes(model, found)
     except NothingToShow as error:
         raise exits.UsageError(f"--animate: {error}") from None
-    with exits.writing(path):
+    with write_guard.writing(path):
         page.write(pathlib.Path(path), scene)
 
 

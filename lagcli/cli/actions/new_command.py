@@ -28,7 +28,7 @@ class NewOptions:
 
 
 def run(name: str | None, template: str | None, options: NewOptions) -> None:
-    """Write NAME.yaml, and the schema beside it. Raises `exits.UsageError`, `exits.WriteError`."""
+    """Write NAME.yaml, and the schema beside it. Raises `exits.UsageError`, `write_guard.WriteError`."""
     if template is not None:
         _require(template)
     asks = sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()

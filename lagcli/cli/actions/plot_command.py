@@ -12,7 +12,7 @@ from lagcli.cli.terminal import console, exits
 from lagcli.output.charts import chart_table, compose
 from lagcli.output.charts.chart import ChartData
 from lagcli.output.charts.chart_table import ChartTable
-from lagcli.output.files import endings
+from lagcli.output.files import endings, write_guard
 from lagcli.output.tables import read_table
 from lagcli.output.tables.sinks import MissingExtra
 
@@ -27,8 +27,8 @@ FAULTS = (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable, compo
 def run(options: PlotOptions) -> None:
     """Read, simulate, draw; nothing is kept, so that it may be called again when a file has changed.
 
-    Raises `exits.UsageError`, `exits.WriteError`, `diagnostics.ModelError`, and `exits.Exit` with 3 where a run stopped
-    before its end, after its rows have been drawn.
+    Raises `exits.UsageError`, `write_guard.WriteError`, `diagnostics.ModelError`, and `exits.Exit` with 3 where a run
+    stopped before its end, after its rows have been drawn.
     """
     stopped: list[str] = []
     with contextlib.ExitStack() as stack:
@@ -38,7 +38,7 @@ def run(options: PlotOptions) -> None:
         except FAULTS as error:
             raise exits.UsageError(str(error)) from None
     if options.output is not None:
-        with exits.drawing(options.output):
+        with write_guard.drawing(options.output):
             from lagcli.output.charts import chart_figure
 
             chart_figure.draw(options.output, chart)

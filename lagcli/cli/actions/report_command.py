@@ -11,6 +11,7 @@ from lagcli.api import report
 from lagcli.cli.requests import file_conflicts, preflight
 from lagcli.cli.terminal import exits
 from lagcli.model.model import Model
+from lagcli.output.files import write_guard
 from lagcli.output.report import pdf_programs, report_page
 
 
@@ -75,10 +76,10 @@ def run(model: Model, settings: ReportedRun, options: ReportOptions) -> None:
         print(page.html(), end="")
     else:
         try:
-            with exits.drawing(options.output):
+            with write_guard.drawing(options.output):
                 files = page.save(options.output, options.pdf)
         except pdf_programs.NoPdf as error:
-            raise exits.WriteError(f"cannot write {options.output}: {error}") from None
+            raise write_guard.WriteError(f"cannot write {options.output}: {error}") from None
         if not options.quiet:
             exits.say(f"written: {', '.join(map(os.fspath, files))}")
     if page.stopped is not None:

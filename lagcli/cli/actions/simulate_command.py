@@ -19,11 +19,11 @@ from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.cli.files import run_figure, table_output
 from lagcli.cli.files.table_plan import TablePlan
 from lagcli.cli.requests.asked_run import SimulateOptions
-from lagcli.cli.terminal import console, exits, json_output, signals
+from lagcli.cli.terminal import console, exits, json_output
 from lagcli.model.model import Model, Simulation
 from lagcli.output import event_rows, trajectory
 from lagcli.output.figures import decimate
-from lagcli.output.files import atomic_file
+from lagcli.output.files import atomic_file, interrupts, write_guard
 from lagcli.output.trajectory import Outcome, Stats, Stopped
 from lagcli.simulation.run_state import checkpoint, run_stop
 from lagcli.simulation.scheme import step_tolerance
@@ -80,9 +80,9 @@ def run(ready: SimulationRun, options: SimulateOptions) -> None:
         exits.say(warning.render())
     _tell_start(ready, options, begun)
     kept = decimate.Thinned()
-    signals.leave()
+    interrupts.leave()
     outcome = dataclasses.replace(ready.outcome)  # of the rows that have been written
-    with signals.unwinding():
+    with interrupts.unwinding():
         try:
             with table_output.opened(ready, begun.table, begun.events) as written:
                 if options.checkpoint is not None:
@@ -91,12 +91,12 @@ def run(ready: SimulationRun, options: SimulateOptions) -> None:
                 is_drawn = is_whole and begun.rows is not None
                 written.begin(begun.rows, begun.incidents, kept if is_drawn else None)
                 stopped = _write_rows(ready, options, picked, written, kept, outcome)
-        except (signals.Interrupted, exits.WriteError, OSError) as error:
+        except (interrupts.Interrupted, write_guard.WriteError, OSError) as error:
             _account_of_ended(ready, options, outcome, error)
             raise
         _write_account(options, ready.stats)
         run_figure.draw(ready, options, kept)
-        signals.check()
+        interrupts.check()
     if not options.quiet:
         for note in ready.notes:
             exits.say(f"note: {note}")
@@ -201,7 +201,7 @@ def _write_rows(
                     kept.marks.extend((incident.t, incident.kind) for incident in ready.incidents)
     except run_stop.RunStop as stop:
         stopped = stop
-    except signals.Interrupted:
+    except interrupts.Interrupted:
         if written.t_end == ready.end:
             written.complete()
         elif kept_in := written.keep():
@@ -210,7 +210,7 @@ def _write_rows(
     if stopped is None:
         written.complete()
     elif kept_in := written.keep():
-        signals.leave(f"lagcli: interrupted; {kept_in}")
+        interrupts.leave(f"lagcli: interrupted; {kept_in}")
         exits.say(f"lagcli: {kept_in}")
     return stopped
 
@@ -219,7 +219,7 @@ def _blocks(ready: SimulationRun, bar: console.Progress) -> Iterator[Floats]:
     """The blocks of a run; an interrupt breaks off only what computes them."""
     blocks = ready.blocks()
     while True:
-        with signals.window():
+        with interrupts.window():
             bar.at(ready.t)
             block = next(blocks, None)
         if block is None:
@@ -240,7 +240,7 @@ def _account_of_ended(
 ) -> None:
     """The account of the rows that are kept of a run that this has ended; what fails here does not hide it."""
     reason, code = str(error), trajectory.NOT_WRITTEN
-    if isinstance(error, signals.Interrupted):
+    if isinstance(error, interrupts.Interrupted):
         reason, code = f"interrupted by {signal.Signals(error.number).name}", trajectory.INTERRUPTED
     elif isinstance(error, BrokenPipeError):
         reason = "the reader of the rows went away"
@@ -254,18 +254,18 @@ def _account_of_ended(
     )
     try:
         _write_account(options, account)
-    except (exits.WriteError, OSError) as error:
+    except (write_guard.WriteError, OSError) as error:
         exits.say(f"lagcli: {error}")
-    except signals.Interrupted:
+    except interrupts.Interrupted:
         pass  # a later signal; the caller raises the first
 
 
 def _write_account(options: SimulateOptions, stats: Stats) -> None:
     """Write what `--stats` and `--json` ask for. A signal waits for it, but not long for a reader who takes nothing."""
     account = stats.as_json()
-    with signals.shielded(signals.PATIENCE):
+    with interrupts.shielded(interrupts.PATIENCE):
         if options.stats is not None:
-            with exits.writing(options.stats):
+            with write_guard.writing(options.stats):
                 _write_json(options.stats, account)
         if options.as_json and not options.is_stdout_taken:
             print(json_output.text(account), flush=True)

@@ -9,6 +9,7 @@ from lagcli.cli.requests import preflight
 from lagcli.cli.terminal import console, exits, json_output
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
+from lagcli.output.files import write_guard
 from lagcli.output.tables import sinks
 from lagcli.output.trajectory import provenance
 from lagcli.statics.static_report import StaticReport
@@ -64,7 +65,7 @@ def _write(model: Model, found: StaticReport, options: PointOptions) -> None:
     name = "standard output" if options.output == "-" else options.output
     whence = provenance(model).as_json()
     with (
-        exits.writing(name),
+        write_guard.writing(name),
         sinks.open_sink(target, (*found.columns, "type"), None, whence, ("type",)) as sink,
     ):
         sink.write(numbers, [types])

@@ -29,9 +29,9 @@ from lagcli.api.sweeps.sweep_plan import SweepPlan
 from lagcli.api.sweeps.sweep_table import SweepTable
 from lagcli.cli.requests.asked_points import UNREADABLE, AskedPoints
 from lagcli.cli.requests.asked_sweep import SweepFiles
-from lagcli.cli.terminal import console, exits, json_output, signals
+from lagcli.cli.terminal import console, exits, json_output
 from lagcli.model.model import Model
-from lagcli.output.files import atomic_file, endings
+from lagcli.output.files import atomic_file, endings, interrupts, write_guard
 from lagcli.output.tables import sinks
 
 # Points above which a sweep is asked for with --yes: days of computing, which a slip of the finger has asked for.
@@ -47,7 +47,7 @@ def plan(
     limits: tuple[float, float | None],
     files: SweepFiles,
 ) -> SweepPlan:
-    """The sweep that is asked for. Raises `exits.UsageError`, `exits.WriteError`, `ModelError`."""
+    """The sweep that is asked for. Raises `exits.UsageError`, `write_guard.WriteError`, `ModelError`."""
     try:
         parts = asked.read(model)
         count = point_sources.joined(parts).count
@@ -56,7 +56,7 @@ def plan(
         shard = _shard(files.shard)
         pattern = None
         if files.tables is not None:
-            with exits.writing(files.tables):
+            with write_guard.writing(files.tables):
                 pattern = point_task.require_folder(files.tables)
             endings.of(pathlib.Path(pattern), endings.TABLES)
         chosen = sweep_plan.SweepSettings(settings, *limits, pattern)
@@ -80,8 +80,8 @@ def run(plan: SweepPlan, files: SweepFiles, has_spreads: bool) -> None:
     """Compute and write. Raises `exits.Exit` with 1 or 3 where a point is not done."""
     began = time.monotonic()
     account = SweepAccount([one.name for one in plan.task.reductions], has_spreads)
-    signals.leave()
-    with signals.unwinding(), signals.shielded(), _engine(files) as engine:
+    interrupts.leave()
+    with interrupts.unwinding(), interrupts.shielded(), _engine(files) as engine:
         try:
             if files.target is None:
                 _to_stdout(plan, files, engine, account)
@@ -119,7 +119,7 @@ def _blocks(
     rows = engines.rows(engine, plan.task, plan.points, numbers[there:])
     with console.progress(0, len(numbers), files.quiet) as bar:
         while True:
-            with signals.window():
+            with interrupts.window():
                 bar.at(there)
                 block = next(rows, None)
             if block is None:
@@ -129,19 +129,19 @@ def _blocks(
 
 
 def _to_stdout(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account: SweepAccount) -> None:
-    with exits.writing("standard output"):
+    with write_guard.writing("standard output"):
         table = SweepTable(sys.stdout.buffer, plan.columns, None, plan.shard_of if plan.is_shard else "")
         for block in _blocks(plan, files, engine, 0):
-            with signals.shielded(signals.PATIENCE):
+            with interrupts.shielded(interrupts.PATIENCE):
                 table.write(block)
             account.take(block)
-        with signals.shielded(signals.PATIENCE):
+        with interrupts.shielded(interrupts.PATIENCE):
             table.commit()
 
 
 def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account: SweepAccount) -> None:
     target = files.path(plan.shard.number, plan.shard.count)
-    with exits.writing(os.fspath(target)):
+    with write_guard.writing(os.fspath(target)):
         target.parent.mkdir(exist_ok=True)
     path = sweep_journal.path_of(target)
     identity = {**plan.identity, "shard": [plan.shard.number, plan.shard.count]}
@@ -149,7 +149,7 @@ def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account
         if not files.quiet:
             exits.say(f"note: {target} holds all rows of this sweep already")
         return
-    with exits.writing(os.fspath(path)):
+    with write_guard.writing(os.fspath(path)):
         try:
             journal = sweep_journal.SweepJournal(path, identity, files.resume)
         except sweep_journal.UnfitJournal as error:
@@ -158,7 +158,7 @@ def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account
     if is_resumed and not files.quiet:
         exits.say(f"note: {journal.count} of {len(plan.numbers)} points are there of the sweep before")
     _compute(plan, files, engine, journal, target)
-    with exits.writing(os.fspath(target)):
+    with write_guard.writing(os.fspath(target)):
         for rows in _written(plan, journal, target, lambda table: table.commit()):
             account.take(rows)
         if files.resume and finished_rows.is_silent(target, plan):
@@ -172,7 +172,7 @@ def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account
 def _is_complete(plan: SweepPlan, target: pathlib.Path, digest: str, account: SweepAccount) -> bool:
     """True if the file holds all rows of the sweep, which are counted. Raises `exits.UsageError` where that cannot be
     told."""
-    with exits.writing(os.fspath(target)):
+    with write_guard.writing(os.fspath(target)):
         if sweep_journal.is_under_way(sweep_journal.path_of(target)):
             return False
         try:
@@ -192,7 +192,7 @@ def _compute(
 ) -> None:
     """Bring the rows that are missing into the journal."""
     try:
-        with exits.writing(os.fspath(journal.path)):
+        with write_guard.writing(os.fspath(journal.path)):
             synced = time.monotonic()
             for block in _blocks(plan, files, engine, journal.count):
                 journal.write(block)
@@ -200,9 +200,9 @@ def _compute(
                     journal.sync()
                     synced = time.monotonic()
             journal.sync()
-    except signals.Interrupted:
+    except interrupts.Interrupted:
         kept = _keep(plan, journal, files.rows_so_far(target))
-        signals.leave(f"lagcli: interrupted; {kept}; --resume goes on after them")
+        interrupts.leave(f"lagcli: interrupted; {kept}; --resume goes on after them")
         raise
 
 
@@ -231,7 +231,7 @@ def _written(
 def _keep(plan: SweepPlan, journal: sweep_journal.SweepJournal, target: pathlib.Path) -> str:
     """Write the rows so far into `target`.partial; where they are, in words."""
     journal.sync()
-    with exits.writing(os.fspath(target)):
+    with write_guard.writing(os.fspath(target)):
         for _ in _written(plan, journal, target, lambda table: table.keep_partial()):
             pass
     return f"{journal.count} of {len(plan.numbers)} points are in {atomic_file.partial_of(target)}"
@@ -269,7 +269,7 @@ def merge(paths: Sequence[str], files: SweepFiles, is_alone: bool) -> None:
         raise exits.UsageError(f"--merge: {error}") from None
     account = SweepAccount([], False)
     target = sys.stdout.buffer if files.output in (None, "-") else pathlib.Path(str(files.output))
-    with exits.writing(files.output or "standard output"):
+    with write_guard.writing(files.output or "standard output"):
         table = SweepTable(target, found.columns, None)
         with contextlib.ExitStack() as stack:
             stack.callback(table.discard)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from lagcli.cli.requests.asked_check import CheckOptions
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
+from lagcli.output.files import write_guard
 
 if TYPE_CHECKING:
     from lagcli.analysis.check_report import ConstraintReport, Report
@@ -89,7 +90,7 @@ def shown(model: Model, report: Report, options: CheckOptions) -> Answer:
         reason = f"undecided: no loop that shows `{row}` to be nonholonomic was found in {options.limit:g} s"
         return Answer(None, reason, exits.UNDECIDED)
     if options.plot is not None:
-        with exits.drawing(options.plot):
+        with write_guard.drawing(options.plot):
             from lagcli.output.figures import loop_figure
 
             loop_figure.draw(pathlib.Path(options.plot), found)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lagcli.cli.terminal import exits
-from lagcli.output.files import atomic_file
+from lagcli.output.files import atomic_file, write_guard
 
 STDOUT = "-"
 # More than any model or schema; a file of this size is another one without looking.
@@ -24,13 +24,13 @@ def write(name: str, text: str, *, force: bool = False, may_replace: Callable[[s
     """Write a text to a file, or to standard output for `-`; False where the file holds this text already.
 
     may_replace: whether a file with this text may be written over without `force`. Raises `exits.UsageError` where
-    another file is there, `exits.WriteError` where the file cannot be written.
+    another file is there, `write_guard.WriteError` where the file cannot be written.
     """
     if name == STDOUT:
         print(text, end="")
         return True
     target = Path(name)
-    with exits.writing(name):
+    with write_guard.writing(name):
         old = _old(target)
         if old == text:
             return False
@@ -46,13 +46,13 @@ def write(name: str, text: str, *, force: bool = False, may_replace: Callable[[s
 def schema_beside(model: str) -> str:
     """Write the schema into the folder of a model, where none is; what there is to say about it, or nothing.
 
-    Raises `exits.WriteError`.
+    Raises `write_guard.WriteError`.
     """
     from lagcli.input import format_schema
 
     name = os.path.join(os.path.dirname(model), format_schema.FILE)
     if os.path.lexists(name):
-        with exits.writing(name):
+        with write_guard.writing(name):
             same = _old(Path(name)) == format_schema.text()
         return "" if same else f"{name} is of another version; `lagcli schema -o {name}` writes it anew"
     write(name, format_schema.text())

@@ -16,6 +16,7 @@ from lagcli.formulations import comparison
 from lagcli.formulations.comparison import Comparison, Formulation
 from lagcli.model.model import Model
 from lagcli.output import trajectory
+from lagcli.output.files import write_guard
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +56,7 @@ def initial_multipliers(given: Sequence[str]) -> dict[str, str]:
 
 
 def write(model: Model, found: Comparison, options: PrinciplesOptions) -> None:
-    """The table and the figure that were asked for. Raises `exits.WriteError`, `exits.UsageError`."""
+    """The table and the figure that were asked for. Raises `write_guard.WriteError`, `exits.UsageError`."""
     principles = found.principles
     if principles is None:
         return
@@ -76,7 +77,7 @@ def write(model: Model, found: Comparison, options: PrinciplesOptions) -> None:
 
 def _draw(model: Model, found: Comparison, path: str) -> None:
     first, other = found.formulations[0], found.formulations[-1]
-    with exits.drawing(path):
+    with write_guard.drawing(path):
         # matplotlib takes a third of a second to load: only where a figure is asked for.
         from lagcli.output.figures import principles_figure
 

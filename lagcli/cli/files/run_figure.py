@@ -12,6 +12,7 @@ from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.cli.requests.asked_run import SimulateOptions
 from lagcli.cli.terminal import exits
 from lagcli.output.figures import decimate
+from lagcli.output.files import write_guard
 from lagcli.output.tables import column_choice
 
 Floats = npt.NDArray[np.float64]
@@ -37,7 +38,7 @@ def draw(ready: SimulationRun, options: SimulateOptions, kept: decimate.Thinned)
 
         names, drawn = _drawn(ready.columns, rows, options, ready.by_name)
         title = ready.model.title or pathlib.Path(ready.model.path).stem
-        with exits.drawing(options.plot):
+        with write_guard.drawing(options.plot):
             from lagcli.output.figures import figure
 
             figure.draw(

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.cli.files.table_plan import RowsBefore, TablePlan
-from lagcli.cli.terminal import exits, signals
-from lagcli.output.files import atomic_file
+from lagcli.cli.terminal import exits
+from lagcli.output.files import atomic_file, interrupts, write_guard
 from lagcli.output.tables import sinks, text_cells
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class SafeTable:
         from lagcli.output.tables import row_file
 
         rows = row_file.path_of(plan.path)
-        with exits.writing(os.fspath(rows)):
+        with write_guard.writing(os.fspath(rows)):
             if first is not None:
                 self._rows = row_file.RowFile.going_on(first.path, plan.names, first.rows)
             else:
@@ -59,21 +59,21 @@ class SafeTable:
         from lagcli.output.tables import row_file
 
         for block in row_file.read(first.path, self._plan.names, first.rows):
-            with signals.window():
+            with interrupts.window():
                 seen(block)
             self._sink.write(*self._plan.decoded(block))
 
     def write(self, rows: Floats, texts: text_cells.Texts = ()) -> None:
         """More rows (k, columns of numbers), and their texts."""
-        with exits.writing(self._plan.file or "standard output"), self._patient():
+        with write_guard.writing(self._plan.file or "standard output"), self._patient():
             self._sink.write(rows, texts)
         if self._rows is not None:
-            with exits.writing(os.fspath(self._rows.path)):
+            with write_guard.writing(os.fspath(self._rows.path)):
                 self._rows.write(self._plan.numbers(rows, texts))
 
     def complete(self) -> None:
         """All rows are there."""
-        with exits.writing(self._plan.file or "standard output"), self._patient():
+        with write_guard.writing(self._plan.file or "standard output"), self._patient():
             self._sink.commit(durably=self._rows is not None)
 
     def leave_rows(self, is_complete: bool) -> None:
@@ -86,31 +86,31 @@ class SafeTable:
 
     def keep(self) -> str:
         """The run has ended before its end: keep what there is; where it is, as a part of a sentence, or nothing."""
-        with exits.writing(self._plan.file or "standard output"), self._patient():
+        with write_guard.writing(self._plan.file or "standard output"), self._patient():
             partial = self._sink.keep_partial()
         return f"the complete {self._plan.noun} are in {partial}" if partial is not None else ""
 
     def _patient(self) -> contextlib.AbstractContextManager[None]:
         """A pipe may wait for its reader for ever; a file does not, and is finished whatever comes."""
-        return contextlib.nullcontext() if self._sink.is_file else signals.shielded(signals.PATIENCE)
+        return contextlib.nullcontext() if self._sink.is_file else interrupts.shielded(interrupts.PATIENCE)
 
 
 @contextlib.contextmanager
 def opened(plan: TablePlan, provenance: Mapping[str, object]) -> Iterator[SafeTable]:
     """A table in a file or on standard output; trouble with it is told with its name.
 
-    Interrupts are held back inside but in `signals.window`.
+    Interrupts are held back inside but in `interrupts.window`.
     """
     file = plan.file
     with contextlib.ExitStack() as stack:
-        stack.enter_context(exits.writing(file or "standard output"))
+        stack.enter_context(write_guard.writing(file or "standard output"))
         # An interrupt finds a sink that will be discarded, or none: no file stays behind.
-        with signals.shielded():
+        with interrupts.shielded():
             target = sys.stdout.buffer if file is None else pathlib.Path(file)
             # A pipe with a name is opened when somebody reads it.
             is_waiting = file is not None and not atomic_file.is_replaced(pathlib.Path(file))
             try:
-                with signals.shielded(signals.PATIENCE) if is_waiting else contextlib.nullcontext():
+                with interrupts.shielded(interrupts.PATIENCE) if is_waiting else contextlib.nullcontext():
                     sink = sinks.open_sink(target, plan.names, provenance=provenance, texts=plan.texts)
             except sinks.MissingExtra as error:
                 raise exits.UsageError(str(error)) from None

@@ -15,8 +15,9 @@ from lagcli.cli.files import safe_table
 from lagcli.cli.files.safe_table import SafeTable
 from lagcli.cli.files.table_plan import TablePlan
 from lagcli.cli.requests.asked_run import SimulateOptions
-from lagcli.cli.terminal import exits, signals
+from lagcli.cli.terminal import exits
 from lagcli.output.figures import decimate
+from lagcli.output.files import interrupts, write_guard
 from lagcli.output.tables import incident_table
 from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.output.trajectory import provenance
@@ -103,7 +104,7 @@ class TableOutput:
         if self._events is not None and incidents:
             self._events.write(self._columns.numbers(incidents), self._columns.words(incidents))
         if self._keeper is not None and point is not None:
-            with exits.writing(self._checkpoint):
+            with write_guard.writing(self._checkpoint):
                 self._keeper.take(point)
 
     def complete(self) -> None:
@@ -114,7 +115,7 @@ class TableOutput:
             if each.file is not None:
                 done.append(each.file)
                 are = "is" if len(done) == 1 else "are"
-                signals.leave(f"lagcli: interrupted; {' and '.join(done)} {are} complete")
+                interrupts.leave(f"lagcli: interrupted; {' and '.join(done)} {are} complete")
         self._keep_checkpoint()
         for each in self._tables:
             each.leave_rows(is_complete=True)
@@ -129,7 +130,7 @@ class TableOutput:
 
     def _keep_checkpoint(self) -> None:
         if self._keeper is not None:
-            with exits.writing(self._checkpoint):
+            with write_guard.writing(self._checkpoint):
                 self._keeper.write()
 
 
@@ -141,10 +142,10 @@ def _ignore(block: Floats) -> None:
 def opened(ready: SimulationRun, rows: TablePlan | None, happened: TablePlan | None) -> Iterator[TableOutput]:
     """The tables in files, on standard output, or nowhere; trouble with one is told with its name.
 
-    Interrupts are held back inside but in `signals.window`.
+    Interrupts are held back inside but in `interrupts.window`.
     """
     whence = provenance(ready.model).as_json()
-    with contextlib.ExitStack() as stack, signals.shielded():
+    with contextlib.ExitStack() as stack, interrupts.shielded():
         tables = [
             None if plan is None else stack.enter_context(safe_table.opened(plan, whence))
             for plan in (rows, happened)

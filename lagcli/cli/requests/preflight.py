@@ -1,5 +1,5 @@
 """Refusals before any work, whatever the command: files that are missing, of a wrong format, or not to be
-written. Its functions raise `exits.UsageError`, and `exits.WriteError` for a folder that is missing or closed.
+written. Its functions raise `exits.UsageError`, and `write_guard.WriteError` for a folder that is missing or closed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TypedDict
 
 from lagcli.cli.requests import file_conflicts, model_reading
 from lagcli.cli.terminal import exits
-from lagcli.output.files import atomic_file, endings
+from lagcli.output.files import atomic_file, endings, write_guard
 
 
 class RepeatedRuns(TypedDict):
@@ -76,7 +76,7 @@ def require_writable(
 
 
 def _require_place(name: str) -> None:
-    with exits.writing(name):
+    with write_guard.writing(name):
         target = atomic_file.destination(pathlib.Path(name))
         # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
         is_replaced = atomic_file.is_replaced(target)

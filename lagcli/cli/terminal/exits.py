@@ -7,22 +7,19 @@ import functools
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import ParamSpec
 
-from lagcli.cli.terminal import signals, status_line
+from lagcli.cli.terminal import status_line
 from lagcli.errors import diagnostics
 from lagcli.input.overrides import OverrideError
-from lagcli.output.files import atomic_file
+from lagcli.output.files import atomic_file, interrupts, write_guard
 
 # Exit codes, as the manual lists them.
 DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141
 
-
 # Beginnings of the places of what stands on the command line and in no file.
 OPTIONS = ("--set ", "--mu ", "--of", "--over ", "--reduce ", "--uncertain ")
-
-signals.before_end(atomic_file.sweep)
 
 
 class Exit(Exception):
@@ -35,10 +32,6 @@ class Exit(Exception):
 
 class UsageError(Exception):
     """The command line is wrong, or MODEL does not exist."""
-
-
-class WriteError(Exception):
-    """A file could not be written."""
 
 
 def say(text: str) -> None:
@@ -55,10 +48,7 @@ def say_all(texts: Iterable[str]) -> None:
 
 def of(error: diagnostics.ModelError) -> int:
     """The code for an invalid model; where all that is wrong stands in an option, it is the command line's."""
-    ours = all(
-        found.location.path.startswith(("--set ", "--mu ", "--of", "--over ", "--reduce ", "--uncertain "))
-        for found in error.diagnostics
-    )
+    ours = all(found.location.path.startswith(OPTIONS) for found in error.diagnostics)
     return USAGE if ours else INVALID
 
 
@@ -87,14 +77,14 @@ def guarded(run: Callable[[], None], debug: bool = False) -> int:
         # What was printed is written now, while a failure still has an exit code.
         sys.stdout.flush()
         return code
-    except signals.Interrupted as error:
-        say_all(signals.last_words())
+    except interrupts.Interrupted as error:
+        say_all(interrupts.last_words())
         # Whoever reads stdout may have stopped to: nothing more is written.
         _drop_stdout()
         return 128 + error.number
     except BrokenPipeError:
         code = PIPE_CLOSED
-    except WriteError as error:
+    except write_guard.WriteError as error:
         say(f"lagcli: {error}")
         code = NOT_WRITTEN
     except OSError as error:
@@ -122,31 +112,6 @@ def outcome(run: Callable[[], None]) -> int:
         say(str(error))
         return of(error)
     return DONE
-
-
-@contextlib.contextmanager
-def writing(name: str) -> Iterator[None]:
-    """Take what fails inside as the writing of `name`. A closed pipe stays what it is. Raises `WriteError`.
-
-    An interrupt inside is an exception, so that what has been written aside is put in order.
-    """
-    try:
-        with signals.unwinding():
-            yield
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise WriteError(f"cannot write {name}: {error.strerror or error}") from error
-
-
-@contextlib.contextmanager
-def drawing(name: str) -> Iterator[None]:
-    """Surround what loads matplotlib and writes a figure; matplotlib's remarks on its cache are no answer of ours."""
-    import logging
-
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    with writing(name):
-        yield
 
 
 def _drop_stdout() -> None:

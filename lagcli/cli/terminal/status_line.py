@@ -13,7 +13,8 @@ import time
 from collections.abc import Iterator
 
 from lagcli import progress
-from lagcli.cli.terminal import console, signals
+from lagcli.cli.terminal import console
+from lagcli.output.files import interrupts
 
 DELAY = 1.0  # seconds before anything is shown: most commands have ended by then
 TICK = 0.25  # seconds between looks at what is going on
@@ -44,7 +45,7 @@ def erase() -> None:
         line.erase_at_once()
 
 
-signals.before_end(erase)
+interrupts.before_end(erase)
 
 
 class Status:

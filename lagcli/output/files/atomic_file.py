@@ -7,6 +7,8 @@ import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from lagcli.output.files import interrupts
+
 MOST_LINKS = 40  # links to links that are followed, as many as Linux follows
 PERMISSIONS = 0o777  # what is kept of a mode: a set-user-ID bit was given to the old content and its owner
 
@@ -90,6 +92,9 @@ def sweep() -> None:
     """Remove the files aside whose writers were interrupted; for the end of a command."""
     while _begun:
         _begun.pop().unlink(missing_ok=True)
+
+
+interrupts.before_end(sweep)
 
 
 def is_replaced(target: Path) -> bool:

@@ -4,6 +4,11 @@ Before a run has begun to write there is nothing to put in order, and an excepti
 modules drop some of those that are raised while they are imported. Later a signal raises `Interrupted`, at once or,
 where rows are being written, when they are. A second and a third one never break off the writing of a file: only what
 may wait for ever, a pipe that nobody reads, is given up.
+
+The program installs the handlers. Where a script uses the package there are none, and all that is here lets pass.
+Handlers run between two steps of the interpreter, and a library may compute for seconds in one of them. So the number
+of a signal is written to a pipe at once, and a thread that waits there ends the process where the handler did not come
+to run, as long as no file has been begun.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ from types import FrameType
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 PATIENCE = 1.0  # seconds an interrupt waits for a pipe that takes no more
 WAIT = "lagcli: writing the rows, a moment"
+GRACE = 0.2  # seconds in which a handler may run before the process is ended without it
 
 
 class Interrupted(BaseException):
@@ -46,6 +52,32 @@ def install() -> None:
     for number in _numbers():
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _handle)
+
+
+def end_promptly() -> None:
+    """Let an interrupt end the process also while a library computes, from now on; for the main thread.
+
+    Where no signals are taken there is nothing to do.
+    """
+    if not any(map(is_ending, signal.valid_signals())):
+        return
+    import threading
+
+    reading, writing = os.pipe()
+    if sys.platform != "win32":  # where it need not be
+        os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    threading.Thread(target=_watch, args=(reading,), daemon=True).start()
+
+
+def _watch(reading: int) -> None:
+    while received := os.read(reading, 64):
+        came = time.monotonic()
+        for number in received:
+            if is_ending(number):
+                time.sleep(GRACE)
+                if is_stuck(came - GRACE):
+                    end_at_once(number)
 
 
 def release() -> None:
