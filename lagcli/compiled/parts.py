@@ -16,6 +16,7 @@ from lagcli.equations import system as mechanics
 from lagcli.equations.contact_rows import ContactRows
 from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
+from lagcli.frozen import frozen
 
 # Below this a norm is taken as zero where it divides; B has no row without entries.
 TINY = 1e-300
@@ -27,7 +28,7 @@ RESTING = 1e-6
 SHARED_NODES = 20_000
 
 
-@dataclasses.dataclass(frozen=True)
+@frozen
 class Parts:
     """The expressions of (D.24) with their common subexpressions shared, where the graph `is_small`.
 
@@ -262,7 +263,7 @@ def _position_rows(parts: Parts) -> tuple[ca.SX, ca.SX]:
     return (ca.vertcat(f, parts.g), ca.vertcat(B, parts.dg)) if parts.g.numel() else (f, B)
 
 
-@dataclasses.dataclass(frozen=True)
+@frozen
 class Sizes:
     """Sizes in which positions, velocities and accelerations are small or large, whatever the units.
 

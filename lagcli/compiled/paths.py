@@ -6,7 +6,6 @@ out; a step of a Runge-Kutta scheme is a graph that calls it, so that its deriva
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 import casadi as ca
@@ -15,6 +14,7 @@ import numpy.typing as npt
 
 from lagcli.compiled.bound_function import Buffer, buffer
 from lagcli.equations.system import System
+from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -30,7 +30,7 @@ SHARED_NODES = 3000  # of a field in which common subexpressions are looked for
 WRITTEN_OUT = 3e4  # operations of a step that is written out too
 
 
-@dataclasses.dataclass(frozen=True)
+@frozen
 class Held:
     """The configuration q (n,) and velocity (n,) that are held, the values of the parameters, and units (k + 1,)."""
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import casadi as ca
+
+from lagcli.frozen import frozen_value
 
 NAMES: dict[int, str] = {getattr(ca, name): name[3:].lower() for name in dir(ca) if name.startswith("OP_")}
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Program:
     """The operations of a function written out.
 

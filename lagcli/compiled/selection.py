@@ -7,7 +7,6 @@ not change when a row is scaled, so that the split does not depend on how a row 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 
 import casadi as ca
@@ -15,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import solvers
+from lagcli.frozen import frozen_value
 
 # A row that vanishes has no length to divide by; its multiplier is 0.
 TINY = 1e-300
@@ -23,7 +23,7 @@ WRITTEN_OUT = 40
 SOLVER = "ldl"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Selection:
     """The rows a run is stepped with, `kept`; circuits: each other row, followed by the kept rows it depends on;
     inactive: rows that are declared and do not act, as contacts that are open; idle: contacts among them that lie

@@ -7,7 +7,6 @@ k times this constant, after k turns, is the same law beyond the cut. Elsewhere 
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Callable
 from typing import TypeVar
@@ -19,6 +18,7 @@ import numpy.typing as npt
 from lagcli.equations import operation_graph
 from lagcli.equations.rows import ConstraintRows
 from lagcli.equations.symbols import Symbols
+from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
@@ -35,7 +35,7 @@ ON_CUT = 1e-9
 SAME, PASSED, JUMPS = range(3)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Cuts:
     """The angles of J calls of `atan2` and `atan` in holonomic rows, and f (s,) continued across their cuts.
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import casadi as ca
 import numpy as np
 
 from lagcli.equations import rows
 from lagcli.equations.environment import Environment
+from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class ContactRows:
     """g (K,) with its gradient G (K, n), dg/dt = G v + g_t and d2g/dt2 = G a - gamma; g_t, gamma (K,)."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping
 
 import casadi as ca
@@ -11,11 +10,12 @@ import numpy as np
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Triple, Value, column, interleaved, scattered, taken
 from lagcli.equations.symbols import FixedExponents, Symbols
+from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Dynamics:
     """The terms of M a = h + B^T lambda, with the energies that certify it.
 

@@ -6,7 +6,6 @@ of motion (D.24) see slopes only, so that a run would go over the jump as if the
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -22,6 +21,7 @@ from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import column
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
 
@@ -40,7 +40,7 @@ MEMBERS, SWITCHES = 16, 32
 HINT = "write a force that is steep but finite, as from `tanh(x/w)`, or the torque of an angle as a force"
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Subject:
     """A thing that jumps, in words, and where it is declared; value: that of the members in these places, (1, 1)."""
 
@@ -50,7 +50,7 @@ class Subject:
     value: Callable[[Whole], ca.SX]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Jump:
     """A jump on a way: the last part before it, what jumps, and the function that makes it jump."""
 
@@ -74,7 +74,7 @@ class Way(Protocol):
         """`Crossings.values` there, (J,), until the next call."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Crossings:
     """The K switches of J subjects: words (K,) and owners (K,) by number.
 

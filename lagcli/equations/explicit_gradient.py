@@ -7,7 +7,6 @@ of the particles is not determined: that is refused.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -21,6 +20,7 @@ from lagcli.equations.family_columns import Triple
 from lagcli.equations.symbols import FixedExponents
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
+from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
 
@@ -40,7 +40,7 @@ def entries(matrix: ca.SX, row: Whole, column: Whole) -> ca.SX:
     return values
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class _Gradient:
     """df/dr of the rows of one law by the dependent particles, (rows, 3 D), x of all before y and z."""
 

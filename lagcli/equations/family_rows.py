@@ -7,7 +7,6 @@ share is found once.
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Protocol
 
 import casadi as ca
@@ -16,6 +15,7 @@ import numpy as np
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Triple, Value, rate, scattered
 from lagcli.expression import evaluate, tree
+from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
 
@@ -46,7 +46,7 @@ class NotAlike(Exception):
     """The members cannot be mapped: what they touch is a function of many coordinates, or differs in form."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class FamilyBlock:
     """Rows of one law, those of one member after another: f (C,) or nothing, B (C, n), b (C,), gamma (C,)."""
 

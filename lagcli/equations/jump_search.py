@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations.family_columns import taken
+from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
 # t, q and v.
@@ -30,7 +29,7 @@ def is_abrupt(values: Floats) -> npt.NDArray[np.bool_]:
     return np.asarray(abs(c - b) > least)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Starts:
     """The points that places are sought from: q (n, S) at one t, v and p; size: of q."""
 

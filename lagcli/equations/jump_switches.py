@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import collections
-import dataclasses
 from collections.abc import Sequence
 
 import casadi as ca
 
 from lagcli.equations import operation_graph, value_bounds
+from lagcli.frozen import frozen
 
 QUOTIENT = "a quotient"
 # The operation, with the operand that changes its sign.
@@ -21,7 +21,7 @@ _WORDS = {
 }
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Switch:
     """A function that may jump where its `argument`, an SX (1, 1), changes its sign.
 

@@ -6,7 +6,6 @@ of a motion that goes over the edge would have to jump: an impact, which the equ
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Sequence
 
@@ -18,6 +17,7 @@ from lagcli.equations import operation_graph
 from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
@@ -29,7 +29,7 @@ ASIDE, FURTHER, JUMP = 1e-9, 1e-5, 1e-6
 HALVINGS = 60
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Kinks:
     """The switches of all rows: `switches` gives (t, q, p) -> u (K,), each zero where it switches.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -13,10 +12,11 @@ from lagcli.equations.family_columns import Value
 from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
 from lagcli.expression import evaluate, integers, parser, tree
+from lagcli.frozen import frozen, frozen_value
 from lagcli.model import family, invariant
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class LevelExpression:
     """A chart of `conserved`, as scalar SX of `System.symbols`; period None where there is none."""
 
@@ -25,7 +25,7 @@ class LevelExpression:
     period: ca.SX | None
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Charts:
     """Charts with the parameters that stand in exponents, whose values are built in."""
 

@@ -5,7 +5,6 @@ a, lambda and R are those of (D.24) at the row; the part of one constraint in R_
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
@@ -18,12 +17,13 @@ from lagcli.equations.family_columns import Columns, Triple, Value
 from lagcli.errors import diagnostics
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
+from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 from lagcli.model.family import MemberIndex, Whole
 from lagcli.model.resolve import Reference, is_second
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class SolvedValues:
     """The rows of a system and what is solved for: lam (C + K,), a (n,), a_k and R_k of all particles."""
 

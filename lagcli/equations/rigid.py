@@ -11,11 +11,12 @@ lie in a plane are tied too poorly by their distances.
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 
 import numpy as np
 import numpy.typing as npt
+
+from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
 
@@ -30,7 +31,7 @@ class DegenerateBody(ValueError):
     """All particles of the body stand at one point."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Geometry:
     """Places in the body's list: `base`, the `pairs` of the base with their `distances` (length), and for each
     of the `further` places its coefficients `alpha` (len(further), len(base)) and, where the body is a little off

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 import casadi as ca
@@ -11,10 +10,11 @@ import numpy as np
 from lagcli.equations import family_rows, rigid
 from lagcli.equations.environment import Environment
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Row:
     """A scalar row: its name, the constraint it belongs to, and where that stands."""
 
@@ -23,7 +23,7 @@ class Row:
     location: diagnostics.Location
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class ConstraintRows:
     """f (s): holonomic and rigid rows; w (C): all rows as B v + b (D.6), the holonomic ones differentiated."""
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 
 import casadi as ca
 
 from lagcli.expression import evaluate
+from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Symbols:
     """t, q (n), v (n) and the parameters p, with those that belong to names."""
 

@@ -32,12 +32,13 @@ from lagcli.equations.family_columns import Columns
 from lagcli.equations.rows import Row as ConstraintRow
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class System:
     """Symbols and expressions, all CasADi SX.
 

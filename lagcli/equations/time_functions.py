@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from lagcli.expression import evaluate, intervals, tree
 from lagcli.expression.intervals import Range
+from lagcli.frozen import frozen_value
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
 
@@ -43,7 +44,7 @@ _SWITCHES = frozenset(("abs", "sign", "sqrt"))
 _INVERSES = frozenset(("asin", "acos"))
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Operation:
     """A function of earlier values, each by its place or as a number."""
 
@@ -51,7 +52,7 @@ class Operation:
     parts: tuple[int | Range, ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class TimeFunctions:
     """Operations on t, which has the place 0, each on those before it.
 
@@ -157,13 +158,13 @@ def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, W
     yield from ((event.when, {}) for event in model.events)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Value:
     """A number, or a function of t at a place; neither where it depends on the motion, `is_timed` on t too."""
 
-    number: Range | None = None
-    place: int | None = None
-    is_timed: bool = False
+    __slots__ = ("is_timed", "number", "place")
+
+    def __init__(self, number: Range | None = None, place: int | None = None, is_timed: bool = False) -> None:
+        self.number, self.place, self.is_timed = number, place, is_timed
 
 
 _MOTION = _Value()

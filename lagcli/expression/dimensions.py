@@ -6,10 +6,10 @@ dimension: `norm(a) - L` is a length whatever L is.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator
 
 from lagcli.expression import tree
+from lagcli.frozen import frozen_value
 
 Power = float | None  # of a length; None where it is not known
 ANGLES = frozenset(
@@ -18,7 +18,7 @@ ANGLES = frozenset(
 POSITION = frozenset(("", "x", "y", "z", "v", "vx", "vy", "vz"))
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class _Kind:
     """The names of particles, whose positions are lengths, and of coordinates that are angles."""
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import re
 
 from lagcli.expression import hints
 from lagcli.expression.tree import ExpressionError
+from lagcli.frozen import frozen_value
 
 MAX_LENGTH = 2**20  # letters: no formula is a megabyte long
 
@@ -24,7 +24,7 @@ _WORD = re.compile(
 _SIGNS = frozenset(("**", ">=", "<=", "==", "!=", "..", *"-+*/()[],=<>."))
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Token:
     """One token. `kind` is `number`, `name`, `end` or the sign itself."""
 
@@ -38,7 +38,7 @@ class Token:
         return self.start + len(self.text)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Tokens:
     """All tokens of a text, column by column, with a final one of kind `end`."""
 

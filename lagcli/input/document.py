@@ -15,6 +15,7 @@ from lagcli import yaml_tree
 from lagcli.errors import diagnostics
 from lagcli.expression import facts, parser, tree
 from lagcli.expression.tree import ExpressionError
+from lagcli.frozen import frozen
 from lagcli.input import (
     conditions,
     constraint_equations,
@@ -81,7 +82,7 @@ class ParsedFile:
         return dataclasses.replace(found, sha256=self._digest, text=text, changes=given, origin=origin)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class ModelOrigin:
     """The file that a model was read from, and the changes that were made, as they were given."""
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
+from lagcli.frozen import frozen_value
 from lagcli.model import settings
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Key:
     """One key: what stands under it, what it means, its default, and the keys of its entries.
 

@@ -9,6 +9,7 @@ from typing import SupportsFloat
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen_value
 
 _INITIAL = {"value": "coordinates", "rate": "coordinates", "position": "particles", "velocity": "particles"}
 _COMPONENTS: dict[str, tuple[str, int]] = {
@@ -25,7 +26,7 @@ class OverrideError(Exception):
     """A change names nothing that can be changed, or is no expression."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class OfMember:
     """A change to one member of a family, `p[3].x`: it cannot be written into the document, where the family is
     one entry. `axis`: of the component of `field` that changes, or None for all of it."""

@@ -6,17 +6,17 @@ guessed.
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Iterator
 
 from lagcli.expression import dimensions, tree
+from lagcli.frozen import frozen_value
 from lagcli.model.model import Differential, Holonomic, Inequality, Model
 
 CIRCULAR = frozenset(("sin", "cos", "tan"))
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class DimensionFacts:
     """The known dimensions, by the names of declarations, those of families without indices.
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.frozen import frozen
+
 Whole = npt.NDArray[np.int64]
 Indices = tuple[int, ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Family:
     """The K members of an entry: `names` (`p[1][2]`, or the bare name of what is no family), their `indices`, and
     the value of each index variable at each member, (K,)."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
+from lagcli.frozen import frozen_value
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class LevelFunction:
     """A way to hold an integral without a pole or a jump: above/below is phi or a monotone function of it.
 
@@ -19,7 +19,7 @@ class LevelFunction:
     period: str | None = None
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class FirstIntegral:
     """phi as it is shown, the differential rows whose combination it integrates, and charts, the best first.
 

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
 from lagcli.expression import tree
+from lagcli.frozen import frozen, frozen_value
 from lagcli.model.family import Family
 
 Vector3 = tuple[float, float, float]
@@ -26,7 +27,7 @@ Floats = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Expression:
     """A tree with the text it was read from, for locating and showing."""
 
@@ -47,7 +48,7 @@ class Expression:
         return self.origin.location
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class VectorExpression:
     """One vector expression, or three scalar ones that were written as a list."""
 
@@ -59,7 +60,7 @@ class VectorExpression:
         return self.parts[0].location
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Units:
     """Labels for axes and reports."""
 
@@ -68,7 +69,7 @@ class Units:
     time: str = "s"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Parameter:
     """A named constant, a number or a vector; `formula` is what it was computed from, where that is one expression."""
 
@@ -77,7 +78,7 @@ class Parameter:
     formula: Expression | None = dataclasses.field(default=None, compare=False)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Coordinate:
     """Generalized coordinates q with their initial values and initial rates, (K,) each."""
 
@@ -87,7 +88,7 @@ class Coordinate:
     location: diagnostics.Location
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Particle:
     """Point masses.
 
@@ -109,7 +110,7 @@ class Particle:
         return self.start is None
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Definition:
     """Shorthand for an expression."""
 
@@ -117,7 +118,7 @@ class Definition:
     expression: Expression
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Action:
     """The targets of a force: P pairs of a target, by its number among all particles or among all generalized
     coordinates, and the member of the force that acts on it. Shapes (P,)."""
@@ -130,7 +131,7 @@ class Action:
         return {name: values[self.acting] for name, values in members.variables.items()}
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class ParticleForce:
     """An applied force on particles; `m`, `r`, `v` in it are the particle's own.
 
@@ -143,7 +144,7 @@ class ParticleForce:
     constant: bool
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class GeneralizedForce:
     """A force Q_j on generalized coordinates (D.30)."""
 
@@ -152,7 +153,7 @@ class GeneralizedForce:
     force: Expression
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Potential:
     """A potential V(r, q, t) (D.35); of a family the sum of all members."""
 
@@ -163,7 +164,7 @@ class Potential:
 Force = ParticleForce | GeneralizedForce | Potential
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Holonomic:
     """f(r, q, t) = left - right = 0 (D.2); three rows where it is a vector equation."""
 
@@ -177,7 +178,7 @@ class Holonomic:
         return _with_axes(self.members, self.is_vector)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Differential:
     """A law linear in differentials or in velocities (D.3, D.4)."""
 
@@ -192,7 +193,7 @@ class Differential:
         return _with_axes(self.members, self.is_vector)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Inequality:
     """g(r, q, t) = left - right >= 0: a one-sided constraint, one row for each member, written with `>=` or with `<=`.
 
@@ -219,7 +220,7 @@ def _with_axes(members: Family, is_vector: bool) -> tuple[str, ...]:
     return tuple(f"{name}.{axis}" for name in members.names for axis in "xyz")
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class RigidBody:
     """Particles that form one rigid body, by their numbers; its rows are laid down in `rigid`."""
 
@@ -228,7 +229,7 @@ class RigidBody:
     location: diagnostics.Location
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Output:
     """An extra recorded quantity."""
 
@@ -242,7 +243,7 @@ class Output:
         return _with_axes(self.members, self.is_vector)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class DeclaredEvent:
     """An event of the file: where `when` crosses zero in this direction it is recorded, or also ends the run."""
 
@@ -252,7 +253,7 @@ class DeclaredEvent:
     action: Literal["record", "stop"]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Simulation:
     """The settings of a run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`);
     max_step: what no step is longer than."""
@@ -269,7 +270,7 @@ class Simulation:
     max_step: float | None = None
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Batch:
     """Members (by their places) of the particle entry number `entry`, to be evaluated together."""
 
@@ -288,7 +289,7 @@ class Origin(Protocol):
         """The model with more changes."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Model:
     """A valid model. `fingerprint` tells models of different text apart; changed values do not enter it.
 

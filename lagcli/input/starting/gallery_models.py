@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import pathlib
 import re
 
 from lagcli import yaml_tree
+from lagcli.frozen import frozen_value
 from lagcli.input import format_schema
 
 _PACKAGE = pathlib.Path(__file__).parents[2]
@@ -16,7 +16,7 @@ _INDEX = "README.md"
 _ROW = re.compile(r"\| \[[\w-]+\]\(([\w-]+)\.yaml\) \| ([^|]*) \|")
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class GalleryModel:
     """One model: its name, its subject, what it teaches in a line, and its file."""
 

@@ -5,12 +5,12 @@ A model may be broken in any way while it is written. What cannot be read gives 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
 from lagcli.expression import parser, tokens, tree
+from lagcli.frozen import frozen_value
 from lagcli.input import keys
 
 # A larger file is not read while somebody waits for the next letter.
@@ -19,7 +19,7 @@ AXES = ("x", "y", "z")
 _CONSTRAINTS = ("holonomic", "rigid", "differential", "inequality")
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Outline:
     """Names by section; a family is `p[*]`, a pattern for the columns of its members.
 
