@@ -25,7 +25,7 @@ from lagcli.simulation.scheme import step_tolerance
 
 if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit
-    from lagcli.auditing.evidence.incident_record import EventTable
+    from lagcli.auditing.evidence.table_input import EventTable
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def audit(
     """
     # Other commands audit nothing and read no tables.
     from lagcli.auditing import all_checks
-    from lagcli.auditing.evidence import tolerances
+    from lagcli.auditing.evidence import table_input, tolerances
 
     changes = {
         "duration": duration, "samples": samples, "output_step": output_step, "method": method, "rtol": rtol,
@@ -90,7 +90,7 @@ def audit(
         step_tolerance.absolute(chosen, table_columns.size(model, columns, rows)),
         row_jumps.jumps(model),
     )
-    given = all_checks.AuditedTable(columns, rows, unread, _event_table(events))
+    given = table_input.AuditedTable(columns, rows, unread, _event_table(events))
     found = all_checks.audit(model, given, tolerance, notes)
     found = dataclasses.replace(found, complete=not notes)
     return _with_digits(found, model, columns, rows) if digits else found
@@ -127,7 +127,7 @@ def _at_rest(model: Model, path: Path) -> Audit | None:
 
 def _event_table(events: IncidentTable | None) -> EventTable | None:
     """The incidents as an audit takes them: it knows nothing of their tables."""
-    from lagcli.auditing.evidence.incident_record import EventTable
+    from lagcli.auditing.evidence.table_input import EventTable
 
     if events is None:
         return None

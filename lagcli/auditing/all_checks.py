@@ -1,44 +1,76 @@
-"""All checks of a record, in the order in which they are told."""
+"""The audit of the table of a run, and the registry of its checks, in the order in which they are told."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
-from lagcli.auditing import one_sided
+from lagcli.auditing import audit_lines
 from lagcli.auditing.checks import (
+    checks_contact,
+    checks_flight,
+    checks_impact,
     checks_motion,
     checks_outputs,
     checks_pointwise,
     checks_steps,
     hamilton,
     momenta,
-    uniqueness_text,
 )
 from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
-from lagcli.auditing.evidence import incident_record, table_input
-from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence import model_values, table_input
 from lagcli.auditing.evidence.differences import Estimate
-from lagcli.auditing.evidence.incident_record import EventTable
-from lagcli.auditing.evidence.laws import ModelLaws, start
-from lagcli.auditing.evidence.table_input import Record
-from lagcli.auditing.evidence.tolerances import RESOLVED, Evidence, Tolerance
+from lagcli.auditing.evidence.laws import ModelLaws
+from lagcli.auditing.evidence.table_input import AuditedTable, Record
+from lagcli.auditing.evidence.tolerances import RESOLVED, Evidence, Tolerance, WholeRun
+from lagcli.auditing.one_sided import Findings, OneSidedParts
 from lagcli.model import model as nouns
 
 NUMBERS = CheckedLaw("numbers", "", "every entry is a finite number")
+Runs = Literal["all, by rows", "all, by stretches", "all", "smooth", "one-sided"]
+Figures = tuple[tuple[str, float], ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class AuditedTable:
-    """Columns with their rows (T, len(columns)); unread: further columns, which are not at hand; events: the incidents
-    of the run, where they are."""
+@dataclasses.dataclass(frozen=True, slots=True)
+class AuditCheck:
+    """A check: a function of the evidence that gives its findings, none where it has nothing to say, and its runs.
 
-    columns: Sequence[str]
-    rows: Array
-    unread: Sequence[str] = ()
-    events: EventTable | None = None
+    `all, by rows`: it looks at each row alone, in a run with contacts by the sets of those that are closed. `all, by
+    stretches`: it looks at rows beside each other, in a run with contacts along each stretch without an incident.
+    `all`, `smooth`, `one-sided`: it looks at the whole of every run, of one without or of one with contacts or jumps.
+    """
+
+    findings: Findings
+    runs: Runs
+
+
+CHECKS = (
+    AuditCheck(checks_contact.contacts, "one-sided"),
+    AuditCheck(checks_contact.missed, "one-sided"),
+    AuditCheck(checks_impact.impacts, "one-sided"),
+    AuditCheck(checks_pointwise.constraints, "all, by rows"),
+    AuditCheck(checks_steps.steps, "all, by stretches"),  # before all sums over rows: it finds what rows hide
+    AuditCheck(checks_motion.rates, "all, by stretches"),
+    AuditCheck(checks_motion.path, "all, by stretches"),
+    AuditCheck(checks_motion.newton, "all, by stretches"),
+    AuditCheck(checks_motion.impulse, "all, by stretches"),
+    AuditCheck(checks_pointwise.reactions, "all, by rows"),
+    AuditCheck(checks_pointwise.demand, "all, by rows"),
+    AuditCheck(checks_pointwise.ideal, "all, by rows"),
+    AuditCheck(checks_pointwise.carried, "all, by stretches"),
+    AuditCheck(checks_motion.dalembert, "all, by stretches"),
+    AuditCheck(checks_motion.energy, "all, by stretches"),
+    AuditCheck(hamilton.hamilton, "all, by stretches"),
+    AuditCheck(hamilton.action, "smooth"),
+    AuditCheck(momenta.momenta, "all, by stretches"),
+    AuditCheck(checks_flight.flights, "one-sided"),
+    AuditCheck(checks_impact.balance, "one-sided"),
+    AuditCheck(checks_outputs.columns, "all"),
+)
+"""The registry: a further check is a function in a file of `checks`, and a line here where it is to be told."""
 
 
 def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: Sequence[str] = ()) -> Audit:
@@ -46,26 +78,22 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
 
     Raises `table_input.TableError` where columns are missing or times do not increase.
     """
-    columns, rows, events = table.columns, table.rows, table.events
     laws = _laws(model, tolerance)
     is_smooth = not (model.inequality or model.events)
-    incidents = incident_record.read(laws, events) if events is not None else None
-    known = set(table_input.wanted(laws, columns))
-    unread = (*(name for name in columns if name not in known), *table.unread)
-    found = table_input.read(laws, columns, rows, repeats=not is_smooth)
-    numbers = _numbers(laws, found)
-    checks = [numbers]
+    incidents = None if table.events is None else table_input.incidents(laws, table.events)
+    known = set(table_input.wanted(laws, table.columns))
+    found = table_input.read(laws, table.columns, table.rows, repeats=not is_smooth)
+    checks = [_numbers(laws, found)]
     sentences: tuple[str, ...] = ()
-    figures: tuple[tuple[str, float], ...] = ()
-    if numbers.verdict != "fail":
+    figures: Figures = ()
+    if checks[0].verdict != "fail":
         with np.errstate(all="ignore"):
-            e = Evidence(laws, found, tolerance)
+            e = Evidence(laws, found, tolerance, run=WholeRun(table, incidents))
             if model.inequality or np.any(np.diff(found.t) == 0):
-                judged = one_sided.OneSidedAudit(e, incidents).examined(columns, rows)
-                more, sentences, figures, said = judged
+                more, sentences, figures, said = _of_one_sided(e)
                 notes = (*notes, *said)
             else:
-                more, sentences, figures = _examined(e, columns, rows)
+                more, sentences, figures = _of_smooth(e)
         checks += more
     return Audit(
         title=model.title,
@@ -79,7 +107,7 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
         sentences=sentences,
         notes=(*notes, *_elsewhere(model, found, tolerance)),
         figures=figures,
-        unread=unread,
+        unread=(*(name for name in table.columns if name not in known), *table.unread),
     )
 
 
@@ -94,41 +122,42 @@ def _laws(model: nouns.Model, tolerance: Tolerance | None = None) -> ModelLaws:
     return ModelLaws(model, tolerance.jumps if tolerance else {}, range(count))
 
 
-def _examined(
-    e: Evidence, columns: Sequence[str], rows: Array
-) -> tuple[list[Check], tuple[str, ...], tuple[tuple[str, float], ...]]:
-    stepped = checks_steps.steps(e)  # the first: what it finds hidden, no sum of rows holds
-    moved, found = checks_motion.RecordedMotion(e), checks_motion.energies(e)
-    stretches = hamilton.windows(e)
-    checks = [
-        *checks_pointwise.constraints(e),
-        stepped,
-        checks_motion.rates(e),
-        checks_motion.path(e),
-        moved.newton(),
-        checks_motion.impulse(e),
-        *checks_pointwise.reactions(e),
-        *checks_pointwise.demand(e),
-        *checks_pointwise.ideal(e),
-        *checks_pointwise.carried(e),
-        moved.dalembert(),
-        checks_motion.energy(e, found),
-        hamilton.hamilton(e, stretches),
-        momenta.momenta(e),
-    ]
-    acted = hamilton.action(e, stretches)
-    if acted is not None:
-        checks.insert(-1, acted)
-    checks.append(checks_outputs.columns(e, columns, rows, (found.E, found.E_moved)))
-    d = e.displacements
+def _of_smooth(e: Evidence) -> tuple[list[Check], tuple[str, ...], Figures]:
+    """Checks, sentences and figures of a smooth run."""
+    checks = [found for check in CHECKS if check.runs != "one-sided" for found in check.findings(e)]
+    d, energies = e.displacements, e.once(checks_motion.energies)
     virtual = np.abs(d.virtual(e.record.R_q[e.looked_at]))[~d.is_singular]
     figures = (
         ("virtual_work", float(virtual.max(initial=0.0))),
-        ("work_of_constraints", _known(found.work, 1)),
-        ("work_of_all_that_changes_the_energy", _known(found.work, 0)),
-        ("energy_gained", float(found.E[-1] - found.E[0])),
+        ("work_of_constraints", _known(energies.work, 1)),
+        ("work_of_all_that_changes_the_energy", _known(energies.work, 0)),
+        ("energy_gained", float(energies.E[-1] - energies.E[0])),
     )
-    return checks, uniqueness_text.sentences(e), figures
+    return checks, audit_lines.uniqueness(e), figures
+
+
+def _of_one_sided(e: Evidence) -> tuple[list[Check], tuple[str, ...], Figures, tuple[str, ...]]:
+    """Checks, sentences, figures and notes of a run with contacts or jumps."""
+    parts, checks = OneSidedParts(e), list[Check]()
+    by_rows, by_stretches = (
+        [check.findings for check in CHECKS if check.runs == runs]
+        for runs in ("all, by rows", "all, by stretches")
+    )
+    for check in CHECKS:
+        if check.findings is by_rows[0]:  # those of parts are told together, where the first of them stands
+            checks += [*parts.by_sets(by_rows), *parts.by_stretches(by_stretches)]
+        elif check.runs in ("all", "one-sided"):
+            checks += check.findings(e)
+    E, impact = e.once(checks_motion.energies).E, e.once(checks_impact.impact_evidence)
+    figures: Figures = (
+        ("virtual_work", parts.virtual_work),
+        ("work_of_constraints", np.nan),
+        ("work_of_all_that_changes_the_energy", np.nan),
+        ("energy_gained", float(E[-1] - E[0])),
+    )
+    if impact is not None:
+        figures = (*figures, ("energy_lost_in_impacts", impact.lost))
+    return checks, parts.sentences, figures, parts.notes
 
 
 def _known(work: Estimate, column: int) -> float:
@@ -152,7 +181,7 @@ def _numbers(laws: ModelLaws, found: Record) -> Check:
 
 def _elsewhere(model: nouns.Model, found: Record, tolerance: Tolerance) -> list[str]:
     """A table that begins at another place than the model says is that of another run, or of another model."""
-    t, q, v = start(model)
+    t, q, v = model_values.start(model)
     if found.t[0] != t or model.simulation.assemble:
         return []
     apart = np.abs(np.concatenate([found.q[0] - q, found.v[0] - v]))

@@ -1,91 +1,65 @@
-"""The audit of a record with inequalities: each stretch as a smooth motion, and what joins them by the incidents."""
+"""The parts of a record with contacts: rows of one set of closed contacts, and stretches of them without an incident.
+
+Within a stretch closed contacts are rows like others, and every check of a smooth motion holds as it is. What jumps
+between two stretches is judged by the incidents.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from lagcli.auditing.checks import (
-    checks_contact,
-    checks_flight,
-    checks_impact,
-    checks_motion,
-    checks_outputs,
-    checks_pointwise,
-    checks_steps,
-    hamilton,
-    momenta,
-    stretches,
-    uniqueness_text,
-)
-from lagcli.auditing.checks.audit_report import Check
-from lagcli.auditing.checks.stretches import ContactStates
+from lagcli.auditing import audit_lines
+from lagcli.auditing.checks import checks_contact, checks_motion, checks_steps
+from lagcli.auditing.checks.audit_report import NAMED, NEARLY_ALL, Check, TableLocation, Verdict
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.incident_record import Incidents
+from lagcli.auditing.evidence.laws import ModelLaws
+from lagcli.auditing.evidence.table_input import Incidents
 from lagcli.auditing.evidence.tolerances import Evidence
 
+LEAST = 8  # rows of a stretch that is examined by differences
 MOST = 60  # stretches, the longest ones, that are examined by differences
 MOST_MODES = 60  # sets of closed contacts, those with most rows
 TOLD = 3  # sets of closed contacts of which it is told what is determined
 
-Found = tuple[list[Check], tuple[str, ...], tuple[tuple[str, float], ...], tuple[str, ...]]
+Findings = Callable[[Evidence], Sequence[Check]]
 
 
-class OneSidedAudit:
-    """The checks of one record. e: of laws with all inequalities closed."""
+class OneSidedParts:
+    """The parts of one record, and what their checks find. e: of laws with all inequalities closed.
 
-    def __init__(self, e: Evidence, incidents: Incidents | None) -> None:
-        self._e, self._incidents = e, incidents
-        self._states: ContactStates = stretches.contact_states(e)
-        self._closed = self._states.is_closed
-        t = e.record.t
+    sentences: what is determined while some contacts are closed; virtual_work: the largest of R, with the rows that
+    were looked at in `by_sets`.
+    """
+
+    def __init__(self, e: Evidence) -> None:
+        self._e = e
+        states = e.once(checks_contact.contact_states)
+        self._closed = states.is_closed
+        t, incidents = e.record.t, e.run.incidents if e.run else None
+        self._has_incidents = incidents is not None
         if incidents is not None:
-            self._cut = stretches.holds_incident(t, incidents)
+            self._cut = _holds_incident(t, incidents)
         else:
-            self._cut = stretches.may_hold_impact(t, self._states)
-        self._stretches = stretches.split(t, self._closed, self._cut)
+            self._cut = checks_contact.may_hold_impact(t, states)
         self._steps = int((np.diff(t) > 0).sum())
-        longest = sorted((k for k in self._stretches if len(k) >= stretches.LEAST), key=len, reverse=True)
-        self._looked_at = sorted(longest[:MOST], key=lambda k: int(k[0]))
+        stretches = [k for k in _split(t, self._closed, self._cut) if len(k) >= LEAST]
+        longest = sorted(stretches, key=len, reverse=True)[:MOST]
+        self._looked_at = sorted(longest, key=lambda k: int(k[0]))
+        self.sentences: tuple[str, ...] = ()
+        self.virtual_work = 0.0
 
-    def examined(self, columns: Sequence[str], rows: Array) -> Found:
-        """Checks, sentences, figures and notes."""
-        e, incidents = self._e, self._incidents
-        checks = checks_contact.rows(e, self._states)
-        impact = None
-        if incidents is not None:
-            checks.append(checks_contact.missed(e, self._states, incidents))
-            impact = checks_impact.ImpactEvidence(e, incidents)
-            checks += impact.checks()
-        pointwise, sentences, virtual = self._by_modes()
-        checks += pointwise
-        checks += self._by_stretches()
-        energies = checks_motion.energies(e)
-        if impact is not None and len(incidents.t if incidents else ()):
-            if not (e.record.x.size or e.laws.cast.coordinates.names or e.laws.model.lagrangian):
-                checks.append(checks_flight.flown(e, checks_flight.flights(e, self._states, impact)))
-            if checks_flight.is_conservative(e, self._states, impact):
-                checks.append(checks_flight.balance(e, energies.E, impact))
-        checks.append(checks_outputs.columns(e, columns, rows, (energies.E, energies.E_moved)))
-        figures = [
-            ("virtual_work", virtual),
-            ("work_of_constraints", np.nan),
-            ("work_of_all_that_changes_the_energy", np.nan),
-            ("energy_gained", float(energies.E[-1] - energies.E[0])),
-        ]
-        if impact is not None:
-            figures.append(("energy_lost_in_impacts", impact.lost))
-        return checks, sentences, tuple(figures), self._notes()
-
-    def _notes(self) -> tuple[str, ...]:
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Steps that no difference looks at."""
         steps = self._steps
         looked = sum(len(k) - 1 for k in self._looked_at)
         if looked == steps:
             return ()
         held = int(self._cut.sum())
-        if self._incidents is None and held:
+        if not self._has_incidents and held:
             return (
                 f"{held} of {steps} steps between rows may hold an impact: they are not judged without --events"
                 f" ({steps - looked} steps are left out of what is judged by differences)",
@@ -95,54 +69,27 @@ class OneSidedAudit:
             " differences, or between them",
         )
 
-    def _by_modes(self) -> tuple[list[Check], tuple[str, ...], float]:
+    def by_sets(self, checks: Sequence[Findings]) -> list[Check]:
         """Checks of rows by themselves, by the set of contacts that are closed at them."""
-        e = self._e
         parts: list[tuple[int, list[Check]]] = []
-        sentences: list[str] = []
-        virtual = 0.0
-        modes = sorted(stretches.modes(self._closed), key=lambda mode: -len(mode[1]))
+        modes = sorted(_modes(self._closed), key=lambda mode: -len(mode[1]))
         for number, (closed, rows) in enumerate(modes[:MOST_MODES]):
-            own = stretches.evidence(e, rows, closed)
-            found = [*checks_pointwise.constraints(own), *checks_pointwise.reactions(own)]
-            found += [*checks_pointwise.demand(own), *checks_pointwise.ideal(own)]
-            parts.append((len(rows), found))
+            own = self._evidence(rows, closed)
+            parts.append((len(rows), [found for findings in checks for found in findings(own)]))
             d = own.displacements
             along = np.abs(d.virtual(own.record.R_q[own.looked_at]))[~d.is_singular]
-            virtual = max(virtual, float(along.max(initial=0.0)))
+            self.virtual_work = max(self.virtual_work, float(along.max(initial=0.0)))
             if number < TOLD:
-                sentences += [f"{self._while(closed)}{said}" for said in uniqueness_text.sentences(own)]
-        skipped = sum(len(rows) for _, rows in modes[MOST_MODES:])
-        return _merged(parts, skipped), tuple(sentences), virtual
+                told = (f"{self._while(closed)}{said}" for said in audit_lines.uniqueness(own))
+                self.sentences = (*self.sentences, *told)
+        return _merged_by_name(parts, sum(len(rows) for _, rows in modes[MOST_MODES:]))
 
-    def _while(self, closed: tuple[int, ...]) -> str:
-        names = [self._e.laws.contacts[j] for j in closed]
-        shown = ", ".join(names[:TOLD]) + (" ..." if len(names) > TOLD else "")
-        if not names:
-            return "with all contacts open, "
-        return f"while {shown} {'is' if len(names) == 1 else 'are'} closed, "
-
-    def _by_stretches(self) -> list[Check]:
+    def by_stretches(self, checks: Sequence[Findings]) -> list[Check]:
         """Checks of the motion along each stretch."""
         parts: list[tuple[int, list[Check]]] = []
         for rows in self._looked_at:
-            closed = np.flatnonzero(self._closed[rows[0]]).tolist()
-            own = stretches.evidence(self._e, rows, closed)
-            stepped = checks_steps.steps(own)  # the first: what it finds hidden, no sum of rows holds
-            moved, windows = checks_motion.RecordedMotion(own), hamilton.windows(own)
-            found = [
-                stepped,
-                checks_motion.rates(own),
-                checks_motion.path(own),
-                moved.newton(),
-                checks_motion.impulse(own),
-                *checks_pointwise.carried(own),
-                moved.dalembert(),
-                checks_motion.energy(own, checks_motion.energies(own)),
-                hamilton.hamilton(own, windows),
-                dataclasses.replace(momenta.momenta(own), note=""),
-            ]
-            parts.append((len(rows), found))
+            own = self._evidence(rows, np.flatnonzero(self._closed[rows[0]]).tolist())
+            parts.append((len(rows), [found for findings in checks for found in findings(own)]))
         if not parts:
             laws = (checks_steps.STEPS, checks_motion.RATES, checks_motion.NEWTON, checks_motion.ENERGY)
             note = "cannot be judged at this spacing of rows"
@@ -151,14 +98,59 @@ class OneSidedAudit:
                 for law in laws
             ]
         looked = sum(len(k) for k in self._looked_at)
-        merged = _merged(parts, len(self._e.record.t) - looked)
-        of_steps = [part[0] for _, part in parts]
+        merged = _merged_by_name(parts, len(self._e.record.t) - looked)
+        # Entries of `steps` are steps and not rows, and one stands between two stretches.
+        name = checks_steps.STEPS.name
+        of_steps = [check for _, part in parts for check in part if check.name == name]
         columns = sum(check.entries for check in of_steps) // (looked - len(parts))
-        merged[0] = stretches.merged(of_steps, (self._steps - looked + len(parts)) * columns)
-        return merged
+        steps = _merged(of_steps, (self._steps - looked + len(parts)) * columns)
+        return [steps if check.name == name else check for check in merged]
+
+    def _while(self, closed: tuple[int, ...]) -> str:
+        names = [self._e.laws.contacts[j] for j in closed]
+        shown = ", ".join(names[:TOLD]) + (" ..." if len(names) > TOLD else "")
+        if not names:
+            return "with all contacts open, "
+        return f"while {shown} {'is' if len(names) == 1 else 'are'} closed, "
+
+    def _evidence(self, rows: Array, closed: Sequence[int]) -> Evidence:
+        """The evidence of some rows, at which these contacts are closed."""
+        e = self._e
+        laws = ModelLaws(e.laws.model, e.tolerance.jumps, closed)
+        place = {name: k for k, name in enumerate(e.laws.rows)}
+        part = e.record.part(rows)
+        part = dataclasses.replace(part, lam=part.lam[:, [place[name] for name in laws.rows]])
+        return Evidence(laws, part, e.tolerance, e.record)
 
 
-def _merged(parts: list[tuple[int, list[Check]]], skipped: int) -> list[Check]:
+def _modes(closed: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
+    """The sets of closed contacts that occur, each with its rows."""
+    if not closed.shape[1]:
+        yield (), np.arange(len(closed))
+        return
+    kinds, which = np.unique(closed, axis=0, return_inverse=True)
+    for number, kind in enumerate(kinds):
+        yield tuple(np.flatnonzero(kind).tolist()), np.flatnonzero(which.ravel() == number)
+
+
+def _holds_incident(t: Array, incidents: Incidents) -> Array:
+    """True for the steps (T - 1,) with t_k < t <= t_k+1 for an incident that changes forces or velocities."""
+    times = incidents.t[incidents.cuts]
+    up_to = np.searchsorted(times, t[1:], "right")
+    before = np.concatenate([t[1:-1] == t[2:], [False]])[: len(up_to)]  # of rows at one time the first
+    up_to = np.where(before, np.searchsorted(times, t[1:], "left"), up_to)
+    return np.asarray(up_to > np.searchsorted(times, t[:-1], "right"))
+
+
+def _split(t: Array, closed: Array, cut: Array) -> list[Array]:
+    """The stretches: rows between cuts (T - 1,), with one set of closed contacts."""
+    if not len(t):
+        return []
+    ends = cut | (np.diff(t) == 0) | (closed[1:] != closed[:-1]).any(axis=1)
+    return np.split(np.arange(len(t)), np.flatnonzero(ends) + 1)
+
+
+def _merged_by_name(parts: list[tuple[int, list[Check]]], skipped: int) -> list[Check]:
     """The checks of all parts by name, each part with its number of rows; `skipped` rows were in none of them."""
     by_name: dict[str, list[Check]] = {}
     at_a_row: dict[str, int] = {}
@@ -166,4 +158,38 @@ def _merged(parts: list[tuple[int, list[Check]]], skipped: int) -> list[Check]:
         for check in part:
             by_name.setdefault(check.name, []).append(check)
             at_a_row[check.name] = max(at_a_row.get(check.name, 0), check.entries // rows)
-    return [stretches.merged(checks, skipped * at_a_row[name]) for name, checks in by_name.items()]
+    return [_merged(checks, skipped * at_a_row[name]) for name, checks in by_name.items()]
+
+
+def _merged(parts: Sequence[Check], left_out: int = 0) -> Check:
+    """One check of several of the same name; `left_out`: entries that none of them has looked at."""
+    first = parts[0]
+    told = [check for check in parts if check.verdict != "nothing"]
+    entries, judged = sum(check.entries for check in told) + left_out, sum(check.judged for check in told)
+    if not entries:
+        return first
+    failing = sorted((place for check in told for place in check.failing), key=_ratio, reverse=True)
+    names = dict.fromkeys(place.name for place in failing)
+    worst = max((check.worst for check in told if check.worst is not None), key=_ratio, default=None)
+    verdict: Verdict = "fail" if names else "not judged" if not judged else "partly judged"
+    if not names and judged >= NEARLY_ALL * entries:
+        verdict = "pass"
+    shown = {place.name: place for place in reversed(failing)}
+    note = f"{entries - judged} of {entries} entries cannot be judged" if judged < entries else ""
+    return dataclasses.replace(
+        first,
+        verdict=verdict,
+        worst=worst,
+        failing=tuple(shown[name] for name in names)[:NAMED],
+        failures=len(names),
+        judged=judged,
+        entries=entries,
+        note=note,
+        curve=tuple(sorted(place for check in told for place in check.curve)),
+    )
+
+
+def _ratio(place: TableLocation) -> float:
+    if place.limit == 0:
+        return np.inf if place.value else 0.0
+    return place.value / place.limit

@@ -13,7 +13,6 @@ from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
-from lagcli.auditing.evidence.laws import start as declared_start
 from lagcli.model import model as nouns
 
 PLACES = CheckedLaw("places", "D.2", "f(r, q, t) = 0, and b = 0 of rows at rest")
@@ -53,7 +52,7 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
         rows[:, [place[name] for name in part]]
         for part in (names.q, names.lam, names.R_q, names.R_x, names.x)
     )
-    start = declared_start(model)[0]
+    start = model.simulation.start
     with np.errstate(all="ignore"):
         found = _RestValues(laws, np.full(len(q), start), q, lam)
         t = np.arange(len(q), dtype=float)

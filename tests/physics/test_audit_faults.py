@@ -10,13 +10,12 @@ import pytest
 
 import lagcli
 from lagcli.auditing import all_checks
-from lagcli.auditing.all_checks import AuditedTable
-from lagcli.auditing.checks import checks_motion as motions
 from lagcli.auditing.checks import checks_outputs, checks_steps
 from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.laws import ModelLaws
-from lagcli.auditing.evidence.tolerances import Evidence, Tolerance
+from lagcli.auditing.evidence.table_input import AuditedTable
+from lagcli.auditing.evidence.tolerances import Evidence, Tolerance, WholeRun
 from lagcli.output.tables import sinks
 from lagcli.output.trajectory import Trajectory
 
@@ -489,7 +488,6 @@ def test_energy_and_outputs_are_computed_again(with_outputs: tuple[lagcli.Model,
             table_input.read(ModelLaws(model), run.columns, run.rows),
             Tolerance(1e-11, 1e-13),
         )
-        energies = motions.energies(e)
     for name in own:
         for change in (lambda y: y * 1.001, lambda y: y + 1e-3):
             rows = run.rows.copy()
@@ -497,7 +495,9 @@ def test_energy_and_outputs_are_computed_again(with_outputs: tuple[lagcli.Model,
             rows[:, place] = change(rows[:, place])
             if np.array_equal(rows, run.rows):
                 continue
-            off = checks_outputs.columns(e, run.columns, rows, (energies.E, energies.E_moved))
+            e.run = WholeRun(AuditedTable(run.columns, rows), None)
+            with np.errstate(all="ignore"):
+                (off,) = checks_outputs.columns(e)
             assert [place.name for place in off.failing] == [name]
 
 

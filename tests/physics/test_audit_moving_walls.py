@@ -11,9 +11,8 @@ import pytest
 
 import lagcli
 from lagcli.auditing import all_checks
-from lagcli.auditing.all_checks import AuditedTable
 from lagcli.auditing.checks.audit_report import Audit
-from lagcli.auditing.evidence.incident_record import EventTable
+from lagcli.auditing.evidence.table_input import AuditedTable, EventTable
 from lagcli.auditing.evidence.tolerances import Tolerance
 
 RTOL, ATOL = 1e-11, 1e-13

@@ -12,10 +12,8 @@ import pytest
 
 import lagcli
 from lagcli.auditing import all_checks
-from lagcli.auditing.all_checks import AuditedTable
 from lagcli.auditing.checks.audit_report import Audit
-from lagcli.auditing.evidence.incident_record import EventTable
-from lagcli.auditing.evidence.table_input import TableError
+from lagcli.auditing.evidence.table_input import AuditedTable, EventTable, TableError
 from lagcli.auditing.evidence.tolerances import Tolerance
 from tests.helpers import bouncing_ball
 from tests.helpers.bouncing_ball import COLUMNS, EVENTS, MODEL, Ball, G, M

@@ -1,14 +1,14 @@
-"""Checks of inequalities at the rows of a table: g >= 0, lambda >= 0, lambda g = 0, and no contact is pressed in."""
+"""Contacts at the rows of a table: their states, and g >= 0, lambda >= 0, lambda g = 0, none of them pressed in."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
-from lagcli.auditing.checks.stretches import ContactStates
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import widest
-from lagcli.auditing.evidence.incident_record import Incidents
 from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
 GAPS = CheckedLaw("gaps", "", "g_j >= 0")
@@ -16,12 +16,72 @@ PUSHES = CheckedLaw("pushes", "", "lambda_j >= 0")
 COMPLEMENTARY = CheckedLaw("complementarity", "", "lambda_j g_j = 0")
 PRESSED = CheckedLaw("contacts", "", "d2g_j/dt2 >= 0 where g_j, dg_j/dt and lambda_j are 0")
 MISSED = CheckedLaw("missed", "", "no contact opens or closes between rows without an incident")
-TINY = 1e-100  # a complex step: its square is nothing
+BEND = 3.0  # times the usual change of a rate of g over a step: what smooth forces may add to it
 
 
-def rows(e: Evidence, s: ContactStates) -> list[Check]:
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ContactStates:
+    """Of K contacts at T rows: g and its rate with their limits, lambda with its limit, (T, K) each."""
+
+    g: Array
+    g_limit: Array
+    rate: Array
+    rate_limit: Array
+    lam: Array
+    lam_limit: float
+
+    @property
+    def rests(self) -> Array:
+        """True where a contact touches and does not move off or on."""
+        return np.asarray((np.abs(self.g) <= self.g_limit) & (np.abs(self.rate) <= self.rate_limit))
+
+    @property
+    def is_closed(self) -> Array:
+        """True where it pushes; and where it touches between rows at which it does."""
+        pushes = self.lam != 0
+        found = pushes.copy()
+        for k in range(1, len(found)):
+            found[k] |= found[k - 1] & self.rests[k]
+        later = pushes[-1:]
+        back = np.concatenate([found[:-1], later]) if len(found) else found
+        for k in range(len(found) - 2, -1, -1):
+            back[k] = found[k] & (pushes[k] | back[k + 1])
+        return np.asarray(back)
+
+
+def contact_states(e: Evidence) -> ContactStates:
+    """Those at the rows of a record; e: of laws with all inequalities closed."""
+    count = len(e.laws.contacts)
+    last = slice(e.laws.s - count, e.laws.s)
+    atol = e.tolerance.atol
+    lam = e.record.lam[:, last]
+    largest = float(np.nan_to_num(np.abs(e.record.lam)).max(initial=0.0))
+    return ContactStates(
+        e.values.f[:, last],
+        e.noise("f")[:, last] + atol,
+        e.values.w[:, last],
+        e.noise("w")[:, last] + atol,
+        lam,
+        SAFETY * e.tolerance.rtol * largest + atol,
+    )
+
+
+def may_hold_impact(t: Array, states: ContactStates) -> Array:
+    """True for the steps (T - 1,) within which some contact could be reached, as seen from both ends."""
+    if not states.g.shape[1] or len(t) < 2:
+        return np.zeros(max(0, len(t) - 1), dtype=bool)
+    h = np.diff(t)[:, None]
+    usual = np.median(np.abs(np.diff(states.rate, axis=0)) / np.where(h > 0, h, 1.0), axis=0)
+    slack = BEND * h * h * usual + np.maximum(states.g_limit[1:], states.g_limit[:-1])
+    ahead = states.g[:-1] + h * np.minimum(states.rate[:-1], 0.0) <= slack
+    behind = states.g[1:] - h * np.maximum(states.rate[1:], 0.0) <= slack
+    stays = states.is_closed[1:] & states.is_closed[:-1]
+    return np.asarray((ahead & ~stays).any(axis=1) & (behind & ~stays).any(axis=1))
+
+
+def contacts(e: Evidence) -> list[Check]:
     """The conditions of every row; e: of laws with all inequalities closed."""
-    names, t = e.laws.contacts, e.record.t
+    names, t, s = e.laws.contacts, e.record.t, e.once(contact_states)
     found = [
         judge(GAPS, names, t, np.minimum(s.g, 0.0), s.g_limit),
         judge(PUSHES, names, t, np.minimum(np.nan_to_num(s.lam), 0.0), np.full((1, 1), s.lam_limit)),
@@ -44,9 +104,7 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
         noise = e.particle_noise[at].reshape(len(at), -1) + SAFETY * e.tolerance.rtol * np.abs(r.R_q)
 
         def second(q: Array, v: Array, force: Array) -> Array:
-            step = 1j * TINY
-            _, w = laws.residuals(r.t + step, q + step * v, v + step * force / e.masses)
-            return np.asarray(w.imag[:, laws.s - own : laws.s] / TINY)
+            return laws.demanded(r.t, q, v, force / e.masses)[:, laws.s - own : laws.s]
 
         found = second(r.q, r.v, total)
         moved = second(e.moved[0][at], e.moved[1][at], total + noise)
@@ -56,9 +114,12 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
     return judge(PRESSED, laws.contacts, e.record.t, residual, limit)
 
 
-def missed(e: Evidence, s: ContactStates, incidents: Incidents) -> Check:
-    """Contacts that open or close between two rows without an incident of theirs; rows that tell neither are passed."""
-    t = e.record.t
+def missed(e: Evidence) -> list[Check]:
+    """Contacts that open or close between two rows without an incident of theirs; rows that tell neither are passed.
+    Nothing where the incidents are not known."""
+    if e.run is None or e.run.incidents is None:
+        return []
+    t, s, incidents = e.record.t, e.once(contact_states), e.run.incidents
     found = np.zeros(s.g.shape)
     kinds = np.array(incidents.kinds, dtype=np.str_)
     hits = kinds == "impact"
@@ -78,4 +139,4 @@ def missed(e: Evidence, s: ContactStates, incidents: Incidents) -> Check:
             one, other = before[changes], after[changes]
             told = np.searchsorted(times, t[other], "right") > np.searchsorted(times, t[one], "left")
             found[other[~told], j] = 1.0
-    return judge(MISSED, e.laws.contacts, t, found, np.full((1, 1), 0.5))
+    return [judge(MISSED, e.laws.contacts, t, found, np.full((1, 1), 0.5))]

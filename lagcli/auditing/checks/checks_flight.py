@@ -1,4 +1,4 @@
-"""The motion from an incident to the next row or incident, and the energy of a whole run with what impacts take.
+"""The motion from an incident to the next row or incident.
 
 Around incidents rows stand too far apart for differences, and the states of the incidents have no reactions. Where
 the rows that are equations and those of contacts that rest are independent, accelerations follow from places and
@@ -8,27 +8,27 @@ velocities: with a_F = F/m and W the matrix of B m^(-1/2), m^(1/2) (a - a_F) = -
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from lagcli.auditing.checks import checks_contact, checks_impact
 from lagcli.auditing.checks.audit_report import NEARLY_ALL, Check, CheckedLaw, judge
+from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.checks.checks_impact import ImpactEvidence
-from lagcli.auditing.checks.checks_pointwise import TINY
-from lagcli.auditing.checks.stretches import ContactStates
-from lagcli.auditing.evidence import flight_quadrature
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.impact_energy import energy_of_motion, moved
-from lagcli.auditing.evidence.incident_record import CHANGING
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import Record
 from lagcli.auditing.evidence.tolerances import COST, RESOLVED, SAFETY, Evidence
 from lagcli.auditing.evidence.virtual_space import NEAR
 
 FLIGHTS = CheckedLaw("flights", "D.23, D.24", "r and m v from an incident to the next row or incident")
-BALANCE = CheckedLaw("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
 FEW = 1e-13  # of the length of a flight: what is shorter is none
 MOST_SETS = 60  # sets of contacts that rest, those with most flights
+# A formula of the fourth order knows by so many times what one of the second one is off how far off it is.
+CAREFUL = 4.0
+# Fourth differences that are this part of the second ones, or more, are of no smooth acceleration: it bends or jumps.
+ROUGH = 0.25
 LEAST, STATES = 24, 4  # flights that are looked at in any case; states of a flight at which B is taken apart
 
 
@@ -44,7 +44,7 @@ class Flights:
     has_rebounds: Array
 
 
-def flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flights:
+def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flights:
     """From each incident to the next row or incident, and from rows to incidents."""
     incidents, r = impact.incidents, e.record
     # At one instant one thing may follow another: rebounds end, and what comes next is an impact.
@@ -91,8 +91,14 @@ def _joined(one: Record, other: Record) -> Record:
     return Record(**{name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in fields})
 
 
-def flown(e: Evidence, found: Flights) -> Check:
-    """Momenta and places over each flight, of models in Cartesian coordinates."""
+def flights(e: Evidence) -> list[Check]:
+    """Momenta and places over each flight, of models in Cartesian coordinates without a `lagrangian`."""
+    impact, laws = e.once(checks_impact.impact_evidence), e.laws
+    if impact is None or not len(impact.incidents.t):
+        return []
+    if e.record.x.size or laws.cast.coordinates.names or laws.model.lagrangian:
+        return []
+    found = _flights(e, e.once(checks_contact.contact_states), impact)
     names = (*e.names.q, *e.names.v)
     every = np.arange(len(found.closed))
     sets, which = np.unique(found.closed, axis=0, return_inverse=True)
@@ -107,28 +113,27 @@ def flown(e: Evidence, found: Flights) -> Check:
     if not parts:
         note = "contacts open or close all along"
         entries = len(every) * len(names)
-        return Check(
-            FLIGHTS.name, FLIGHTS.law, FLIGHTS.equation, "not judged", None, entries=entries, note=note
-        )
+        law = FLIGHTS
+        return [Check(law.name, law.law, law.equation, "not judged", None, entries=entries, note=note)]
     t, residual, limit, judged = (np.concatenate(each) for each in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
     check = judge(FLIGHTS, names, t[order], residual[order], limit[order], judged[order])
     left = (len(every) - count) * len(names)
     entries = check.entries + left
     if not left:
-        return check
+        return [check]
     note = f"{entries - check.judged} of {entries} entries cannot be judged"
     verdict = check.verdict if check.verdict != "nothing" else "not judged"
     if verdict == "pass" and check.judged < NEARLY_ALL * entries:
         verdict = "partly judged"
-    return dataclasses.replace(check, verdict=verdict, entries=entries, note=note)
+    return [dataclasses.replace(check, verdict=verdict, entries=entries, note=note)]
 
 
 def _flown(e: Evidence, motion: _FreeMotion, found: Flights, k: Array) -> tuple[Array, Array, Array]:
     """Residuals, their limits, and which are judged, of the flights k, (p, 2 n) each."""
     one, other = found.begin.part(k), found.end.part(k)
     h = (other.t - one.t)[:, None]
-    way = flight_quadrature.integrals(one, other, motion.accelerations)
+    way = _integrals(one, other, motion.accelerations)
     unknown_v = way.unknown_velocities + np.abs(way.velocities) * SAFETY * e.tolerance.rtol
     if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
         unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(way.middle, way.acceleration))
@@ -186,19 +191,20 @@ class _FreeMotion:
         """a (P, n); no numbers where rows depend on each other, or almost, and multipliers need not tell the motion."""
         e, laws = self._e, self._laws
         values = e.laws.values(r.t, r.q, r.v, np.zeros((len(r.t), e.laws.C)))
-        a = np.asarray((values.F.reshape(len(r.t), -1) - values.V_q) / e.masses)
+        a = laws.forces_on_coordinates(values) / e.masses
         if not self.has_rows:
             return a
-        step = 1j * TINY
-        _, w = laws.residuals(r.t + step, r.q + step * r.v, r.v + step * a)
+        demanded = laws.demanded(r.t, r.q, r.v, a)
         W = laws.matrix(r.t, r.q, r.v) / self._roots
         lengths = np.linalg.norm(W, axis=2)
-        usable = np.isfinite(W).all(axis=(1, 2)) & (lengths > 0).all(axis=1) & np.isfinite(w).all(axis=1)
+        usable = (
+            np.isfinite(W).all(axis=(1, 2)) & (lengths > 0).all(axis=1) & np.isfinite(demanded).all(axis=1)
+        )
         usable &= W.shape[1] <= W.shape[2]
         found = np.full(a.shape, np.nan)
         if not usable.any():
             return found
-        W, lengths, demand = W[usable], lengths[usable], w.imag[usable] / TINY
+        W, lengths, demand = W[usable], lengths[usable], demanded[usable]
         left, sigma, across = np.linalg.svd(W / lengths[:, :, None], full_matrices=False)
         along = np.einsum("pik,pi->pk", left, demand / lengths) / np.where(sigma > 0, sigma, np.nan)
         pulled = np.einsum("pkj,pk->pj", across, along) / self._roots
@@ -214,32 +220,63 @@ class _FreeMotion:
         return np.asarray(np.abs(self.accelerations(dataclasses.replace(r, q=q, v=v)) - a))
 
 
-def is_conservative(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> bool:
-    """True if nothing but impacts changes T + V: contacts that move may be struck, but never rest."""
-    values = e.values
-    if any(np.any(part) for part in (values.F, values.Q, values.V_t, values.L_t, values.x_t)):
-        return False
-    moves: Array = np.asarray((values.b != 0).any(axis=0))
-    rests: Array = np.asarray(states.is_closed.any(axis=0))
-    told = zip(impact.incidents.kinds, impact.incidents.contact.tolist(), strict=True)
-    rests[[j for kind, j in told if kind in CHANGING - {"impact"}]] = True
-    works = np.concatenate([moves[impact.rows], moves[impact.contacts] & rests])
-    return not works.any()
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class FlightIntegrals:
+    """Of P flights: changes of velocities, and of places beyond h (v + v')/2, (P, n) each, with what is not known of
+    them; and states halfway with their accelerations."""
+
+    velocities: Array
+    unknown_velocities: Array
+    places: Array
+    unknown_places: Array
+    middle: Record
+    acceleration: Array
 
 
-def balance(e: Evidence, E: Array, impact: ImpactEvidence) -> Check:
-    """The energy of all rows, E (T,), with what impacts take; of models in which nothing else changes it."""
-    incidents = impact.incidents
-    before, after = (energy_of_motion(s, s.record, s.values) for s in (impact.before, impact.after))
-    before, after = before[incidents.is_first], after[incidents.is_last]
-    t = incidents.t[incidents.is_first]
-    count = np.searchsorted(t, e.record.t, "right")
-    total = np.concatenate([[0.0], np.cumsum(after - before)])[count]
-    E_moved = energy_of_motion(e, moved(e), e.moved_values) + e.moved_values.V
-    noise = e.spread(E[:, None], E_moved[:, None])[:, 0].max(initial=0.0)
-    limit = noise * (1 + (np.arange(len(E)) + count) / SAFETY) + e.tolerance.atol
-    apart = (E - E[0] - total)[:, None]
-    judged = np.concatenate(
-        [np.diff(e.record.t) > 0, [True]]
-    )  # of rows at one time the last, which is after it
-    return judge(BALANCE, ("the whole system",), e.record.t, apart, limit[:, None], judged[:, None])
+def _integrals(one: Record, other: Record, accelerations: Callable[[Record], Array]) -> FlightIntegrals:
+    """Those from states to states later, by Boole's formula on the quintic curve through places, velocities and
+    accelerations at both ends (Hermite); `accelerations` (P, n) of states."""
+    h = (other.t - one.t)[:, None]
+    begin, end = accelerations(one), accelerations(other)
+    inner = [_between(one, other, (begin, end), u) for u in (0.25, 0.5, 0.75)]
+    a = np.stack([begin, *(accelerations(r) for r in inner), end])
+    boole = h / 90 * (7 * (a[0] + a[4]) + 32 * (a[1] + a[3]) + 12 * a[2])
+    simpson = h / 6 * (a[0] + 4 * a[2] + a[4])
+    # The integrals of (h/2 - s) a(s) ds.
+    bend = h * h / 90 * (3.5 * (a[0] - a[4]) + 8 * (a[1] - a[3]))
+    plain = h * h / 12 * (a[0] - a[4])
+    second, fourth = np.abs(np.diff(a, n=2, axis=0)).max(axis=0), np.abs(np.diff(a, n=4, axis=0))[0]
+    rough = fourth >= ROUGH * second
+    return FlightIntegrals(
+        boole,
+        CAREFUL * np.abs(boole - simpson) + np.where(rough, np.abs(simpson - h / 2 * (a[0] + a[4])), 0.0),
+        bend,
+        CAREFUL * np.abs(bend - plain) + np.where(rough, np.abs(plain), 0.0),
+        inner[1],
+        a[2],
+    )
+
+
+def _between(one: Record, other: Record, ends: tuple[Array, Array], u: float) -> Record:
+    """The states at the part u of the way, on the quintic curve."""
+    h = (other.t - one.t)[:, None]
+    (v, w), (a, b) = (h * one.v, h * other.v), (h * h * ends[0], h * h * ends[1])
+    rise = other.q - one.q
+    s, p, r = u**2, u**3, u**4
+    x = 10 * p - 15 * r + 6 * u * r
+    q = (
+        one.q
+        + rise * x
+        + v * (u - 6 * p + 8 * r - 3 * u * r)
+        + w * (-4 * p + 7 * r - 3 * u * r)
+        + a * (s - 3 * p + 3 * r - u * r) / 2
+        + b * (p - 2 * r + u * r) / 2
+    )
+    rate = (
+        rise * (30 * s - 60 * p + 30 * r)
+        + v * (1 - 18 * s + 32 * p - 15 * r)
+        + w * (-12 * s + 28 * p - 15 * r)
+        + a * (2 * u - 9 * s + 12 * p - 5 * r) / 2
+        + b * (3 * s - 8 * p + 5 * r) / 2
+    )
+    return dataclasses.replace(one, t=one.t + u * (other.t - one.t), q=q, v=rate / h)

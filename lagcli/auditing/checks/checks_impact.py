@@ -1,6 +1,19 @@
 """The law of impact at every recorded incident: momenta, rows, restitution, and the energy that is lost.
 
 M (v+ - v-) = B^T Lambda + G^T Lambda_G,  B v+ + b = 0,  0 <= Lambda_j  _|_  dg_j+ + e_j min(dg_j-, 0) >= 0
+
+Rows and places may move with t. With H = q' . p - L of the whole system, quadratic in q', the jump of p at one place
+gives exactly
+
+    H(+) - H(-) = (p(+) - p(-)) . (q'(+) + q'(-))/2,    p(+) - p(-) = sum_i impulse_i B_i,    B_i . q' = df_i/dt - b_i
+
+so that H(+) - H(-) + sum_i impulse_i b_i = 1/2 sum_i impulse_i (df_i/dt(+) + df_i/dt(-)): the work of a row that moves
+is -impulse_i b_i, b_i its rate where only t moves. Dependent particles x(q, t) have u = dx/dq . q' + dx/dt, and
+
+    T + V = H + sum_k m_k u_k . dx_k/dt
+
+without what is in `lagrangian`: places that move with t do the work m_k (u_k(+) - u_k(-)) . dx_k/dt on T. The mass
+matrix may depend on q and t; it is the same on both sides.
 """
 
 from __future__ import annotations
@@ -10,11 +23,12 @@ from functools import cached_property
 
 import numpy as np
 
+from lagcli.auditing.checks import checks_contact, checks_motion
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
-from lagcli.auditing.evidence import impact_energy
+from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.impact_energy import energy_of_motion
-from lagcli.auditing.evidence.incident_record import Incidents
+from lagcli.auditing.evidence.laws import LawValues
+from lagcli.auditing.evidence.table_input import CHANGING, Incidents, Record
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 
 JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
@@ -26,6 +40,7 @@ TOUCHED = CheckedLaw(
 LOSSES = CheckedLaw(
     "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"
 )
+BALANCE = CheckedLaw("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
 SOON = 2.0  # times the time in which a contact comes over its gap: one that is open is struck until then
 SHARPLY = 1e-6  # times the limit of g: contacts that are closed for certain
 MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
@@ -46,13 +61,6 @@ class ImpactEvidence:
         self.rows = np.flatnonzero(is_row)
         largest = np.abs(incidents.impulses).max(initial=0.0)
         self.impulse_limit = float(SAFETY * e.tolerance.rtol * largest + e.tolerance.atol)
-
-    def checks(self) -> list[Check]:
-        """All checks of incidents."""
-        found = [self.jumps(), self.touched(), self.impacts()]
-        if self.rows.size:
-            found.append(self.kept())
-        return [*found, self.losses()]
 
     def jumps(self) -> Check:
         """The jump of the momenta of all coordinates."""
@@ -157,7 +165,7 @@ class ImpactEvidence:
         than rounding is gained."""
         one, other = self.before, self.after
         impulses, b = self.incidents.impulses, one.values.b
-        (H, off), (H_after, off_after) = impact_energy.hamiltonian(one), impact_energy.hamiltonian(other)
+        (H, off), (H_after, off_after) = _hamiltonian(one), _hamiltonian(other)
         rates = (one.values.w + other.values.w) / 2
         change = H_after - H + (impulses * b).sum(axis=1)
         known = np.abs(impulses) * (one.noise("w") + other.noise("w") + one.noise("b"))
@@ -167,7 +175,7 @@ class ImpactEvidence:
         )
         residual = np.stack([change - (impulses * rates).sum(axis=1), np.maximum(change, 0.0)], axis=1)
         names = ("impulses and velocities", "energy created")
-        judged = impact_energy.is_quadratic(one, other)[:, None]
+        judged = _is_quadratic(one, other)[:, None]
         check = judge(LOSSES, names, self.incidents.t, residual, np.stack([limit, limit], axis=1), judged)
         if judged.all():
             return check
@@ -179,8 +187,106 @@ class ImpactEvidence:
     @property
     def lost(self) -> float:
         """The energy that all incidents took; what moves with t may have given some."""
-        before, after = (energy_of_motion(e, e.record, e.values) for e in (self.before, self.after))
+        before, after = (_energy_of_motion(e, e.record, e.values) for e in (self.before, self.after))
         return float(before[self.incidents.is_first].sum() - after[self.incidents.is_last].sum())
+
+
+def _moved(e: Evidence) -> Record:
+    """The record at the states that are each moved by its tolerance."""
+    return dataclasses.replace(e.record, q=e.moved[0], v=e.moved[1], u=e.moved_values.u)
+
+
+def _energy_of_motion(e: Evidence, r: Record, values: LawValues) -> Array:
+    """T (E,) of the particles with q' . dL/dq' - L of the `lagrangian`: the energy less the declared potentials."""
+    T = (e.masses * r.v**2).sum(axis=1) / 2 + (e.masses_x * r.u**2).sum(axis=1) / 2
+    own = (r.v * values.L_v).sum(axis=1) + ((r.u - values.x_t) * values.L_u).sum(axis=1)
+    return np.asarray(T + own - values.L)
+
+
+def _hamiltonian(e: Evidence) -> tuple[Array, Array]:
+    """H - V (E,) at the states of a record, and by how much it may be off."""
+
+    def at(r: Record, values: LawValues) -> Array:
+        return np.asarray(_energy_of_motion(e, r, values) - (e.masses_x * r.u * values.x_t).sum(axis=1))
+
+    # The recorded u is what is judged: the limit is made of that of the model alone.
+    own = at(dataclasses.replace(e.record, u=e.values.u), e.values)
+    return at(e.record, e.values), e.spread(own[:, None], at(_moved(e), e.moved_values)[:, None])[:, 0]
+
+
+def _is_quadratic(before: Evidence, after: Evidence) -> Array:
+    """True where momenta are linear in the rates between the states before and after, (E,).
+
+    Those of the particles always are; those of a `lagrangian` at the mean rates are compared with the mean momenta.
+    """
+    laws, r = before.laws, before.record
+    if laws.model.lagrangian is None:
+        return np.ones(len(r.t), dtype=bool)
+
+    def momenta(q: Array, v: Array, values: LawValues) -> Array:
+        return np.asarray(values.L_v + laws.pushed(r.t, q, v, values.L_u))
+
+    def known(e: Evidence) -> tuple[Array, Array]:
+        p = momenta(e.record.q, e.record.v, e.values)
+        return p, e.spread(p, momenta(*e.moved, e.moved_values)) + e.tolerance.atol
+
+    (one, off), (other, off_other) = known(before), known(after)
+    mean = (r.v + after.record.v) / 2
+    middle = momenta(r.q, mean, laws.values(r.t, r.q, mean, r.lam))
+    return np.asarray((np.abs(middle - (one + other) / 2) <= off + off_other).all(axis=1))
+
+
+def impact_evidence(e: Evidence) -> ImpactEvidence | None:
+    """That of a whole run; None where the incidents are not known."""
+    return None if e.run is None or e.run.incidents is None else ImpactEvidence(e, e.run.incidents)
+
+
+def impacts(e: Evidence) -> list[Check]:
+    """All checks of incidents by themselves; nothing where they are not known."""
+    impact = e.once(impact_evidence)
+    if impact is None:
+        return []
+    found = [impact.jumps(), impact.touched(), impact.impacts()]
+    if impact.rows.size:
+        found.append(impact.kept())
+    return [*found, impact.losses()]
+
+
+def _is_conservative(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> bool:
+    """True if nothing but impacts changes T + V: contacts that move may be struck, but never rest."""
+    values = e.values
+    if any(np.any(part) for part in (values.F, values.Q, values.V_t, values.L_t, values.x_t)):
+        return False
+    moves: Array = np.asarray((values.b != 0).any(axis=0))
+    rests: Array = np.asarray(states.is_closed.any(axis=0))
+    told = zip(impact.incidents.kinds, impact.incidents.contact.tolist(), strict=True)
+    rests[[j for kind, j in told if kind in CHANGING - {"impact"}]] = True
+    works = np.concatenate([moves[impact.rows], moves[impact.contacts] & rests])
+    return not works.any()
+
+
+def balance(e: Evidence) -> list[Check]:
+    """The energy of all rows with what impacts take; of models in which nothing else changes it."""
+    impact = e.once(impact_evidence)
+    if (
+        impact is None
+        or not len(impact.incidents.t)
+        or not _is_conservative(e, e.once(checks_contact.contact_states), impact)
+    ):
+        return []
+    incidents, E = impact.incidents, e.once(checks_motion.energies).E
+    before, after = (_energy_of_motion(s, s.record, s.values) for s in (impact.before, impact.after))
+    before, after = before[incidents.is_first], after[incidents.is_last]
+    t = incidents.t[incidents.is_first]
+    count = np.searchsorted(t, e.record.t, "right")
+    total = np.concatenate([[0.0], np.cumsum(after - before)])[count]
+    E_moved = _energy_of_motion(e, _moved(e), e.moved_values) + e.moved_values.V
+    noise = e.spread(E[:, None], E_moved[:, None])[:, 0].max(initial=0.0)
+    limit = noise * (1 + (np.arange(len(E)) + count) / SAFETY) + e.tolerance.atol
+    apart = (E - E[0] - total)[:, None]
+    # Of rows at one time the last, which is after it.
+    judged = np.concatenate([np.diff(e.record.t) > 0, [True]])
+    return [judge(BALANCE, ("the whole system",), e.record.t, apart, limit[:, None], judged[:, None])]
 
 
 def momenta(e: Evidence) -> tuple[Array, Array]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 
 import numpy as np
 
@@ -21,7 +20,7 @@ DALEMBERT = CheckedLaw("dalembert", "D.26", "sum_k (m_k a_k - F_k) . dr_k = 0 ov
 ENERGY = CheckedLaw("energy", "D.10, D.35", "d(T + V)/dt = F_nc . v + Q_nc . q' + dV/dt - dL/dt + R . v")
 
 
-def rates(e: Evidence) -> Check:
+def rates(e: Evidence) -> list[Check]:
     """The recorded rates against differences of the recorded places."""
     r = e.record
     q = e.grid.derivative(r.q, SAFETY * e.off_q)
@@ -31,22 +30,20 @@ def rates(e: Evidence) -> Check:
     judged = e.is_resolved[0] & (truncation <= np.maximum(RESOLVED * size, limit))
     limit = _sum(limit, truncation)
     judged = e.unaliased(q.value - r.v, limit, judged)
-    return judge(RATES, e.names.v, r.t, q.value - r.v, limit, judged)
+    return [judge(RATES, e.names.v, r.t, q.value - r.v, limit, judged)]
 
 
-def path(e: Evidence) -> Check:
+def path(e: Evidence) -> list[Check]:
     """The recorded places against the integrals of the recorded rates: a slow drift adds up."""
     r = e.record
     return _integrated(e, PATH, (e.names.q, e.names.x), (r.q, r.x), (r.v, r.u), (SAFETY * e.off_q, 0.0))
 
 
-def impulse(e: Evidence) -> Check:
+def impulse(e: Evidence) -> list[Check]:
     """Momenta against the integrals of forces and reactions; of coordinates that carry no dependent particles."""
     r, values, cast = e.record, e.values, e.laws.cast
-    own, rows = cast.first_generalized, len(r.t)
-    force = r.R_q - values.V_q + values.Q + values.L_q
-    force[:, :own] += values.F[:, cast.cartesian].reshape(rows, -1)
-    force_x = r.R_x + e.particle_forces[:, cast.dependent].reshape(rows, -1)
+    own, force = cast.first_generalized, e.total_force
+    force_x = r.R_x + e.particle_forces[:, cast.dependent].reshape(len(r.t), -1)
     p = e.masses * r.v + values.L_v
     off = SAFETY * e.masses * e.off_v + e.noise("L_v").max(axis=0, initial=0.0)
     if r.x.size:  # their inertia belongs to the coordinates
@@ -63,7 +60,7 @@ def _integrated(
     y: tuple[Array, Array],
     rate: tuple[Array, Array],
     off: tuple[Array, Array | float],
-) -> Check:
+) -> list[Check]:
     """y(t) - y(0) against the integral of its rate, of coordinates and of dependent particles; off: by how much y of
     coordinates may be off, and the rounding of the rates."""
     rows = len(e.record.t)
@@ -85,7 +82,7 @@ def _integrated(
     judged &= e.is_seen
     limit = _sum(limit, total.truncation)
     judged = e.unaliased(residual, limit, judged)
-    return judge(law, (*names[0], *names[1]), e.record.t, residual, limit, judged)
+    return [judge(law, (*names[0], *names[1]), e.record.t, residual, limit, judged)]
 
 
 def _sum(limit: Array, truncation: Array) -> Array:
@@ -101,7 +98,7 @@ def _grouped(size: Array, e: Evidence) -> Array:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Balance:
+class ForceBalance:
     """m a - F on coordinates (T, n) and on dependent particles (T, 3 Nd), with limits and what can be judged."""
 
     inertia: Array
@@ -112,102 +109,87 @@ class Balance:
     judged_x: Array
 
 
-class RecordedMotion:
-    """The balance of forces along the recorded motion."""
+def force_balance(e: Evidence) -> ForceBalance:
+    """m a - F from the recorded velocities; of generalized coordinates d/dt dL/dq' - dL/dq - Q (D.34)."""
+    r, values, cast = e.record, e.values, e.laws.cast
+    rows, own = len(r.t), cast.first_generalized
+    noise = e.particle_noise
+    a, rate = e.acceleration, e.momentum_rate[0]
+    force = e.laws.forces_on_coordinates(values)
+    inertia = e.masses * a.value + rate.value - force
+    limit = e.masses * a.noise + rate.noise + e.noise("Q") + e.noise("L_q") + e.noise("V_q")
+    limit[:, :own] += noise[:, cast.cartesian].reshape(rows, -1)
+    truncation = np.where(e.masses > 0, e.masses * a.truncation, 0.0)
+    truncation = truncation + np.where(np.abs(values.L_v).max(axis=0) > 0, rate.truncation, 0.0)
+    truncation = truncation + e.grid.roughness(e.masses * r.v + values.L_v, force + r.R_q)
+    size = np.maximum(np.abs(e.masses * a.value), np.abs(force))
+    inertia_x, limit_x, truncation_x, size_x = _of_dependent(e, noise)
+    if r.x.size:
+        inner = inertia_x - (values.L_x - e.momentum_rate[1].value)
+        inertia = inertia + e.pushed(inner)
+        limit = limit + e.pushed_limit(limit_x + e.noise("L_x") + e.momentum_rate[1].noise)
+        moved = e.laws.pushed(r.t, *e.moved, inner)
+        limit = limit + e.spread(e.pushed(inner), moved)
+        pushed = e.pushed_limit(truncation_x)
+        pushed[~np.isfinite(truncation_x).all(axis=1)] = np.inf
+        truncation = truncation + pushed
+        size = np.maximum(size, e.pushed_limit(size_x))
+    largest = _grouped(np.maximum(size, np.abs(r.R_q)).max(axis=0), e)
+    limit = limit + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.force_rounding.q
+    slow, slow_x = e.is_resolved
+    judged = slow & (truncation <= np.maximum(RESOLVED * largest, limit))
+    judged[:, own:] &= np.all(slow_x, axis=1, keepdims=True)  # generalized ones carry particles
+    top_x = np.repeat(np.maximum(size_x, np.abs(r.R_x)).max(axis=0).reshape(-1, 3).max(axis=1), 3)
+    limit_x = limit_x + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_x) + e.force_rounding.x
+    judged_x = slow_x & (truncation_x <= np.maximum(RESOLVED * top_x, limit_x))
+    return ForceBalance(
+        inertia, _sum(limit, truncation), judged, inertia_x, _sum(limit_x, truncation_x), judged_x
+    )
 
-    def __init__(self, e: Evidence) -> None:
-        self._e = e
 
-    @functools.cached_property
-    def balance(self) -> Balance:
-        """m a - F from the recorded velocities; of generalized coordinates d/dt dL/dq' - dL/dq - Q (D.34)."""
-        e, r, values, cast = self._e, self._e.record, self._e.values, self._e.laws.cast
-        rows, own = len(r.t), cast.first_generalized
-        F, noise = (y.reshape(rows, -1, 3) for y in (e.particle_forces, e.particle_noise))
-        a, rate = e.acceleration, e.momentum_rate[0]
-        force = -values.V_q + values.Q + values.L_q
-        force[:, :own] = F[:, cast.cartesian].reshape(rows, -1) + (values.Q + values.L_q)[:, :own]
-        inertia = e.masses * a.value + rate.value - force
-        limit = e.masses * a.noise + rate.noise + e.noise("Q") + e.noise("L_q") + e.noise("V_q")
-        limit[:, :own] += noise[:, cast.cartesian].reshape(rows, -1)
-        truncation = np.where(e.masses > 0, e.masses * a.truncation, 0.0)
-        truncation = truncation + np.where(np.abs(values.L_v).max(axis=0) > 0, rate.truncation, 0.0)
-        truncation = truncation + e.grid.roughness(e.masses * r.v + values.L_v, force + r.R_q)
-        size = np.maximum(np.abs(e.masses * a.value), np.abs(force))
-        inertia_x, limit_x, truncation_x, size_x = self._dependent(F, noise)
-        if r.x.size:
-            inner = inertia_x - (values.L_x - e.momentum_rate[1].value)
-            inertia = inertia + e.pushed(inner)
-            limit = limit + e.pushed_limit(limit_x + e.noise("L_x") + e.momentum_rate[1].noise)
-            moved = e.laws.pushed(r.t, *e.moved, inner)
-            limit = limit + e.spread(e.pushed(inner), moved)
-            truncation = truncation + self._pushed_truncation(truncation_x)
-            size = np.maximum(size, e.pushed_limit(size_x))
-        largest = _grouped(np.maximum(size, np.abs(r.R_q)).max(axis=0), e)
-        limit = limit + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.force_rounding.q
-        judged = self._resolved() & (truncation <= np.maximum(RESOLVED * largest, limit))
-        top_x = np.repeat(np.maximum(size_x, np.abs(r.R_x)).max(axis=0).reshape(-1, 3).max(axis=1), 3)
-        limit_x = limit_x + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_x) + e.force_rounding.x
-        judged_x = e.is_resolved[1] & (truncation_x <= np.maximum(RESOLVED * top_x, limit_x))
-        return Balance(
-            inertia, _sum(limit, truncation), judged, inertia_x, _sum(limit_x, truncation_x), judged_x
-        )
+def _of_dependent(e: Evidence, noise: Array) -> tuple[Array, Array, Array, Array]:
+    """m a - F of the dependent particles with limit, truncation and size, (T, 3 Nd) each."""
+    dependent = e.laws.cast.dependent
+    if not dependent.size:
+        nothing = np.zeros(e.record.x.shape)
+        return nothing, nothing, nothing, nothing
+    a: Estimate = e.acceleration_x
+    force = e.particle_forces[:, dependent].reshape(a.value.shape)
+    limit = e.masses_x * a.noise + noise[:, dependent].reshape(a.value.shape)
+    size = np.maximum(np.abs(e.masses_x * a.value), np.abs(force))
+    rough = e.grid.roughness(e.masses_x * e.record.u, force + e.record.R_x)
+    return e.masses_x * a.value - force, limit, e.masses_x * a.truncation + rough, size
 
-    def _resolved(self) -> Array:
-        """True where the rows are close enough for each coordinate, (T, n); generalized ones carry particles."""
-        slow, slow_x = self._e.is_resolved
-        found = slow.copy()
-        found[:, self._e.laws.cast.first_generalized :] &= np.all(slow_x, axis=1, keepdims=True)
-        return found
 
-    def _dependent(self, F: Array, noise: Array) -> tuple[Array, Array, Array, Array]:
-        """m a - F of the dependent particles with limit, truncation and size, (T, 3 Nd) each."""
-        e, dependent = self._e, self._e.laws.cast.dependent
-        if not dependent.size:
-            nothing = np.zeros(e.record.x.shape)
-            return nothing, nothing, nothing, nothing
-        a: Estimate = e.acceleration_x
-        force = F[:, dependent].reshape(a.value.shape)
-        limit = e.masses_x * a.noise + noise[:, dependent].reshape(a.value.shape)
-        size = np.maximum(np.abs(e.masses_x * a.value), np.abs(force))
-        rough = e.grid.roughness(e.masses_x * e.record.u, force + e.record.R_x)
-        return e.masses_x * a.value - force, limit, e.masses_x * a.truncation + rough, size
+def newton(e: Evidence) -> list[Check]:
+    """m a = F + R of every coordinate and of every dependent particle."""
+    b, r = e.once(force_balance), e.record
+    residual = np.concatenate([b.inertia - r.R_q, b.inertia_x - r.R_x], axis=1)
+    limit = np.concatenate([b.limit, b.limit_x], axis=1)
+    names = (*e.names.R_q, *e.names.R_x)
+    judged = e.unaliased(residual, limit, np.concatenate([b.judged, b.judged_x], axis=1))
+    return [judge(NEWTON, names, r.t, residual, limit, judged)]
 
-    def _pushed_truncation(self, truncation: Array) -> Array:
-        found = self._e.pushed_limit(truncation)
-        unknown = ~np.isfinite(truncation).all(axis=1)
-        found[unknown] = np.inf
-        return found
 
-    def newton(self) -> Check:
-        """m a = F + R of every coordinate and of every dependent particle."""
-        e, b, r = self._e, self.balance, self._e.record
-        residual = np.concatenate([b.inertia - r.R_q, b.inertia_x - r.R_x], axis=1)
-        limit = np.concatenate([b.limit, b.limit_x], axis=1)
-        names = (*e.names.R_q, *e.names.R_x)
-        judged = e.unaliased(residual, limit, np.concatenate([b.judged, b.judged_x], axis=1))
-        return judge(NEWTON, names, r.t, residual, limit, judged)
-
-    def dalembert(self) -> Check:
-        """The part of m a - F along virtual displacements."""
-        e, b, d, rows = self._e, self.balance, self._e.displacements, self._e.looked_at
-        w = b.inertia[rows]
-        limit = np.sqrt((b.limit[rows] ** 2).sum(axis=1))[:, None]
-        limit = limit + 1e-14 * d.condition[:, None] * np.linalg.norm(w, axis=1)[:, None]
-        judged = (b.judged[rows].all(axis=1) & ~d.is_singular)[:, None]
-        found = d.virtual(w)
-        judged = np.broadcast_to(judged, found.shape) & ~(e.is_fast[rows].any() & (np.abs(found) > limit))
-        return judge(DALEMBERT, e.names.q, e.record.t[rows], found, limit, judged)
+def dalembert(e: Evidence) -> list[Check]:
+    """The part of m a - F along virtual displacements."""
+    b, d, rows = e.once(force_balance), e.displacements, e.looked_at
+    w = b.inertia[rows]
+    limit = np.sqrt((b.limit[rows] ** 2).sum(axis=1))[:, None]
+    limit = limit + 1e-14 * d.condition[:, None] * np.linalg.norm(w, axis=1)[:, None]
+    judged = (b.judged[rows].all(axis=1) & ~d.is_singular)[:, None]
+    found = d.virtual(w)
+    judged = np.broadcast_to(judged, found.shape) & ~(e.is_fast[rows].any() & (np.abs(found) > limit))
+    return [judge(DALEMBERT, e.names.q, e.record.t[rows], found, limit, judged)]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Energies:
-    """E (T,) = T + V + (q' dL/dq' - L), and of the moved states; work (T,) of the constraints, of all that changes E,
-    and their limits."""
+    """E (T,) = T + V + (q' dL/dq' - L), and of the moved states; work (T, 3) of all that changes E, of the constraints,
+    and the sum of the sizes of its parts; the limit (T,) of E - E(0) - work, and where it can be judged."""
 
     E: Array
     E_moved: Array
-    constraints: Array
     work: Estimate
     limit: Array
     judged: Array
@@ -250,22 +232,20 @@ def energies(e: Evidence) -> Energies:
     judged = (truncation <= np.maximum(RESOLVED * largest, noise)) & e.is_slow & (rows > 2)
     judged &= e.is_seen[:, 0] & (not _is_driven(values))
     limit = _sum(noise + rounding, truncation)
-    return Energies(E, E_moved, work.value[:, 1], work, limit, judged)
+    return Energies(E, E_moved, work, limit, judged)
 
 
 def _is_rough(e: Evidence) -> Array:
     """Rows (T,) around which the forces have a kink or a jump: stencils do not come closer together."""
-    r = e.record
-    values, own = e.values, e.laws.cast.first_generalized
-    force = r.R_q - values.V_q + values.Q + values.L_q
-    force[:, :own] += values.F[:, e.laws.cast.cartesian].reshape(len(r.t), -1)
+    force = e.total_force
     small = SAFETY * e.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
     return np.asarray(~e.grid.resolved(force, small).all(axis=1)) & bool(e.is_slow)
 
 
-def energy(e: Evidence, found: Energies) -> Check:
+def energy(e: Evidence) -> list[Check]:
     """Energy gained against the work done on the way."""
+    found = e.once(energies)
     apart = (found.E - found.E[0] - found.work.value[:, 0])[:, None]
     limit = found.limit[:, None]
     judged = e.unaliased(apart, limit, found.judged[:, None])
-    return judge(ENERGY, ("the whole system",), e.record.t, apart, limit, judged)
+    return [judge(ENERGY, ("the whole system",), e.record.t, apart, limit, judged)]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
+from lagcli.auditing.checks import checks_motion
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array, Scalar, Value
 from lagcli.auditing.evidence.differences import CLOCK
@@ -39,18 +40,17 @@ class RecomputedResults:
         return RecomputedResults(self.lam[rows], self.R[rows], self.a[rows])
 
 
-def columns(e: Evidence, columns: Sequence[str], rows: Array, energy: tuple[Array, Array]) -> Check:
-    """`energy` and the outputs of a table, as far as it has them, against their definitions.
-
-    energy: T + V + q' dL/dq' - L at the states of the rows and at the moved ones, (T,) each. What is off by no more
-    than the tolerance of the run explains is right.
-    """
-    at = {name: k for k, name in enumerate(columns)}
+def columns(e: Evidence) -> list[Check]:
+    """`energy` and the outputs of a run's table, as far as it has them, against their definitions; `energy` is
+    T + V + q' dL/dq' - L. What is off by no more than the tolerance of the run explains is right."""
+    assert e.run is not None
+    table, energy = e.run.table, e.once(checks_motion.energies)
+    at = {name: k for k, name in enumerate(table.columns)}
     r, model = e.record, e.laws.model
     names = [ENERGY, *(name for output in model.outputs for name in output.columns)]
     here, moved = _results(e)
     first, known = evaluated(e.laws, r.t, r.q, r.v, here)
-    found = [np.column_stack([energy[0], first])]
+    found = [np.column_stack([energy.E, first])]
     q, v = e.moved
     clock = CLOCK * np.abs(r.t).max()
     for sign in (1.0, -1.0):  # on both sides, so that what jumps there is seen
@@ -60,17 +60,16 @@ def columns(e: Evidence, columns: Sequence[str], rows: Array, energy: tuple[Arra
             for one, other in zip(_fields(here), _fields(moved), strict=True)
         )
         results = RecomputedResults(*(beside for _, beside in parts))
-        found.append(np.column_stack([energy[1], evaluated(e.laws, *there, results)[0]]))
+        found.append(np.column_stack([energy.E_moved, evaluated(e.laws, *there, results)[0]]))
     kept = [k for k, name in enumerate(names) if name in at]
     one, *others = (part[:, kept] for part in found)
-    recorded = rows[:, [at[names[k]] for k in kept]]
+    recorded = table.rows[:, [at[names[k]] for k in kept]]
     limit = np.maximum(e.spread(one, others[0]), e.spread(one, others[1])) + e.tolerance.atol
     alike = (recorded == one) | (np.isnan(recorded) & np.isnan(one))
     apart = np.where(alike, 0.0, recorded - np.where(alike, 0.0, one))
     judged = np.broadcast_to(np.array([True, *known])[kept], apart.shape)
-    return judge(
-        COLUMNS, [names[k] for k in kept], r.t, apart, np.where(np.isnan(limit), np.inf, limit), judged
-    )
+    limit = np.where(np.isnan(limit), np.inf, limit)
+    return [judge(COLUMNS, [names[k] for k in kept], r.t, apart, limit, judged)]
 
 
 def _fields(results: RecomputedResults) -> tuple[Array, Array, Array]:

@@ -129,7 +129,7 @@ class _Particles:
 def _cartesian(e: Evidence) -> _Particles:
     r, values, own = e.record, e.values, e.laws.cast.first_generalized
     k = slice(0, own)
-    force, noise = total_force(e)
+    force, noise = _total_force(e)
     off_q, off_v = SAFETY * e.off_q[k], SAFETY * e.off_v[k]
     return _Particles(
         (e.names.q[k], e.names.v[k]), r.q[:, k], r.v[:, k], force[:, k], (off_q, off_v, noise[:, k]),
@@ -150,14 +150,12 @@ def _dependent(e: Evidence) -> _Particles:
     )  # fmt: skip
 
 
-def total_force(e: Evidence) -> tuple[Array, Array]:
+def _total_force(e: Evidence) -> tuple[Array, Array]:
     """F + R on the coordinates without what dependent particles carry, (T, n), and by how much it may be off."""
-    r, values, cast, own = e.record, e.values, e.laws.cast, e.laws.cast.first_generalized
-    force = r.R_q - values.V_q + values.Q + values.L_q
-    force[:, :own] += values.F[:, cast.cartesian].reshape(len(r.t), -1)
+    r, cast, own = e.record, e.laws.cast, e.laws.cast.first_generalized
     noise = e.noise("Q") + e.noise("L_q") + e.noise("V_q") + e.reaction_limit
     noise[:, :own] += e.particle_noise[:, cast.cartesian].reshape(len(r.t), -1)
-    return force, noise + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.tolerance.atol
+    return e.total_force, noise + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.tolerance.atol
 
 
 def _of_particles(e: Evidence, p: _Particles) -> list[Quantity]:
@@ -181,7 +179,7 @@ def _of_coordinates(e: Evidence) -> list[Quantity]:
     off_q, off_v = (np.broadcast_to(SAFETY * off[k], q.shape) for off in (e.off_q, e.off_v))
     found, roots = [], np.ones(q.shape[1])
     if not r.x.size:
-        force, noise = (y[:, k] for y in total_force(e))
+        force, noise = (y[:, k] for y in _total_force(e))
         p, off_p = e.values.L_v[:, k], e.noise("L_v")[:, k]
         step = float(np.median(np.diff(r.t))) if len(r.t) > 1 else np.inf
         push, size = (np.sqrt((y**2).mean(axis=0)) for y in (force, p))
@@ -196,7 +194,7 @@ def _of_triples(y: Array) -> Array:
     return np.repeat(np.abs(y).max(axis=0).reshape(-1, 3).max(axis=1), 3)
 
 
-def steps(e: Evidence) -> Check:
+def steps(e: Evidence) -> list[Check]:
     """Every step of every quantity. Steps with a push that no row shows are kept in `e.hidden`."""
     grid = TableSteps(e.record.t)
     rows = np.asarray(e.is_fast.any(axis=1))
@@ -219,7 +217,7 @@ def steps(e: Evidence) -> Check:
         )  # so a motion looks that is too fast for the rows; an error of the table is wrong at some
     far = np.concatenate([_too_far(grid, one) for one in found], axis=1)
     judged |= far & (np.abs(residual) > limit)
-    return judge(STEPS, names, e.record.t[:-1], residual, limit, judged)
+    return [judge(STEPS, names, e.record.t[:-1], residual, limit, judged)]
 
 
 def _shown_push(grid: TableSteps, found: list[Quantity]) -> Array:

@@ -84,10 +84,10 @@ def windows(e: Evidence) -> list[Window]:
     ]
 
 
-def hamilton(e: Evidence, found: list[Window]) -> Check:
+def hamilton(e: Evidence) -> list[Check]:
     """The integral of dL + Q_nc . dq over each window and direction."""
-    varied = [(window, w, _variation(window, w)) for window in found for w in window.basis]
-    return _judged(HAMILTON, varied) if varied else _nothing(e, HAMILTON)
+    varied = [(window, w, _variation(window, w)) for window in e.once(windows) for w in window.basis]
+    return [_judged(HAMILTON, varied) if varied else _nothing(e, HAMILTON)]
 
 
 def _judged(law: CheckedLaw, varied: Sequence[tuple[Window, Array, tuple[float, float, bool]]]) -> Check:
@@ -116,15 +116,12 @@ def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
     """The integral, its limit, and whether it can be judged."""
     e, r, rows = window.e, window.record, window.rows
     V, cast = e.values, e.laws.cast
-    own = cast.first_generalized
     dq = window.path(w)
     dx = e.laws.displaced(r.t, r.q, r.v, dq)
     zero = np.zeros(1)
     dv, du = window.grid.derivative(dq, zero), window.grid.derivative(dx, zero)
-    F = V.F[rows]
-    force_q = V.L_q[rows] - V.V_q[rows] + V.Q[rows]
-    force_q[:, :own] += F[:, cast.cartesian].reshape(len(r.t), -1)
-    force_x = V.L_x[rows] - V.V_x[rows] + F[:, cast.dependent].reshape(len(r.t), -1)
+    force_q = e.laws.forces_on_coordinates(V)[rows]
+    force_x = V.L_x[rows] + e.particle_forces[rows][:, cast.dependent].reshape(len(r.t), -1)
     p_q = e.masses * r.v + V.L_v[rows]
     p_x = e.masses_x * r.u + V.L_u[rows]
     terms = [(force_q, dq), (force_x, dx), (p_q, dv.value), (p_x, du.value)]
@@ -147,14 +144,14 @@ def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
     return found, noise + truncation, judged
 
 
-def action(e: Evidence, found: list[Window]) -> Check | None:
+def action(e: Evidence) -> list[Check]:
     """The slope of S(eps) at 0, where all rows are holonomic and all forces have potentials."""
     laws = e.laws
     if laws.s < laws.C or np.any(e.values.F) or np.any(e.values.Q) or laws.cast.n > 60:
-        return None
-    varied = [(window, w, _slope(window, w)) for window in found[:1] for w in window.basis[:3]]
+        return []
+    varied = [(window, w, _slope(window, w)) for window in e.once(windows)[:1] for w in window.basis[:3]]
     known = [(window, w, answer) for window, w, answer in varied if answer is not None]
-    return _judged(ACTION, known) if known else None
+    return [_judged(ACTION, known)] if known else []
 
 
 def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:

@@ -8,11 +8,10 @@ import numpy as np
 
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.laws import TINY
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 
 MOMENTA = CheckedLaw("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
-# A complex step has no cancellation: as small as can be.
-TINY = 1e-100
 # Rows at which a symmetry is tried, evenly over the table.
 SAMPLES = 48
 SYMMETRIC = 1e-9  # of the size of the terms that would have to cancel
@@ -86,8 +85,9 @@ def _felt(e: Evidence, t: Array, q: Array, v: Array, xi: Array, rate: Array) -> 
     return float(np.abs(L.imag / TINY).max(initial=0.0)), float(size)
 
 
-def momenta(e: Evidence) -> Check:
-    """J against the impulse of constraints and other forces, of every symmetry that is found."""
+def momenta(e: Evidence) -> list[Check]:
+    """J against the impulse of constraints and other forces, of every symmetry that is found; what it does is told of
+    the whole of a run."""
     r, values, cast = e.record, e.values, e.laws.cast
     own, rows = cast.first_generalized, len(r.t)
     p = e.masses * r.v + values.L_v + e.pushed(e.masses_x * r.u + values.L_u)
@@ -122,16 +122,15 @@ def momenta(e: Evidence) -> Check:
         judged.append((open_ <= np.maximum(RESOLVED * size, off)) & e.is_slow)
         words.append(_word(one.name, J, by_rows, by_forces, float(spread.sum(axis=1).max(initial=0.0))))
     if not names:
-        return Check(
-            MOMENTA.name, MOMENTA.law, MOMENTA.equation, "nothing", None, note="no symmetry was found"
-        )
+        note = "" if e.is_part else "no symmetry was found"
+        return [Check(MOMENTA.name, MOMENTA.law, MOMENTA.equation, "nothing", None, note=note)]
     apart, limit = np.stack(residuals, 1), np.stack(limits, 1)
     decided = np.stack(judged, 1) & (rows > 2) & e.is_seen
     if e.is_fast.any():
         decided &= ~(np.abs(apart) > limit)
     check = judge(MOMENTA, names, r.t, apart, limit, decided)
-    note = "; ".join([*([check.note] if check.note else []), *words])
-    return dataclasses.replace(check, note=note)
+    told = [] if e.is_part else words
+    return [dataclasses.replace(check, note="; ".join([*([check.note] if check.note else []), *told]))]
 
 
 def _word(name: str, J: Array, by_rows: Array, by_forces: Array, size: float) -> str:

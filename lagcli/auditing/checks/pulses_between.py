@@ -62,7 +62,7 @@ def _pushes(e: Evidence, steps: Array) -> Array:
 
     At states on the straight line between those of the rows.
     """
-    r, laws, own = e.record, e.laws, e.laws.cast.first_generalized
+    r, laws = e.record, e.laws
     s = np.arange(PLACES + 2)[None, :] / (PLACES + 1)
     s = s * np.ones((len(steps), 1))
 
@@ -72,10 +72,8 @@ def _pushes(e: Evidence, steps: Array) -> Array:
         return np.asarray((first + wide * (last - first)).reshape((-1, *y.shape[1:])))
 
     values = laws.values(between(r.t), between(r.q), between(r.v), np.zeros((s.size, laws.C)))
-    F = values.F
-    force = -values.V_q + values.Q + values.L_q
-    force[:, :own] += F[:, laws.cast.cartesian].reshape(len(F), -1)
-    force_x = -values.V_x + F[:, laws.cast.dependent].reshape(len(F), -1)
+    force = laws.forces_on_coordinates(values)
+    force_x = laws.particle_forces(values)[:, laws.cast.dependent].reshape(s.size, -1)
     roots = np.sqrt(np.where(e.masses > 0, e.masses, 1.0)), np.sqrt(np.where(e.masses_x > 0, e.masses_x, 1.0))
     pushes = np.concatenate([force / roots[0], force_x / roots[1]], axis=1).reshape(
         len(steps), PLACES + 2, -1

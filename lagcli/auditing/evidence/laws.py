@@ -7,21 +7,31 @@ which s are holonomic. Units are those of the model.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from lagcli.auditing.evidence import row_turns
-from lagcli.auditing.evidence.autodiff import Array, Directions, Scalar, TapeNode, Triple, Value, scatter
+from lagcli.auditing.evidence import law_rows
+from lagcli.auditing.evidence.autodiff import (
+    Array,
+    Directions,
+    Gradient,
+    Scalar,
+    TapeNode,
+    Triple,
+    Value,
+    scatter,
+    value,
+)
 from lagcli.auditing.evidence.autodiff_algebra import NumberAlgebra
+from lagcli.auditing.evidence.law_rows import SPOT, Laid
 from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
-from lagcli.equations import rigid
-from lagcli.expression import evaluate, tree
+from lagcli.expression import evaluate
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
 
-SPOT = tree.Node(0, 0)
 CHUNK = 200_000  # values of one array: what a cache holds
+TINY = 1e-100  # a complex step has no cancellation: so small that its square is nothing
 
 
 @dataclasses.dataclass(slots=True)
@@ -69,14 +79,14 @@ class ModelLaws:
         closed: Sequence[int] = (),
     ) -> None:
         self.model, self.cast = model, ModelIndex(model)
-        self.bodies = self._geometries() if model.rigid else ()
+        self.bodies = law_rows.geometries(self.cast) if model.rigid else ()
         self.holonomic = [name for law in model.holonomic for name in law.rows]
         for body, geometry in zip(model.rigid, self.bodies, strict=True):
             count = len(geometry.pairs) + 3 * len(geometry.further)
             self.holonomic += [f"{body.name}.{i}" for i in range(1, count + 1)]
         self.contacts = tuple(name for law in model.inequality for name in law.rows)
         self.holonomic += [self.contacts[j] for j in closed]
-        self._closed = list(_members(model.inequality, np.array(closed, dtype=np.int64)))
+        self._closed = list(law_rows.members(model.inequality, np.array(closed, dtype=np.int64)))
         self.rows = (*self.holonomic, *(name for law in model.differential for name in law.rows))
         self.s, self.C = len(self.holonomic), len(self.rows)
         self._pattern: Array | None = None
@@ -84,7 +94,7 @@ class ModelLaws:
 
     def values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
         """Everything at T rows: t (T,), q and v (T, n), lam (T, C)."""
-        chunks = [self._values(t[k][:, None], q[k], v[k], lam[k]) for k in self._chunks(len(t))]
+        chunks = [self._values(t[k][:, None], q[k], v[k], lam[k]) for k in self.chunks(len(t))]
         fields = [field.name for field in dataclasses.fields(LawValues)]
         return LawValues(
             **{name: np.concatenate([getattr(part, name) for part in chunks]) for name in fields}
@@ -95,7 +105,7 @@ class ModelLaws:
         if not self.cast.dependent.size:
             return np.zeros(q.shape)
         found = []
-        for k in self._chunks(len(t)):
+        for k in self.chunks(len(t)):
             scene = ModelOnTable(self.cast, t[k][:, None], q[k], v[k])
             parts = scene.position(self.cast.dependent)
             found.append(scene.tape.gradient([(p, F[k][:, axis::3]) for axis, p in enumerate(parts)])["q"])
@@ -106,7 +116,7 @@ class ModelLaws:
         if not self.cast.dependent.size:
             return np.zeros((len(t), 0))
         found = []
-        for k in self._chunks(len(t)):
+        for k in self.chunks(len(t)):
             scene = ModelOnTable(self.cast, t[k][:, None], q[k], v[k])
             parts = scene.position(self.cast.dependent)
             found.append(_changed(scene, parts, {"q": dq[k]}))
@@ -129,7 +139,7 @@ class ModelLaws:
     def combined(self, t: Array, q: Array, v: Array, lam: Array) -> Array:
         """sum_i lam_i B_i, (T, C) to (T, n)."""
         true, free = self._scenes(t[:, None], q, v)
-        return self._pull(true, free, *self._laid(free), lam)
+        return self._pull(true, free, *law_rows.laid(free, self.bodies, self._closed), lam)
 
     def pattern(self, t: Array, q: Array, v: Array) -> Array:
         """True for the coordinates that stand in a row, bool (C, n): whatever a rate that is no number spoils."""
@@ -139,14 +149,33 @@ class ModelLaws:
             np.fill_diagonal(moving, np.nan)
             place = np.tile(q[:1], (n, 1))
             _, free = self._scenes(np.full((n, 1), t[0]), place, moving)
-            _, w = self._residuals(free, *self._laid(free))
+            _, w = self._residuals(free, *law_rows.laid(free, self.bodies, self._closed))
             self._pattern = np.isnan(w).T
         return self._pattern
 
     def residuals(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """f (T, s) and w = B v + b (T, C); the numbers may be complex."""
         _, free = self._scenes(t[:, None], q, v)
-        return self._residuals(free, *self._laid(free))
+        return self._residuals(free, *law_rows.laid(free, self.bodies, self._closed))
+
+    def demanded(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """d/dt (B v + b) (T, C) along accelerations a (T, n), of coordinates alone, by a complex step."""
+        step = 1j * TINY
+        return np.asarray(self.residuals(t + step, q + step * v, v + step * a)[1].imag / TINY)
+
+    def particle_forces(self, values: LawValues) -> Array:
+        """F_k of all forces and potentials declared, (T, N, 3)."""
+        cast, found = self.cast, values.F.copy()
+        found[:, cast.cartesian] -= values.V_q[:, : cast.first_generalized].reshape(len(found), -1, 3)
+        found[:, cast.dependent] -= values.V_x.reshape(len(found), -1, 3)
+        return found
+
+    def forces_on_coordinates(self, values: LawValues, reactions: Array | float = 0.0) -> Array:
+        """`reactions` with all that forces, potentials and the `lagrangian` do on coordinates themselves, (T, n): not
+        what dependent particles hand on, nor -d/dt dL/dv."""
+        cast, found = self.cast, reactions - values.V_q + values.Q + values.L_q
+        found[:, : cast.first_generalized] += values.F[:, cast.cartesian].reshape(len(found), -1)
+        return np.asarray(found)
 
     def whole_lagrangian(self, t: Array, q: Array, v: Array) -> Array:
         """L = T - V + `lagrangian` (T,) of the whole system (D.36); the numbers may be complex."""
@@ -156,22 +185,19 @@ class ModelLaws:
         total = (own * v[:, : own.size] ** 2 / 2).sum(axis=1)
         if cast.dependent.size:
             total = total + (np.repeat(cast.masses[cast.dependent], 3) * free.data["u"] ** 2 / 2).sum(axis=1)
-        for x, count, sign in (*((p, c, -1.0) for p, c in self._potentials(free)), *self._extra(free)):
-            total = total + sign * free.wide(x, count).sum(axis=1)
+        for part, count in self._potentials(free):
+            total = total - free.wide(part, count).sum(axis=1)
+        for part in self._lagrangian(free):
+            total = total + free.wide(part, 1)[:, 0]
         return np.asarray(total)
 
     def potential(self, scene: ModelOnTable) -> Array:
         """V (T,) of the declared potentials and of constant forces."""
-        return np.asarray(
-            sum((scene.wide(p, c).sum(axis=1) for p, c in self._potentials(scene)), np.zeros(scene.rows))
-        )
+        return _sum_of(scene, self._potentials(scene))
 
     def parts_of_reactions(self, scene: ModelOnTable, lam: Array) -> Array:
         """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); scene: as of `free`."""
-        surfaces, laws = self._laid(scene)
-        onto = scene.tape.virtual(
-            [(x, lam[:, places]) for x, places in laws], [(x, lam[:, places]) for x, places in surfaces]
-        )
+        onto = _reactions(scene, law_rows.laid(scene, self.bodies, self._closed), lam)
         found = np.zeros((scene.rows, 3 * len(self.cast.particles)))
         for numbers, kind in ((self.cast.cartesian, "q"), (self.cast.dependent, "x")):
             if numbers.size:
@@ -185,9 +211,6 @@ class ModelLaws:
 
     def chunks(self, rows: int) -> Iterator[slice]:
         """Parts of T rows that a cache holds."""
-        return self._chunks(rows)
-
-    def _chunks(self, rows: int) -> Iterator[slice]:
         step = max(8, CHUNK // max(1, self.cast.n, self.C))
         return (slice(start, start + step) for start in range(0, max(rows, 1), step))
 
@@ -198,7 +221,7 @@ class ModelLaws:
         if not dependent.size:
             return true, true
         parts = true.position(dependent)
-        x = _interleaved(true, parts, _numbers)
+        x = _interleaved(true, parts, value)
         u = _interleaved(true, parts, lambda p: _moved(true, p))
         return true, ModelOnTable(self.cast, t, q, v, (x, u))
 
@@ -210,12 +233,12 @@ class ModelLaws:
         if dependent.size:
             x, u = free.data["x"], free.data["u"]
             x_t = _changed(true, true.position(dependent), {"t": np.ones_like(t)})
-        laid = self._laid(free)
+        laid = law_rows.laid(free, self.bodies, self._closed)
         f, w = self._residuals(free, *laid)
         potentials = list(self._potentials(free))
-        V = sum((free.wide(p, c).sum(axis=1) for p, c in potentials), np.zeros(len(q)))
+        V = _sum_of(free, potentials)
         slope = free.tape.gradient([(p, np.ones((1, c))) for p, c in potentials])
-        extra = [p for p, _, _ in self._extra(free)]
+        extra = self._lagrangian(free)
         L = sum((free.wide(p, 1)[:, 0] for p in extra), np.zeros(len(q)))
         pull_of_L = free.tape.gradient([(p, np.ones((1, 1))) for p in extra])
         F, Q = self._forces(free)
@@ -235,40 +258,15 @@ class ModelLaws:
             return np.zeros((len(q), 0))
         rest = np.zeros_like(v)
         free = ModelOnTable(self.cast, t, q, rest, (x, x_t) if x.shape[1] else None)
-        return self._residuals(free, *self._laid(free))[1]
+        return self._residuals(free, *law_rows.laid(free, self.bodies, self._closed))[1]
 
-    def _laid(self, scene: ModelOnTable) -> tuple[list[tuple[Scalar, Whole]], list[tuple[Scalar, Whole]]]:
-        """Values of the holonomic and of the differential rows with their places among all rows."""
-        surfaces: list[tuple[Scalar, Whole]] = []
-        laws: list[tuple[Scalar, Whole]] = []
-        first = 0
-        for holonomic in self.model.holonomic:
-            first = _lay(scene, holonomic, surfaces, first)
-        for body, geometry in zip(self.model.rigid, self.bodies, strict=True):
-            numbers = np.array(body.particles, dtype=np.int64)
-            for x, offsets in _rigid_rows(scene, numbers, geometry):
-                surfaces.append((x, first + offsets))
-            first += len(geometry.pairs) + 3 * len(geometry.further)
-        for inequality, members in self._closed:
-            assert isinstance(inequality.equation.tree, tree.Relation)
-            algebra = scene.algebra(inequality.members.taken(members))
-            surfaces.append(
-                (evaluate.difference(inequality.equation.tree, algebra)[0], first + np.arange(members.size))
-            )
-            first += members.size
-        for differential in self.model.differential:
-            first = _lay(scene, differential, laws, first)
-        return surfaces, laws
-
-    def _residuals(
-        self, scene: ModelOnTable, surfaces: list[tuple[Scalar, Whole]], laws: list[tuple[Scalar, Whole]]
-    ) -> tuple[Array, Array]:
+    def _residuals(self, scene: ModelOnTable, surfaces: Laid, laws: Laid) -> tuple[Array, Array]:
         kind = scene.data["q"].dtype
         f, w = np.zeros((scene.rows, self.s), dtype=kind), np.zeros((scene.rows, self.C), dtype=kind)
         for x, places in surfaces:
             f[:, places] = scene.wide(x, places.size)
             w[:, places] = np.broadcast_to(_moved(scene, x), (scene.rows, places.size))
-        row_turns.reduced(f, self._jumps)
+        law_rows.reduced(f, self._jumps)
         for x, places in laws:
             w[:, places] = scene.wide(x, places.size)
         return f, w
@@ -277,13 +275,11 @@ class ModelLaws:
         self,
         true: ModelOnTable,
         free: ModelOnTable,
-        surfaces: list[tuple[Scalar, Whole]],
-        laws: list[tuple[Scalar, Whole]],
+        surfaces: Laid,
+        laws: Laid,
         lam: Array,
     ) -> Array:
-        found = free.tape.virtual(
-            [(x, lam[:, places]) for x, places in laws], [(x, lam[:, places]) for x, places in surfaces]
-        )
+        found = _reactions(free, (surfaces, laws), lam)
         if true is free:
             return found["q"]
         parts, onto = true.position(self.cast.dependent), found["x"]
@@ -299,10 +295,10 @@ class ModelLaws:
             for part, place in zip(F, scene.position(targets), strict=True):
                 yield algebra.negate(SPOT, algebra.multiply(SPOT, part, place)), targets.size
 
-    def _extra(self, scene: ModelOnTable) -> Iterator[tuple[Scalar, int, float]]:
-        """The `lagrangian`."""
-        if self.model.lagrangian is not None:
-            yield evaluate.scalar(self.model.lagrangian.tree, scene.algebra()), 1, 1.0
+    def _lagrangian(self, scene: ModelOnTable) -> list[Scalar]:
+        """The `lagrangian`, if there is one."""
+        declared = self.model.lagrangian
+        return [] if declared is None else [evaluate.scalar(declared.tree, scene.algebra())]
 
     def _on_particles(
         self, scene: ModelOnTable, constant: bool
@@ -327,97 +323,13 @@ class ModelLaws:
         F, Q = np.zeros((scene.rows, 3 * len(cast.particles))), np.zeros((scene.rows, cast.n))
         for targets, parts, _ in self._on_particles(scene, constant=False):
             for axis, part in enumerate(parts):
-                _scatter(F, 3 * targets + axis, scene.wide(part, targets.size))
+                scatter(F, 3 * targets + axis, scene.wide(part, targets.size))
         for force in self.model.forces:
             if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
                 algebra = scene.algebra(force.action.variables(force.members))
                 found = scene.wide(evaluate.scalar(force.force.tree, algebra), force.action.targets.size)
-                _scatter(Q, cast.first_generalized + force.action.targets, found)
+                scatter(Q, cast.first_generalized + force.action.targets, found)
         return F.reshape(scene.rows, len(cast.particles), 3), Q
-
-    def _geometries(self) -> tuple[rigid.Geometry, ...]:
-        """The geometry of each rigid body at the declared start."""
-        t, q, v = start(self.model)
-        scene = ModelOnTable(self.cast, np.full((1, 1), t), q[None, :], v[None, :])
-        found = []
-        for body in self.model.rigid:
-            numbers = np.array(body.particles, dtype=np.int64)
-            parts = scene.position(numbers)
-            found.append(rigid.geometry(np.stack([scene.wide(p, numbers.size)[0] for p in parts], axis=1)))
-        return tuple(found)
-
-
-def start(model: nouns.Model) -> tuple[float, Array, Array]:
-    """t, q (n,) and v (n,) of the declared start."""
-    cartesian = [(p.start, p.start_velocity) for p in model.particles if p.start is not None]
-    q = [place.ravel() for place, _ in cartesian] + [c.value for c in model.coordinates]
-    v = [moving.ravel() for _, moving in cartesian] + [c.rate for c in model.coordinates]
-    nothing = np.zeros(0)
-    return model.simulation.start, np.concatenate([nothing, *q]), np.concatenate([nothing, *v])
-
-
-def _lay(
-    scene: ModelOnTable,
-    law: nouns.Holonomic | nouns.Differential,
-    into: list[tuple[Scalar, Whole]],
-    first: int,
-) -> int:
-    """Add the rows of a law, left - right; those of one member stand together. The number of rows so far."""
-    if not law.members.count:
-        return first
-    assert isinstance(law.equation.tree, tree.Relation)
-    parts = evaluate.difference(law.equation.tree, scene.algebra(law.members.variables))
-    members = np.arange(law.members.count, dtype=np.int64)
-    for axis, part in enumerate(parts):
-        into.append((part, first + len(parts) * members + axis))
-    return first + len(parts) * law.members.count
-
-
-def _members(laws: Sequence[nouns.Inequality], numbers: Whole) -> Iterator[tuple[nouns.Inequality, Whole]]:
-    """The inequalities with those of their members that are among these numbers of all."""
-    first = 0
-    for law in laws:
-        count = law.members.count
-        found = numbers[(numbers >= first) & (numbers < first + count)] - first
-        if found.size:
-            yield law, found
-        first += count
-
-
-def _rigid_rows(
-    scene: ModelOnTable, numbers: Whole, geometry: rigid.Geometry
-) -> Iterator[tuple[Scalar, Whole]]:
-    """The rows of a rigid body: distances of the base, then each further particle by its coefficients."""
-    a, base = scene.algebra(), numbers[list(geometry.base)]
-
-    def minus(left: Triple, right: Triple) -> list[Scalar]:
-        return [a.add(SPOT, u, -1, w) for u, w in zip(left, right, strict=True)]
-
-    def place(j: int) -> Triple:
-        return scene.position(base[j : j + 1])
-
-    if geometry.pairs:
-        one, other = (base[[pair[side] for pair in geometry.pairs]] for side in (0, 1))
-        square: Scalar = np.zeros((1, 1))
-        for part in minus(scene.position(one), scene.position(other)):
-            square = a.add(SPOT, square, 1, a.multiply(SPOT, part, part))
-        distances = np.array(geometry.distances)[None, :]
-        yield a.add(SPOT, a.function(SPOT, "sqrt", (square,)), -1, distances), np.arange(len(geometry.pairs))
-    if not geometry.further:
-        return
-    further = scene.position(numbers[list(geometry.further)])
-    normal: list[Scalar] = [np.zeros((1, 1))] * 3
-    if geometry.gamma.size:
-        (p, q, r), (x, y, z) = minus(place(1), place(0)), minus(place(2), place(0))
-        for axis, (c, d, e, f) in enumerate(((q, z, r, y), (r, x, p, z), (p, y, q, x))):
-            minor = a.add(SPOT, a.multiply(SPOT, c, d), -1, a.multiply(SPOT, e, f))
-            normal[axis] = a.multiply(SPOT, minor, geometry.gamma[None, :])
-    places = len(geometry.pairs) + 3 * np.arange(len(geometry.further))
-    for axis in range(3):
-        row = a.add(SPOT, further[axis], -1, normal[axis])
-        for j in range(len(geometry.base)):
-            row = a.add(SPOT, row, -1, a.multiply(SPOT, place(j)[axis], geometry.alpha[None, :, j]))
-        yield row, places + axis
 
 
 def _colours(pattern: Array) -> list[list[int]]:
@@ -436,8 +348,15 @@ def _colours(pattern: Array) -> list[list[int]]:
     return groups
 
 
-def _numbers(x: Scalar) -> Array:
-    return x.value if isinstance(x, TapeNode) else np.asarray(x)
+def _reactions(scene: ModelOnTable, rows: tuple[Laid, Laid], lam: Array) -> Gradient:
+    """sum_i lambda_i B_i by the leaves of a scene."""
+    surfaces, laws = ([(x, lam[:, places]) for x, places in laid] for laid in rows)
+    return scene.tape.virtual(laws, surfaces)
+
+
+def _sum_of(scene: ModelOnTable, parts: Iterable[tuple[Scalar, int]]) -> Array:
+    """The sum (T,) of parts over their members."""
+    return np.asarray(sum((scene.wide(p, c).sum(axis=1) for p, c in parts), np.zeros(scene.rows)))
 
 
 def _moved(scene: ModelOnTable, x: Scalar) -> Array:
@@ -460,7 +379,3 @@ def _interleaved(scene: ModelOnTable, parts: Sequence[Scalar], take: Callable[[S
     count = scene.cast.dependent.size
     found = [np.broadcast_to(take(part), (scene.rows, count)) for part in parts]
     return np.stack(found, axis=2).reshape(scene.rows, 3 * count)
-
-
-def _scatter(target: Array, places: Whole, values: Array) -> None:
-    scatter(target, places, np.ascontiguousarray(values))

@@ -6,7 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lagcli.auditing.evidence.autodiff import Array, Directions, Edge, Scalar, Tape, TapeNode, Triple, Value
+from lagcli.auditing.evidence.autodiff import (
+    Array,
+    Directions,
+    Edge,
+    Scalar,
+    Tape,
+    TapeNode,
+    Triple,
+    Value,
+    value,
+)
 from lagcli.auditing.evidence.autodiff_algebra import NumberAlgebra
 from lagcli.expression import evaluate
 from lagcli.model import model as nouns
@@ -33,6 +43,15 @@ class ModelIndex:
         self.masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
         self.constants: dict[str, float | nouns.Vector3] = {"dt": 1.0, **model.constants}
         self.constants |= {p.name: p.value for p in model.parameters}
+
+
+def start(model: nouns.Model) -> tuple[float, Array, Array]:
+    """t, q (n,) and v (n,) of the declared start."""
+    cartesian = [(p.start, p.start_velocity) for p in model.particles if p.start is not None]
+    q = [place.ravel() for place, _ in cartesian] + [c.value for c in model.coordinates]
+    v = [moving.ravel() for _, moving in cartesian] + [c.rate for c in model.coordinates]
+    nothing = np.zeros(0)
+    return model.simulation.start, np.concatenate([nothing, *q]), np.concatenate([nothing, *v])
 
 
 class ModelOnTable:
@@ -78,9 +97,9 @@ class ModelOnTable:
         """The values of an index variable, (1, K)."""
         return values.astype(float)[None, :]
 
-    def differential(self, value: Scalar) -> Scalar:
+    def differential(self, x: Scalar) -> Scalar:
         """The rate of change with the motion."""
-        return self.tape.rate(value)
+        return self.tape.rate(x)
 
     def position(self, numbers: Whole) -> Triple:
         """r of particles."""
@@ -119,8 +138,7 @@ class ModelOnTable:
 
     def wide(self, x: Scalar, count: int) -> Array:
         """The numbers of a scalar, (T, count)."""
-        numbers = x.value if isinstance(x, TapeNode) else np.asarray(x)
-        return np.broadcast_to(numbers, (self.rows, count))
+        return np.broadcast_to(value(x), (self.rows, count))
 
     def _fill(self) -> None:
         """Definitions and positions in an order in which each finds what it uses, without recursion."""
@@ -170,7 +188,7 @@ class ModelOnTable:
         return found[0], found[1], found[2]
 
     def _taken(self, x: Scalar, rows: Whole) -> Scalar:
-        numbers = x.value if isinstance(x, TapeNode) else np.asarray(x)
+        numbers = value(x)
         if numbers.ndim < 2 or numbers.shape[1] == 1:
             return x
         return (

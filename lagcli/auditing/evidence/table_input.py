@@ -1,4 +1,4 @@
-"""The recorded run: the columns of a table that an audit looks at."""
+"""The recorded run: the columns of a table that an audit looks at, and the incidents of their own table."""
 
 from __future__ import annotations
 
@@ -13,10 +13,23 @@ from lagcli.model import model as nouns
 
 SHOWN = 8  # missing columns that a message names
 ENERGY = "energy"  # the column that every table has
+CHANGING = frozenset(("impact", "contact", "release", "accumulation"))  # kinds that are of an inequality
+BEFORE, AFTER, IMPULSE = "before.", "after.", "impulse."
 
 
 class TableError(ValueError):
     """The table cannot be audited: columns are missing, or its times do not increase."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class AuditedTable:
+    """Columns with their rows (T, len(columns)); unread: further columns, which are not at hand; events: the incidents
+    of the run, where they are."""
+
+    columns: Sequence[str]
+    rows: Array
+    unread: Sequence[str] = ()
+    events: EventTable | None = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +49,53 @@ class Record:
     def part(self, rows: Array) -> Record:
         """Some of the rows."""
         return Record(**{f.name: getattr(self, f.name)[rows] for f in dataclasses.fields(self)})
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class EventTable:
+    """A table of incidents: kinds and names (E,), and the columns of numbers with their rows (E, k)."""
+
+    kinds: tuple[str, ...]
+    names: tuple[str, ...]
+    columns: tuple[str, ...]
+    rows: Array
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Incidents:
+    """E incidents in the order of time. before, after: their states as records, in which `lam` are the impulses
+    (E, C + K) and reactions are 0; contact (E,): the number of the inequality that is named, -1 for another."""
+
+    kinds: tuple[str, ...]
+    names: tuple[str, ...]
+    before: Record
+    after: Record
+    contact: Array
+
+    @property
+    def t(self) -> Array:
+        """Their times (E,)."""
+        return self.before.t
+
+    @property
+    def impulses(self) -> Array:
+        """Of all rows and contacts, (E, C + K)."""
+        return self.before.lam
+
+    @property
+    def is_first(self) -> Array:
+        """True for the first of each instant."""
+        return np.concatenate([[True], np.diff(self.t) > 0])[: len(self.t)]
+
+    @property
+    def is_last(self) -> Array:
+        """True for the last of each instant."""
+        return np.concatenate([np.diff(self.t) > 0, [True]])[: len(self.t)]
+
+    @property
+    def cuts(self) -> Array:
+        """True for what velocities or forces jump at."""
+        return np.array([kind in CHANGING for kind in self.kinds], dtype=bool)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -102,9 +162,9 @@ def read(laws: ModelLaws, columns: Sequence[str], rows: Array, repeats: bool = F
     if not np.isfinite(t).all() or not grows.all():
         k = int(np.argmax(np.concatenate([[not np.isfinite(t[0])], ~(grows & np.isfinite(t[1:]))])))
         raise TableError(f"the times of the table do not increase: row {k + 1} is at t = {t[k]:.9g}")
+    own = names(laws)
     parts = {
-        field.name: [known[name] for name in getattr(names(laws), field.name)]
-        for field in dataclasses.fields(TableNames)
+        field.name: [known[name] for name in getattr(own, field.name)] for field in dataclasses.fields(own)
     }
     return Record(t=t, **{part: rows[:, places] for part, places in parts.items()})
 
@@ -118,3 +178,36 @@ def _missing(model: nouns.Model, columns: Sequence[str], needed: Sequence[str], 
     if own:
         sentence += f"; it has `{own[0]}`, which this model does not: it may be the table of another model"
     return sentence
+
+
+def incidents(laws: ModelLaws, table: EventTable) -> Incidents:
+    """The incidents of a table; laws: with all inequalities closed. Raises `TableError` with what is missing, and for
+    a name that is none of the model."""
+    parts = names(laws)
+    at = {name: k for k, name in enumerate(table.columns)}
+    impulses = tuple(IMPULSE + name.removeprefix("lambda.") for name in parts.lam)
+    needed = ("t", *impulses, *parts.q, *parts.x)
+    needed += tuple(head + name for head in (BEFORE, AFTER) for name in (*parts.v, *parts.u))
+    missing = [name for name in needed if name not in at]
+    if missing:
+        raise TableError(f"the table of events lacks the column `{missing[0]}`")
+    contacts = {name: j for j, name in enumerate(laws.contacts)}
+    pairs = zip(table.kinds, table.names, strict=True)
+    unknown = [name for kind, name in pairs if kind in CHANGING and name not in contacts]
+    if unknown:
+        raise TableError(f"the table of events names `{unknown[0]}`, which is no inequality of the model")
+
+    def taken(columns: Sequence[str]) -> Array:
+        return table.rows[:, [at[name] for name in columns]]
+
+    def state(head: str) -> Record:
+        q, x = taken(parts.q), taken(parts.x)
+        v, u = (taken([head + name for name in part]) for part in (parts.v, parts.u))
+        return Record(
+            table.rows[:, at["t"]], q, v, x, u, taken(impulses), np.zeros(q.shape), np.zeros(x.shape)
+        )
+
+    if not np.isfinite(taken(needed)).all():
+        raise TableError("the table of events has entries that are no finite numbers")
+    numbers = [contacts.get(name, -1) for name in table.names]
+    return Incidents(table.kinds, table.names, state(BEFORE), state(AFTER), np.array(numbers, dtype=np.int64))

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,9 +19,10 @@ from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.balanced_forces import ForceRounding
 from lagcli.auditing.evidence.differences import DifferenceGrid, Estimate, widest
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
-from lagcli.auditing.evidence.table_input import Record, TableNames
+from lagcli.auditing.evidence.table_input import AuditedTable, Incidents, Record, TableNames
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
 
+Made = TypeVar("Made")
 # A limit is so many times the noise that evaluations at states moved by delta show.
 SAFETY = 30.0
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
@@ -44,16 +46,30 @@ class Tolerance:
     jumps: Mapping[int, tuple[float, ...]] = dataclasses.field(default_factory=dict)
 
 
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class WholeRun:
+    """All of a run: its table, and its incidents where they are known."""
+
+    table: AuditedTable
+    incidents: Incidents | None
+
+
 class Evidence:
     """The record of a run beside what the model says at its rows. All numbers of the record are finite but lambda.
 
-    whole: the record of which `found` is a part; the sizes to which a run was made are those of all its rows.
+    whole: the record of which `found` is a part; the sizes to which a run was made are those of all its rows. run: what
+    `found` is the record of; None of a part.
     """
 
     def __init__(
-        self, laws: ModelLaws, found: Record, tolerance: Tolerance, whole: Record | None = None
+        self,
+        laws: ModelLaws,
+        found: Record,
+        tolerance: Tolerance,
+        whole: Record | None = None,
+        run: WholeRun | None = None,
     ) -> None:
-        self._whole = whole or found
+        self._whole, self.run = whole or found, run
         self.laws, self.record, self.tolerance = laws, found, tolerance
         self.names: TableNames = table_input.names(laws)
         self.grid = DifferenceGrid(found.t)
@@ -64,6 +80,19 @@ class Evidence:
         self.masses_x = np.repeat(cast.masses[cast.dependent], 3)
         self.hidden = np.zeros(max(0, len(found.t) - 1), dtype=bool)  # steps with a push that no row shows
         self._random = np.random.default_rng(6)
+        self._made: dict[object, Any] = {}
+
+    def once(self, make: Callable[[Evidence], Made]) -> Made:
+        """The result of a function of this evidence that several checks use: made for the first of them."""
+        if make not in self._made:
+            self._made[make] = make(self)
+        found: Made = self._made[make]
+        return found
+
+    @property
+    def is_part(self) -> bool:
+        """True of some rows of a run."""
+        return self._whole is not self.record
 
     @property
     def is_seen(self) -> Array:
@@ -144,10 +173,9 @@ class Evidence:
 
         The recorded rates say so, or the forces and reactions: an error in one of them leaves the others smooth.
         """
-        r, values, cast = self.record, self.values, self.laws.cast
+        r, cast = self.record, self.laws.cast
         rows, own = len(r.t), cast.first_generalized
-        force = r.R_q - values.V_q + values.Q + values.L_q
-        force[:, :own] += values.F[:, cast.cartesian].reshape(rows, -1)
+        force = self.total_force
         force_x = r.R_x + self.particle_forces[:, cast.dependent].reshape(rows, -1)
         slow = self.grid.resolved(r.v, SAFETY * self.off_v) | self.grid.resolved(
             force, SAFETY * self.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
@@ -239,12 +267,12 @@ class Evidence:
     @functools.cached_property
     def particle_forces(self) -> Array:
         """F_k of all forces and potentials declared, (T, N, 3)."""
-        cast, values = self.laws.cast, self.values
-        found = values.F.copy()
-        own = cast.first_generalized
-        found[:, cast.cartesian] -= values.V_q[:, :own].reshape(len(found), -1, 3)
-        found[:, cast.dependent] -= values.V_x.reshape(len(found), -1, 3)
-        return found
+        return self.laws.particle_forces(self.values)
+
+    @property
+    def total_force(self) -> Array:
+        """F + R on the coordinates, without what dependent particles carry, (T, n)."""
+        return self.laws.forces_on_coordinates(self.values, self.record.R_q)
 
     @functools.cached_property
     def particle_noise(self) -> Array:

@@ -1,0 +1,149 @@
+"""The rows of a model as values on a table: where each stands among all, and f beyond the cut of an angle.
+
+Holonomic rows come first, then those of rigid bodies, then inequalities that are closed, then differential rows.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from lagcli.auditing.evidence import model_values
+from lagcli.auditing.evidence.autodiff import Array, Scalar, Triple
+from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
+from lagcli.equations import rigid
+from lagcli.expression import evaluate, tree
+from lagcli.model import model as nouns
+from lagcli.model.family import Whole
+
+SPOT = tree.Node(0, 0)
+# Turns of all angles but one that are tried where a row has several: what no motion satisfies stays above its limit,
+# as no more than some thousand values are compared.
+MOST_TURNS = {1: 0, 2: 1000, 3: 20}
+
+Laid = list[tuple[Scalar, Whole]]
+"""Values of rows with their places among all rows."""
+
+
+def laid(
+    scene: ModelOnTable, bodies: Sequence[rigid.Geometry], closed: Sequence[tuple[nouns.Inequality, Whole]]
+) -> tuple[Laid, Laid]:
+    """The holonomic and the differential rows; bodies: of `geometries`, closed: of `members`."""
+    model = scene.cast.model
+    surfaces: Laid = []
+    laws: Laid = []
+    first = 0
+    for holonomic in model.holonomic:
+        first = _lay(scene, holonomic, surfaces, first)
+    for body, geometry in zip(model.rigid, bodies, strict=True):
+        numbers = np.array(body.particles, dtype=np.int64)
+        for x, offsets in _rigid_rows(scene, numbers, geometry):
+            surfaces.append((x, first + offsets))
+        first += len(geometry.pairs) + 3 * len(geometry.further)
+    for inequality, members in closed:
+        assert isinstance(inequality.equation.tree, tree.Relation)
+        algebra = scene.algebra(inequality.members.taken(members))
+        surfaces.append(
+            (evaluate.difference(inequality.equation.tree, algebra)[0], first + np.arange(members.size))
+        )
+        first += members.size
+    for differential in model.differential:
+        first = _lay(scene, differential, laws, first)
+    return surfaces, laws
+
+
+def geometries(cast: ModelIndex) -> tuple[rigid.Geometry, ...]:
+    """The geometry of each rigid body at the declared start."""
+    t, q, v = model_values.start(cast.model)
+    scene = ModelOnTable(cast, np.full((1, 1), t), q[None, :], v[None, :])
+    found = []
+    for body in cast.model.rigid:
+        numbers = np.array(body.particles, dtype=np.int64)
+        parts = scene.position(numbers)
+        found.append(rigid.geometry(np.stack([scene.wide(p, numbers.size)[0] for p in parts], axis=1)))
+    return tuple(found)
+
+
+def _lay(
+    scene: ModelOnTable,
+    law: nouns.Holonomic | nouns.Differential,
+    into: Laid,
+    first: int,
+) -> int:
+    """Add the rows of a law, left - right; those of one member stand together. The number of rows so far."""
+    if not law.members.count:
+        return first
+    assert isinstance(law.equation.tree, tree.Relation)
+    parts = evaluate.difference(law.equation.tree, scene.algebra(law.members.variables))
+    members = np.arange(law.members.count, dtype=np.int64)
+    for axis, part in enumerate(parts):
+        into.append((part, first + len(parts) * members + axis))
+    return first + len(parts) * law.members.count
+
+
+def members(laws: Sequence[nouns.Inequality], numbers: Whole) -> Iterator[tuple[nouns.Inequality, Whole]]:
+    """The inequalities with those of their members that are among these numbers of all."""
+    first = 0
+    for law in laws:
+        count = law.members.count
+        found = numbers[(numbers >= first) & (numbers < first + count)] - first
+        if found.size:
+            yield law, found
+        first += count
+
+
+def _rigid_rows(
+    scene: ModelOnTable, numbers: Whole, geometry: rigid.Geometry
+) -> Iterator[tuple[Scalar, Whole]]:
+    """The rows of a rigid body: distances of the base, then each further particle by its coefficients."""
+    a, base = scene.algebra(), numbers[list(geometry.base)]
+
+    def minus(left: Triple, right: Triple) -> list[Scalar]:
+        return [a.add(SPOT, u, -1, w) for u, w in zip(left, right, strict=True)]
+
+    def place(j: int) -> Triple:
+        return scene.position(base[j : j + 1])
+
+    if geometry.pairs:
+        one, other = (base[[pair[side] for pair in geometry.pairs]] for side in (0, 1))
+        square: Scalar = np.zeros((1, 1))
+        for part in minus(scene.position(one), scene.position(other)):
+            square = a.add(SPOT, square, 1, a.multiply(SPOT, part, part))
+        distances = np.array(geometry.distances)[None, :]
+        yield a.add(SPOT, a.function(SPOT, "sqrt", (square,)), -1, distances), np.arange(len(geometry.pairs))
+    if not geometry.further:
+        return
+    further = scene.position(numbers[list(geometry.further)])
+    normal: list[Scalar] = [np.zeros((1, 1))] * 3
+    if geometry.gamma.size:
+        (p, q, r), (x, y, z) = minus(place(1), place(0)), minus(place(2), place(0))
+        for axis, (c, d, e, f) in enumerate(((q, z, r, y), (r, x, p, z), (p, y, q, x))):
+            minor = a.add(SPOT, a.multiply(SPOT, c, d), -1, a.multiply(SPOT, e, f))
+            normal[axis] = a.multiply(SPOT, minor, geometry.gamma[None, :])
+    places = len(geometry.pairs) + 3 * np.arange(len(geometry.further))
+    for axis in range(3):
+        row = a.add(SPOT, further[axis], -1, normal[axis])
+        for j in range(len(geometry.base)):
+            row = a.add(SPOT, row, -1, a.multiply(SPOT, place(j)[axis], geometry.alpha[None, :, j]))
+        yield row, places + axis
+
+
+def reduced(f: Array, jumps: Mapping[int, tuple[float, ...]]) -> None:
+    """Take the whole turns of angles out of f (T, s), in place. jumps: the constants of each row, by its number.
+
+    A run goes on smoothly beyond the cut of `atan2` or `atan`, so that f differs from what the file says by whole
+    numbers of the constants by which one turn of each angle changes it. They are given: nothing here knows the solver.
+    """
+    for row, (size, *others) in jumps.items():
+        if 1 + len(others) not in MOST_TURNS:
+            continue
+        x = f[:, row].real
+        best = x - size * np.round(x / size)
+        most = MOST_TURNS[1 + len(others)]
+        for turns in itertools.product(range(-most, most + 1), repeat=len(others)):
+            rest = x - sum(k * other for k, other in zip(turns, others, strict=True))
+            rest = rest - size * np.round(rest / size)
+            best = np.where(np.abs(rest) < np.abs(best), rest, best)
+        f[:, row] += best - x
