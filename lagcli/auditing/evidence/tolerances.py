@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import typing
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable, Incidents, Record, TableNames
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
 
-Made = TypeVar("Made")
+Made = typing.TypeVar("Made")
 # A limit is so many times the noise that evaluations at states moved by delta show.
 SAFETY = 30.0
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
@@ -80,14 +80,13 @@ class Evidence:
         self.masses_x = np.repeat(cast.masses[cast.dependent], 3)
         self.hidden = np.zeros(max(0, len(found.t) - 1), dtype=bool)  # steps with a push that no row shows
         self._random = np.random.default_rng(6)
-        self._made: dict[object, Any] = {}
+        self._made: dict[object, object] = {}
 
     def once(self, make: Callable[[Evidence], Made]) -> Made:
         """The result of a function of this evidence that several checks use: made for the first of them."""
         if make not in self._made:
             self._made[make] = make(self)
-        found: Made = self._made[make]
-        return found
+        return typing.cast(Made, self._made[make])
 
     @property
     def is_part(self) -> bool:
