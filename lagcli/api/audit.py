@@ -82,9 +82,9 @@ def audit(
         columns, rows = table.columns, table.rows
         events = table.events if events is None and model.inequality else events
     if events is not None and not isinstance(events, IncidentTable):
-        from lagcli.output.tables import read_events
+        from lagcli.output.tables import incident_table
 
-        events = read_events.read_events(events)
+        events = incident_table.read(events)
     tolerance = tolerances.Tolerance(
         chosen.rtol,
         step_tolerance.absolute(chosen, table_columns.size(model, columns, rows)),

@@ -65,12 +65,12 @@ def is_table(path: Path) -> bool:
 
 
 def marked(tables: Sequence[ChartTable], events: Path | None) -> Sequence[ChartTable]:
-    """The tables with the incidents of a file in place of their own. Raises as `read_events.read_events`."""
+    """The tables with the incidents of a file in place of their own. Raises as `incident_table.read`."""
     if events is None:
         return tables
-    from lagcli.output.tables import read_events
+    from lagcli.output.tables import incident_table
 
-    found = read_events.read_events(events)
+    found = incident_table.read(events)
     incidents = [(float(t), kind) for t, kind in zip(found.t, found.kinds, strict=True)]
     return [dataclasses.replace(table, incidents=incidents) for table in tables]
 

@@ -1,14 +1,97 @@
-"""The account of a run, from the report of its numbers and from what has become of its rows."""
+"""The account of a run, the object of `--stats`: the report of its numbers, and what has become of its rows."""
 
 from __future__ import annotations
 
-from lagcli.equations.system import System
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
 from lagcli.model import settings
-from lagcli.output.trajectory import Outcome, Stats, provenance
-from lagcli.simulation.global_error.accuracy import Accuracy
-from lagcli.simulation.run_report import RunReport
-from lagcli.start import assembly_moves
-from lagcli.start.assembly import Assembly
+from lagcli.model.model import Simulation
+from lagcli.output.tables import provenance
+from lagcli.output.tables.provenance import Provenance
+
+if TYPE_CHECKING:
+    from lagcli.equations.system import System
+    from lagcli.simulation.global_error.accuracy import Accuracy
+    from lagcli.simulation.run_report import RunReport
+    from lagcli.start.assembly import Assembly
+    from lagcli.start.assembly_moves import Moves
+
+# The codes of a run that a signal ended, and of one whose rows could not be written.
+INTERRUPTED, NOT_WRITTEN = "interrupted", "not-written"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Stopped:
+    """Why a run ended before its end: the time reached, a sentence, and its code for `lagcli explain`."""
+
+    t: float
+    reason: str
+    code: str
+
+
+@dataclasses.dataclass(slots=True)
+class Outcome:
+    """The outcome of a run so far: the number of its rows, the time of the last one, and why it stopped."""
+
+    rows: int = 0
+    t_end: float | None = None
+    stopped: Stopped | None = None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Stats:
+    """The account of a run, the object of `--stats`.
+
+    steps: accepted ones; evaluations: of the right-hand side; seconds of wall time; position_drift and
+    velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over all rows written, the first also over |g_j|
+    / |dg_j| of the first integrals that are held, g_j being the integral less its value at the start;
+    energy_imbalance: largest deviation from the energy balance over all rows, as a part of the energies exchanged,
+    or None where the work within a step was not found; indeterminate: rows whose multipliers are not unique;
+    singular_times: times of singular configurations that were passed; stopped: why the run ended before its end;
+    ended_by: the name of the event that ended it; rows: how many there are up to t_end, the
+    time of the last one; provenance: model, program and settings behind it; accuracy: the estimate of the errors,
+    where it was asked for; assembled: what assembly changed in the start, where it was asked for; rtol and atol:
+    the tolerances, atol None where it is a part of the sizes of the motion; impacts, releases, accumulations:
+    numbers of such, by contact; largest_penetration: the largest -g over all rows, in units of g.
+    """
+
+    steps: int
+    rejected: int
+    evaluations: int
+    compile_seconds: float
+    solve_seconds: float
+    method: str
+    position_drift: float
+    velocity_drift: float
+    energy_imbalance: float | None
+    indeterminate: tuple[str, ...] = ()
+    singular_times: tuple[float, ...] = ()
+    stopped: Stopped | None = None
+    ended_by: str | None = None
+    rows: int = 0
+    t_end: float | None = None
+    provenance: Provenance | None = None
+    accuracy: Accuracy | None = None
+    assembled: Moves | None = None
+    rtol: float = Simulation().rtol
+    atol: float | None = None
+    impacts: int = 0
+    releases: int = 0
+    accumulations: int = 0
+    largest_penetration: float = 0.0
+
+    def as_json(self) -> dict[str, Any]:
+        """The object written by `--stats`."""
+        account = dataclasses.asdict(
+            dataclasses.replace(self, accuracy=None, assembled=None, provenance=None)
+        )
+        del account["accuracy"], account["assembled"]
+        if self.provenance is not None:
+            account["provenance"] = self.provenance.as_json()
+        if self.assembled is not None:
+            account["assembled"] = self.assembled.as_json()
+        return account if self.accuracy is None else {**account, **self.accuracy.as_json()}
 
 
 def of(
@@ -24,6 +107,8 @@ def of(
     seconds: those before the first step; assembly: what moved the start; accuracy: of the rows, with the kinds that
     are zero to rounding.
     """
+    from lagcli.start import assembly_moves
+
     chosen, told = system.model.simulation, report.told
     return Stats(
         report.steps,
@@ -41,7 +126,7 @@ def of(
         report.ended_by,
         outcome.rows,
         outcome.t_end,
-        provenance(system.model),
+        provenance.of(system.model),
         accuracy,
         assembly_moves.moves(system.model, assembly) if assembly else None,
         chosen.rtol,

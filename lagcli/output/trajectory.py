@@ -11,15 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import __version__
 from lagcli.errors import diagnostics
-from lagcli.model import settings
-from lagcli.model.model import Model, Simulation, Vector3
-from lagcli.output.tables import incident_table, table_facts
+from lagcli.output.run_account import Stats
+from lagcli.output.tables import incident_table, provenance
 from lagcli.output.tables.incident_table import IncidentTable
-from lagcli.output.tables.table_facts import TableFacts
-from lagcli.simulation.global_error.accuracy import Accuracy
-from lagcli.start.assembly_moves import Moves
+from lagcli.output.tables.provenance import TableFacts
 
 if TYPE_CHECKING:
     from lagcli.output.figures.sheet import NotebookFigure
@@ -27,123 +23,6 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 SHOWN = 12  # names of columns in a repr: two or three lines of a terminal
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Provenance:
-    """The origin of a table; equal runs have equal ones.
-
-    version: of lagcli; sha256: of the bytes of the model file; parameters: all values; set: the changes of `--set`
-    as they were given; method, rtol, atol: of the run, atol None where it follows the sizes of the motion; facts:
-    title, units and dimensions of the model.
-    """
-
-    version: str
-    sha256: str
-    parameters: dict[str, float | Vector3]
-    set: dict[str, str]
-    method: str
-    rtol: float
-    atol: float | None
-    facts: TableFacts = table_facts.NOTHING
-
-    def as_json(self) -> dict[str, Any]:
-        """The object `provenance` of `--stats` and of tables."""
-        plain = dataclasses.asdict(dataclasses.replace(self, facts=table_facts.NOTHING))
-        del plain["facts"]
-        return plain | self.facts.as_json()
-
-
-def provenance(model: Model) -> Provenance:
-    """The provenance of a run of a model with its settings."""
-    chosen = model.simulation
-    return Provenance(
-        version=__version__,
-        sha256=model.sha256,
-        parameters={parameter.name: parameter.value for parameter in model.parameters},
-        set=dict(model.changes),
-        method=settings.method_name(chosen),
-        rtol=chosen.rtol,
-        atol=chosen.atol,
-        facts=table_facts.of_model(model),
-    )
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Stopped:
-    """Why a run ended before its end: the time reached, a sentence, and its code for `lagcli explain`."""
-
-    t: float
-    reason: str
-    code: str
-
-
-# The codes of a run that a signal ended, and of one whose rows could not be written.
-INTERRUPTED, NOT_WRITTEN = "interrupted", "not-written"
-
-
-@dataclasses.dataclass(slots=True)
-class Outcome:
-    """The outcome of a run so far: the number of its rows, the time of the last one, and why it stopped."""
-
-    rows: int = 0
-    t_end: float | None = None
-    stopped: Stopped | None = None
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Stats:
-    """The account of a run, the object of `--stats`.
-
-    steps: accepted ones; evaluations: of the right-hand side; seconds of wall time; position_drift and
-    velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over all rows written, the first also over |g_j|
-    / |dg_j| of the first integrals that are held, g_j being the integral less its value at the start;
-    energy_imbalance: largest deviation from the energy balance over all rows, as a part of the energies exchanged,
-    or None where the work within a step was not found; indeterminate: rows whose multipliers are not unique;
-    singular_times: times of singular configurations that were passed; stopped: why the run ended before its end;
-    ended_by: the name of the event that ended it; rows: how many there are up to t_end, the
-    time of the last one; provenance: model, program and settings behind it; accuracy: the estimate of the errors,
-    where it was asked for; assembled: what assembly changed in the start, where it was asked for; rtol and atol:
-    the tolerances, atol None where it is a part of the sizes of the motion; impacts, releases, accumulations:
-    numbers of such, by contact; largest_penetration: the largest -g over all rows, in units of g.
-    """
-
-    steps: int
-    rejected: int
-    evaluations: int
-    compile_seconds: float
-    solve_seconds: float
-    method: str
-    position_drift: float
-    velocity_drift: float
-    energy_imbalance: float | None
-    indeterminate: tuple[str, ...] = ()
-    singular_times: tuple[float, ...] = ()
-    stopped: Stopped | None = None
-    ended_by: str | None = None
-    rows: int = 0
-    t_end: float | None = None
-    provenance: Provenance | None = None
-    accuracy: Accuracy | None = None
-    assembled: Moves | None = None
-    rtol: float = Simulation().rtol
-    atol: float | None = None
-    impacts: int = 0
-    releases: int = 0
-    accumulations: int = 0
-    largest_penetration: float = 0.0
-
-    def as_json(self) -> dict[str, Any]:
-        """The object written by `--stats`."""
-        account = dataclasses.asdict(
-            dataclasses.replace(self, accuracy=None, assembled=None, provenance=None)
-        )
-        del account["accuracy"], account["assembled"]
-        if self.provenance is not None:
-            account["provenance"] = self.provenance.as_json()
-        if self.assembled is not None:
-            account["assembled"] = self.assembled.as_json()
-        return account if self.accuracy is None else {**account, **self.accuracy.as_json()}
 
 
 class Trajectory(dict[str, Floats]):
@@ -263,7 +142,7 @@ class Trajectory(dict[str, Floats]):
     @property
     def facts(self) -> TableFacts:
         """The title, the units and the dimensions of the model, as far as they are known."""
-        told = self.stats.provenance.facts if self.stats.provenance is not None else table_facts.NOTHING
+        told = self.stats.provenance.facts if self.stats.provenance is not None else provenance.NO_FACTS
         zeros = self.zeros
         return dataclasses.replace(told, zeros=zeros or frozenset(), is_judged=zeros is not None)
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lagcli.output.figures import decimate
 from lagcli.output.files import endings
-from lagcli.output.tables import block_file, column_choice, float_text, sinks
+from lagcli.output.tables import blocks, cell_text, column_choice, sinks
 
 NAMES = ("t", "p[1][2].x", "rate(theta)", "lambda.größe", "file")
 HARD = [5e-324, 1e308, -0.0, 0.1, 1 / 3, -2.2250738585072014e-308, 1.7976931348623157e308, 123456789.0]
@@ -176,7 +176,7 @@ def test_a_full_disk_is_an_oserror_and_a_device_is_not_replaced(tmp_path: Path, 
 
 
 def test_a_block_whose_writing_is_interrupted_leaves_no_torn_line(tmp_path: Path) -> None:
-    file = block_file.BlockFile(tmp_path / "blocks", b"one\n")
+    file = blocks.BlockFile(tmp_path / "blocks", b"one\n")
     inner = file._file
 
     class Interrupted:
@@ -236,9 +236,9 @@ def test_an_unknown_ending_names_the_known_ones_and_writes_nothing(tmp_path: Pat
 def test_parquet_without_pyarrow_says_how_to_install_it(tmp_path: Path) -> None:
     script = (
         "import sys; sys.modules['pyarrow'] = None\n"
-        "from lagcli.output.tables import sinks\n"
+        "from lagcli.output.tables import sinks, table_format\n"
         "try:\n    sinks.open_sink(sys.argv[1], ('t',))\n"
-        "except sinks.MissingExtra as error:\n    print(error)\n"
+        "except table_format.MissingExtra as error:\n    print(error)\n"
     )
     run = subprocess.run(
         [sys.executable, "-c", script, str(tmp_path / "run.parquet")],
@@ -302,13 +302,13 @@ def test_what_has_no_value_reads_back_as_nan(tmp_path: Path, fmt: str) -> None:
 )
 @hypothesis.example(np.array([[-0.0, 0.5, 1.0, 1e-7, 1e16, 1e22, 5e-324, 2.0**53, 123456789.0, 1e-5]]))
 def test_a_text_is_the_shortest_that_reads_back_to_the_same_double(rows: NDArray[np.float64]) -> None:
-    lines = bytes(float_text.csv_lines(rows)).decode()
+    lines = bytes(cell_text.csv_lines(rows)).decode()
     assert lines.endswith("\n")
     words = [line.split(",") for line in lines.splitlines()]
     assert np.array([[float(word) for word in line] for line in words]).tobytes() == rows.tobytes()
     for word, value in zip((word for line in words for word in line), rows.ravel().tolist(), strict=True):
         assert digits(word) == digits(repr(value))
-    assert f"[{float_text.json_lines(rows).decode()}]" == "[" + lines_as_json(words) + "]"
+    assert f"[{cell_text.json_lines(rows).decode()}]" == "[" + lines_as_json(words) + "]"
 
 
 def digits(word: str) -> str:
@@ -322,7 +322,7 @@ def lines_as_json(words: list[list[str]]) -> str:
 
 def test_numbers_are_written_as_one_would_write_them() -> None:
     rows = np.array([[0.5, 1.0, -0.0, 0.1, 1e-3, -273.15, 123456789.0]])
-    assert bytes(float_text.csv_lines(rows)) == b"0.5,1.0,-0.0,0.1,0.001,-273.15,123456789.0\n"
+    assert bytes(cell_text.csv_lines(rows)) == b"0.5,1.0,-0.0,0.1,0.001,-273.15,123456789.0\n"
 
 
 @pytest.mark.parametrize("order", ["C", "F"])

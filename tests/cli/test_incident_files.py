@@ -9,9 +9,9 @@ import pytest
 
 import lagcli
 from lagcli.cli.files import table_output
-from lagcli.output import checkpoint_file, event_rows
+from lagcli.output import checkpoint_file
 from lagcli.output.files import atomic_file
-from lagcli.output.tables import incident_table, read_events, read_table, sinks
+from lagcli.output.tables import incident_table, read_table, sinks
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.stepping import stepper
@@ -75,7 +75,7 @@ def test_the_incidents_of_a_run_are_in_the_file(command, here, made_up, ending):
     assert set(run.events.kinds) == {"impact", "contact"}
     _, err, code = command("simulate", "m.yaml", "-o", "run.csv", "--events", f"e.{ending}")
     assert code == 0, err
-    found = read_events.read_events(f"e.{ending}")
+    found = incident_table.read(f"e.{ending}")
     assert found.columns == run.events.columns
     assert (found.kinds, found.names) == (run.events.kinds, run.events.names)
     assert found.numbers.tobytes() == run.events.numbers.tobytes()
@@ -108,7 +108,7 @@ def test_incidents_go_to_standard_output_where_the_rows_do_not(command, here, ma
     out, _, code = command("simulate", "m.yaml", "-q", "-o", "run.csv", "--events", "-", "--json")
     assert code == 0
     Path("e.csv").write_text(out)
-    assert len(read_events.read_events("e.csv")) == len(lagcli.simulate("m.yaml").events)
+    assert len(incident_table.read("e.csv")) == len(lagcli.simulate("m.yaml").events)
     out, _, code = command("simulate", "m.yaml", "-q", "--plot", "f.png", "--events", "-")
     assert (code, out.partition(",")[0]) == (0, "t")
 
@@ -171,12 +171,12 @@ def test_a_row_of_the_grid_at_that_very_instant_comes_after_the_two() -> None:
         return Incident(t, kind, "a", np.zeros(1), np.array([before]), np.array([after]))
 
     happened = [at(1.0, "impact", -5.0, 2.0), at(1.0, "contact", -5.0, 2.0), at(1.5, "release", 7.0, -0.0)]
-    found = event_rows.merged(rows, happened)
+    found = incident_table.with_event_rows(rows, happened)
     assert found.tolist() == [[0, 1], [1, -5], [1, 2], [1, 2], [1.5, 7], [1.5, 0], [2, 3]]
     assert not np.signbit(found[5, 1])
-    assert event_rows.merged(rows, []) is rows
-    assert event_rows.merged(rows[:0], happened[2:]).tolist() == [[1.5, 7], [1.5, 0]]
-    wide = event_rows.merged(np.hstack([rows, rows]), happened[2:])
+    assert incident_table.with_event_rows(rows, []) is rows
+    assert incident_table.with_event_rows(rows[:0], happened[2:]).tolist() == [[1.5, 7], [1.5, 0]]
+    wide = incident_table.with_event_rows(np.hstack([rows, rows]), happened[2:])
     np.testing.assert_array_equal(wide[2], [1.5, 7, np.nan, np.nan])
 
 
@@ -279,7 +279,7 @@ def test_a_killed_run_is_resumed_into_one_table_of_events(command, here, made_up
     _, err, code = command("simulate", "m.yaml", "--resume", "ck", *files)
     assert code == 0, err
     assert "note: e.parquet begins with the" in err
-    found = read_events.read_events("e.parquet")
+    found = incident_table.read("e.parquet")
     assert found.kinds == whole.events.kinds
     assert found.numbers.tobytes() == whole.events.numbers.tobytes()
     assert read_table.read("run.csv")[1].tobytes() == whole.rows.tobytes()

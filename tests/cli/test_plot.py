@@ -30,6 +30,7 @@ from lagcli.output.charts import (
 from lagcli.output.charts.chart import ChartData
 from lagcli.output.charts.chart_table import ChartTable
 from lagcli.output.charts.compose import UndrawableColumns
+from lagcli.output.tables import provenance
 from tests.cli.test_figure import AWKWARD, texts
 from tests.helpers import in_process
 
@@ -69,7 +70,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def table(name: str = "t.csv", /, **columns: object) -> ChartTable:
     rows = np.column_stack([np.asarray(values, dtype=float) for values in columns.values()])
     names = [key.replace("__", ".") for key in columns]
-    return chart_table.of_rows(name, names, rows, chart_table.table_facts.NOTHING)
+    return chart_table.of_rows(name, names, rows, provenance.NO_FACTS)
 
 
 def chart(*tables: ChartTable, **choice: object) -> ChartData:
@@ -246,7 +247,7 @@ def test_an_output_that_may_be_zero_to_rounding_is_said_where_a_model_is_told() 
     """Outputs have any size: they are drawn as they are, and tables of others are left without a word."""
     noise = 1e-16 * np.sin(99 * T)
     rows = np.column_stack([T, noise])
-    told = chart_table.table_facts.TableFacts(units=chart_table.table_facts.Units())
+    told = provenance.TableFacts(units=provenance.Units())
     (panel,) = chart(chart_table.of_rows("t.json", ["t", "slip"], rows, told)).panels
     assert panel.curves[0].y.any()
     assert panel.notes == ("no value is larger than 1.0e-16: these may be zero to rounding",)
@@ -427,7 +428,7 @@ def test_strangers_names_are_drawn_to_the_letter_within_the_page(many: int, tmp_
     names = [f"{AWKWARD[n % len(AWKWARD)]}{n}" for n in range(many)]
     rows = np.column_stack([T, *(np.sin(T + n) for n in range(many))])
     title = "\x1b[31m$\\alpha$ <b>&amp; \u202eabc עברית " + "word " * 400
-    data = chart_table.of_rows("t.csv", ["t", *names], rows, chart_table.table_facts.NOTHING)
+    data = chart_table.of_rows("t.csv", ["t", *names], rows, provenance.NO_FACTS)
     drawn = chart(data, title=title)
     figure = chart_figure.compose(drawn)
     shown = texts(figure)
@@ -544,7 +545,7 @@ def test_provenance_brings_units_and_title(here: Path) -> None:
     ],
 )
 def test_a_strangers_provenance_tells_what_it_can(origin: dict[str, object]) -> None:
-    facts = chart_table.table_facts.of_provenance(origin)
+    facts = provenance.facts_told_by(origin)
     assert facts.units is None
     assert facts.dimensions.lengths in ({}, {"c": 1.0})
     overlay_names.distinguishing(["a", "b"], [origin, origin])

@@ -19,7 +19,7 @@ from lagcli.api.runs import prepare_run, simulation_run
 from lagcli.cli.files import table_output
 from lagcli.output import checkpoint_file
 from lagcli.output.files import atomic_file, interrupts
-from lagcli.output.tables import parquet_table, read_table, row_file, sinks
+from lagcli.output.tables import parquet_format, read_table, row_file, sinks
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.scheme import controller
@@ -78,7 +78,7 @@ def killer(patch):
 
     def closed(sink):
         # A Parquet file would get its end.
-        if not isinstance(sink._writer, parquet_table.ParquetTableWriter):
+        if not isinstance(sink._writer, parquet_format.ParquetTableWriter):
             sink._writer.abandon()
 
     def kill(*_, **options):

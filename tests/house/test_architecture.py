@@ -57,8 +57,8 @@ DOORS = {
     "plotille": ("lagcli.output.charts.chart_terminal",),
     "jinja2": ("lagcli.output.report.report_writer",),
     "markupsafe": ("lagcli.output.report.report_writer",),
-    "orjson": ("lagcli.output.tables.float_text",),
-    "pyarrow": ("lagcli.output.tables.parquet_table",),
+    "orjson": ("lagcli.output.tables.cell_text",),
+    "pyarrow": ("lagcli.output.tables.parquet_format",),
     "sympy": (
         "lagcli.pfaffian.",
         "lagcli.derivation.",

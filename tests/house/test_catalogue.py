@@ -14,7 +14,7 @@ from lagcli.errors import catalogue, diagnostics
 from lagcli.errors.catalogue import Page
 from lagcli.expression import facts
 from lagcli.input import document
-from lagcli.output import trajectory
+from lagcli.output import run_account
 from lagcli.simulation.run_state import run_stop
 
 PACKAGE = pathlib.Path(lagcli.__file__).parent
@@ -48,8 +48,8 @@ def _codes_in_source() -> set[str]:
         run_stop.NOT_FINITE,
         run_stop.TOO_SMALL,
         run_stop.CONTACT,
-        trajectory.INTERRUPTED,
-        trajectory.NOT_WRITTEN,
+        run_account.INTERRUPTED,
+        run_account.NOT_WRITTEN,
     }
     return found | stops | {code for code, _ in facts.FLAG_ERRORS.values()}
 

@@ -11,9 +11,9 @@ import pytest
 
 import lagcli
 from lagcli.output.files import endings
-from lagcli.output.tables import read_events, sinks
+from lagcli.output.tables import incident_table, sinks
 from lagcli.output.tables.incident_table import IncidentTable
-from lagcli.output.tables.unreadable import UnreadableTable
+from lagcli.output.tables.table_format import UnreadableTable
 from tests.helpers import incidents
 
 MODEL = lagcli.loads(incidents.BALL)
@@ -56,7 +56,7 @@ def test_columns_are_impulses_then_positions_then_velocities_twice() -> None:
 @FORMATS
 @pytest.mark.parametrize("block", [1, 3])
 def test_a_table_of_every_format_reads_back_to_the_same_doubles(tmp_path: Path, fmt: str, block: int) -> None:
-    found = read_events.read_events(written(tmp_path / f"events.{fmt}", block))
+    found = incident_table.read(written(tmp_path / f"events.{fmt}", block))
     assert found.columns == NAMES
     assert found.kinds == ("impact", "contact", "release", "event")
     assert found.names == ("floor", "floor", "floor", 'low, "very"')
@@ -69,7 +69,7 @@ def test_a_run_without_incidents_has_a_table_without_rows(tmp_path: Path, fmt: s
     path = tmp_path / f"events.{fmt}"
     with sinks.open_sink(path, LAYOUT.names, texts=("kind", "name")):
         pass
-    found = read_events.read_events(path)
+    found = incident_table.read(path)
     assert (found.columns, len(found)) == (NAMES, 0)
 
 
@@ -159,20 +159,20 @@ def test_a_file_that_is_no_table_of_events_is_refused(tmp_path: Path, text: str,
     path = tmp_path / "events.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(UnreadableTable, match=reason):
-        read_events.read_events(path)
+        incident_table.read(path)
 
 
 def test_columns_of_text_of_another_type_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "events.npz", t=[0.0], kind=[1.0], name=["a"])
     with pytest.raises(UnreadableTable, match="`kind` is no column of text"):
-        read_events.read_events(tmp_path / "events.npz")
+        incident_table.read(tmp_path / "events.npz")
     (tmp_path / "events.json").write_text('{"columns": ["t", "kind", "name"], "rows": [[0, 1, "a"]]}')
     with pytest.raises(UnreadableTable, match="row 1: 'kind' holds '1', which is no word"):
-        read_events.read_events(tmp_path / "events.json")
+        incident_table.read(tmp_path / "events.json")
     columns = {"t": [0.0], "kind": [1.0], "name": ["a"]}
     pyarrow.parquet.write_table(pyarrow.table(columns), tmp_path / "events.parquet")
     with pytest.raises(UnreadableTable, match="`kind` holds numbers and no text"):
-        read_events.read_events(tmp_path / "events.parquet")
+        incident_table.read(tmp_path / "events.parquet")
 
 
 def test_columns_of_another_program_are_kept() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lagcli.output.tables import plain_csv, read_table
-from lagcli.output.tables.unreadable import UnreadableTable
+from lagcli.output.tables.table_format import UnreadableTable
 
 CELLS = (
     *["1", "-2e-3", "nan", "inf", "-Infinity", "1e400", "5e-324", "+3", ".5", "5.", " 1", "1 ", "0.1"],

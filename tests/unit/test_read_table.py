@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import lagcli
-from lagcli.output.tables import read_csv, read_json, read_table, sinks
+from lagcli.output.tables import csv_format, json_format, read_table, sinks
 from tests.helpers.in_process import run
 
 Floats = npt.NDArray[np.float64]
@@ -126,8 +126,8 @@ TEXTS = {
     "short row": (",".join(COLUMNS) + "\n" + ",".join(["1"] * 7) + "\n", "row 1 has 7 entries for 11"),
     "blank row": (",".join(COLUMNS) + "\n\n" + ",".join(["1"] * 11) + "\n", "row 1 has 0 entries"),
     "equal names": ("t,t\n0,1\n", "two columns of one name"),
-    "a row without end": (",".join(COLUMNS) + "\n" + "1," * (read_csv.MOST_LINE // 2 + 1), "a row has"),
-    "a row of many lines": ('"\n",' * (read_csv.MOST_LINE // 4 + 1), "a row has"),
+    "a row without end": (",".join(COLUMNS) + "\n" + "1," * (csv_format.MOST_LINE // 2 + 1), "a row has"),
+    "a row of many lines": ('"\n",' * (csv_format.MOST_LINE // 4 + 1), "a row has"),
 }  # fmt: skip
 
 
@@ -338,7 +338,7 @@ def test_rows_of_text_are_counted_while_they_are_read(
     text = ",".join(COLUMNS) + "\n" + ("0," * 10 + "0\n") * 11
     assert "too large: 11 rows or more of 11 columns" in refused(tmp_path, "run.csv", text.encode())
     assert "too large" in refused(tmp_path, "run.json", of_rows(*[[0] * 11] * 11).encode())
-    monkeypatch.setattr(read_json, "MOST_JSON", 300)
+    monkeypatch.setattr(json_format, "MOST_JSON", 300)
     assert "is too large: a table in JSON" in refused(
         tmp_path, "run.json", of_rows(*[[0] * 11] * 11).encode()
     )
@@ -347,8 +347,8 @@ def test_rows_of_text_are_counted_while_they_are_read(
 def test_limits() -> None:
     """What an audit of the largest table holds, and what a line and a JSON file may cost: see their comments."""
     assert read_table.MOST_NUMBERS * 400 == 2e9
-    assert read_csv.MOST_LINE == 4 << 20
-    assert read_json.MOST_JSON == 64 << 20
+    assert csv_format.MOST_LINE == 4 << 20
+    assert json_format.MOST_JSON == 64 << 20
 
 
 def test_a_folder_and_a_missing_file_are_named(tmp_path: Path) -> None:

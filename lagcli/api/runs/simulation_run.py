@@ -17,10 +17,11 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.invariant import FirstIntegral
-from lagcli.output import event_rows, run_account, run_columns, table_columns
-from lagcli.output.run_columns import RunColumns
+from lagcli.output import run_account, table_columns
+from lagcli.output.run_account import Outcome, Stats, Stopped
+from lagcli.output.table_columns import RunColumns
+from lagcli.output.tables import incident_table
 from lagcli.output.tables.incident_table import IncidentColumns
-from lagcli.output.trajectory import Outcome, Stats, Stopped
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
 from lagcli.simulation.run_in_blocks import RunInBlocks
 from lagcli.simulation.run_state import checkpoint as checkpoints
@@ -103,7 +104,7 @@ class SimulationRun:
                 if self._run.reference:
                     self._floors.take(rows)
                 if self._has_event_rows:
-                    rows = event_rows.merged(rows, self.incidents)
+                    rows = incident_table.with_event_rows(rows, self.incidents)
                 if len(rows):
                     outcome.rows += len(rows)
                     outcome.t_end = float(rows[-1, 0])
@@ -127,7 +128,7 @@ class SimulationRun:
 
     @functools.cached_property
     def _others(self) -> RunColumns:
-        return run_columns.of(self._system, self._numeric, self._start.p, self.columns)
+        return table_columns.of_run(self._system, self._numeric, self._start.p, self.columns)
 
     @property
     def incident_columns(self) -> IncidentColumns:

@@ -14,7 +14,7 @@ from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.output.files import endings
 from lagcli.output.tables import read_table
-from lagcli.output.tables.sinks import MissingExtra
+from lagcli.output.tables.table_format import MissingExtra
 
 LAST = -1  # of the rows of a table
 _COLUMNS = {

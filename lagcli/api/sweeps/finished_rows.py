@@ -11,14 +11,14 @@ from lagcli.api.sweeps import sweep_journal, sweep_table
 from lagcli.api.sweeps.point_task import PointRow
 from lagcli.api.sweeps.sweep_plan import SweepPlan
 from lagcli.output.files import endings
-from lagcli.output.tables import read_table, sinks, unreadable
+from lagcli.output.tables import read_table, table_format
 from lagcli.output.tables.read_table import ReadTable
 
 MOST = 2.0**53  # whole numbers below it are numbers of their own
 
 
 def rows(path: Path, table: ReadTable, names: int) -> list[PointRow]:
-    """The rows of the table in a file, whose points have so many numbers. Raises `unreadable.UnreadableTable`."""
+    """The rows of the table in a file, whose points have so many numbers. Raises `table_format.UnreadableTable`."""
     columns = [name for name in table.columns if name != sweep_table.SHARD]
     numbers = [name for name in columns if name != sweep_table.MESSAGE]
     messages = table.words(sweep_table.MESSAGE)
@@ -26,7 +26,7 @@ def rows(path: Path, table: ReadTable, names: int) -> list[PointRow]:
     for name in (sweep_table.NUMBER, sweep_table.STATUS):
         column = cells[:, numbers.index(name)]
         if not (np.abs(column) < MOST).all() or (column % 1).any():  # nan neither
-            raise unreadable.bad(path, f"the column `{name}` holds a number that is not whole")
+            raise table_format.bad(path, f"the column `{name}` holds a number that is not whole")
     return [
         PointRow(int(row[0]), tuple(row[1 : 1 + names]), tuple(row[1 + names : -2]), int(row[-2]), message, row[-1])
         for row, message in zip(cells.tolist(), messages, strict=True)
@@ -55,7 +55,7 @@ def found(path: Path, plan: SweepPlan, digest: str) -> list[PointRow] | None:
         if tuple(table.columns) != plan.columns or not (is_silent(path, plan) or _is_same(table, plan)):
             return None
         kept = rows(path, table, len(plan.task.names))
-    except (endings.UnknownFormat, sinks.MissingExtra, unreadable.UnreadableTable):
+    except (endings.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable):
         return None  # whatever it is, it is replaced as any file is
     if [row.number for row in kept] != list(plan.numbers):
         return None

@@ -18,8 +18,7 @@ from lagcli.output.animation import page
 from lagcli.output.animation.places import NothingToShow
 from lagcli.output.animation.scene import Scene
 from lagcli.output.files import atomic_file, endings, write_guard
-from lagcli.output.tables.sinks import MissingExtra
-from lagcli.output.tables.unreadable import UnreadableTable
+from lagcli.output.tables.table_format import MissingExtra, UnreadableTable
 from lagcli.output.trajectory import SimulationStopped
 
 

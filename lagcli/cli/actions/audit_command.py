@@ -16,9 +16,9 @@ from lagcli.cli.terminal import console, exits, json_output
 from lagcli.errors import diagnostics
 from lagcli.output.figures import labels
 from lagcli.output.files import endings, write_guard
-from lagcli.output.tables import read_events, read_table
+from lagcli.output.tables import incident_table, read_table
 from lagcli.output.tables.incident_table import IncidentTable
-from lagcli.output.tables.sinks import MissingExtra
+from lagcli.output.tables.table_format import MissingExtra
 from lagcli.output.trajectory import SimulationStopped
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def _events(options: AuditOptions) -> IncidentTable | None:
     if options.events is None:
         return None
     try:
-        return read_events.read_events(options.events)
+        return incident_table.read(options.events)
     except OSError as error:
         raise exits.UsageError(f"--events: cannot read {options.events}: {error.strerror}") from None
     except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:

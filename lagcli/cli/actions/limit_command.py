@@ -16,8 +16,8 @@ from lagcli.cli.requests.preflight import RepeatedRuns
 from lagcli.cli.terminal import console, exits, json_output
 from lagcli.formulations.stiff.ladder import StiffLimit
 from lagcli.model.model import Model
-from lagcli.output import trajectory
 from lagcli.output.files import write_guard
+from lagcli.output.tables import provenance
 
 if TYPE_CHECKING:
     from lagcli.output.figures.limit_figure import LimitCurves
@@ -115,7 +115,7 @@ def _write(model: Model, found: StiffLimit, options: LimitOptions) -> None:
     """The table and the figure that were asked for."""
     if options.output is not None:
         names, rows = found.table
-        whence = trajectory.provenance(model).as_json() | {"limit": {"constraint": found.constraint}}
+        whence = provenance.of(model).as_json() | {"limit": {"constraint": found.constraint}}
         plan = TablePlan("--output", None if options.output == "-" else options.output, names)
         with safe_table.opened(plan, whence) as table:
             table.write(rows)

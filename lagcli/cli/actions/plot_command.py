@@ -14,7 +14,7 @@ from lagcli.output.charts.chart import ChartData
 from lagcli.output.charts.chart_table import ChartTable
 from lagcli.output.files import endings, write_guard
 from lagcli.output.tables import read_table
-from lagcli.output.tables.sinks import MissingExtra
+from lagcli.output.tables.table_format import MissingExtra
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -21,10 +21,11 @@ from lagcli.cli.files.table_plan import TablePlan
 from lagcli.cli.requests.asked_run import SimulateOptions
 from lagcli.cli.terminal import console, exits, json_output
 from lagcli.model.model import Model, Simulation
-from lagcli.output import event_rows, trajectory
+from lagcli.output import run_account
 from lagcli.output.figures import decimate
 from lagcli.output.files import atomic_file, interrupts, write_guard
-from lagcli.output.trajectory import Outcome, Stats, Stopped
+from lagcli.output.run_account import Outcome, Stats, Stopped
+from lagcli.output.tables import incident_table
 from lagcli.simulation.run_state import checkpoint, run_stop
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import assembly_moves
@@ -197,7 +198,7 @@ def _write_rows(
                 if options.plot is not None:
                     # Jumps are drawn upright.
                     is_merged = options.event_rows
-                    kept.add(block if is_merged else event_rows.merged(block, ready.incidents))
+                    kept.add(block if is_merged else incident_table.with_event_rows(block, ready.incidents))
                     kept.marks.extend((incident.t, incident.kind) for incident in ready.incidents)
     except run_stop.RunStop as stop:
         stopped = stop
@@ -239,12 +240,12 @@ def _account_of_ended(
     ready: SimulationRun, options: SimulateOptions, outcome: Outcome, error: BaseException
 ) -> None:
     """The account of the rows that are kept of a run that this has ended; what fails here does not hide it."""
-    reason, code = str(error), trajectory.NOT_WRITTEN
+    reason, code = str(error), run_account.NOT_WRITTEN
     if isinstance(error, interrupts.Interrupted):
-        reason, code = f"interrupted by {signal.Signals(error.number).name}", trajectory.INTERRUPTED
+        reason, code = f"interrupted by {signal.Signals(error.number).name}", run_account.INTERRUPTED
     elif isinstance(error, BrokenPipeError):
         reason = "the reader of the rows went away"
-    if code == trajectory.NOT_WRITTEN and not options.to_stdout:
+    if code == run_account.NOT_WRITTEN and not options.to_stdout:
         outcome = Outcome()  # the file is as it was
     outcome.stopped = ready.outcome.stopped
     if outcome.stopped is None and outcome.t_end != ready.end:

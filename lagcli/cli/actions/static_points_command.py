@@ -10,8 +10,7 @@ from lagcli.cli.terminal import console, exits, json_output
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.output.files import write_guard
-from lagcli.output.tables import sinks
-from lagcli.output.trajectory import provenance
+from lagcli.output.tables import provenance, sinks
 from lagcli.statics.static_report import StaticReport
 
 MOST_COLUMNS, MOST_ROWS = 12, 60  # what fits a screen; -o has all
@@ -63,7 +62,7 @@ def _write(model: Model, found: StaticReport, options: PointOptions) -> None:
     numbers, types = found.table()
     target = sys.stdout.buffer if options.output == "-" else options.output
     name = "standard output" if options.output == "-" else options.output
-    whence = provenance(model).as_json()
+    whence = provenance.of(model).as_json()
     with (
         write_guard.writing(name),
         sinks.open_sink(target, (*found.columns, "type"), None, whence, ("type",)) as sink,

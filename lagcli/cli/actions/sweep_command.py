@@ -32,7 +32,7 @@ from lagcli.cli.requests.asked_sweep import SweepFiles
 from lagcli.cli.terminal import console, exits, json_output
 from lagcli.model.model import Model
 from lagcli.output.files import atomic_file, endings, interrupts, write_guard
-from lagcli.output.tables import sinks
+from lagcli.output.tables import table_format
 
 # Points above which a sweep is asked for with --yes: days of computing, which a slip of the finger has asked for.
 MOST_POINTS = 10_000_000
@@ -216,7 +216,7 @@ def _written(
     provenance = {**plan.identity, "shard": [plan.shard.number, plan.shard.count]}
     try:
         table = SweepTable(target, plan.columns, provenance, plan.shard_of if plan.is_shard else "")
-    except sinks.MissingExtra as error:
+    except table_format.MissingExtra as error:
         raise exits.UsageError(str(error)) from None
     with contextlib.ExitStack() as stack:
         stack.callback(table.discard)

@@ -15,8 +15,8 @@ from lagcli.cli.terminal import exits
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import Comparison, Formulation
 from lagcli.model.model import Model
-from lagcli.output import trajectory
 from lagcli.output.files import write_guard
+from lagcli.output.tables import provenance
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +63,7 @@ def write(model: Model, found: Comparison, options: PrinciplesOptions) -> None:
     vakonomic = found.formulations[-1]
     if options.output is not None:
         plan = TablePlan("--output", None if options.output == "-" else options.output, vakonomic.columns)
-        whence = trajectory.provenance(model).as_json() | {"vakonomic": {"mu": dict(principles.mu)}}
+        whence = provenance.of(model).as_json() | {"vakonomic": {"mu": dict(principles.mu)}}
         with safe_table.opened(plan, whence) as table:
             table.write(vakonomic.table)
             if vakonomic.stopped:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lagcli.cli.files.table_plan import RowsBefore, TablePlan
 from lagcli.cli.terminal import exits
 from lagcli.output.files import atomic_file, interrupts, write_guard
-from lagcli.output.tables import sinks, text_cells
+from lagcli.output.tables import cell_text, sinks, table_format
 
 if TYPE_CHECKING:
     # Rows are kept beside checkpoints, which most runs have none of.
@@ -63,7 +63,7 @@ class SafeTable:
                 seen(block)
             self._sink.write(*self._plan.decoded(block))
 
-    def write(self, rows: Floats, texts: text_cells.Texts = ()) -> None:
+    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
         """More rows (k, columns of numbers), and their texts."""
         with write_guard.writing(self._plan.file or "standard output"), self._patient():
             self._sink.write(rows, texts)
@@ -112,6 +112,6 @@ def opened(plan: TablePlan, provenance: Mapping[str, object]) -> Iterator[SafeTa
             try:
                 with interrupts.shielded(interrupts.PATIENCE) if is_waiting else contextlib.nullcontext():
                     sink = sinks.open_sink(target, plan.names, provenance=provenance, texts=plan.texts)
-            except sinks.MissingExtra as error:
+            except table_format.MissingExtra as error:
                 raise exits.UsageError(str(error)) from None
             yield SafeTable(stack.enter_context(sink), plan)

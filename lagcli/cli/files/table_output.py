@@ -18,9 +18,8 @@ from lagcli.cli.requests.asked_run import SimulateOptions
 from lagcli.cli.terminal import exits
 from lagcli.output.figures import decimate
 from lagcli.output.files import interrupts, write_guard
-from lagcli.output.tables import incident_table
+from lagcli.output.tables import incident_table, provenance
 from lagcli.output.tables.incident_table import IncidentColumns
-from lagcli.output.trajectory import provenance
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.run_state.incident import KINDS, Incident
 
@@ -144,7 +143,7 @@ def opened(ready: SimulationRun, rows: TablePlan | None, happened: TablePlan | N
 
     Interrupts are held back inside but in `interrupts.window`.
     """
-    whence = provenance(ready.model).as_json()
+    whence = provenance.of(ready.model).as_json()
     with contextlib.ExitStack() as stack, interrupts.shielded():
         tables = [
             None if plan is None else stack.enter_context(safe_table.opened(plan, whence))

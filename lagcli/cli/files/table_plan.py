@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.tables import text_cells
+from lagcli.output.tables import cell_text
 
 if TYPE_CHECKING:
     # Rows are kept beside checkpoints, which most runs have none of.
@@ -48,7 +48,7 @@ class TablePlan:
         assert self.file is not None
         return pathlib.Path(os.path.realpath(self.file))
 
-    def numbers(self, rows: Floats, texts: text_cells.Texts) -> Floats:
+    def numbers(self, rows: Floats, texts: cell_text.Texts) -> Floats:
         """Rows as numbers alone, a text as its place among the words, (k, names)."""
         if not self.words:
             return rows

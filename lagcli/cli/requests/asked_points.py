@@ -13,9 +13,9 @@ from lagcli.api.sweeps import drawn_points, point_sources, sweep_plan
 from lagcli.cli.terminal import exits
 from lagcli.model.model import Model
 from lagcli.output.files import endings
-from lagcli.output.tables import read_table, sinks, unreadable
+from lagcli.output.tables import read_table, table_format
 
-UNREADABLE = (endings.UnknownFormat, sinks.MissingExtra, unreadable.UnreadableTable)
+UNREADABLE = (endings.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -14,9 +14,9 @@ from typing import BinaryIO, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output.tables import read_table, table_facts
-from lagcli.output.tables.table_facts import TableFacts
-from lagcli.output.tables.unreadable import UnreadableTable
+from lagcli.output.tables import provenance, read_table
+from lagcli.output.tables.provenance import TableFacts
+from lagcli.output.tables.table_format import UnreadableTable
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class ChartTable:
     columns: tuple[str, ...]
     take: Callable[[Sequence[str]], Floats]
     length: int | None = None
-    facts: TableFacts = table_facts.NOTHING
+    facts: TableFacts = provenance.NO_FACTS
     incidents: Sequence[tuple[float, str]] = ()
     origin: Mapping[str, object] | None = None
 
@@ -97,7 +97,7 @@ def of_run(run: RunTable, name: str = "") -> ChartTable:
 def of_file(path: str | os.PathLike[str]) -> ChartTable:
     """A table in a file. Raises what `read_table.opened` raises; take raises `UnreadableTable` and OSError."""
     found = read_table.opened(path, MOST_NUMBERS)
-    facts = table_facts.of_provenance(found.provenance)
+    facts = provenance.facts_told_by(found.provenance)
     return ChartTable(
         os.fspath(path), found.columns, found.take, found.length, facts, origin=found.provenance
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from lagcli.model import dimension_facts
 from lagcli.output.figures import labels, panels
-from lagcli.output.tables.table_facts import TableFacts
+from lagcli.output.tables.provenance import TableFacts
 
 # Kinds in which what is 1e-12 of the largest column is rounding: they have one unit and come from the same sums.
 COMPARABLE = ("position", "velocity", "multiplier", "constraint force")

@@ -23,8 +23,9 @@ from lagcli.output.report.report_contents import (
     PageTable,
     ReportContents,
 )
+from lagcli.output.run_account import Stats
 from lagcli.output.tables.incident_table import IMPULSE, IncidentTable
-from lagcli.output.trajectory import Stats, Trajectory
+from lagcli.output.trajectory import Trajectory
 
 # Rows of a table of incidents or of constraints, and names of what fails: the files of `simulate` hold them all.
 MOST_ROWS, MOST_FAULTS = 60, 6

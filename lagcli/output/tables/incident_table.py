@@ -1,4 +1,4 @@
-"""The incidents of a run as a table and as a sequence: `--events` and `run.events`."""
+"""The incidents of a run as a table and as a sequence: `--events`, also read back, `run.events` and `--event-rows`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import itertools
 import operator
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import overload
@@ -24,7 +25,6 @@ Column = Floats | Words
 TEXTS = ("kind", "name")
 HEAD = ("t", *TEXTS)
 IMPULSE, BEFORE, AFTER = "impulse.", "before.", "after."
-SHOWN = 6  # incidents in a repr
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -236,3 +236,57 @@ NONE = IncidentTable(HEAD, (), (), np.zeros((0, 1)))
 def _by_kind(counted: tuple[str, int]) -> int:
     kind, _ = counted
     return [str(known) for known in KINDS].index(kind) if kind in KINDS else len(KINDS)
+
+
+def read(path: str | os.PathLike[str]) -> IncidentTable:
+    """The incidents in a file: `t`, `kind`, `name` and columns of numbers, which may be any.
+
+    Raises what `read_table.opened` raises, and `UnreadableTable` where one of those three is missing, a kind is none,
+    and where times are no numbers or go back.
+    """
+    from lagcli.output.tables import read_table
+    from lagcli.output.tables.table_format import SHOWN, UnreadableTable
+
+    table = read_table.opened(path)
+    missing = [name for name in HEAD if name not in table.columns]
+    if missing:
+        raise UnreadableTable(f"{path} is no table of events: it has no column `{missing[0]}`")
+    numbers = ["t", *(name for name in table.columns if name not in HEAD)]
+    values = table.take(numbers)
+    kinds, names = table.words("kind"), table.words("name")
+    if not len(kinds) == len(names) == len(values):
+        raise UnreadableTable(f"{path} is no table of events: its columns have different lengths")
+    for row, kind in enumerate(kinds, 1):
+        if kind not in KINDS:
+            raise UnreadableTable(
+                f"{path} is no table of events: row {row} is of the kind {kind[:SHOWN]!r}; the kinds are"
+                f" {', '.join(KINDS)}"
+            )
+    t = values[:, 0]
+    bad = np.flatnonzero(~np.isfinite(t) | (np.diff(t, prepend=t[:1]) < 0))
+    if bad.size:
+        raise UnreadableTable(
+            f"{path} is no table of events: the time in row {bad[0] + 1} is before that of the row above, or no number"
+        )
+    return IncidentTable((*HEAD, *numbers[1:]), kinds, names, values)
+
+
+def with_event_rows(rows: Floats, incidents: Sequence[Incident]) -> Floats:
+    """Rows (k, columns) with two more for each instant, before and after, ahead of a row of the grid at that time.
+
+    incidents: in the order of time, those of one instant next to each other. Columns beyond their lines
+    are nan.
+    """
+    if not incidents:
+        return rows
+    pairs: list[Floats] = []
+    times: list[float] = []
+    for t, group in itertools.groupby(incidents, key=lambda incident: incident.t):
+        found = list(group)
+        for line in (found[0].before, found[-1].after):
+            row = np.full(rows.shape[1], np.nan)
+            row[0], row[1 : 1 + line.size] = t, line
+            pairs.append(row)
+            times.append(t)
+    more = np.array(pairs) + 0.0  # no table shows -0.0
+    return np.insert(rows, np.searchsorted(rows[:, 0], times), more, axis=0)

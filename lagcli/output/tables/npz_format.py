@@ -1,22 +1,225 @@
-"""Tables as arrays of NumPy."""
+"""Tables as NPZ: a zip archive with one array per column name, for ``numpy.load(..., allow_pickle=False)``.
+
+A column can only be written when all its rows are there, so the rows wait, column by column within each
+block, in a temporary file (in memory while they are few). ``numpy.savez`` is not used: it holds the whole
+table, and it cannot write a column called ``file``. The comment of the archive holds the provenance: another array
+would look like a column.
+"""
 
 from __future__ import annotations
 
 import functools
+import json
+import re
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
-from lagcli.output.tables.table_format import CheckSize, Make, Provenance, ReadTable
+import numpy as np
+
+from lagcli.output.tables import blocks, cell_text
+from lagcli.output.tables.table_format import (
+    SHOWN,
+    CheckSize,
+    Floats,
+    Make,
+    Provenance,
+    ReadTable,
+    UnreadableTable,
+    bad,
+    parsed_provenance,
+)
+
+_BYTES_IN_MEMORY = 1 << 23  # of rows that wait, before a file is made for them
+_MOST_COMMENT = 65_535  # bytes; the format of zip archives has no room for more
+MOST_HEADER = 4096  # bytes of the header of an array
+NUMBERS, TEXTS = "[<>|=]?[fiu][1248]", r"[<>=]U\d{1,4}"
 
 
 def writer(path: Path, provenance: Provenance) -> Make:
     """See `TableFormat`."""
-    from lagcli.output.tables import npz_table
-
-    return functools.partial(npz_table.NpzWriter, provenance=provenance)
+    return functools.partial(NpzWriter, provenance=provenance)
 
 
 def reader(path: Path, check_size: CheckSize) -> ReadTable:
     """See `TableFormat`."""
-    from lagcli.output.tables import read_npz
+    return NpzTable(path, check_size)
 
-    return read_npz.NpzTable(path, check_size)
+
+class NpzWriter:
+    """Writes a table to ``path`` once all its rows have arrived."""
+
+    def __init__(
+        self,
+        path: Path,
+        columns: Sequence[str],
+        texts: Sequence[str] = (),
+        provenance: Provenance = None,
+    ) -> None:
+        self._comment = _comment(provenance) if provenance is not None else b""
+        self._path = path
+        self._columns = tuple(columns)
+        self._width = len(columns) - len(texts)
+        self._texts: dict[str, list[str]] = {name: [] for name in columns if name in texts}
+        self._gathered = blocks.Gathered(self._width, self._store)
+        self._spool = tempfile.SpooledTemporaryFile(  # noqa: SIM115 (closed by finish or abandon)
+            max_size=_BYTES_IN_MEMORY, dir=str(path.parent)
+        )
+        self._lengths: list[int] = []
+
+    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
+        """Append ``rows``, shape (k, columns of numbers), and the texts beside them."""
+        self._gathered.add(rows)
+        for kept, cells in zip(self._texts.values(), texts, strict=True):
+            kept.extend(cells)
+
+    def finish(self) -> None:
+        """Write the archive; its bytes depend on the table alone."""
+        self._gathered.flush()
+        with self._spool, zipfile.ZipFile(self._path, "w") as archive:
+            archive.comment = self._comment
+            index = 0
+            for name in self._columns:
+                # A fixed date, so that equal tables give equal files.
+                member = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+                with archive.open(member, "w", force_zip64=True) as file:
+                    if name in self._texts:
+                        cells = np.array(self._texts[name][: sum(self._lengths)], dtype="<U")
+                        np.lib.format.write_array(file, cells, version=(1, 0), allow_pickle=False)
+                        continue
+                    shape = (sum(self._lengths),)
+                    header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+                    np.lib.format.write_array_header_1_0(file, header)
+                    for start, length in self._places(index):
+                        self._spool.seek(start)
+                        file.write(self._spool.read(length))
+                index += 1
+
+    def abandon(self) -> None:
+        """Remove the temporary file."""
+        self._spool.close()
+
+    def _store(self, block: Floats) -> None:
+        # Sought, not merely appended: an interrupted block must be overwritten by the next.
+        self._spool.seek(8 * self._width * sum(self._lengths))
+        self._spool.write(np.ascontiguousarray(block, "<f8").data)
+        self._lengths.append(block.shape[1])
+
+    def _places(self, index: int) -> list[tuple[int, int]]:
+        """The place of column ``index`` in the spool: (first byte, bytes) of each block."""
+        places = []
+        start = 0
+        for length in self._lengths:
+            places.append((start + 8 * length * index, 8 * length))
+            start += 8 * length * self._width
+        return places
+
+
+def _comment(provenance: Mapping[str, object]) -> bytes:
+    """The provenance as JSON; what makes it too long, thousands of parameters, is null then."""
+    kept = dict(provenance)
+    while len(text := json.dumps(kept, allow_nan=False).encode()) > _MOST_COMMENT:
+        longest = max(kept, key=lambda name: len(json.dumps(kept[name])))
+        kept[longest] = None
+    return text
+
+
+class NpzTable:
+    """A zip archive of arrays, stored or deflated; of their headers only the plainest are taken."""
+
+    def __init__(self, path: Path, check_size: CheckSize) -> None:
+        self._path, self._check_size = path, check_size
+        with path.open("rb") as file, self._archive(file) as archive:
+            self._members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+            self.columns = tuple(info.filename.removesuffix(".npy") for info in archive.infolist())
+            self.provenance = parsed_provenance(archive.comment)
+
+    @functools.cached_property
+    def length(self) -> int | None:
+        """See `table_format.ReadTable`: that of the first column, where it holds numbers."""
+        with self._path.open("rb") as file, self._archive(file) as archive:
+            try:
+                return self._header(archive, self.columns[0])[1] if self.columns else 0
+            except UnreadableTable:
+                return None
+
+    def take(self, names: Sequence[str]) -> Floats:
+        """See `table_format.ReadTable`."""
+        with self._path.open("rb") as file, self._archive(file) as archive:
+            headers = [self._header(archive, name) for name in names]
+            lengths = {length for _, length, _ in headers}
+            if len(lengths) > 1:
+                raise bad(self._path, f"its arrays have different lengths: {min(lengths)}, {max(lengths)}")
+            length = lengths.pop() if lengths else 0
+            self._check_size(self._path, length, len(names))
+            found = np.empty((length, len(names)))
+            for k, (kind, _, start) in enumerate(headers):
+                data = self._bytes(archive, names[k], start, length * kind.itemsize)
+                found[:, k] = np.frombuffer(data, kind)
+        return found
+
+    def words(self, name: str) -> list[str]:
+        """See `table_format.ReadTable`."""
+        with self._path.open("rb") as file, self._archive(file) as archive:
+            kind, length, start = self._header(archive, name, is_text=True)
+            self._check_size(self._path, length, 1 + kind.itemsize // 8)
+            data = self._bytes(archive, name, start, length * kind.itemsize)
+        try:
+            return [str(cell) for cell in np.frombuffer(data, kind)]
+        except ValueError as error:  # a code that is no letter
+            raise bad(self._path, f"`{name}`: {error}") from None
+
+    def _archive(self, file: BinaryIO) -> zipfile.ZipFile:
+        try:
+            return zipfile.ZipFile(file)
+        except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError) as error:
+            # The file is open: an OSError is a place that the archive names and that is not there.
+            raise bad(self._path, error) from None
+
+    def _header(
+        self, archive: zipfile.ZipFile, name: str, is_text: bool = False
+    ) -> tuple[np.dtype[np.generic], int, int]:
+        """Type and length of an array, and where its cells begin; without running what its header says."""
+        info = self._members[name]
+        if info.flag_bits & 1:
+            raise bad(self._path, f"`{name}` is encrypted")
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise bad(self._path, f"`{name}` is compressed by a method that NumPy does not write")
+        head = self._bytes(archive, name, 0, min(MOST_HEADER, info.file_size))
+        if head[:6] != b"\x93NUMPY" or len(head) < 12:
+            raise bad(self._path, f"`{name}` is no array")
+        first = 10 if head[6] == 1 else 12
+        start = first + int.from_bytes(head[8:first], "little")
+        text = head[first:start].decode("latin-1")
+        what = "text" if is_text else "real numbers"
+        kind = re.search(rf"'descr': *'({TEXTS if is_text else NUMBERS})'", text)
+        shape = re.search(r"'shape': *\((\d{1,15}),?\)", text)
+        if kind is None or shape is None or start > MOST_HEADER:
+            raise bad(self._path, f"`{name}` is no column of {what}: {text[:SHOWN].strip()}")
+        if kind[1].endswith("f1") and not is_text:  # a number of one byte has no fractions
+            raise bad(self._path, f"`{name}` is no column of {what}: {kind[1]}")
+        plain = np.dtype(kind[1])
+        if start + int(shape[1]) * plain.itemsize != info.file_size:
+            raise bad(self._path, f"`{name}` is said to have {shape[1]} numbers, which its size denies")
+        return plain, int(shape[1]), start
+
+    def _bytes(self, archive: zipfile.ZipFile, name: str, start: int, count: int) -> bytes:
+        try:
+            with archive.open(self._members[name]) as member:
+                member.read(start)
+                data = member.read(count)
+        except (
+            zipfile.BadZipFile,
+            zlib.error,
+            EOFError,
+            NotImplementedError,
+            RuntimeError,
+            OSError,
+        ) as error:
+            raise bad(self._path, f"`{name}`: {error or 'it ends too early'}") from None
+        if len(data) != count:
+            raise bad(self._path, f"`{name}` ends too early")
+        return data

@@ -1,21 +1,39 @@
-"""Tables as Parquet files; pyarrow is loaded when one is at hand."""
+"""Tables as Parquet, one row group per gathered block; the only file that imports pyarrow, an extra, in functions: the
+format is told by its file where there is none."""
 
 from __future__ import annotations
 
+import contextlib
 import functools
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
-from lagcli.output.tables.sinks import needing_pyarrow
-from lagcli.output.tables.table_format import CheckSize, Floats, Make, Provenance, ReadTable
-from lagcli.output.tables.unreadable import as_text, bad
+import numpy as np
+
+from lagcli import requirements
+from lagcli.output.tables import blocks, cell_text
+from lagcli.output.tables.table_format import (
+    CheckSize,
+    Floats,
+    Make,
+    MissingExtra,
+    Provenance,
+    ReadTable,
+    as_text,
+    bad,
+    parsed_provenance,
+)
+
+_BATCH = 1 << 15  # rows read at a time
 
 
 def writer(path: Path, provenance: Provenance) -> Make:
     """See `TableFormat`."""
     with needing_pyarrow(path):
-        from lagcli.output.tables import parquet_table
-    return functools.partial(parquet_table.ParquetTableWriter, provenance=provenance)
+        import pyarrow.parquet  # noqa: F401 (it is there)
+    return functools.partial(ParquetTableWriter, provenance=provenance)
 
 
 def reader(path: Path, check_size: CheckSize) -> ReadTable:
@@ -23,20 +41,92 @@ def reader(path: Path, check_size: CheckSize) -> ReadTable:
     return ParquetTable(path, check_size)
 
 
+@contextlib.contextmanager
+def needing_pyarrow(path: Path) -> Iterator[None]:
+    """Surround what imports pyarrow, for this file. Raises `MissingExtra` if it is missing or too old."""
+    refusal = requirements.too_old(requirements.OPTIONAL)
+    if refusal:
+        raise MissingExtra(f'"{path.name}": {refusal}')
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "pyarrow":
+            raise
+        raise MissingExtra(
+            f'"{path.name}" needs pyarrow, which is not installed: pip install "lagcli[parquet]"'
+        ) from error
+
+
+class ParquetTableWriter:
+    """Writes a table of float64 columns, and string ones, without nulls to ``path`` as its rows arrive; the metadata of
+    its schema hold ``provenance`` as JSON."""
+
+    def __init__(
+        self,
+        path: Path,
+        columns: Sequence[str],
+        texts: Sequence[str] = (),
+        provenance: Provenance = None,
+    ) -> None:
+        import pyarrow.parquet
+
+        kinds = {name: pyarrow.string() if name in texts else pyarrow.float64() for name in columns}
+        fields = [pyarrow.field(name, kind, nullable=False) for name, kind in kinds.items()]
+        metadata = None if provenance is None else {"provenance": json.dumps(provenance, allow_nan=False)}
+        self._schema = pyarrow.schema(fields, metadata=metadata)
+        self._texts: dict[int, list[str]] = {place: [] for place in cell_text.places(columns, texts)}
+        self._gathered = blocks.Gathered(len(columns) - len(texts), self._store)
+        # Dictionaries do not shrink columns in which hardly a number comes twice.
+        words = list(texts) or False
+        self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=words)
+
+    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
+        """Append ``rows``, shape (k, columns of numbers), and the texts beside them."""
+        for kept, cells in zip(self._texts.values(), texts, strict=True):
+            kept.extend(cells)
+        self._gathered.add(rows)
+
+    def finish(self) -> None:
+        """Complete and close the file."""
+        self._gathered.flush()
+        self._writer.close()
+
+    def abandon(self) -> None:
+        """Close the file, which will not be kept."""
+        import pyarrow
+
+        # A writer that has failed may not be able to end its file.
+        with contextlib.suppress(pyarrow.ArrowException):
+            self._writer.close()
+
+    def _store(self, block: Floats) -> None:
+        import pyarrow
+
+        arrays = [pyarrow.array(column) for column in block]
+        for place, cells in self._texts.items():
+            arrays.insert(place, pyarrow.array(cells[: block.shape[1]], pyarrow.string()))
+            del cells[: block.shape[1]]
+        self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema))
+
+
 class ParquetTable:
-    """A Parquet file; of its columns only floating and whole numbers."""
+    """A Parquet file; of its columns only floating and whole numbers. Of a column that is not asked for
+    nothing is read."""
 
     def __init__(self, path: Path, check_size: CheckSize) -> None:
-        self._check_size = check_size
         with needing_pyarrow(path):
-            from lagcli.output.tables import parquet_table
+            import pyarrow.parquet
         with path.open("rb"):  # what the file system says, pyarrow wraps
             pass
-        self._path, self._table = path, parquet_table
-        try:
-            self.columns, self.length, self._odd, self.provenance = parquet_table.outline(path)
-        except parquet_table.Damaged as error:
-            raise bad(path, error) from None
+        self._path, self._check_size = path, check_size
+        with self._opened() as file:
+            fields = [(field.name, field.type) for field in file.schema_arrow]
+            self.length: int = file.metadata.num_rows
+            self.provenance = parsed_provenance((file.schema_arrow.metadata or {}).get(b"provenance"))
+        self.columns = tuple(name for name, _ in fields)
+        plain = (pyarrow.types.is_floating, pyarrow.types.is_integer)
+        # The types of the columns that hold no plain numbers.
+        self._odd = {name: str(kind) for name, kind in fields if not any(test(kind) for test in plain)}
 
     def take(self, names: Sequence[str]) -> Floats:
         """See `table_format.ReadTable`."""
@@ -44,18 +134,41 @@ class ParquetTable:
         for name in names:
             if name in self._odd:
                 raise bad(self._path, f"`{name}` holds {self._odd[name]}, no plain numbers")
-        try:
-            return self._table.numbers(self._path, names, self.length)
-        except self._table.Damaged as error:
-            raise bad(self._path, error) from None
+        found, row = np.empty((self.length, len(names))), 0
+        if not names:
+            return found
+        with self._opened() as file:
+            for batch in file.iter_batches(_BATCH, columns=list(names)):
+                end = row + batch.num_rows
+                if end > self.length:
+                    raise bad(self._path, f"it has more rows than it says, which is {self.length}")
+                for k, name in enumerate(names):
+                    found[row:end, k] = batch.column(name).to_numpy(zero_copy_only=False)
+                row = end
+        if row < self.length:
+            raise bad(self._path, f"it has {row} rows and says {self.length}")
+        return found
 
     def words(self, name: str) -> list[str]:
         """See `table_format.ReadTable`."""
         self._check_size(self._path, self.length, 1)
         if name not in self._odd:
             raise bad(self._path, f"`{name}` holds numbers and no text")
-        try:
-            found = self._table.words(self._path, name)
-        except self._table.Damaged as error:
-            raise bad(self._path, error) from None
+        found: list[object] = []
+        with self._opened() as file:
+            for batch in file.iter_batches(_BATCH, columns=[name]):
+                found += batch.column(name).to_pylist()
         return [as_text(self._path, cell, row, name) for row, cell in enumerate(found, 1)]
+
+    @contextlib.contextmanager
+    def _opened(self) -> Iterator[Any]:
+        """The file as pyarrow reads it. Raises `UnreadableTable` for what pyarrow cannot read as a table."""
+        import pyarrow.parquet
+
+        try:
+            with pyarrow.parquet.ParquetFile(str(self._path)) as file:
+                yield file
+        except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:  # the last of a name
+            raise bad(
+                self._path, str(error).splitlines()[0] if str(error) else type(error).__name__
+            ) from None

@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output.tables import float_text
+from lagcli.output.tables import cell_text
 
 _BLOCK = 1 << 18  # bytes looked through at a time, and parsed: larger ones leave the cache
 _FIRST_LINE = 1 << 22  # bytes: a longer header is not looked for
@@ -105,7 +105,7 @@ def _parsed(cells: bytes, count: int) -> NDArray[np.float64] | None:
     if cells.translate(None, _OF_NUMBERS + b","):
         return None
     try:
-        found = np.array(float_text.parsed_json(b"[" + cells + b"]"), dtype=np.float64)
+        found = np.array(cell_text.parsed_json(b"[" + cells + b"]"), dtype=np.float64)
     except ValueError:
         return None
     return found if len(found) == count else None  # of one empty cell there is none

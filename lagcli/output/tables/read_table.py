@@ -13,7 +13,7 @@ from lagcli.output.files import endings
 from lagcli.output.tables import table_format
 from lagcli.output.tables.table_format import CheckSize, Floats
 from lagcli.output.tables.table_format import ReadTable as ReadTable
-from lagcli.output.tables.unreadable import UnreadableTable as UnreadableTable
+from lagcli.output.tables.table_format import UnreadableTable as UnreadableTable
 
 MOST_NUMBERS = 5_000_000  # of the columns that are read: an audit of as many holds 2 GB (400 bytes a number)
 

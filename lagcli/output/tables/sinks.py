@@ -12,14 +12,9 @@ from typing import BinaryIO, Protocol, Self, TextIO, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli import requirements
 from lagcli.output.files import atomic_file, endings
-from lagcli.output.tables import csv_table, table_format, text_cells
+from lagcli.output.tables import cell_text, csv_format, table_format
 from lagcli.output.tables.table_format import Make
-
-
-class MissingExtra(RuntimeError):
-    """A format needs a package that is not installed; the message says how to install it."""
 
 
 class Sink(Protocol):
@@ -29,7 +24,7 @@ class Sink(Protocol):
     before. All methods let OSError pass; a commit or keep_partial that fails has discarded.
     """
 
-    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None:
+    def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
         """Append ``rows``, shape (k, columns of numbers), and the cells of each column of text; raises ValueError for
         another shape or an ended sink."""
 
@@ -67,8 +62,8 @@ def open_sink(
     ``provenance``: where the table comes from, for the formats that have a place for it (all but CSV): the key
     ``provenance`` of JSON and of the metadata of a Parquet schema, the comment of the zip archive of NPZ.
 
-    Raises ``endings.UnknownFormat``, ``MissingExtra``, ValueError for two equal names, and OSError where the
-    file cannot be made. Nothing has been written then.
+    Raises ``endings.UnknownFormat``, ``table_format.MissingExtra``, ValueError for two equal names, and OSError
+    where the file cannot be made. Nothing has been written then.
     """
     if len(set(columns)) < len(columns):
         raise ValueError("two columns of one name")
@@ -114,7 +109,7 @@ class _Base(abc.ABC):
         if self._ended:
             raise ValueError("the sink has ended")
 
-    def _checked(self, rows: NDArray[np.float64], texts: text_cells.Texts) -> NDArray[np.float64]:
+    def _checked(self, rows: NDArray[np.float64], texts: cell_text.Texts) -> NDArray[np.float64]:
         self._must_be_open()
         if rows.ndim != 2 or rows.shape[1] != self._width:
             raise ValueError(f"rows of shape {rows.shape} for {self._width} columns")
@@ -130,7 +125,7 @@ class _FileSink(_Base):
         with atomic_file.undone_by(self._aside.discard):
             self._writer = make(self._aside.path, columns, texts)
 
-    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None:
+    def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
         self._writer.write(self._checked(rows, texts), texts)
 
     @property
@@ -169,7 +164,7 @@ class _FileSink(_Base):
 class _StreamSink(_Base):
     def __init__(self, stream: BinaryIO | TextIO, columns: Sequence[str], texts: Sequence[str]) -> None:
         super().__init__(columns, texts)
-        self._table = csv_table.CsvText(columns, texts)
+        self._table = csv_format.CsvText(columns, texts)
         # Written with the first rows, so that a run which fails before them leaves the stream empty.
         self._header = self._table.header()
         self._text: TextIO | None = None
@@ -181,7 +176,7 @@ class _StreamSink(_Base):
         else:
             self._bytes = cast(BinaryIO, stream)
 
-    def write(self, rows: NDArray[np.float64], texts: text_cells.Texts = ()) -> None:
+    def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
         parts = self._table.lines(self._checked(rows, texts), texts)
         self._put(self._header)
         self._header = b""
@@ -213,19 +208,3 @@ class _StreamSink(_Base):
         stream = self._bytes if self._bytes is not None else self._text
         if stream is not None:
             stream.flush()
-
-
-@contextlib.contextmanager
-def needing_pyarrow(path: Path) -> Iterator[None]:
-    """Surround what imports pyarrow, for this file. Raises `MissingExtra` if it is missing or too old."""
-    refusal = requirements.too_old(requirements.OPTIONAL)
-    if refusal:
-        raise MissingExtra(f'"{path.name}": {refusal}')
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] != "pyarrow":
-            raise
-        raise MissingExtra(
-            f'"{path.name}" needs pyarrow, which is not installed: pip install "lagcli[parquet]"'
-        ) from error

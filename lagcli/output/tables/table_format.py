@@ -1,9 +1,13 @@
-"""The protocol of a table format. One is a file of this folder with the functions `writer` and `reader` and its line in
-`endings.FORMATS`; it is loaded when a table of it is at hand."""
+"""The protocol of a table format, and the refusals of files that are no tables.
+
+A format is a file of this folder with the functions `writer` and `reader` and its line in `endings.FORMATS`; it is
+loaded when a table of it is at hand.
+"""
 
 from __future__ import annotations
 
 import importlib
+import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol, cast
@@ -12,11 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.output.files import endings
-from lagcli.output.tables import text_cells
+from lagcli.output.tables import cell_text
 
 Floats = NDArray[np.float64]
 CheckSize = Callable[[Path, int, int], None]  # of a file, rows and columns; raises `UnreadableTable`
 Provenance = Mapping[str, object] | None
+
+SHOWN = 60  # characters of what is no number
+MOST_TEXT = 1000  # characters of a text: a kind or a name
+
+
+class UnreadableTable(ValueError):
+    """The file is no table in the format that its ending names, or too large."""
+
+
+class MissingExtra(RuntimeError):
+    """A format needs a package that is not installed; the message says how to install it."""
 
 
 class ReadTable(Protocol):
@@ -39,7 +54,7 @@ class ReadTable(Protocol):
 class TableWriter(Protocol):
     """Writes one file, as its rows arrive. All methods let OSError pass."""
 
-    def write(self, rows: Floats, texts: text_cells.Texts = ()) -> None:
+    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
         """Append rows (k, columns of numbers) and the cells of each column of text."""
 
     def finish(self) -> None:
@@ -57,10 +72,10 @@ class TableFormat(Protocol):
     """The functions that the file of a format has."""
 
     def writer(self, path: Path, provenance: Provenance) -> Make:
-        """The function that begins a file. path: of the table, for messages. Raises `sinks.MissingExtra`."""
+        """The function that begins a file. path: of the table, for messages. Raises `MissingExtra`."""
 
     def reader(self, path: Path, check_size: CheckSize) -> ReadTable:
-        """An open table. Raises `sinks.MissingExtra`, `UnreadableTable`, OSError."""
+        """An open table. Raises `MissingExtra`, `UnreadableTable`, OSError."""
 
 
 def of(ending: str) -> TableFormat:
@@ -68,6 +83,27 @@ def of(ending: str) -> TableFormat:
     return cast(
         TableFormat, importlib.import_module(f"lagcli.output.tables.{endings.FORMATS[ending].module}")
     )
+
+
+def bad(path: Path, reason: object) -> UnreadableTable:
+    """The refusal of a file, with its reason."""
+    return UnreadableTable(f"{path} is no table in the format .{path.suffix.lower()[1:]}: {reason}")
+
+
+def as_text(path: Path, cell: object, row: int, name: str) -> str:
+    """A cell of a column of text. Raises `UnreadableTable`."""
+    if not isinstance(cell, str) or len(cell) > MOST_TEXT:
+        raise bad(path, f"row {row}: {name[:SHOWN]!r} holds {str(cell)[:SHOWN]!r}, which is no word")
+    return cell
+
+
+def parsed_provenance(text: bytes | None) -> dict[str, object] | None:
+    """The provenance in the comment or the metadata of a file; None where there is none, or another text."""
+    try:
+        found = json.loads(text) if text else None
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
 
 
 def places(columns: Sequence[str], names: Sequence[str]) -> list[int]:

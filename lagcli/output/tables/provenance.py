@@ -1,19 +1,26 @@
-"""The facts behind the columns of a table: the title and the units of its model, and what is zero to rounding."""
+"""The origin of a table: program, model and settings behind it, and what is known of its columns by that."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from typing import Any
 
-from lagcli.model import dimension_facts
+from lagcli import __version__
+from lagcli.model import dimension_facts, settings
 from lagcli.model.dimension_facts import DimensionFacts
-from lagcli.model.model import Model, Units
+from lagcli.model.model import Model, Units, Vector3
+
+MOST_POWER = 99  # of a length: more is no dimension
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class TableFacts:
-    """The known facts: units is None where the labels of the model are not known; zeros: columns that are zero to
-    rounding, in a run whose forces are known."""
+    """The facts behind the columns of a table.
+
+    units: None where the labels of the model are not known; zeros: columns that are zero to rounding, in a run whose
+    forces are known; is_judged: True where they have been looked for.
+    """
 
     title: str = ""
     units: Units | None = None
@@ -35,18 +42,18 @@ class TableFacts:
         }
 
 
-NOTHING = TableFacts()
+NO_FACTS = TableFacts()
 
 
-def of_model(model: Model) -> TableFacts:
+def facts_of(model: Model) -> TableFacts:
     """The facts that the text of a model tells."""
     return TableFacts(model.title, model.units, dimension_facts.of(model))
 
 
-def of_provenance(origin: Mapping[str, object] | None) -> TableFacts:
+def facts_told_by(origin: Mapping[str, object] | None) -> TableFacts:
     """The facts that a provenance tells; entries of any other form, a stranger's, tell nothing."""
     if origin is None:
-        return NOTHING
+        return NO_FACTS
     title, labels, told = origin.get("title"), origin.get("units"), origin.get("dimensions")
     units = None
     if isinstance(labels, Mapping):
@@ -67,10 +74,47 @@ def _dimensions(told: Mapping[str, object]) -> DimensionFacts:
     return DimensionFacts(powers, _names(told.get("angles")), _names(told.get("positions")))
 
 
-MOST_POWER = 99  # of a length: more is no dimension
-
-
 def _names(told: object) -> frozenset[str]:
     return (
         frozenset(name for name in told if isinstance(name, str)) if isinstance(told, list) else frozenset()
+    )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Provenance:
+    """The origin of a table; equal runs have equal ones.
+
+    version: of lagcli; sha256: of the bytes of the model file; parameters: all values; set: the changes of `--set`
+    as they were given; method, rtol, atol: of the run, atol None where it follows the sizes of the motion; facts:
+    title, units and dimensions of the model.
+    """
+
+    version: str
+    sha256: str
+    parameters: dict[str, float | Vector3]
+    set: dict[str, str]
+    method: str
+    rtol: float
+    atol: float | None
+    facts: TableFacts = NO_FACTS
+
+    def as_json(self) -> dict[str, Any]:
+        """The object `provenance` of `--stats` and of tables."""
+        plain = dataclasses.asdict(dataclasses.replace(self, facts=NO_FACTS))
+        del plain["facts"]
+        return plain | self.facts.as_json()
+
+
+def of(model: Model) -> Provenance:
+    """The provenance of a run of a model with its settings."""
+    chosen = model.simulation
+    return Provenance(
+        version=__version__,
+        sha256=model.sha256,
+        parameters={parameter.name: parameter.value for parameter in model.parameters},
+        set=dict(model.changes),
+        method=settings.method_name(chosen),
+        rtol=chosen.rtol,
+        atol=chosen.atol,
+        facts=facts_of(model),
     )
