@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lagcli.model import settings
 from lagcli.model.model import Simulation
@@ -81,7 +81,7 @@ class Stats:
     accumulations: int = 0
     largest_penetration: float = 0.0
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, object]:
         """The object written by `--stats`."""
         account = dataclasses.asdict(
             dataclasses.replace(self, accuracy=None, assembled=None, provenance=None)

@@ -8,7 +8,7 @@ import functools
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from lagcli.output.tables.table_format import (
     bad,
     parsed_provenance,
 )
+
+if TYPE_CHECKING:
+    import pyarrow.parquet
 
 _BATCH = 1 << 15  # rows read at a time
 
@@ -161,7 +164,7 @@ class ParquetTable:
         return [as_text(self._path, cell, row, name) for row, cell in enumerate(found, 1)]
 
     @contextlib.contextmanager
-    def _opened(self) -> Iterator[Any]:
+    def _opened(self) -> Iterator[pyarrow.parquet.ParquetFile]:
         """The file as pyarrow reads it. Raises `UnreadableTable` for what pyarrow cannot read as a table."""
         import pyarrow.parquet
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
 
 from lagcli import __version__
 from lagcli.model import dimension_facts, settings
@@ -98,7 +97,7 @@ class Provenance:
     atol: float | None
     facts: TableFacts = NO_FACTS
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, object]:
         """The object `provenance` of `--stats` and of tables."""
         plain = dataclasses.asdict(dataclasses.replace(self, facts=NO_FACTS))
         del plain["facts"]
