@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from lagcli.analysis.classification.verdict import Condition
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.simulation.run_report import RunReport
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import Stop
 from lagcli.start import singular_inertia
 from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    from lagcli.simulation.run_in_blocks import RunReport
 
 
 def explained(

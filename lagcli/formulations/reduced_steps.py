@@ -100,11 +100,12 @@ def rows(
             account.steps += 1
             y, motion = found
             t = goal if last else t + taken
-            if account.steps % controller.PACE == 0:
+            if account.steps % controller.PARAMETERS.pace == 0:
                 pace_from, advanced = t, t - pace_from
-                if (grid.end - t) * controller.PACE > controller.HOPELESS * advanced:
+                if (grid.end - t) * controller.PARAMETERS.pace > controller.PARAMETERS.hopeless * advanced:
                     raise ReducedStop(
-                        t, f"the last {controller.PACE} steps advanced by {advanced:.2g}: the run is too long"
+                        t,
+                        f"the last {controller.PARAMETERS.pace} steps advanced by {advanced:.2g}: the run is too long",
                     )
             functions.settle(t, motion.q)
             grown = taken * min(GROW, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1 / dop853_tableau.ORDER)))

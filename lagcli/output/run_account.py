@@ -13,7 +13,7 @@ from lagcli.output.tables.provenance import Provenance
 if TYPE_CHECKING:
     from lagcli.equations.system import System
     from lagcli.simulation.global_error.accuracy import Accuracy
-    from lagcli.simulation.run_report import RunReport
+    from lagcli.simulation.run_in_blocks import RunReport
     from lagcli.start.assembly import Assembly
     from lagcli.start.assembly_moves import Moves
 

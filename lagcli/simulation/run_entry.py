@@ -3,20 +3,68 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
+from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
-from lagcli.equations import level_functions, size_limits
+from lagcli.equations import level_functions, size_limits, time_functions, total_columns
 from lagcli.equations.system import System
 from lagcli.expression.tree import ExpressionError
 from lagcli.model.invariant import FirstIntegral
-from lagcli.simulation.kept_functions import KeptFunctions
-from lagcli.simulation.run import loop
+from lagcli.model.model import Model, Parameter
+from lagcli.simulation.run import run_start
 from lagcli.simulation.run.row_writer import TableRows
 from lagcli.simulation.run.run_start import RunStart
 from lagcli.simulation.run_in_blocks import RunInBlocks
-from lagcli.simulation.run_state.checkpoint import Checkpoint, CheckpointError
 from lagcli.simulation.scheme import invariants
 from lagcli.start import initial
+
+if TYPE_CHECKING:
+    # Most runs go on from no checkpoint.
+    from lagcli.simulation.run_state.checkpoint import Checkpoint
+
+
+Found = tuple[FirstIntegral, ...]
+
+
+@dataclasses.dataclass(slots=True, eq=False)
+class KeptFunctions:
+    """Steps by method, first integrals with their charts, and the functions of t, each built when a run asks for it."""
+
+    numeric: NumericSystem
+    _plain: invariants.RunFunctions | None = None
+    _integrals: dict[Found, invariants.Integrals] = dataclasses.field(default_factory=dict)
+    _totals: dict[tuple[tuple[str, float], ...], bool] = dataclasses.field(default_factory=dict)
+    _timed: tuple[tuple[Parameter, ...], time_functions.TimeFunctions | None] | None = None
+
+    @property
+    def plain(self) -> invariants.RunFunctions:
+        """The functions of the system by itself."""
+        if self._plain is None:
+            self._plain = invariants.RunFunctions(self.numeric)
+        return self._plain
+
+    def integrals(self, system: System, found: Found) -> invariants.Integrals:
+        """These integrals with their functions, built anew where a value is built in that has changed."""
+        known = self._integrals.get(found)
+        if known is None or not known.hold_for(system):
+            known = self._integrals[found] = invariants.Integrals(system, self.plain, found)
+        elif known.system is not system:  # whose start, values and restitutions a run reads
+            known = self._integrals[found] = known.of(system)
+        return known
+
+    def has_total_columns(self, system: System) -> bool:
+        """See `total_columns.are_all`."""
+        if system.built_in not in self._totals:
+            self._totals[system.built_in] = total_columns.are_all(system)
+        return self._totals[system.built_in]
+
+    def timed(self, model: Model) -> time_functions.TimeFunctions | None:
+        """The functions of t alone, None where the model has none, whatever its parameters are."""
+        known = self._timed
+        if known is None or (known[1] is not None and known[0] != model.parameters):
+            known = self._timed = model.parameters, time_functions.functions(model)
+        return known[1]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +98,7 @@ def begin(system: System, kept: KeptFunctions, plan: RunPlan) -> RunInBlocks:
         initial.require_finite(system, held.functions.numeric, dataclasses.replace(start, p=held.parameters))
     first, chosen = RunStart(start.q, start.v, plan.is_singular), system.model.simulation
     rows = TableRows(system.columns, plan.ends_only and kept.has_total_columns(system))
-    run = loop.start(held, first, chosen, rows, (*not_held, *plan.notes), timed)
+    run = run_start.start(held, first, chosen, rows, (*not_held, *plan.notes), timed)
     if not plan.is_repeated:
         return RunInBlocks(run, chosen, system.columns)
     # Loaded here: most runs are not repeated.
@@ -66,17 +114,21 @@ def resume(system: System, kept: KeptFunctions, point: Checkpoint) -> RunInBlock
     `CheckpointError` for a checkpoint of another system.
     """
     size_limits.require_run(system)
+    from lagcli.simulation.run_state.checkpoint import CheckpointError
+
     declared, timed = initial.declared(system), kept.timed(system.model)
     if len(point.mark.turns) != (system.cuts.count if system.cuts else 0):
         raise CheckpointError("it is a damaged checkpoint: its number of angles is wrong")
     held = invariants.EnforcedInvariants(_integrals(system, kept, point), point.mark.levels, declared.p)
     chosen = system.model.simulation
-    run = loop.resume(held, point.mark, chosen, system.columns, timed)
+    run = run_start.resume(held, point.mark, chosen, system.columns, timed)
     return RunInBlocks(run, chosen, system.columns, handed_out=run.grid.after(point.mark.row))
 
 
 def _integrals(system: System, kept: KeptFunctions, point: Checkpoint) -> invariants.Integrals:
     """The integrals of a checkpoint. Raises `CheckpointError` where one is none of this system."""
+    from lagcli.simulation.run_state.checkpoint import CheckpointError
+
     if point.mark.selection.count != len(system.multiplier_rows):
         raise CheckpointError("it is a damaged checkpoint: its number of rows is wrong")
     try:

@@ -87,7 +87,7 @@ DOORS = {
         "lagcli.linearization.linearized",
         "lagcli.linearization.lowest",
         "lagcli.simulation.scheme.dop853",
-        "lagcli.simulation.events.jump_curve",
+        "lagcli.simulation.events.impulse_event",
         "lagcli.simulation.scheme.line_functions",
         "lagcli.simulation.singularity.singular_point",
         "lagcli.simulation.scheme.step_end",

@@ -6,7 +6,7 @@ import pytest
 import lagcli
 from lagcli.compiled import numeric
 from lagcli.equations import system
-from lagcli.simulation.closed_contacts import row_gaps
+from lagcli.simulation.run import row_writer
 
 pytestmark = pytest.mark.numeric
 
@@ -72,7 +72,7 @@ def test_penetration_is_looked_for_in_all_rows():
     model = lagcli.loads(BALL)
     found = lagcli.simulate(model, duration=1, samples=11)
     built = system.build(model)
-    gaps = row_gaps.RowGaps(built, numeric.NumericSystem(built), system.values(built))
+    gaps = row_writer.RowGaps(built, numeric.NumericSystem(built), system.values(built))
     assert gaps.deepest(found.rows) <= 1e-15
     rows = found.rows.copy()
     rows[3, found.columns.index("a.z")] = -0.25

@@ -11,7 +11,7 @@ import pytest
 import lagcli
 from lagcli.equations import branch_cuts, jump_search, jump_switches, operation_graph, value_bounds
 from lagcli.equations import system as mechanics
-from lagcli.simulation.events import jump_curve
+from lagcli.simulation.events import impulse_event
 
 POTENTIAL = """\
 lagcli: 1
@@ -226,13 +226,13 @@ def test_values_lie_between_their_bounds(seed):
 def compiled(model):
     """The names of the functions that a run compiles to look at its switches."""
     names = []
-    plain = jump_curve.CurveFunctions._on_cubic
+    plain = impulse_event.CurveFunctions._on_cubic
 
     def on_cubic(self, name, parts, combined):
         names.append((name, len(parts)))
         return plain(self, name, parts, combined)
 
-    with mock.patch.object(jump_curve.CurveFunctions, "_on_cubic", on_cubic):
+    with mock.patch.object(impulse_event.CurveFunctions, "_on_cubic", on_cubic):
         lagcli.simulate(model)
     return names
 

@@ -24,8 +24,8 @@ from lagcli.start.initial import State
 
 if TYPE_CHECKING:
     # Counts and verdicts come without a run.
-    from lagcli.simulation.run_report import RunReport
-    from lagcli.simulation.singularity.singular_point import RankDrop
+    from lagcli.simulation.run_in_blocks import RunReport
+    from lagcli.simulation.run_state.incident import RankDrop
 
 MOST_TOLD = 6  # instants told one by one
 # Points ahead of the start, at these parts of the size of the configuration: rows that depend on one another at the

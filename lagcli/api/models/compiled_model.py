@@ -14,7 +14,7 @@ from lagcli.model.model import Model
 
 if TYPE_CHECKING:
     # Counts and verdicts come without a run.
-    from lagcli.simulation.kept_functions import KeptFunctions
+    from lagcli.simulation.run_entry import KeptFunctions
 
 
 class CompiledModel:
@@ -27,7 +27,7 @@ class CompiledModel:
     @cached_property
     def kept(self) -> KeptFunctions:
         """The functions that runs of this text keep for one another."""
-        from lagcli.simulation.kept_functions import KeptFunctions
+        from lagcli.simulation.run_entry import KeptFunctions
 
         return KeptFunctions(self.numeric)
 

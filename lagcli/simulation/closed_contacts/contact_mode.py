@@ -11,15 +11,59 @@ import numpy as np
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows
-from lagcli.linear.metric_rows import MetricRows
-from lagcli.simulation.closed_contacts import contact_ahead, contact_change
+from lagcli.linear.metric_rows import MetricRows, stacked
+from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, Pressing
-from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
+from lagcli.start.initial import State
 
+# How far ahead is looked, as a part of the size of the motion; Newton's steps back onto the rows that are held.
+FAR, STEPS = 1e-3, 5
+# Of the way ahead, what a gap may be off that stays closed. One that opens like a square is off by FAR of it.
+CLOSED = 1e-8
+# Directions of rows that are this small are rounding.
+NO_DIRECTION = 1e-8
 # Sets of contacts that are tried, where not all that are closed can stay so.
 MOST_TRIED = 256
 # Accelerations that differ by less than this part of them are the same.
 SAME = 1e-9
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class GapsAhead:
+    """Contacts (K,) that stay closed, and those that are violated, a little later; others open."""
+
+    stays: Flags
+    is_violated: Flags
+
+
+def gaps_ahead(here: ContactInstant, x: Floats, held: Sequence[int]) -> GapsAhead:
+    """Gaps a little later, on the way with accelerations x (n,), with the contacts `held` closed.
+
+    Where nothing moves, or where nothing has a value ahead, all are said to stay.
+    """
+    everything = np.ones(here.g.size, dtype=bool)
+    tau, way = here.reach(x, FAR)
+    there = _held(here, here.later(tau, x), list(held)) if way > 0 else None
+    if there is None:
+        return GapsAhead(everything, ~everything)
+    g = here.at(there).g
+    allowed = np.maximum(CLOSED * here.gap_changes(way), here.noise)
+    return GapsAhead(np.abs(g) <= allowed, g < -allowed)
+
+
+def _held(here: ContactInstant, state: State, contacts: list[int]) -> State | None:
+    """The state moved onto the equality rows of whole coordinates and these contacts; None where there is none."""
+    for _ in range(STEPS):
+        place = here.at(state)
+        f, B = place.whole
+        off = np.concatenate([f, place.g[contacts]])
+        A = np.array(here.metric.whitened(stacked(B, place.gradients(np.array(contacts, dtype=np.intp)))))
+        if not (np.isfinite(off).all() and np.isfinite(A).all()):
+            return None
+        back = np.linalg.lstsq(A, -off, rcond=NO_DIRECTION)[0]
+        state = dataclasses.replace(state, q=state.q + here.metric.unwhitened(back))
+    return state
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +100,7 @@ def mode(
     shared = {i - rows for circuit in (*chosen.circuits, *idle) for i in circuit if i >= rows}
     if not shared:
         return ContactMode(chosen, closed)
-    ahead = contact_ahead.gaps(here, found.x, [i - rows for i in chosen.kept if i >= rows])
+    ahead = gaps_ahead(here, found.x, [i - rows for i in chosen.kept if i >= rows])
     apart = {j for j in shared if not ahead.stays[j]}
     if apart & set(closed) or ahead.is_violated[list(apart)].any():
         return choice.tried(found, sorted({*closed, *shared}))
@@ -132,7 +176,7 @@ class _ModeChoice:
                 continue
             if alone.closed != held or (np.abs(alone.x - found.x) > SAME * size.max()).any():
                 continue
-            ahead = contact_ahead.gaps(here, found.x, held)
+            ahead = gaps_ahead(here, found.x, held)
             if ahead.is_violated[list(contacts)].any():
                 continue
             return self._with(held, [j for j in contacts if ahead.stays[j] and j not in held])

@@ -3,6 +3,7 @@
 In: the step that was found, as a curve
 Out: the instant, the state after it, and the incidents that are told
 
-`event` is the protocol. `contact_event` has one-sided constraints and declared events, `singular_event` singular
-configurations, `switch_event` functions of t, `impulse_event` jumps of potentials.
+`event` says what an event is asked, `events_of_run` which a run may meet. `contact_event` has one-sided constraints and
+declared events, `singular_event` singular configurations, `switch_event` functions of t, `impulse_event` jumps of
+potentials.
 """

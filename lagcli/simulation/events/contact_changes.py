@@ -21,9 +21,9 @@ from lagcli.simulation.closed_contacts.contact_instant import (
 )
 from lagcli.simulation.closed_contacts.contact_mode import ContactMode
 from lagcli.simulation.events import contact_crossings
-from lagcli.simulation.events.event_values import EventValues
+from lagcli.simulation.events.declared_events import EventValues
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
-from lagcli.simulation.events.state_ahead import StateAhead
+from lagcli.simulation.events.step_watch import StateAhead
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Kind

@@ -8,22 +8,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
-from lagcli.simulation.events import event_zeros, lift_in_passage, step_again
+from lagcli.simulation.events import declared_events, passage_watch, step_watch
 from lagcli.simulation.events.contact_changes import ContactChanges
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import InstantLines
 from lagcli.simulation.events.passage_watch import PassageWatch
-from lagcli.simulation.events.state_ahead import Ahead, StateAhead
-from lagcli.simulation.events.step_watch import StepWatch
-from lagcli.simulation.events.watch_functions import WatchFunctions
-from lagcli.simulation.events.watch_kinds import WatchKinds
+from lagcli.simulation.events.step_watch import Ahead, StateAhead, StepWatch
+from lagcli.simulation.events.watch_functions import WatchFunctions, WatchKinds
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import StepFailure
@@ -69,11 +66,6 @@ class ContactEvent(Event):
         # Declared events that cross zero in the step, with the rounding of their values.
         self._crossed: dict[int, float] = {}
         self._current()
-
-    @classmethod
-    def of(cls, stepper: Stepper) -> Self:
-        """See `Event`; `loop` asks for it where there are contacts or events alone."""
-        return cls(stepper)
 
     def begin(self) -> None:
         """See `Event`."""
@@ -130,13 +122,13 @@ class ContactEvent(Event):
         E = self._system.event_values.numel()
         if E:
             sides = before[-E:], after[-E:]
-            crossed, touched = event_zeros.at_switch(watch, run, sides, self._changes.events.jumped)
+            crossed, touched = declared_events.at_switch(watch, run, sides, self._changes.events.jumped)
             self._at_end = sorted({*self._changes.events.jumped(*sides), *crossed})
             self._touched = [self._kinds(watch).first_event + number for number in touched]
 
     def _end_series_at(self, t: float) -> None:
         """End the step at a time at which rebounds of a contact come to their end."""
-        step_again.up_to(self._stepper, t)
+        step_watch.take_again(self._stepper, t)
         self._stepper.found.is_jump, self._stepper.found.barrier = True, None
 
     def end(self) -> None:
@@ -162,7 +154,7 @@ class ContactEvent(Event):
             return
         if crossed:
             watch = self._current()
-            unarmed = {*run.contacts.unarmed, *event_zeros.still(watch, self._kinds(watch), crossed)}
+            unarmed = {*run.contacts.unarmed, *declared_events.still(watch, self._kinds(watch), crossed)}
             run.contacts = dataclasses.replace(run.contacts, unarmed=tuple(sorted(unarmed)))
         run.settle()
 
@@ -175,7 +167,7 @@ class ContactEvent(Event):
         are_watched[: len(watch.functions.open_)] = True
         places = np.flatnonzero(are_watched)
         rounding = self._changes.noise(watch.functions, kinds.numbers.size)
-        lift, noise = lift_in_passage.first(curve, watch.functions, rounding), rounding[places]
+        lift, noise = passage_watch.first_lift(curve, watch.functions, rounding), rounding[places]
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
         rounding = np.maximum(NOISE * sizes, watch.rounding())[places]
         noise[kinds.is_event[places]] = rounding[kinds.is_event[places]]
@@ -201,7 +193,7 @@ class ContactEvent(Event):
         if lift is not None:
             self._hits, self._ahead = (
                 tuple(kinds.numbers[lift.places].tolist()),
-                lift_in_passage.end(curve, lift),
+                passage_watch.end_at_lift(curve, lift),
             )
 
     def _current(self) -> StepWatch:
@@ -251,15 +243,15 @@ class ContactEvent(Event):
                 return
             if crossing.x is None:
                 if limit == 1.0 and is_last:
-                    self._at_end = event_zeros.arriving(watch, run, kinds, self._system.model.events)
+                    self._at_end = declared_events.arriving(watch, run, kinds, self._system.model.events)
                 return
             x += crossing.x * (limit - x)
             rows = list(crossing.rows)
-            self._crossed |= event_zeros.crossed(watch, run, x, (places[rows], noise[rows]), kinds)
+            self._crossed |= declared_events.crossed(watch, run, x, (places[rows], noise[rows]), kinds)
             if not kinds.records[places[rows]].all():
                 self._end_at(watch, x, places[rows], kinds)
                 return
-            if run.t + x * found.taken > run.grid.end + event_zeros.AT_END * math.ulp(run.grid.end):
+            if run.t + x * found.taken > run.grid.end + declared_events.AT_END * math.ulp(run.grid.end):
                 # Of a look beyond the end: what is recorded there is nothing to this run, however much it is.
                 return
             armed = np.ones(places.size, dtype=bool)
@@ -289,11 +281,11 @@ class ContactEvent(Event):
         run, found = self._stepper, self._stepper.found
         if x < LEAST:
             raise StepFailure(self._changes.unresolved(), run_stop.CONTACT)
-        step_again.up_to(run, run.t + x * found.taken)
+        step_watch.take_again(run, run.t + x * found.taken)
         found.barrier, found.proposed = None, min(found.proposed, found.taken)
 
     def _event(self, watch: StepWatch, x: float, place: int, name: str) -> Incident:
-        t, state = event_zeros.within(watch, self._stepper, x, place)
+        t, state = declared_events.within(watch, self._stepper, x, place)
         line = self._changes.log.line_of(t, state)
         return self._changes.log.incident(t, "event", name, InstantLines(line, line))
 
@@ -316,12 +308,12 @@ class ContactEvent(Event):
         steepest = int(np.argmax(np.abs(slopes)))
         place, slope = int(rows[steepest]), float(slopes[steepest])
         tau, best = float(x) * taken, math.inf
-        for _ in range(event_zeros.REFINED):
+        for _ in range(declared_events.REFINED):
             reached = run.t + tau
             if not reached > run.t:
                 self._act_here()
                 return
-            step_again.up_to(run, reached)
+            step_watch.take_again(run, reached)
             left = float(watch.end(reached)[place])
             if not abs(left) < best / 2 or slope == 0:
                 break
@@ -331,9 +323,9 @@ class ContactEvent(Event):
                 break
             tau -= correction
         end = run.grid.end
-        if found.reached != end and abs(found.reached - end) <= event_zeros.AT_END * math.ulp(end):
+        if found.reached != end and abs(found.reached - end) <= declared_events.AT_END * math.ulp(end):
             # It is at the end of the run, to rounding.
-            step_again.up_to(run, end)
+            step_watch.take_again(run, end)
         if bound.outcome[7] > COARSE_WORK and run.account.is_balanced:
             run.find_work(found.taken)
         found.is_jump = True

@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol, Self
 
-from lagcli.simulation.stepping.stepper import Stepper
-
-
-class Event(Protocol):
+class Event:
     """A thing that ordinary steps do not lead over. It is asked before each step and after it; by default it has
     nothing to say."""
 
     # True where steps are looked at beyond the end of the run, so that what happens before it does not depend on it.
     looks_ahead: bool = False
-
-    @classmethod
-    def of(cls, stepper: Stepper) -> Self | None:
-        """That of a run; None where it cannot occur."""
 
     def passes(self) -> bool:
         """Find a step that leads over it where it is due; False where an ordinary step is to be found.

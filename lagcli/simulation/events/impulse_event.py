@@ -2,12 +2,182 @@
 
 from __future__ import annotations
 
-from typing import Self
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.equations.energy_jumps import Crossings, Way
-from lagcli.simulation.events import jump_curve
 from lagcli.simulation.events.event import Event
+from lagcli.simulation.scheme.method import Method
 from lagcli.simulation.stepping.stepper import Stepper
+
+Floats = npt.NDArray[np.float64]
+# A function on arrays, with what it writes.
+_Bound = tuple[BoundFunction, Sequence[float]]
+
+# So many parts of a step are looked at for switches of what must not jump.
+PARTS = np.linspace(0.0, 1.0, 17)
+# Every fourth is enough where a switch is farther from zero than so many times what it changes by there.
+FEW, FAR = PARTS[::4], 2.0
+# Up to this many operations stand in one graph.
+EXPANDED = 20_000
+
+
+class CurveFunctions:
+    """Compiled for the switches of a system and a state y of n coordinates, n rates and W."""
+
+    def __init__(self, crossings: Crossings, method: Method) -> None:
+        self._crossings, self._method = crossings, method
+        n, self._parameters = crossings.switches.numel_in(1), crossings.switches.numel_in(3)
+        self._n, self._size = n, 2 * n + 1
+
+    @cached_property
+    def clearance(self) -> ca.Function:
+        """clearance(t, h, y, new, k, k new, p) -> above zero where a look at FEW parts says that no switch changes its
+        sign in a step h from y."""
+        return self._on_cubic("clearance", FEW, _clearance)
+
+    @cached_property
+    def changes(self) -> ca.Function:
+        """changes(t, h, y, new, k, k new, p) -> zero where every switch has one sign at all PARTS."""
+        return self._on_cubic("changes", PARTS, _changes)
+
+    @cached_property
+    def switches(self) -> ca.Function:
+        """switches(t, h, x, y, coefficients, p) -> (K,), at the fraction x of the dense output of a step."""
+        return self._inside("switches", self._crossings.switches)
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """values(t, h, x, y, coefficients, p) -> (J,), there."""
+        return self._inside("values", self._crossings.values)
+
+    def _inside(self, name: str, function: ca.Function) -> ca.Function:
+        t, h, x = (ca.SX.sym(each) for each in ("t", "h", "x"))
+        y, p = ca.SX.sym("y", self._size), ca.SX.sym("p", self._parameters)
+        coefficients = ca.SX.sym("coefficients", self._size, self._method.dense_rows)
+        place = self._place(t, h, x, self._method.interpolated(y, coefficients, x), p)
+        return ca.Function(name, [t, h, x, y, coefficients, p], [function(*place)])
+
+    def _place(self, t: ca.SX, h: ca.SX, x: ca.SX, state: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
+        n = self._n
+        return t + x * h, state[:n], state[n : 2 * n], p
+
+    def _on_cubic(self, name: str, parts: Floats, combined: Callable[[list[ca.SX]], ca.SX]) -> ca.Function:
+        t, h, x = (ca.SX.sym(each) for each in ("t", "h", "x"))
+        y, new, k, k_new = (ca.SX.sym(each, self._size) for each in ("y", "new", "k", "k_new"))
+        p = ca.SX.sym("p", self._parameters)
+        ahead = new - y
+        bends = h * ((1 - x) * k - x * k_new) + (2 * x - 1) * ahead
+        state = y + x * ahead + x * (1 - x) * bends
+        inputs = [t, h, y, new, k, k_new, p]
+        switches = self._crossings.switches(*self._place(t, h, x, state, p))
+        place = ca.Function("place", [x, *inputs], [switches])
+        given = [ca.MX.sym(part.name(), part.numel()) for part in (t, h)]
+        given += [ca.MX.sym(each, self._size) for each in ("y", "new", "k", "k_new")]
+        given.append(ca.MX.sym("p", self._parameters))
+        found = [ca.SX.sym("u", switches.numel()) for _ in parts]
+        whole = ca.Function(name, found, [combined(found)])
+        function = ca.Function(name, given, [whole(*(place(part, *given) for part in parts))])
+        is_small = place.n_instructions() * len(parts) <= EXPANDED
+        return function.expand() if is_small else function
+
+
+def _clearance(found: list[ca.SX]) -> ca.SX:
+    least = most = found[0]
+    for u in found[1:]:
+        least, most = ca.fmin(least, u), ca.fmax(most, u)
+    return ca.mmin(ca.fmax(least, -most) - FAR * (most - least))
+
+
+def _changes(found: list[ca.SX]) -> ca.SX:
+    first = ca.sign(found[0])
+    return ca.sum1(sum(ca.fabs(ca.sign(u) - first) for u in found[1:]))
+
+
+class StepCurve:
+    """The curve of the step that a run has just found, from its ends alone, and a `Way` with its dense output."""
+
+    def __init__(self, functions: CurveFunctions, run: Stepper) -> None:
+        self._run, self._bound, self._functions = run, run.bound, functions
+        t, x = np.zeros(1), np.zeros(1)
+        self._t, self._x = cells(t), cells(x)
+        bound = run.bound
+        _, h, y, k, _, _ = bound.step.arguments
+        self._on_cubic = [t, h, y, bound.new, k, bound.k_new, bound.held.p]
+        self._inside = [t, h, x, y, run.rows.dense.results[0].T, bound.held.p]
+        self._clearance, self._clear = _bound(functions.clearance, self._on_cubic)
+
+    def is_of(self, run: Stepper) -> bool:
+        """True as long as the run steps with the functions it did."""
+        return run.bound is self._bound
+
+    def is_crossed(self) -> bool:
+        """True if a switch changes its sign, as far as the ends of the step tell."""
+        self._t[0] = self._run.origin + self._run.t
+        self._clearance.trigger()
+        if self._clear[0] > 0.0:
+            return False
+        changes, found = self._changes
+        changes.trigger()
+        return found[0] != 0.0
+
+    def switches(self, part: float) -> Sequence[float]:
+        """See `energy_jumps.Way`."""
+        return self._at(part, self._switches)
+
+    def values(self, part: float) -> Sequence[float]:
+        """See `energy_jumps.Way`."""
+        return self._at(part, self._values)
+
+    def _at(self, part: float, function: _Bound) -> Sequence[float]:
+        self._t[0], self._x[0] = self._run.origin + self._run.t, part
+        function[0].trigger()
+        return function[1]
+
+    @cached_property
+    def _changes(self) -> _Bound:
+        return _bound(self._functions.changes, self._on_cubic)
+
+    @cached_property
+    def _switches(self) -> _Bound:
+        return _bound(self._functions.switches, self._inside)
+
+    @cached_property
+    def _values(self) -> _Bound:
+        return _bound(self._functions.values, self._inside)
+
+
+def _bound(function: ca.Function, arguments: list[Floats]) -> _Bound:
+    bound = BoundFunction(function, arguments)
+    return bound, cells(bound.results[0])
+
+
+class PassageCurve:
+    """The `Way` of a step across a singular configuration."""
+
+    def __init__(self, crossings: Crossings, run: Stepper) -> None:
+        self._crossings, self._run = crossings, run
+
+    def switches(self, part: float) -> Sequence[float]:
+        """See `energy_jumps.Way`."""
+        return np.array(self._crossings.switches(*self._place(part))).ravel().tolist()
+
+    def values(self, part: float) -> Sequence[float]:
+        """See `energy_jumps.Way`."""
+        return np.array(self._crossings.values(*self._place(part))).ravel().tolist()
+
+    def _place(self, x: float) -> tuple[float, Floats, Floats, Floats]:
+        run = self._run
+        passage = run.found.passage
+        assert passage is not None, "there is a step across"
+        state = passage.step.state(x)
+        n = state.size // 2
+        return run.origin + run.t + x * run.found.taken, state[:n], state[n : 2 * n], run.bound.held.p
 
 
 class ImpulseEvent(Event):
@@ -15,15 +185,8 @@ class ImpulseEvent(Event):
 
     def __init__(self, stepper: Stepper, crossings: Crossings) -> None:
         self._stepper, self._crossings = stepper, crossings
-        self._functions = jump_curve.CurveFunctions(crossings, stepper.method)
-        self._curve = jump_curve.StepCurve(self._functions, stepper)
-
-    @classmethod
-    def of(cls, stepper: Stepper) -> Self | None:
-        """See `Event`."""
-        jumps = stepper.bound.held.integrals.system.jumps
-        crossings = None if jumps is None else jumps.crossings
-        return None if crossings is None else cls(stepper, crossings)
+        self._functions = CurveFunctions(crossings, stepper.method)
+        self._curve = StepCurve(self._functions, stepper)
 
     def cut(self) -> None:
         """See `Event`."""
@@ -31,18 +194,18 @@ class ImpulseEvent(Event):
         if found.is_still:
             return
         if not self._curve.is_of(run):
-            self._curve = jump_curve.StepCurve(self._functions, run)
+            self._curve = StepCurve(self._functions, run)
         if found.passage is None and not found.has_dense:
             if not self._curve.is_crossed():
                 return
             run.bound.staged.trigger()
             run.account.evaluations += run.method.evaluations
             run.make_dense()
-        found.barrier = self._crossings.first(self._way(), jump_curve.PARTS)
+        found.barrier = self._crossings.first(self._way(), PARTS)
         if found.barrier is not None:
             found.reached = run.t + found.barrier.part * found.taken
 
     def _way(self) -> Way:
         if self._stepper.found.passage is not None:
-            return jump_curve.PassageCurve(self._crossings, self._stepper)
+            return PassageCurve(self._crossings, self._stepper)
         return self._curve

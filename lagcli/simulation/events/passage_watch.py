@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.events import passage_line
+from lagcli.contact import zero_search
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
-from lagcli.simulation.events.state_ahead import FixedAhead
+from lagcli.simulation.events.step_watch import FixedAhead
 from lagcli.simulation.events.watch_functions import WatchFunctions
+from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme import collocation
 from lagcli.simulation.singularity.singularity_step import SingularStep
+from lagcli.simulation.stepping import interpolate_rows
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
+
+# Parts of the step before the instant, and of that behind it, at which multipliers are looked at: at the instant they
+# have no values.
+PARTS = (0.25, 0.5, 0.75, 1.0)
 
 
 class PassageWatch:
@@ -34,7 +44,7 @@ class PassageWatch:
         """A declared event at the fraction x."""
         run, step = self._run, self._passage.step
         t = step.t + x * step.h
-        passage_line.put(run, self._passage, t)
+        interpolate_rows.put_in_passage(run, self._passage, t)
         line = run.rows.line.copy()
         return log.incident(t, "event", name, InstantLines(line, line))
 
@@ -52,7 +62,7 @@ class PassageWatch:
         """The line of the table there, where the step is made to end; the rows have no projection there, and those that
         go on have one."""
         run, found, passage = self._run, self._run.found, self._passage
-        passage_line.put(run, passage, passage.instant)
+        interpolate_rows.put_in_passage(run, passage, passage.instant)
         run.bound.new[:], run.bound.k_new[:] = passage.middle, passage.step.slope(self.instant)
         found.reached, found.taken, found.is_jump = passage.instant, passage.instant - run.t, True
         return run.rows.line.copy()
@@ -67,3 +77,55 @@ class PassageWatch:
         run.bound.new[:], run.bound.k_new[:] = landed, rate
         found.reached, found.taken, found.is_jump = reached, reached - run.t, True
         return True
+
+
+class Lift(NamedTuple):
+    """x: the fraction of the step; places: of the functions of contacts that open there; beyond: a fraction behind it
+    at which they pull."""
+
+    x: float
+    places: Places
+    beyond: float
+
+
+def first_lift(curve: PassageWatch, functions: WatchFunctions, rounding: Floats) -> Lift | None:
+    """The first lift of the closed contacts among the functions (W,) that are watched, with their rounding (W,)."""
+    instant, opened = curve.instant, len(functions.open_)
+    if not (functions.held and instant > 0):
+        return None
+    places = np.arange(opened, opened + len(functions.held))
+    noise = rounding[places]
+    before = [0.0, *(part * instant for part in PARTS[:-1])]
+    behind = [instant + part * (1.0 - instant) for part in PARTS]
+    last = before[0]
+    for x in (*before[1:], *behind):
+        pulls = curve.inside(x)[0][places] < -noise
+        if pulls.any():
+            if x == behind[0]:
+                return Lift(instant, places[pulls], x)
+            return _between(curve, places, noise, (last, x)) or Lift(x, places[pulls], x)
+        last = x
+    return None
+
+
+def end_at_lift(curve: PassageWatch, lift: Lift) -> FixedAhead:
+    """End the step at a lift; the state behind it. Raises `StepFailure` where there is no state on the constraints."""
+    before = None
+    if lift.x == curve.instant:
+        before = curve.end_at_instant()
+    elif not curve.end_at(lift.x):
+        raise StepFailure("a contact opens where a singular configuration is passed", run_stop.CONTACT)
+    return curve.ahead(lift.beyond, before)
+
+
+def _between(curve: PassageWatch, places: Places, noise: Floats, span: tuple[float, float]) -> Lift | None:
+    begin, width = span[0], span[1] - span[0]
+
+    def values(u: float) -> tuple[Floats, Floats]:
+        w, slope = curve.inside(begin + u * width)
+        return w[places], slope[places] * width
+
+    crossing = zero_search.first_crossing(values, noise)
+    if crossing.x is None:
+        return None
+    return Lift(begin + crossing.x * width, places[list(crossing.rows)], span[1])

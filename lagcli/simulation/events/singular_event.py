@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
-from lagcli.simulation.events import passage_line
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import SINGULAR, StepFailure
-from lagcli.simulation.singularity import rank_dip
+from lagcli.simulation.singularity import singularity_monitor
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
-from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.simulation.stepping.stepper import LANDING, Stepper
 
 if TYPE_CHECKING:
@@ -33,11 +31,6 @@ class SingularEvent(Event):
         # The crossing of the step that was found.
         self._crossed: Crossing | None = None
 
-    @classmethod
-    def of(cls, stepper: Stepper) -> Self:
-        """See `Event`."""
-        return cls(stepper)
-
     def passes(self) -> bool:
         """See `Event`."""
         run = self._stepper
@@ -49,7 +42,7 @@ class SingularEvent(Event):
             return True
         if not foreseen.is_near(run.t, run.control.step, run.tolerance[0]):
             return False
-        if foreseen.angle > rank_dip.CERTAIN and self._is_dip():
+        if foreseen.angle > singularity_monitor.PARAMETERS.certain and self._is_dip():
             return False
         bound = run.bound
         from lagcli.simulation.singularity import singularity_step
@@ -80,7 +73,9 @@ class SingularEvent(Event):
         run, passage = self._stepper, crossed.passage
         if passage.is_start:
             return []
-        passage_line.put(run, passage, passage.instant)
+        from lagcli.simulation.stepping import interpolate_rows
+
+        interpolate_rows.put_in_passage(run, passage, passage.instant)
         names = [row.name for row in run.bound.held.integrals.system.multiplier_rows]
         lines = InstantLines(run.rows.line.copy(), run.rows.line.copy())
         rows = crossed.loss.participants
@@ -97,7 +92,7 @@ class SingularEvent(Event):
             _, _, _, residual, *there, _, _ = bound.outcome
             return there[place - 1] if residual <= LANDING else math.nan
 
-        return rank_dip.is_dip(square, run.watch.state[place], run.foreseen.instant - run.t)
+        return singularity_monitor.is_dip(square, run.watch.state[place], run.foreseen.instant - run.t)
 
     def _pass_without_integrals(self) -> bool:
         """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.
@@ -130,6 +125,8 @@ class SingularEvent(Event):
         found = singularity_step.away(bound.numeric, bound.aside, self._point, run.control.step)
         run.count_aside()
         if found is None:
+            from lagcli.simulation.stepping import stop_diagnosis
+
             raise StepFailure(stop_diagnosis.NO_BRANCH, SINGULAR)
         self._cross(found)
 

@@ -1,8 +1,9 @@
-"""The watched functions on the step that a run has just found, bound to its arrays."""
+"""The step that a run has just found: the watched functions on it, states within it, and that step taken again."""
 
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -164,3 +165,40 @@ class StepWatch:
         self._t[0] = self._run.origin + t
         self._end.trigger()
         return self._end.results[0]
+
+
+class FixedAhead(NamedTuple):
+    """A state that is known: the time, and y (2n + 1,); before: the line of the table at the instant itself, where the
+    rows give none."""
+
+    t: float
+    y: Floats
+    before: Floats | None = None
+
+
+class Ahead:
+    """The state at a fraction of the step that was found, kept though the step is taken again."""
+
+    before: Floats | None = None
+
+    def __init__(self, run: Stepper, x: float) -> None:
+        self._method, self._x, self.t = run.method, x, run.t + x * run.found.taken
+        self._begin, self._coefficients = run.bound.y.copy(), run.rows.dense.results[0].copy()
+
+    @property
+    def y(self) -> Floats:
+        """The state, (2n + 1,)."""
+        begin, coefficients = self._begin[:, None], self._coefficients[:, :, None]
+        return np.asarray(self._method.interpolated(begin, coefficients, np.array([self._x]))).ravel()
+
+
+StateAhead = Ahead | FixedAhead
+
+
+def take_again(run: Stepper, reached: float) -> None:
+    """Take the step that was found again, up to a time within it."""
+    found, bound = run.found, run.bound
+    found.reached, found.taken, found.has_dense, found.work = reached, reached - run.t, False, None
+    bound.h[0] = found.taken
+    bound.staged.trigger()
+    run.account.evaluations += run.method.evaluations

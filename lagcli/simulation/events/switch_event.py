@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Self
-
 import numpy as np
+import numpy.typing as npt
 
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
-from lagcli.simulation.stepping import stop_diagnosis, switch_states
+from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+
+# Positions and velocities may differ by this part of their size, and by what they change in so many times the time.
+SAME, LONGER = 1e-9, 16.0
 
 
 class SwitchEvent(Event):
@@ -18,11 +22,6 @@ class SwitchEvent(Event):
 
     def __init__(self, stepper: Stepper) -> None:
         self._stepper = stepper
-
-    @classmethod
-    def of(cls, stepper: Stepper) -> Self | None:
-        """See `Event`."""
-        return cls(stepper) if stepper.timetable.is_any else None
 
     def passes(self) -> bool:
         """See `Event`."""
@@ -37,7 +36,7 @@ class SwitchEvent(Event):
         if self._is_pole(run.t, -dt) or self._is_pole(after, dt):
             raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
         here = run.state_at(run.t, y)
-        if not switch_states.is_same((y, k), (landed, rate), dt, self._acceleration(here)):
+        if not _is_same((y, k), (landed, rate), dt, self._acceleration(here)):
             beyond = run.state_at(after, y)
             raise stop_diagnosis.impact(bound.held, here, beyond)
         bound.landed_at(after, y + (middle - run.t) * k + (after - middle) * rate)
@@ -59,4 +58,19 @@ class SwitchEvent(Event):
             np.array(bound.numeric.rhs(t + part * away, bound.y, bound.p)).ravel() for part in (0.0, 1.0, 4.0)
         ]
         run.account.evaluations += len(rates)
-        return switch_states.is_pole(rates)
+        return stop_diagnosis.is_pole(rates)
+
+
+def _is_same(
+    before: tuple[Floats, Floats], after: tuple[Floats, Floats], dt: float, acceleration: float
+) -> bool:
+    """True if y (2n + 1,) of two pairs y, y' is the same on both sides but for the time dt between them; acceleration:
+    the largest of the forces alone, for where these balance velocities are rounding."""
+    (y, k), (new, k_new) = before, after
+    n = y.size // 2
+    for part, least in ((slice(0, n), 0.0), (slice(n, 2 * n), acceleration)):
+        size = np.abs(y[part]).max(initial=0.0)
+        rate = np.maximum(np.abs(k[part]), np.abs(k_new[part])).max(initial=least)
+        if not np.abs(new[part] - y[part]).max(initial=0.0) <= SAME * size + LONGER * dt * rate:
+            return False
+    return True

@@ -9,7 +9,9 @@ import casadi as ca
 import numpy as np
 
 from lagcli.compiled import NumericSystem
+from lagcli.contact import zero_search
 from lagcli.contact.zero_bounds import WARY
+from lagcli.equations.system import System
 from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.method import Method
 from lagcli.simulation.scheme.step_end import Compiled
@@ -22,6 +24,7 @@ WRITTEN_OUT = 20_000
 # Places in a step at which the watched functions are looked at before its dense output is made; those within are no
 # fractions of a period.
 NODES = (0.0, 0.3819660112501051, 0.7071067811865476, 1.0)
+DIRECTIONS = {"up": zero_search.UP, "down": zero_search.DOWN, "both": zero_search.BOTH}
 
 
 class WatchFunctions:
@@ -179,3 +182,28 @@ def _cubic(x: float, i: int, j: int, values: Sequence[ca.MX], slopes: Sequence[c
     u = (x - NODES[i]) / d
     begin = (1 + 2 * u) * (1 - u) ** 2 * values[i] + u * (1 - u) ** 2 * d * slopes[i]
     return begin + u * u * (3 - 2 * u) * values[j] - u * u * (1 - u) * d * slopes[j]
+
+
+class WatchKinds:
+    """Of the functions w (W,) of `WatchFunctions`, of the contacts that are open, and of those that are held.
+
+    numbers (W,): of their rows, and of events after all rows, from `first_event` on; direction (W,): as `zero_search`
+    takes it; is_event (W,); records (W,): events that do not end the run; names: of events, by their place in w.
+    """
+
+    def __init__(self, system: System, open_: Sequence[int], held: Sequence[int]) -> None:
+        C, events = len(system.rows.rows), system.model.events
+        self.first_event, count = C + system.contacts.count, system.event_values.numel()
+        self.has_events = count > 0
+        contacts = [C + j for j in (*open_, *held)]
+        self.numbers = np.array(
+            [*contacts, *range(self.first_event, self.first_event + count)], dtype=np.intp
+        )
+        self.is_event = self.numbers >= self.first_event
+        self.direction = np.full(self.numbers.size, zero_search.DOWN)
+        self.records = np.zeros(self.numbers.size, dtype=bool)
+        self.names: dict[int, str] = {}
+        for place, event in enumerate(events[:count], start=len(contacts)):
+            self.direction[place] = DIRECTIONS[event.direction]
+            self.records[place] = event.action == "record"
+            self.names[place] = event.name

@@ -11,22 +11,72 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations.system import System
 from lagcli.model.model import Simulation
-from lagcli.simulation.global_error import divergence
 from lagcli.simulation.global_error.accuracy import KINDS, SURE, Accuracy
 from lagcli.simulation.global_error.incident_sides import ImpactGrowth, IncidentSides
-from lagcli.simulation.run import loop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.scheme import step_tolerance
 
+if TYPE_CHECKING:
+    from lagcli.simulation.run.loop import Run
+
 Floats = npt.NDArray[np.float64]
+# Of the kinds, positions and velocities: multipliers and forces jump where the model says so.
+STATES = [0, 1]
+
+# The distance of the runs grows by FACTOR within PART of the run, from NOISE of the scale or more to LEAST or more, and
+# to so many TOLERANCES. In chaos that takes eleven times the time in which errors grow e-fold.
+FACTOR, NOISE, LEAST, PART, TOLERANCES = 1e5, 1e-13, 1e-7, 0.01, 1e3
 
 COLUMNS = tuple(f"err.{kind}" for kind in KINDS)
+
+
+def window(count: int) -> int:
+    """The rows within which runs go apart, of a table with so many."""
+    return max(1, math.ceil(PART * count))
+
+
+class Parting:
+    """The last place where the distance of two tables grows too fast, if that is much of what they hold in the end.
+
+    window: rows it has for that, 0 for never; rtol, atol: of the runs.
+    """
+
+    def __init__(self, window: int, rtol: float = 0.0, atol: float = 0.0) -> None:
+        self._window, self._rtol, self._atol = window, rtol, atol
+        self._t, self._gaps = np.zeros(0), np.zeros((0, len(STATES)))
+        self._sizes = np.zeros(len(STATES))
+        self._place: tuple[float, float] | None = None
+        self._grown = np.zeros(len(STATES))
+
+    @property
+    def found(self) -> tuple[float, float] | None:
+        """The times of the rows between which it grew."""
+        least = np.maximum(LEAST * self._sizes, TOLERANCES * (self._atol + self._rtol * self._sizes))
+        return self._place if (self._grown > least).any() else None
+
+    def take(self, t: Floats, gaps: Floats, sizes: Floats) -> None:
+        """The times of rows (k,), the largest distances so far and the scales of each kind (k, kinds)."""
+        if not self._window or not t.size:
+            return
+        times, gaps = np.concatenate([self._t, t]), np.vstack([self._gaps, gaps[:, STATES]])
+        now, before = gaps[self._window :], gaps[: -self._window]
+        size = sizes[len(sizes) - len(now) :, STATES]
+        jumps = (now > LEAST * size) & (now > FACTOR * np.maximum(before, NOISE * size))
+        for i in np.flatnonzero(jumps.any(axis=1)).tolist():
+            begin, end = float(times[i]), float(times[i + self._window])
+            # Rows of one rise are one place; what grows again by so much leaves the place before far behind.
+            if self._place is None or begin >= self._place[1]:
+                self._place = begin, end
+            self._grown = np.maximum(self._grown, np.where(jumps[i], now[i], 0.0))
+        self._sizes = sizes[-1, STATES]
+        self._t, self._gaps = times[-self._window :], gaps[-self._window :]
 
 
 class RepeatedRunParameters:
@@ -111,10 +161,8 @@ class Errors:
     kinds: the places of the columns of each kind; parted: what looks for a place where the tables go apart.
     """
 
-    def __init__(
-        self, kinds: tuple[list[int], ...], factor: float, parted: divergence.Parting | None = None
-    ) -> None:
-        self._parting = parted or divergence.Parting(0)
+    def __init__(self, kinds: tuple[list[int], ...], factor: float, parted: Parting | None = None) -> None:
+        self._parting = parted or Parting(0)
         self._kinds, self._factor = kinds, factor
         self._gaps, self._sizes = np.zeros(len(kinds)), np.zeros(len(kinds))
         self._last = math.nan
@@ -145,7 +193,7 @@ class Errors:
             self._follow(rows[:, 0], errors > 10.0**-SURE * sizes)
         return errors
 
-    def accuracy(self, again: loop.Run, held_to: float) -> Accuracy | None:
+    def accuracy(self, again: Run, held_to: float) -> Accuracy | None:
         """The accuracy after the rows so far, if any; `again`: the repeated run, held to this tolerance."""
         if math.isnan(self._last):
             return None

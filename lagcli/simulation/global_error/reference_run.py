@@ -12,13 +12,13 @@ import numpy.typing as npt
 from lagcli.equations import time_functions
 from lagcli.equations.system import System
 from lagcli.model.model import Simulation
-from lagcli.simulation.global_error import divergence, error_estimate
+from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
-from lagcli.simulation.global_error.incident_errors import IncidentErrors
+from lagcli.simulation.global_error.incident_sides import IncidentErrors
 from lagcli.simulation.run import loop, run_start
 from lagcli.simulation.run.row_writer import TableRows
 from lagcli.simulation.run_state import run_stop
-from lagcli.simulation.run_state.checkpoint import RunState
+from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident, Tally
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
@@ -50,13 +50,13 @@ class RunWithReference:
         self._run = run
         smaller = dataclasses.replace(begin, part=error_estimate.PARAMETERS.first_step, is_again=True)
         rows, timed = TableRows(system.columns), time_functions.functions(system.model)
-        self._again = loop.start(held, smaller, again, rows, (), timed)
+        self._again = run_start.start(held, smaller, again, rows, (), timed)
         self._ahead = self._again.blocks()
         self._waiting = np.zeros((0, 1 + len(system.columns)))
         self._broken: run_stop.Stop | None = None
-        window = divergence.window(run.grid.count) if held.has_time else 0
+        window = error_estimate.window(run.grid.count) if held.has_time else 0
         relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
-        parted = divergence.Parting(window, relative, settings.atol or 0.0)
+        parted = error_estimate.Parting(window, relative, settings.atol or 0.0)
         self.places, factor = error_estimate.places(system), error_estimate.safety(settings)
         self._errors = error_estimate.Errors(self.places, factor, parted)
         self._at_incidents = IncidentErrors(self.places, factor)

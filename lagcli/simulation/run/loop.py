@@ -1,4 +1,4 @@
-"""Runs a model from a start, or on from where another run was marked, and hands out the rows of the grid.
+"""The loop of a run, step by step, which hands out the rows of the grid.
 
 Rows leave in blocks while the run goes on; the memory it needs does not grow with its length.
 """
@@ -14,24 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
-from lagcli.equations.time_functions import TimeFunctions
-from lagcli.model.model import Simulation
-from lagcli.simulation.closed_contacts.row_gaps import RowGaps
-from lagcli.simulation.events.event import Event
-from lagcli.simulation.events.impulse_event import ImpulseEvent
-from lagcli.simulation.events.singular_event import SingularEvent
-from lagcli.simulation.events.switch_event import SwitchEvent
-from lagcli.simulation.run import run_start
-from lagcli.simulation.run.row_writer import RowWriter, TableRows
-from lagcli.simulation.run.run_start import RunStart
-from lagcli.simulation.run_state.angle_turns import Turns
-from lagcli.simulation.run_state.checkpoint import CheckpointError, RunState
+from lagcli.simulation.events import events_of_run
+from lagcli.simulation.run.row_writer import RowGaps, RowWriter
+from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import RunStop, StepFailure, Stop
-from lagcli.simulation.run_state.statistics import Figures, RunStatistics
+from lagcli.simulation.run_state.statistics import RunStatistics
 from lagcli.simulation.scheme import line_functions
-from lagcli.simulation.scheme.invariants import EnforcedInvariants
-from lagcli.simulation.stepping import grid as grids
+from lagcli.simulation.stepping.grid import Grid
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -41,101 +31,25 @@ NEARLY = 1.001  # a step of so many times the length proposed, that ends before 
 PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed out: for progress and interrupts
 
 
-def _contacts(stepper: Stepper) -> Event | None:
-    """One-sided constraints and declared events, whose modules other models do not load."""
-    system = stepper.bound.held.integrals.system
-    if not (system.contacts.count or system.event_values.numel()):
-        return None
-    from lagcli.simulation.events.contact_event import ContactEvent
-
-    return ContactEvent.of(stepper)
-
-
-# In the order in which they are asked; the first that finds a step leaves none to the others.
-EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (
-    SwitchEvent.of,
-    SingularEvent.of,
-    ImpulseEvent.of,
-    _contacts,
-)
-
-
-def start(
-    held: EnforcedInvariants,
-    begin: RunStart,
-    settings: Simulation,
-    rows: TableRows,
-    notes: tuple[str, ...] = (),
-    timed: TimeFunctions | None = None,
-) -> Run:
-    """A run from a consistent start.
-
-    held: the functions, with the integrals that are held there; notes: what was said about them; timed: what the model
-    says about t alone.
-    """
-    origin = grids.origin(settings, held.has_time)
-    grid = _grid(settings, origin)
-    state = RunState(
-        t=grid.start,
-        y=np.concatenate([begin.q, begin.v, [0.0]]),
-        k=np.zeros(2 * begin.q.size + 1),
-        step=0.0,
-        pace_from=grid.start,
-        steps=0,
-        rejected=0,
-        evaluations=0,
-        row=-math.inf,
-        figures=Figures(0.0, 0.0),
-        selection=held.integrals.selection,
-        levels=held.levels,
-        notes=notes,
-        origin=origin,
-        turns=Turns(held.integrals.system).of(held.p),
-    )
-    stepper = Stepper(held, state, settings, grid, timed if held.has_time else None, begin.is_again)
-    return Run(stepper, RowWriter(stepper, rows, 0), begin)
-
-
-def resume(
-    held: EnforcedInvariants,
-    mark: RunState,
-    settings: Simulation,
-    columns: tuple[str, ...],
-    timed: TimeFunctions | None = None,
-) -> Run:
-    """A run that goes on from where another was marked; held: as it was there. Else as `start`."""
-    grid = _grid(settings, mark.origin)
-    # The rows that another grid has between the last one handed out and the mark are lost.
-    after = grid.after(mark.row)
-    first = max(after, grid.first(mark.t))
-    stepper = Stepper(held, mark, settings, grid, timed if held.has_time else None)
-    return Run(stepper, RowWriter(stepper, TableRows(columns), first), None, mark.row, first - after)
-
-
-def _grid(settings: Simulation, origin: float) -> grids.Grid:
-    return grids.grid(dataclasses.replace(settings, start=settings.start - origin))
-
-
 class Run:
     """One integration: iterate `blocks` once; `account` is filled as they come.
 
-    begin: the start, where the first step is still to be proposed; row: time of the last row handed out; passed_over:
-    rows that are lost to a grid other than that of the mark. Times in here, `t` and the grid too, are counted from
-    `origin`.
+    begin: puts the start onto the constraints, proposes the first step, and is True where that is an ordinary one; None
+    for a run that is resumed; row: time of the last row handed out; passed_over: rows that are lost to a grid other
+    than that of the mark. Times in here, `t` and the grid too, are counted from `origin`.
     """
 
     def __init__(
         self,
         stepper: Stepper,
         writer: RowWriter,
-        begin: RunStart | None,
+        begin: Callable[[], bool] | None,
         row: float = -math.inf,
         passed_over: int = 0,
     ) -> None:
         self._stepper, self._writer, self._begin = stepper, writer, begin
         self._row, self.passed_over = row, passed_over
-        found = (of(stepper) for of in EVENTS)
-        self._events = tuple(event for event in found if event is not None)
+        self._events = events_of_run.found(stepper)
         self._looks_ahead = any(event.looks_ahead for event in self._events)
         held = stepper.bound.held
         self._gaps = RowGaps(held.integrals.system, held.plain.functions.numeric, held.p)
@@ -148,7 +62,7 @@ class Run:
         return self._stepper.origin
 
     @property
-    def grid(self) -> grids.Grid:
+    def grid(self) -> Grid:
         """The times of the rows."""
         return self._stepper.grid
 
@@ -200,6 +114,8 @@ class Run:
     def require_rows_left(self) -> None:
         """Raise `CheckpointError` where all rows of a resumed run were handed out before; before its first block."""
         if self._begin is None and self._writer.is_done:
+            from lagcli.simulation.run_state.checkpoint import CheckpointError
+
             raise CheckpointError(
                 f"nothing is left to do: it is at t = {self.origin + self.t:.9g} with its last row at"
                 f" {self.origin + self._row:.9g}, and the run ends at {self.origin + self.grid.end:.9g}; a longer"
@@ -274,8 +190,7 @@ class Run:
         """Begin, where that is still to be done."""
         if self._begin is None:
             return
-        run_start.begin(self._stepper, self._begin)
-        if not self._begin.is_singular:
+        if self._begin():
             for event in self._events:
                 event.begin()
             self._writer.put_begin()

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.events import passage_line
-from lagcli.simulation.stepping import interpolate_rows, stop_diagnosis
+from lagcli.compiled import NumericSystem
+from lagcli.equations.system import System
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -106,7 +106,9 @@ class RowWriter:
                 rows.aside.arguments[1][:] = run.bound.y
                 rows.aside.trigger()
             elif found.passage is not None:
-                passage_line.put(run, found.passage, at)
+                from lagcli.simulation.stepping import interpolate_rows
+
+                interpolate_rows.put_in_passage(run, found.passage, at)
             elif at < reached or found.barrier is not None:
                 run.make_dense()
                 rows.x[0] = (at - t) / taken
@@ -143,6 +145,8 @@ class RowWriter:
         two points on either side, where all columns have one: their differences then shrink with the distance,
         and where one has a jump or a pole they do not.
         """
+        from lagcli.simulation.stepping import interpolate_rows
+
         run, rows, held = self._stepper, self._stepper.rows, self._stepper.bound.held
         at, x, taken = rows.at[0], rows.x[0], run.found.taken
         if held.is_any:
@@ -180,4 +184,25 @@ class RowWriter:
         rows = self._stepper.rows
         bad = np.flatnonzero(~np.isfinite(rows.line[:-1]))
         if bad.size:  # else the sum overflowed, and nothing else
+            from lagcli.simulation.stepping import stop_diagnosis
+
             raise stop_diagnosis.row_not_finite(self._columns, int(bad[0]) - 1, rows.at[0])
+
+
+class RowGaps:
+    """The gaps of a run by its rows."""
+
+    def __init__(self, system: System, numeric: NumericSystem, p: Floats) -> None:
+        self._count, self._gaps, self._p = system.contacts.count, numeric.gaps, np.asarray(p)
+        places = {name: i for i, name in enumerate(system.columns, start=1)}
+        self._places = [places[name] for name in system.model.coordinate_names] if self._count else []
+
+    def deepest(self, rows: Floats) -> float:
+        """The largest -g_j over rows (k, columns), t first; 0 where none is below zero."""
+        if not self._count or not len(rows):
+            return 0.0
+        y = np.zeros((self._gaps.size1_in(1), len(rows)))
+        y[: len(self._places)] = rows[:, self._places].T
+        p = self._p[: self._gaps.size1_in(2)]
+        g = np.array(self._gaps(rows[:, :1].T, y, np.repeat(p[:, None], len(rows), axis=1)))
+        return max(0.0, float(np.nan_to_num(-g).max()))

@@ -1,15 +1,24 @@
-"""The start of a run: onto the constraints, and with a first step."""
+"""The start of a run: from a consistent state, or on from where another was marked; and its first step."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.equations.time_functions import TimeFunctions
+from lagcli.model.model import Simulation
+from lagcli.simulation.run.loop import Run
+from lagcli.simulation.run.row_writer import RowWriter, TableRows
+from lagcli.simulation.run_state.angle_turns import Turns
+from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
+from lagcli.simulation.scheme import controller
+from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
-from lagcli.simulation.stepping import first_step, stop_diagnosis
+from lagcli.simulation.stepping import grid as grids
 from lagcli.simulation.stepping.stepper import LANDING, Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -30,8 +39,58 @@ class RunStart:
     is_again: bool = False
 
 
-def begin(run: Stepper, start: RunStart) -> None:
-    """Put the start onto the constraints, and propose the first step."""
+def start(
+    held: EnforcedInvariants,
+    begin: RunStart,
+    settings: Simulation,
+    rows: TableRows,
+    notes: tuple[str, ...] = (),
+    timed: TimeFunctions | None = None,
+) -> Run:
+    """A run from a consistent start.
+
+    held: the functions, with the integrals that are held there; notes: what was said about them; timed: what the model
+    says about t alone.
+    """
+    origin = grids.origin(settings, held.has_time)
+    grid = _grid(settings, origin)
+    state = RunState(
+        t=grid.start,
+        y=np.concatenate([begin.q, begin.v, [0.0]]),
+        k=np.zeros(2 * begin.q.size + 1),
+        pace_from=grid.start,
+        selection=held.integrals.selection,
+        levels=held.levels,
+        notes=notes,
+        origin=origin,
+        turns=Turns(held.integrals.system).of(held.p),
+    )
+    stepper = Stepper(held, state, settings, grid, timed if held.has_time else None, begin.is_again)
+    return Run(stepper, RowWriter(stepper, rows, 0), functools.partial(_begin, stepper, begin))
+
+
+def resume(
+    held: EnforcedInvariants,
+    mark: RunState,
+    settings: Simulation,
+    columns: tuple[str, ...],
+    timed: TimeFunctions | None = None,
+) -> Run:
+    """A run that goes on from where another was marked; held: as it was there. Else as `start`."""
+    grid = _grid(settings, mark.origin)
+    # The rows that another grid has between the last one handed out and the mark are lost.
+    after = grid.after(mark.row)
+    first = max(after, grid.first(mark.t))
+    stepper = Stepper(held, mark, settings, grid, timed if held.has_time else None)
+    return Run(stepper, RowWriter(stepper, TableRows(columns), first), None, mark.row, first - after)
+
+
+def _grid(settings: Simulation, origin: float) -> grids.Grid:
+    return grids.grid(dataclasses.replace(settings, start=settings.start - origin))
+
+
+def _begin(run: Stepper, start: RunStart) -> bool:
+    """Put the start onto the constraints, and propose the first step; True where it is an ordinary one."""
     bound, control = run.bound, run.control
     if start.is_singular:
         n = bound.y.size // 2
@@ -39,16 +98,18 @@ def begin(run: Stepper, start: RunStart) -> None:
         control.step = start.part * FIRST * size / speed
         run.foreseen = run.watch.stand(run.t)
         run.settle()
-        return
+        return False
     # It may lie off the constraints by rounding; the first row and the first step begin on them.
     bound.land.trigger()
     bound.y[:], bound.k[:], outcome, sizes = bound.land.results
     clearance, least = outcome[1:3].tolist()
     run.account.evaluations += 1
     if not np.isfinite(bound.k).all():
+        from lagcli.simulation.stepping import stop_diagnosis
+
         raise StepFailure(stop_diagnosis.START_NOT_FINITE, NOT_FINITE)
     run.account.evaluations += 1
-    control.step = start.part * first_step.first_step(
+    control.step = start.part * controller.first_step(
         bound.rhs, bound.k, sizes, run.tolerance, run.method.order
     )
     if clearance < MONITOR.close_start**2:
@@ -56,6 +117,7 @@ def begin(run: Stepper, start: RunStart) -> None:
         _look_back(run, MONITOR.back * control.step)
     run.foreseen = run.watch.foreseen(run.t, clearance, least)
     run.settle()
+    return True
 
 
 def _look_back(run: Stepper, tau: float) -> None:

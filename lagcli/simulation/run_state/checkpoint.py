@@ -1,4 +1,4 @@
-"""A run at a step boundary, as a noun and as JSON: what it takes to go on bit for bit, and for which model.
+"""A run between two steps as a file of JSON, and for which model and settings it is.
 
 Doubles are written so that they read back to the same double. What is read is checked to the last number, and
 all numbers together by a sum: a checkpoint is a file like any other, and may be torn, damaged or of another make.
@@ -12,23 +12,14 @@ import json
 import os
 from collections.abc import Iterator
 
-import numpy as np
-import numpy.typing as npt
-
 from lagcli import __version__
-from lagcli.compiled.selection import Selection
 from lagcli.equations import system
 from lagcli.errors.diagnostics import printable
 from lagcli.model import settings
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Vector3
-from lagcli.simulation.run_state.contact_state import NOTHING, ContactState
-from lagcli.simulation.run_state.incident import NONE, Tally
-from lagcli.simulation.run_state.statistics import Figures
-from lagcli.simulation.scheme.invariants import Levels
-from lagcli.simulation.singularity.singular_point import RankDrop
-
-Floats = npt.NDArray[np.float64]
+from lagcli.simulation.run_state import saved_form
+from lagcli.simulation.run_state.between_steps import RunState
 
 FORMAT = 7  # of a checkpoint: goes up where another version could not read it
 MOST_BYTES = 2**28  # of a file that is read: states of ten thousand particles are some megabytes
@@ -39,42 +30,6 @@ MOST_VERSION = 40  # letters of a version that are shown
 
 class CheckpointError(ValueError):
     """A file that is no checkpoint, or one that this run cannot go on from."""
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class RunState:
-    """A run between two steps, and what it has handed out.
-
-    t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
-    look at the pace; steps, rejected, evaluations: the account up to t; row: time of the last row handed out,
-    which may lie on either side of t; figures: those of all rows handed out; levels: how each integral is held;
-    notes: what has been said about them; selection: the rows it is stepped with; watch: what the
-    next singular configuration is foreseen from; crossings: those that were passed; turns: where angles with a cut
-    were, counted through all turns; tally: of incidents up to t; told: of those handed out, which
-    may lie beyond t; contacts: see `ContactState`.
-    Times are counted from `origin`, but for those of crossings and incidents.
-    """
-
-    t: float
-    y: Floats
-    k: Floats
-    step: float
-    pace_from: float
-    steps: int
-    rejected: int
-    evaluations: int
-    row: float
-    figures: Figures
-    selection: Selection
-    levels: Levels = ()
-    notes: tuple[str, ...] = ()
-    watch: tuple[float, ...] = ()
-    crossings: tuple[RankDrop, ...] = ()
-    origin: float = 0.0
-    turns: tuple[float, ...] = ()
-    tally: Tally = NONE
-    told: Tally = NONE
-    contacts: ContactState = NOTHING
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -170,8 +125,6 @@ def _shown(value: object) -> str:
 
 def encoded(point: Checkpoint) -> bytes:
     """The checkpoint as JSON."""
-    from lagcli.simulation.run_state import saved_form
-
     parts = saved_form.saved(point)
     assert isinstance(parts, dict)
     whole = {"lagcli-checkpoint": FORMAT, "version": __version__, **parts, "sum": control_sum(parts)}
@@ -194,8 +147,6 @@ def read(path: str | os.PathLike[str]) -> Checkpoint:
 
 def decoded(data: bytes) -> Checkpoint:
     """The checkpoint in JSON. Raises `CheckpointError`."""
-    from lagcli.simulation.run_state import saved_form
-
     try:
         whole = json.loads(data)
     except (ValueError, RecursionError):

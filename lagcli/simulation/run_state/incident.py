@@ -1,4 +1,4 @@
-"""Incidents of a run: impacts, contacts and releases, and declared events, each at an instant between two steps."""
+"""Incidents of a run: impacts, contacts and releases, crossings of singular configurations, and declared events."""
 
 from __future__ import annotations
 
@@ -31,6 +31,15 @@ class Incident:
     impulses: Floats
     before: Floats
     after: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RankDrop:
+    """At a time t the rank of the rows drops by `number`; participants: the rows that become dependent."""
+
+    t: float
+    number: int
+    participants: tuple[int, ...]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -7,11 +7,13 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.run_state.incident import NONE, Incident, Tally
-from lagcli.simulation.singularity.singular_point import RankDrop
+from lagcli.simulation.run_state.incident import NONE, Incident, RankDrop, Tally
 
 Floats = npt.NDArray[np.float64]
 
+
+# Of these `RunState` has fields of the same names: what is counted up to the state from which a step is tried.
+COUNTED = ("steps", "rejected", "evaluations", "notes", "crossings", "tally", "told")
 
 # Below this part of the energies themselves nothing is exchanged but rounding.
 ROUNDING = 1e-10
@@ -58,6 +60,9 @@ class Figures:
             self.unbalanced,
             self.penetration,
         )
+
+
+NO_ROWS = Figures(0.0, 0.0)
 
 
 def _size(values: Floats) -> float:

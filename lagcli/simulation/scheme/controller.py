@@ -1,11 +1,55 @@
-"""The length of steps: how it follows their errors, and when a run would not end in any time one can wait."""
+"""The length of steps: of the first one, how it follows their errors, and when a run would not end in any time one can
+wait.
+
+The first step is found from the times in which positions, velocities and accelerations change by their sizes, as in
+Hairer, Norsett, Wanner, Solving ODEs I, sec. II.4, but that no size is one of a unit.
+"""
 
 from __future__ import annotations
 
-# Part of the step that the error asks for, and bounds of its change from one step to the next.
-SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
-# Every PACE steps a run is asked how many more it would take like this; HOPELESS many would take days.
-PACE, HOPELESS = 5000, 1e10
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.bound_function import BoundFunction
+
+Floats = npt.NDArray[np.float64]
+
+
+class StepLengthParameters:
+    """The length of steps; parts are of no unit."""
+
+    __slots__ = ()
+
+    safety: float = 0.9
+    """The part of the step that the error asks for which is taken, so that the next one is seldom rejected."""
+    shrink: float = 0.2
+    """A step is not shortened by more at once: the error of one that is far too long says little."""
+    grow: float = 10.0
+    """A step is not made longer by more at once: it is not known what lies beyond."""
+    pace: int = 5000
+    """After so many steps a run is asked how many more it would take like this."""
+    hopeless: float = 1e10
+    """So many steps would take days: the run stops."""
+    rest: float = 1e-6
+    """The first step where nothing moves and the scale of time is unknown, in units of time."""
+    rest_of_time: float = 1e-10
+    """Or this part of the time itself."""
+    roundings: int = 256
+    """A step advances the time, which is a double, by so many of its roundings at least."""
+    look: float = 1e-3
+    """A look ahead by this part of the shortest of the times that are known at the start."""
+    slow: float = 1e-8
+    """Speeds that are less than this part of those that the accelerations make of rest are rounding."""
+    balanced: float = 1e-13
+    """Accelerations that are this part of what the forces alone would make are the rounding of forces that balance."""
+    part: float = 0.01
+    """The error of a step of this part of the shortest time, to the power of its order, is about as large as it may
+    be."""
+
+
+PARAMETERS = StepLengthParameters()
 
 
 class StepController:
@@ -17,15 +61,64 @@ class StepController:
 
     def smaller(self, taken: float, error: float, is_known: bool) -> float:
         """The step to be tried after one that was rejected; is_known: for its error, of 1 or more."""
-        part: float = min(0.9, max(SHRINK, SAFETY * error**self._exponent)) if is_known else 0.25
+        part: float = (
+            min(0.9, max(PARAMETERS.shrink, PARAMETERS.safety * error**self._exponent)) if is_known else 0.25
+        )
         return taken * part
 
     def grown(self, taken: float, error: float, most: float) -> float:
         """The step to be tried after one that was accepted, no more than `most` times as long."""
-        part: float = min(most, max(SHRINK, SAFETY * max(error, 1e-10) ** self._exponent))
+        part: float = min(
+            most, max(PARAMETERS.shrink, PARAMETERS.safety * max(error, 1e-10) ** self._exponent)
+        )
         return taken * part
 
     def lags(self, t: float, end: float) -> float | None:
-        """To be asked every `PACE` steps: by how much they advanced, where that would never lead to the end."""
+        """To be asked every `pace` steps: by how much they advanced, where that would never lead to the end."""
         advanced, self.pace_from = t - self.pace_from, t
-        return advanced if (end - t) * PACE > HOPELESS * advanced else None
+        return advanced if (end - t) * PARAMETERS.pace > PARAMETERS.hopeless * advanced else None
+
+
+def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, order: int) -> float:
+    """The length of the first step from where `rhs` stands on its arrays (t, y, p), with k = y'(t, y) (2n + 1,),
+    `parts.Sizes.packed` there (n + 3,), `step_tolerance.of_steps` (6,) and the order of the method.
+
+    One evaluation of `rhs` is used, whose arguments are left as they were. The end of the run plays no part in it.
+    """
+    t = float(rhs.arguments[0][0])
+    n = k.size // 2
+    units, (q, v, forced) = sizes[:n], sizes[n:].tolist()
+    rtol, resting = float(tolerance[0]), float(tolerance[4])
+
+    def size(accelerations: Floats) -> float:
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is asked for below
+            return float(np.abs(accelerations / units).max(initial=0.0))
+
+    a = size(k[n : 2 * n])
+    v = v if v > PARAMETERS.slow * math.sqrt(q * a) else 0.0
+    if not v and a <= PARAMETERS.balanced * max(forced, resting):
+        a = max(forced, resting)
+    times = [_ratio(q, v), _ratio(v, a), math.sqrt(_ratio(q, a))]
+    known = min((time for time in times if 0.0 < time < math.inf), default=0.0)
+    step = max(PARAMETERS.rest, PARAMETERS.rest_of_time * abs(t))
+    if known:
+        later = _ahead(rhs, k, PARAMETERS.look * known)
+        turned = _ratio(a, size(later[n : 2 * n] - k[n : 2 * n]) / (PARAMETERS.look * known))
+        if math.isfinite(turned):
+            known = min(known, turned or known)
+        step = known * (PARAMETERS.part * rtol) ** (1.0 / order)
+    return max(step, PARAMETERS.roundings * math.ulp(t))
+
+
+def _ratio(size: float, rate: float) -> float:
+    return size / rate if rate > 0.0 else math.inf
+
+
+def _ahead(rhs: BoundFunction, k: Floats, h: float) -> Floats:
+    """y' (2n + 1,) after a step of Euler's."""
+    t_cell, y_cells, _ = rhs.arguments
+    t, y = float(t_cell[0]), y_cells.copy()
+    t_cell[0], y_cells[:] = t + h, y + h * k
+    rhs.trigger()
+    t_cell[0], y_cells[:] = t, y
+    return rhs.results[0]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +9,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.linear.rank import WEIGHT
+from lagcli.simulation.run_state.incident import RankDrop
 from lagcli.start.initial import State, metric_at
 
 Floats = npt.NDArray[np.float64]
@@ -28,15 +27,6 @@ STRONG_STEPS = 3
 PART = 1e-2
 # Unit rows whose smallest singular value is larger are independent in themselves, whatever the masses.
 INDEPENDENT = 0.1
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class RankDrop:
-    """At a time t the rank of the rows drops by `number`; participants: the rows that become dependent."""
-
-    t: float
-    number: int
-    participants: tuple[int, ...]
 
 
 def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> RankDrop | None:

@@ -1,9 +1,16 @@
-"""Foresees when rows become dependent: the angle between them goes to zero in a line from afar."""
+"""Foresees when rows become dependent: the angle between them goes to zero in a line from afar.
+
+A look ahead, which costs a part of the search for the instant, tells rows that only come close: the square of the angle
+is a parabola in time near its minimum, zero there where rows become dependent.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
+
+import numpy as np
 
 
 class MonitorParameters:
@@ -35,6 +42,17 @@ class MonitorParameters:
     """Rows at a start at a smaller angle (rad) than this are looked at before the start, too."""
     back: float = 0.1
     """And that is this part of the first step earlier."""
+    looks: int = 4
+    """Places at which a minimum of the angle is looked for after the first three."""
+    farthest: float = 2.0
+    """How far it may lie, as a part of the time to the instant foreseen."""
+    shallow: float = 0.01
+    """A minimum of less than this part of the square as it is may be zero: a step so long is not exact."""
+    certain: float = 0.1
+    """Rows at a smaller angle (rad) are searched at once: ordinary steps to where they may be dependent are not
+    exact."""
+    apart: float = 0.02
+    """Looks that are closer than this part of the time to the instant say nothing new."""
 
 
 PARAMETERS = MonitorParameters()
@@ -142,3 +160,29 @@ def _instant(before: tuple[float, ...], t: float, square: float, place: int, mos
     if last <= now:
         return NEVER
     return Prediction(t + now * step / (last - now), place, math.sqrt(most), now, step)
+
+
+def is_dip(square: Callable[[float], float], now: float, ahead: float) -> bool:
+    """True if the square of an angle, `now` at the beginning, has a minimum well above zero.
+
+    square(h) is that after a time h, nan where it is not known: then nothing is; ahead: the time after which the angle
+    is expected to vanish.
+    """
+    found = {0.0: now, ahead / 2: square(ahead / 2), ahead: square(ahead)}
+    for _ in range(PARAMETERS.looks):
+        if not _all_above(found.values(), now):
+            return False
+        lowest = sorted(found, key=found.__getitem__)[:3]
+        curve = np.polyfit(np.array(lowest) / ahead, [found[h] / now for h in lowest], 2)
+        if not curve[0] > 0.0:
+            break  # it falls no more, or not yet
+        least = min(max(-curve[1] / (2 * curve[0]), 0.0), PARAMETERS.farthest) * ahead
+        if min(abs(least - h) for h in found) < PARAMETERS.apart * ahead:
+            break
+        found[least] = square(least)
+    return _all_above(found.values(), now)
+
+
+def _all_above(squares: Iterable[float], now: float) -> bool:
+    """True if all are well above zero; what is not known is not."""
+    return all(square > PARAMETERS.shallow * now for square in squares)

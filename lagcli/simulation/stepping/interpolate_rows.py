@@ -6,10 +6,23 @@ where the motion is.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.simulation.scheme import line_functions
+from lagcli.simulation.stepping.stepper import Stepper
+
+if TYPE_CHECKING:
+    # Most runs meet no singular configuration.
+    from lagcli.simulation.scheme import collocation
+    from lagcli.simulation.singularity.singularity_step import SingularStep
+
+
 Floats = npt.NDArray[np.float64]
+# Where the drifts of a row stand in a line: rounding, which is not interpolated.
+DRIFTS = slice(-line_functions.BEYOND, -line_functions.BEYOND + 2)
 
 
 class InterpolationParameters:
@@ -98,3 +111,27 @@ def between(lines: Floats) -> Floats:
         has_limit = np.abs(inner_after - inner) <= PARAMETERS.shrinks * np.abs(outer_after - outer) + rounding
         limit = (4 * (inner + inner_after) - (outer + outer_after)) / 6
     return np.asarray(np.where(has_limit, limit, np.nan))
+
+
+def put_in_passage(run: Stepper, across: SingularStep, at: float) -> None:
+    """Write the line at a time within the step; close to the instant it is the limit from both sides."""
+    rows, step, tau = run.rows, across.step, at - across.instant
+    if abs(tau) > PARAMETERS.window * across.width:
+        _put_aside(run, at, step)
+        return
+    taus = beside(across.width, across.is_start)
+    lines = []
+    for other in taus:
+        _put_aside(run, across.instant + other, step)
+        lines.append(rows.line.copy())
+    found = np.array(lines)
+    rows.line[:] = interpolated(taus, found, tau)
+    rows.line[DRIFTS] = found[:, DRIFTS].max(axis=0)
+    rows.line[0] = rows.at[0] = run.origin + at
+
+
+def _put_aside(run: Stepper, at: float, step: collocation.Step) -> None:
+    rows = run.rows
+    rows.at[0] = run.origin + at
+    rows.aside.arguments[1][:] = step.state((at - step.t) / step.h)
+    rows.aside.trigger()

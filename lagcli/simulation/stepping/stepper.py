@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import operator
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -15,19 +16,18 @@ from lagcli.equations.energy_jumps import Jump
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
 from lagcli.simulation.run_state.angle_turns import Turns
-from lagcli.simulation.run_state.checkpoint import RunState
+from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import NOT_FINITE, TOO_SMALL, StepFailure
-from lagcli.simulation.run_state.statistics import Figures, RunStatistics
+from lagcli.simulation.run_state.statistics import COUNTED, RunStatistics
 from lagcli.simulation.scheme import invariants, method, step_tolerance
 from lagcli.simulation.scheme.bound_scheme import BoundRows, BoundStep
-from lagcli.simulation.scheme.controller import GROW, PACE, StepController
+from lagcli.simulation.scheme.controller import PARAMETERS as LENGTH
+from lagcli.simulation.scheme.controller import StepController
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
-from lagcli.simulation.stepping import resting_forces, stop_diagnosis, switch_states
-from lagcli.simulation.stepping.grid import Grid
+from lagcli.simulation.stepping.grid import Grid, Witnesses
 from lagcli.simulation.stepping.timetable import Timetable
-from lagcli.simulation.stepping.witness_times import Witnesses
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ HIDDEN, HIDING = 100.0, 1e-3
 # this error then.
 FORGIVEN, UNSEEN = 3e3, -1.0
 NONE_TRIED: invariants.Tried = frozenset()
+_counted = operator.attrgetter(*COUNTED)
 
 
 @dataclasses.dataclass(slots=True, eq=False)
@@ -93,7 +94,7 @@ class Stepper:
         is_again: bool = False,
     ) -> None:
         self.origin, self.grid = state.origin, grid
-        resting = resting_forces.of_start(held.integrals.system, held.functions.numeric)
+        resting = step_tolerance.resting_forces(held.integrals.system, held.functions.numeric)
         self.tolerance = step_tolerance.of_steps(settings, resting.acceleration, resting.blurred)
         self.method = method.of(settings)
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
@@ -107,10 +108,8 @@ class Stepper:
         self.control = StepController(self.method.order, state.step, state.pace_from)
         self.found = FoundStep(state.t)
         figures = state.figures if math.isfinite(state.row) else None
-        counted = state.steps, state.rejected, state.evaluations
-        self.account = RunStatistics(
-            *counted, 0.0, figures, state.notes, state.crossings, state.tally, state.told
-        )
+        counted = {name: getattr(state, name) for name in COUNTED}
+        self.account = RunStatistics(figures=figures, **counted)
         self.contacts = state.contacts
         self.account.deepest, self.account.resting = state.contacts.deepest, resting.energy
         self.watch = SingularityMonitor(state.watch)
@@ -133,37 +132,26 @@ class Stepper:
         return self._undisturbed or self._here()
 
     def _here(self) -> RunState:
-        account, bound, control = self.account, self.bound, self.control
-        (steps, rejected, evaluations), held, notes, watched, crossings, tally, contacts = self._settled
+        bound, control = self.bound, self.control
+        held, watched, contacts, counted = self._settled
         return RunState(
-            bound.t[0],
-            bound.y.copy(),
-            bound.k.copy(),
-            control.step,
-            control.pace_from,
-            steps,
-            rejected,
-            evaluations,
-            row=-math.inf,
-            figures=account.figures or Figures(0.0, 0.0),
+            t=bound.t[0],
+            y=bound.y.copy(),
+            k=bound.k.copy(),
+            step=control.step,
+            pace_from=control.pace_from,
             selection=held.integrals.selection,
             levels=held.levels,
-            notes=notes,
             watch=watched,
-            crossings=crossings,
             origin=self.origin,
             turns=self._turns.of(bound.held.p),
-            tally=tally,
             contacts=contacts,
-            told=account.told,
+            **dict(zip(COUNTED, counted, strict=True)),
         )
 
     def settle(self) -> None:
         """Keep what belongs to the state from which the next step is tried."""
-        account = self.account
-        counted = account.steps, account.rejected, account.evaluations
-        held, watched = self.bound.held, self.watch.state
-        self._settled = counted, held, account.notes, watched, account.crossings, account.tally, self.contacts
+        self._settled = self.bound.held, self.watch.state, self.contacts, _counted(self.account)
         self.tried: invariants.Tried = NONE_TRIED
 
     def state_at(self, t: float, y: Floats) -> State:
@@ -179,12 +167,14 @@ class Stepper:
         plays no part.
         """
         t, end = self.t, self.grid.end
-        (h, wished), grow, shorter = self._lengths(t), GROW, 0.0
+        (h, wished), grow, shorter = self._lengths(t), LENGTH.grow, 0.0
         while True:
             # The step ends at a time that is a double, so that t and the state go on together.
             reached = t + h
             taken = reached - t
             if not taken > 0.0:
+                from lagcli.simulation.stepping import stop_diagnosis
+
                 raise StepFailure(stop_diagnosis.BELOW_ROUNDING, TOO_SMALL)
             last = not beyond and (reached >= end or end - reached < 1e-12 * h)
             is_cut = last and not shorter
@@ -322,6 +312,8 @@ class Stepper:
         found, bound, control = self.found, self.bound, self.control
         if found.barrier is not None:
             self.t = found.reached
+            from lagcli.simulation.stepping import stop_diagnosis
+
             raise stop_diagnosis.impulse(found.barrier.told)
         was_still, found.is_still, found.is_jump = found.is_still, False, False
         found.is_open, found.passage, found.work = False, None, None
@@ -332,14 +324,16 @@ class Stepper:
             self._count_turns()
         self.tell_within()
         self.settle()
-        if self.account.steps % PACE == 0 and not was_still:
+        if self.account.steps % LENGTH.pace == 0 and not was_still:
             end = self.grid.end
             advanced = control.lags(self.t, end)
             if advanced is not None:
+                from lagcli.simulation.stepping import stop_diagnosis
+
                 if self._is_before_pole():
                     raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
                 here = self.state_at(self.t, bound.y)
-                raise stop_diagnosis.hopeless(bound.held, here, PACE, advanced, end - self.t)
+                raise stop_diagnosis.hopeless(bound.held, here, LENGTH.pace, advanced, end - self.t)
 
     def tell_within(self) -> None:
         """Tell of the incidents within the step that was found, up to its end and that of the run."""
@@ -356,6 +350,8 @@ class Stepper:
         bound.p[: p.size] = p
 
     def _no_step(self, error: float, residual: float) -> StepFailure:
+        from lagcli.simulation.stepping import stop_diagnosis
+
         bound, grid = self.bound, self.grid
         here, ahead = self.state_at(self.t, bound.y), self.state_at(self.t + bound.h[0], bound.new)
         if self._is_before_pole():
@@ -366,6 +362,8 @@ class Stepper:
 
     def _is_before_pole(self) -> bool:
         """True if a function of t ahead is the reason: y' grows without bound towards its switch."""
+        from lagcli.simulation.stepping import stop_diagnosis
+
         bound, grid, t = self.bound, self.grid, self.t
         ahead = self.timetable.ahead(t, t + stop_diagnosis.SOON * (grid.end - grid.start))
         if ahead is None:
@@ -374,7 +372,7 @@ class Stepper:
         times = (ahead - part * (ahead - t) for part in (1.0, 3.0, 9.0))
         rates = [np.array(bound.numeric.rhs(at, bound.y, bound.p)).ravel() for at in times]
         self.account.evaluations += len(rates)
-        return switch_states.is_pole(rates)
+        return stop_diagnosis.is_pole(rates)
 
 
 def _work(land: BoundFunction, span: tuple[float, float, float], y: Floats, states: States) -> Work | None:

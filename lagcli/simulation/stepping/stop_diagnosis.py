@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from lagcli.compiled import NumericSystem
 from lagcli.equations import kinks
 from lagcli.equations.system import System
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.simulation.run_state.run_stop import (
     CONTACT,
     NO_SOLUTION,
@@ -19,8 +24,10 @@ from lagcli.simulation.run_state.run_stop import (
 )
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity import singular_point
-from lagcli.simulation.stepping import stop_reasons, switch_states
+from lagcli.simulation.stepping import stop_reasons
 from lagcli.start import initial
+
+Floats = npt.NDArray[np.float64]
 
 # Rows that are this close to dependent ones where a run stops are the reason, where they will be so within this part
 # of the run.
@@ -30,6 +37,10 @@ BEHIND = 1e-2
 # Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so much
 # that a step may not reach its tolerance: masses differ by 1e8.
 WEIGHED = 1e-4
+# At three times the distance from a pole of this order rates are this part of what they are. Weaker ones change
+# velocities by nothing that counts in a few roundings of the time.
+ORDER = 0.25
+GROWN = 3.0**-ORDER
 
 BELOW_ROUNDING = "the step needed for the tolerance is below the rounding of the time"
 START_NOT_FINITE = "the accelerations are not finite at the start"
@@ -125,10 +136,18 @@ def impact(held: EnforcedInvariants, here: initial.State, beyond: initial.State)
     if not jump:
         if wall := _wall(held, here, beyond):
             return StepFailure(f"the wall of the closed contact `{wall}` jumps there", CONTACT)
-        rows = switch_states.violated(held.functions.numeric, beyond)
+        rows = _violated(held.functions.numeric, beyond)
         named = _named(held.integrals.system, rows)
         jump = f"the rows {named} make velocities jump there: an impact, which the equations of motion do not describe"
     return StepFailure(jump, NO_SOLUTION)
+
+
+def _violated(numeric: NumericSystem, state: initial.State) -> tuple[int, ...]:
+    """The rows that a state violates most: B v + b = 0, as a part of the largest there."""
+    B, b = numeric.rows(state.t, state.q, state.v, state.p)
+    rows = LocalRows(B)
+    off = np.abs(rows.times(state.v) + np.array(b).ravel()) / rows.divisors
+    return tuple(np.flatnonzero(off > 0.5 * off.max(initial=0.0)).tolist())
 
 
 def _wall(held: EnforcedInvariants, here: initial.State, beyond: initial.State) -> str:
@@ -144,6 +163,14 @@ def _wall(held: EnforcedInvariants, here: initial.State, beyond: initial.State) 
     change = np.abs(sides[1] - sides[0])
     worst = int(np.argmax(change))
     return system.contacts.rows[closed[worst]].name if change[worst] > 0 else ""
+
+
+def is_pole(rates: Sequence[Floats]) -> bool:
+    """True if y' (2n + 1,) grows without bound towards a time, from its values nearby, three times, and nine times as
+    far away."""
+    n = rates[0].size // 2
+    sizes = [float(np.abs(k[n : 2 * n]).max(initial=0.0)) for k in rates]
+    return all(0.0 < far <= GROWN * near for near, far in itertools.pairwise(sizes))
 
 
 def impulse(told: str) -> StepFailure:

@@ -1,23 +1,28 @@
-"""Zeros of declared events: within a step, at a switch of a function of t, at the end of the run, and where something
-else ends the step."""
+"""Declared events: their values where a run stands, which of them jump over zero and what is told of them; their zeros
+within a step, at a switch of a function of t, at the end of the run, and where something else ends the step."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.contact import zero_search
 from lagcli.model.model import DeclaredEvent
+from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.events.step_watch import StepWatch
-from lagcli.simulation.events.watch_kinds import WatchKinds
+from lagcli.simulation.events.watch_functions import DIRECTIONS, WatchKinds
+from lagcli.simulation.scheme.bound_scheme import BoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
 
+# A function jumps over zero where it is this part of its size away from it on both sides.
+JUMPED = 1e-12
 # So many times its rounding from zero on both sides of a switch a declared function is at zero there; whether it
 # crosses, values tell by this part of a step farther off.
 TOUCHED, ASIDE = 4.0, 1e-5
@@ -27,6 +32,49 @@ REFINED = 4
 IN_TIME = 4.0
 # Roundings of time within which an incident is at the end of the run.
 AT_END = 8.0
+
+
+class EventValues:
+    """All E events of a run; sizes, rounding (E,): of their values in the step behind, where it was looked at."""
+
+    def __init__(self, run: Stepper, log: IncidentLog) -> None:
+        self._run, self._log = run, log
+        self._events = run.bound.held.integrals.system.model.events
+        self.sizes = self.rounding = np.zeros(0)
+        self._t = np.zeros(1)
+        self._known: tuple[BoundStep, BoundFunction] | None = None
+
+    def now(self) -> Floats:
+        """`when` (E,) where the run stands."""
+        run, bound = self._run, self._run.bound
+        if not self._events:
+            return np.zeros(0)
+        if self._known is None or self._known[0] is not bound:
+            self._known = bound, BoundFunction(bound.numeric.events_at, [self._t, bound.y, bound.p])
+        values = self._known[1]
+        self._t[0] = run.origin + run.t
+        values.trigger()
+        return values.results[0].copy()
+
+    def jumped(self, before: Floats, after: Floats) -> list[int]:
+        """The events that jump over zero in their direction, by their values before and after (E,)."""
+        least = JUMPED * np.maximum(np.abs(before), np.abs(after))
+        if self.sizes.size:
+            least = np.maximum(least, np.maximum(JUMPED * self.sizes, self.rounding))
+        ways = np.where((before < -least) & (after > least), 1, 0) - ((before > least) & (after < -least))
+        wanted = [DIRECTIONS[event.direction] for event in self._events]
+        return [i for i, (way, one) in enumerate(zip(ways, wanted, strict=True)) if way and one in (0, way)]
+
+    def tell(self, numbers: Iterable[int], lines: InstantLines | None = None) -> None:
+        """Tell of events where the run stands, with its own lines where there are no others; one that stops ends it."""
+        for number in numbers:
+            if lines is None:
+                line = self._log.line()
+                lines = InstantLines(line, line)
+            event = self._events[number]
+            self._log.tell("event", event.name, lines)
+            if event.action == "stop":
+                self._run.account.ended_by = event.name
 
 
 def at_switch(

@@ -1,0 +1,75 @@
+"""The state of a run between two steps: what it takes to go on bit for bit, and what has been handed out.
+
+A new piece of it is defined here once: a checkpoint saves and checks every field by its type.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.selection import Selection
+from lagcli.simulation.run_state.incident import NONE, RankDrop, Tally
+from lagcli.simulation.run_state.statistics import NO_ROWS, Figures
+from lagcli.simulation.scheme.invariants import Levels
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ContactState:
+    """touching: contacts that are closed and do not press; unarmed: numbers of rows, and of declared events after all
+    rows, of which the function that is watched has just crossed zero; last: time of the last incident, counted as the
+    state; again: changes without a step between them; size: the largest size of the motion at incidents; ending:
+    contacts whose rebounds end at a time ahead, with the time; deepest: the largest -g_j so far; shared: rows whose
+    multipliers or impulses were not unique at some time."""
+
+    touching: tuple[int, ...] = ()
+    unarmed: tuple[int, ...] = ()
+    last: float = 0.0
+    again: int = 0
+    size: float = 0.0
+    ending: tuple[tuple[int, float], ...] = ()
+    deepest: float = 0.0
+    shared: tuple[int, ...] = ()
+
+
+NOTHING = ContactState()
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RunState:
+    """A run between two steps, and what it has handed out.
+
+    t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
+    look at the pace; row: time of the last row handed out, which may lie on either side of t; figures: those of all
+    rows handed out; selection: the rows it is stepped with; levels: how each integral is held; watch: what the
+    next singular configuration is foreseen from; turns: where angles with a cut were, counted through all turns;
+    contacts: see `ContactState`. The others, steps, rejected, evaluations, notes, crossings, tally and told, are
+    those of `RunStatistics` up to t; told is of the incidents handed out, which may lie beyond t.
+    Times are counted from `origin`, but for those of crossings and incidents.
+    """
+
+    t: float
+    y: Floats
+    k: Floats
+    step: float = 0.0
+    pace_from: float
+    steps: int = 0
+    rejected: int = 0
+    evaluations: int = 0
+    row: float = -math.inf
+    figures: Figures = NO_ROWS
+    selection: Selection
+    levels: Levels = ()
+    notes: tuple[str, ...] = ()
+    watch: tuple[float, ...] = ()
+    crossings: tuple[RankDrop, ...] = ()
+    origin: float = 0.0
+    turns: tuple[float, ...] = ()
+    tally: Tally = NONE
+    told: Tally = NONE
+    contacts: ContactState = NOTHING
