@@ -24,7 +24,7 @@ from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.pfaffian.exact import time_limit
-from lagcli.pfaffian.exact.sympy_failure import TooDeep
+from lagcli.pfaffian.exact.guarded import TooDeep
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

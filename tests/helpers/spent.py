@@ -8,15 +8,15 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-from lagcli.pfaffian.exact import operations
+from lagcli.pfaffian.exact import time_limit
 
 
 @contextlib.contextmanager
 def at_most(count: int) -> Iterator[None]:
     """Fail where the work within makes more operations of computer algebra; 40 000 take about a second."""
-    before = operations.done()
+    before = time_limit.operations()
     yield
-    assert operations.done() - before <= count
+    assert time_limit.operations() - before <= count
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from sympy import Abs, Matrix, atan2, cos, exp, log, sin, sqrt
 
 from lagcli.pfaffian import joint
-from lagcli.pfaffian.exact import operations, surface_points, time_limit
+from lagcli.pfaffian.exact import surface_points, time_limit
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form, pfaffian_block
 from lagcli.pfaffian.integrals import first_integrals
@@ -55,9 +55,9 @@ def rank_is(matrix, rank, surface=()):
 
 
 def searched(system_, budget=None):
-    begun = operations.done()
+    begun = time_limit.operations()
     found = first_integrals.search(system_, time_limit.after(SECONDS), budget=budget)
-    return [f.integral for f in found], found, operations.done() - begun
+    return [f.integral for f in found], found, time_limit.operations() - begun
 
 
 def same_surfaces(found, expected, system_):

@@ -6,18 +6,17 @@ raised: in a file of SymPy or mpmath. A wrong call, or a slip in a function of o
 as it is.
 """
 
+import sys
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
 import sympy
 from sympy.polys.polyerrors import BasePolynomialError
 
-from lagcli.pfaffian.exact import sympy_failure
-from lagcli.pfaffian.exact.sympy_failure import SympyFailure
-
 P = ParamSpec("P")
 T = TypeVar("T")
 
+_LIBRARIES = ("sympy", "mpmath")
 # What was met, or stands in SymPy's files:
 #   solve, integrate, Matrix.exp   NotImplementedError where no algorithm fits (documented)
 #   factor_list, Poly, degree,     PolynomialError, PolificationFailed, CoercionFailed, HeuristicGCDFailed
@@ -37,12 +36,50 @@ _RAISED: tuple[type[Exception], ...] = (
 )
 
 
+class NoAnswerError(Exception):
+    """A proposal or a test has no answer for its input. That is "none found", never a verdict."""
+
+
+class SympyFailure(NoAnswerError):
+    """SymPy gave up, or broke down, on the input of one call."""
+
+
+class TooDeep(SympyFailure):
+    """An expression is nested too deeply for SymPy, which walks through it by recursion."""
+
+
+def attempt(work: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
+    """The value of a piece of work of ours, where its operators alone may fail with what SymPy documents for its
+    polynomials, or with the depth of an expression: no guarded call could hold that. Raises `SympyFailure`.
+
+    An endless recursion of ours passes as it is, and so does all else.
+    """
+    try:
+        return work(*arguments, **options)
+    except (BasePolynomialError, RecursionError) as error:
+        if not is_theirs(error):
+            raise
+        kind = TooDeep if isinstance(error, RecursionError) else SympyFailure
+        raise kind(f"SymPy failed ({type(error).__name__})") from error
+
+
+def is_theirs(error: BaseException) -> bool:
+    """True if an exception comes from SymPy, or from the standard library at its call."""
+    trace, last = error.__traceback__, ""
+    while trace is not None:
+        name = str(trace.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
+        if name not in sys.stdlib_module_names:
+            last = name
+        trace = trace.tb_next
+    return last in _LIBRARIES
+
+
 def call(function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
     """The value of a function or method of SymPy. Raises `SympyFailure`."""
     try:
         return function(*arguments, **options)
     except _RAISED as error:
-        if not sympy_failure.is_theirs(error):
+        if not is_theirs(error):
             raise
         raise SympyFailure(f"{function.__name__} failed ({type(error).__name__})") from error
 

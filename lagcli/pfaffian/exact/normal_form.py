@@ -23,7 +23,7 @@ from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, PolyRing, ring
 
 from lagcli.pfaffian.exact import guarded, logarithms
-from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
+from lagcli.pfaffian.exact.guarded import NoAnswerError
 
 # sin 24u is a polynomial of degree 24; roots of higher degree have as long relations.
 MAX_MULTIPLE = 24

@@ -13,8 +13,8 @@ from typing import Literal
 
 import sympy
 
-from lagcli.pfaffian.exact import enclosure, normal_form, surface_points, sympy_failure, time_limit
-from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
+from lagcli.pfaffian.exact import enclosure, guarded, normal_form, surface_points, time_limit
+from lagcli.pfaffian.exact.guarded import NoAnswerError
 
 Proof = Literal["symbolic", "numeric", "none"]
 
@@ -116,8 +116,8 @@ def _test_on(expression: sympy.Expr, surface: tuple[sympy.Expr, ...], deadline: 
 
 def _normal_form(expression: sympy.Expr) -> Finding:
     try:
-        basis = sympy_failure.attempt(normal_form.Tower, [expression])
-        remainder = sympy_failure.attempt(basis.element, expression)
+        basis = guarded.attempt(normal_form.Tower, [expression])
+        remainder = guarded.attempt(basis.element, expression)
     except normal_form.NoNormalFormError as error:
         return Finding(Truth.UNKNOWN, "none", str(error))
     except NoAnswerError as error:

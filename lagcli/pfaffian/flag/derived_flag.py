@@ -23,7 +23,7 @@ import sympy
 from sympy.polys.fields import FracElement
 
 from lagcli.pfaffian.exact import normal_form, real_bounds, time_limit
-from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
+from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.flag.function_field import (
     FunctionField,
     NotDecidedError,

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import sympy
 
 from lagcli.pfaffian.exact import guarded
-from lagcli.pfaffian.exact.sympy_failure import SympyFailure
+from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
 
 _KINDS = (sympy.Function, sympy.Pow)

@@ -14,7 +14,7 @@ import numpy as np
 import sympy
 
 from lagcli.pfaffian.exact import guarded, normal_form
-from lagcli.pfaffian.exact.sympy_failure import SympyFailure
+from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.integrals import combinations
 from lagcli.pfaffian.integrals import kernel_frame as frames
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import sympy
 
 from lagcli.pfaffian.exact import guarded, zero_test
-from lagcli.pfaffian.exact.sympy_failure import SympyFailure
+from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import pfaffian_block as blocks

@@ -10,7 +10,7 @@ from functools import partial
 import sympy
 
 from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
-from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
+from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import pfaffian_block as blocks

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sympy
 
 from lagcli.pfaffian.exact import guarded
-from lagcli.pfaffian.exact.sympy_failure import SympyFailure
+from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.single_form import potential
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
-from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
+from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms import form as forms
 
 Values = npt.NDArray[np.float64]

@@ -14,8 +14,8 @@ from typing import TypeVar
 
 import sympy
 
-from lagcli.pfaffian.exact import guarded, normal_form, sympy_failure, time_limit, zero_test
-from lagcli.pfaffian.exact.sympy_failure import NoAnswerError
+from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
+from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.single_form import ansatz, potential, tidy_integral
 
@@ -119,7 +119,7 @@ def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> F
         ways = []
     for way in dict.fromkeys([*ways, phi]):
         try:
-            mu = sympy_failure.attempt(verified, form, way, deadline)
+            mu = guarded.attempt(verified, form, way, deadline)
         except time_limit.NO_ANSWER:
             continue
         if mu is not None:

@@ -6,8 +6,8 @@ from math import lcm
 
 import sympy
 
-from lagcli.pfaffian.exact import guarded, sympy_failure
-from lagcli.pfaffian.exact.sympy_failure import NoAnswerError, SympyFailure
+from lagcli.pfaffian.exact import guarded
+from lagcli.pfaffian.exact.guarded import NoAnswerError, SympyFailure
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.single_form import rational
 
@@ -156,7 +156,7 @@ def _integrated(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
         return total
     for way in _ways(rest, x):
         try:
-            found = sympy_failure.attempt(way, guarded.factor_terms(rest), x)
+            found = guarded.attempt(way, guarded.factor_terms(rest), x)
         except NoAnswerError:
             continue
         if found is not None and found.has(x) and writable(found):  # a Piecewise may begin with a constant

@@ -8,8 +8,8 @@ from math import gcd, lcm
 import sympy
 from sympy.functions.elementary.trigonometric import TrigonometricFunction
 
-from lagcli.pfaffian.exact import guarded, normal_form, sympy_failure
-from lagcli.pfaffian.exact.sympy_failure import NoAnswerError, SympyFailure
+from lagcli.pfaffian.exact import guarded, normal_form
+from lagcli.pfaffian.exact.guarded import NoAnswerError, SympyFailure
 
 # Operations up to which an expression is shortened at all, and by the slow tools; the few shortest are joined.
 _SHORT = 400
@@ -40,7 +40,7 @@ def _shortest(expression: sympy.Expr, fine: bool) -> sympy.Expr:
             tools.append(guarded.simplify)  # knows the hyperbolic functions
         for tool in tools:
             try:
-                ways.append(sympy_failure.attempt(tool, expression))
+                ways.append(guarded.attempt(tool, expression))
             except NoAnswerError:
                 continue
     return _best(ways)
@@ -176,7 +176,7 @@ def ratio(above: sympy.Expr, below: sympy.Expr) -> sympy.Expr:
     ways = [plain]
     for way in (_normal, guarded.factor):
         try:
-            ways.append(sympy_failure.attempt(way, plain))
+            ways.append(guarded.attempt(way, plain))
         except NoAnswerError:
             continue
     best = _best(ways)
