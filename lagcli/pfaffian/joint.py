@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
-from lagcli.pfaffian.exact import enclosure, guarded, surface_points, time_limit
+from lagcli.pfaffian.exact import enclosure, guarded, time_limit
 from lagcli.pfaffian.flag import derived_flag as flags
-from lagcli.pfaffian.flag import elimination, inner_functions
+from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.flag.function_field import NotDecidedError, Values
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.integrals import first_integrals
 from lagcli.pfaffian.single_form import frobenius
 
@@ -147,7 +147,7 @@ def flagged(block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: 
     """
     try:
         left, gone = time_limit.run(deadline, lambda: elimination.eliminated(block, values))
-        left = time_limit.run(deadline, lambda: inner_functions.plain(left))
+        left = time_limit.run(deadline, lambda: elimination.with_constant_arguments(left))
     except time_limit.NO_ANSWER as error:
         raise NotDecidedError("the holonomic rows could not be solved in time") from error
     plain = replace(left, rows=tuple(tuple(forms.plain(a) for a in row) for row in left.rows))
@@ -277,7 +277,7 @@ def _points(block: PfaffianBlock) -> Sequence[enclosure.Point]:
     """Some points of the surface, or of all space where there is none."""
     symbols = (*block.variables, *block.parameters)
     if block.surface:
-        return surface_points.on(block.surface, symbols)
+        return enclosure.points_on(block.surface, symbols)
     return list(enclosure.points(symbols))[:8]
 
 

@@ -1,25 +1,46 @@
-"""Places in the symbols of a block: points of doubles, what vanishes on all of them, and equations that say so."""
+"""Places in the symbols of a block: points of doubles, what vanishes on all of them, and equations that say so.
+
+An expression vanishes at a point where its value is no more than the rounding of coordinates leaves. Each value goes
+with the sum of what it would change by if every coordinate and every intermediate result changed by its own size; one
+far below that is what cancellation leaves.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeAlias
 
 import sympy
 
-from lagcli.pfaffian.exact import guarded, normal_form, zero_at_point
+from lagcli.pfaffian.exact import guarded, normal_form
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import printing
-from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms.form import PfaffianBlock
 
 # A coordinate stands still where it differs by less than this part of its size; a value that is so near to a multiple
 # of pi/12 is one.
 STILL, NEAR = 1e-9, 1e-12
 PARTS_OF_PI = 12
+# In parts of the size of a value: a start is declared in decimals, and carries what they were rounded from.
+ROUNDING = 1e-9
 Point = Mapping[sympy.Symbol, float]
 Expression: TypeAlias = sympy.Expr  # as an equation: where it is zero
+_SLOPES: dict[type[sympy.Basic], tuple[Callable[[float], float], Callable[[float], float]]] = {
+    sympy.sin: (math.sin, math.cos),
+    sympy.cos: (math.cos, math.sin),
+    sympy.tan: (math.tan, lambda u: 1 + math.tan(u) ** 2),
+    sympy.exp: (math.exp, math.exp),
+    sympy.log: (math.log, lambda u: 1 / u),
+    sympy.sinh: (math.sinh, math.cosh),
+    sympy.cosh: (math.cosh, math.sinh),
+    sympy.tanh: (math.tanh, lambda u: 1 - math.tanh(u) ** 2),
+    sympy.asin: (math.asin, lambda u: 1 / math.sqrt(1 - u * u)),
+    sympy.acos: (math.acos, lambda u: 1 / math.sqrt(1 - u * u)),
+    sympy.atan: (math.atan, lambda u: 1 / (1 + u * u)),
+    sympy.Abs: (abs, lambda u: 1.0),
+}
 
 
 def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Point) -> Point:
@@ -29,13 +50,22 @@ def point(names: Iterable[str], values: Iterable[float], time: float, parameters
 
 
 def vanishes(expression: sympy.Expr, points: Sequence[Point]) -> bool:
-    """True if an expression is zero on all points, but for rounding."""
-    return all(zero_at_point.vanishes(expression, one) for one in points)
+    """True if an expression is zero on all points, but for rounding, or has no value."""
+    return all(_is_small(expression, one, otherwise=True) for one in points)
 
 
 def is_nothing(expression: sympy.Expr, points: Sequence[Point]) -> bool:
     """True if an expression has values on all points, all of them zero but for rounding."""
-    return all(zero_at_point.is_nothing(expression, one) for one in points)
+    return all(_is_small(expression, one, otherwise=False) for one in points)
+
+
+def _is_small(expression: sympy.Expr, place: Point, otherwise: bool) -> bool:
+    """True if the value of an expression at a point is zero but for rounding; `otherwise` where it has none."""
+    try:
+        value, size = _visit(expression, place)
+    except (ArithmeticError, ValueError):
+        return otherwise
+    return otherwise if math.isnan(value + size) else abs(value) <= ROUNDING * size
 
 
 def product(factors: Iterable[sympy.Expr]) -> sympy.Expr:
@@ -102,3 +132,48 @@ def _spelled(value: float) -> sympy.Expr:
     if twelfths and abs(twelfths * math.pi / PARTS_OF_PI - value) <= NEAR * abs(value):
         return sympy.Rational(twelfths, PARTS_OF_PI) * sympy.pi
     return sympy.Rational(repr(value))
+
+
+def _visit(e: sympy.Basic, place: Point) -> tuple[float, float]:
+    """The value and its size. Raises `ValueError` or `ArithmeticError` for what has none here."""
+    if isinstance(e, sympy.Symbol):
+        if e not in place:
+            raise ValueError(f"{e} has no value")
+        return place[e], abs(place[e])
+    if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
+        number = float(e)
+        return number, abs(number)
+    parts = [_visit(a, place) for a in e.args]
+    if isinstance(e, sympy.Add):
+        return math.fsum(v for v, _ in parts), math.fsum(s for _, s in parts)
+    if isinstance(e, sympy.Mul):
+        value, size = 1.0, 0.0
+        for v, s in parts:
+            value, size = value * v, size * abs(v) + abs(value) * s
+        return value, size
+    if isinstance(e, sympy.Pow):
+        return _power(*parts)
+    if isinstance(e, sympy.atan2):
+        (y, dy), (x, dx) = parts
+        square = x * x + y * y
+        value = math.atan2(y, x)
+        return value, abs(value) + (abs(x) * dy + abs(y) * dx) / square
+    if type(e) not in _SLOPES:
+        raise ValueError(f"{e.func} is not treated")
+    function, slope = _SLOPES[type(e)]
+    ((u, du),) = parts
+    value = function(u)
+    return value, abs(value) + abs(slope(u)) * du
+
+
+def _power(base: tuple[float, float], exponent: tuple[float, float]) -> tuple[float, float]:
+    (b, db), (n, dn) = base, exponent
+    if b == 0.0:
+        if n <= 0.0:
+            raise ZeroDivisionError
+        return 0.0, db
+    value = b**n
+    if isinstance(value, complex):
+        raise ValueError("a root of a negative number")
+    size = abs(n * value / b) * db
+    return value, size + (abs(value * math.log(abs(b))) * dn if n != round(n) else 0.0)

@@ -25,8 +25,7 @@ from lagcli.model.invariant import FirstIntegral
 from lagcli.model.resolve import ModelNames, Reference, Resolver
 from lagcli.pfaffian import level_charts
 from lagcli.pfaffian.forms import printing
-from lagcli.pfaffian.forms.form import Form
-from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms.form import Form, PfaffianBlock
 
 FUNCTIONS: dict[str, Callable[..., sympy.Expr]] = {
     **{

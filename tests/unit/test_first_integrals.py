@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from sympy import Abs, Matrix, atan2, cos, exp, log, sin, sqrt
 
 from lagcli.pfaffian import joint
-from lagcli.pfaffian.exact import surface_points, time_limit
+from lagcli.pfaffian.exact import enclosure, time_limit
 from lagcli.pfaffian.flag import elimination
-from lagcli.pfaffian.forms import form, pfaffian_block
+from lagcli.pfaffian.forms import form
 from lagcli.pfaffian.integrals import first_integrals
 from lagcli.pfaffian.single_form import frobenius, potential
 from tests.helpers import spent
@@ -30,7 +30,7 @@ def system(variables, rows, parameters=(), surface=()):
     rows = rows.tolist() if isinstance(rows, sympy.MatrixBase) else rows
     entries = tuple(tuple(sympy.sympify(c) for c in row) for row in rows)
     names = tuple(f"row{n}" for n in range(len(entries)))
-    return pfaffian_block.PfaffianBlock(names, tuple(variables), entries, tuple(parameters), tuple(surface))
+    return form.PfaffianBlock(names, tuple(variables), entries, tuple(parameters), tuple(surface))
 
 
 def jacobian(functions, variables):
@@ -41,7 +41,7 @@ def rank_is(matrix, rank, surface=()):
     """Whether the matrix has the rank at points of the surface, with 50 digits."""
     symbols = sorted(matrix.free_symbols | set().union(*(f.free_symbols for f in surface)), key=str)
     if surface:
-        there = surface_points.on(surface, symbols)
+        there = enclosure.points_on(surface, symbols)
     else:
         there = [{s: sympy.Rational(3 * n + 5 + k, 17) for n, s in enumerate(symbols)} for k in (0, 2)]
     for point in there:

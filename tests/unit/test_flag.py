@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import derived_flag, function_field
-from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms.form import PfaffianBlock
 from tests.helpers import spent
 
 REFERENCE = pathlib.Path(__file__).parents[1] / "reference" / "pfaffian.json"

@@ -25,8 +25,7 @@ from lagcli.pfaffian import joint, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
 from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms import printing
-from lagcli.pfaffian.forms.form import Form
-from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms.form import Form, PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius, memo
 from lagcli.pfaffian.special_places import Expression
 from lagcli.start import initial

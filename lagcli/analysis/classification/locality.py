@@ -17,7 +17,7 @@ from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.pfaffian import joint, special_places, translate
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import function_field
-from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_places import Expression
 from lagcli.start.initial import State

@@ -165,7 +165,7 @@ def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list
     if not columns:
         return []
     basis = normal_form.Tower([entry for column in columns for entry in column])
-    table = [normal_form.elements(basis, column) for column in columns]
+    table = [[basis.element(e) for e in column] for column in columns]
     fixed = tuple(g for g in basis.letters if _meaning(basis, g).free_symbols <= parameters)
     rows: list[_PolyRow] = []
     for equation in zip(*table, strict=True):

@@ -22,12 +22,14 @@ from sympy.polys.fields import FracElement, FracField
 from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, PolyRing, ring
 
-from lagcli.pfaffian.exact import guarded, logarithms
+from lagcli.pfaffian.exact import guarded
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 
 # sin 24u is a polynomial of degree 24; roots of higher degree have as long relations.
 MAX_MULTIPLE = 24
 MAX_ROOT = 12
+# Longer arguments of logarithms, and more of them, are not factored.
+MAX_OPERATIONS, MAX_LOGARITHMS = 40, 12
 _CIRCULAR = (sympy.sin, sympy.cos, sympy.tan, sympy.cot, sympy.sec, sympy.csc)
 _HYPERBOLIC = (sympy.sinh, sympy.cosh, sympy.tanh)
 _OPAQUE = (sympy.log, sympy.asin, sympy.acos, sympy.atan, sympy.atan2)
@@ -63,7 +65,7 @@ class Tower:
         listed = [sympy.sympify(e) for e in (*expressions, *surface)]
         for e in listed:
             self._collect(e)
-        self._sums = logarithms.dependent(self._logs)
+        self._sums = _dependent(self._logs)
         written = [self._write(e) for e in listed]
         self._check_roots()
         self.independent = self.independent and not surface
@@ -350,6 +352,48 @@ def _log_of_primes(e: sympy.Expr) -> sympy.Expr:
     return sympy.Add(*(n * sympy.log(p) for p, n in powers.items()))
 
 
-def elements(tower: Tower, expressions: Sequence[sympy.Expr]) -> list[FracElement]:
-    """`normal_form.element` of each expression."""
-    return [tower.element(e) for e in expressions]
+def _dependent(arguments: Iterable[sympy.Expr]) -> dict[sympy.Expr, sympy.Expr]:
+    """The logarithms of arguments that are products of powers of simpler ones, and of a positive rational number, as
+    sums: log(x y) is log(x) + log(y) where all three have values.
+
+    Arguments of logarithms are positive where these have values, so that there the sums are the same.
+    """
+    listed = sorted(set(arguments), key=lambda a: (a.count_ops(), str(a)))
+    if not 2 <= len(listed) <= MAX_LOGARITHMS or any(a.count_ops() > MAX_OPERATIONS for a in listed):
+        return {}
+    powers, numbers = zip(*(_factored(a) for a in listed), strict=True)
+    columns = sorted(set().union(*powers), key=str)
+    table = [[own.get(f, 0) for f in columns] for own in powers]
+    kept: list[int] = []
+    found = {}
+    for k, row in enumerate(table):
+        weights = _weights([table[i] for i in kept], row)
+        if weights is None:
+            kept.append(k)
+            continue
+        rest = numbers[k] / sympy.Mul(*(numbers[i] ** w for i, w in zip(kept, weights, strict=True)))
+        if rest.is_Rational and rest.is_positive:
+            terms = (w * sympy.log(listed[i]) for i, w in zip(kept, weights, strict=True))
+            found[listed[k]] = sympy.Add(sympy.log(rest), *terms)
+    return found
+
+
+def _factored(argument: sympy.Expr) -> tuple[dict[sympy.Expr, int], sympy.Rational]:
+    """The irreducible factors with their powers, and the number before them."""
+    found: dict[sympy.Expr, int] = {}
+    number = sympy.Integer(1)
+    for part, sign in zip(sympy.fraction(guarded.together(argument)), (1, -1), strict=True):
+        constant, factors = guarded.factor_list(part)
+        number *= constant**sign
+        for f, n in factors:
+            found[f] = found.get(f, 0) + sign * n
+    return found, number
+
+
+def _weights(rows: list[list[int]], row: list[int]) -> list[sympy.Rational] | None:
+    """w with sum_i w_i rows_i = row, or None; the rows are independent."""
+    if not rows:
+        return None
+    A = sympy.Matrix(rows).T
+    w = guarded.call((A.T * A).inv) * A.T * sympy.Matrix(row)
+    return list(w) if A * w == sympy.Matrix(row) else None

@@ -13,7 +13,7 @@ from typing import Literal
 
 import sympy
 
-from lagcli.pfaffian.exact import enclosure, guarded, normal_form, surface_points, time_limit
+from lagcli.pfaffian.exact import enclosure, guarded, normal_form, time_limit
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 
 Proof = Literal["symbolic", "numeric", "none"]
@@ -95,8 +95,8 @@ def _test_on(expression: sympy.Expr, surface: tuple[sympy.Expr, ...], deadline: 
     if finding.truth is Truth.YES or expression.is_Rational:
         return finding
     try:
-        values = time_limit.run(deadline, lambda: surface_points.values(expression, surface))
-        if any(abs(value) > surface_points.ZERO for value in values):
+        values = time_limit.run(deadline, lambda: enclosure.values_on(expression, surface))
+        if any(abs(value) > enclosure.ZERO for value in values):
             return Finding(Truth.NO, "numeric")
         remainder = time_limit.run(
             deadline, lambda: normal_form.Tower([expression], surface).element(expression)

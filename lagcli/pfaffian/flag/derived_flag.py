@@ -32,7 +32,7 @@ from lagcli.pfaffian.flag.function_field import (
     Values,
     may_vanish,
 )
-from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms.form import PfaffianBlock
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
 """Coordinates that a holonomic row gives as a function of the others are eliminated from a Pfaffian system.
 
 f = 0 with f = c x + g, where c is a constant and g does not hold x, is the graph x = -g/c over the other
-coordinates: there the forms are forms in one coordinate less, d(x) = -d(g)/c, and nothing is left of f.
+coordinates: there the forms are forms in one coordinate less, d(x) = -d(g)/c, and nothing is left of f. Of what is
+left of the surface two more things are used: an ellipse has an angle, and arguments of functions may be constant.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from itertools import combinations
 import sympy
 
 from lagcli.pfaffian.exact import guarded, time_limit, zero_test
+from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.forms import pfaffian_block as blocks
 
 Substitutions = dict[sympy.Symbol, sympy.Expr]
 
@@ -27,8 +28,8 @@ _ROUNDING = 1e-12
 
 
 def eliminated(
-    block: blocks.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr] | None = None
-) -> tuple[blocks.PfaffianBlock, Substitutions]:
+    block: forms.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr] | None = None
+) -> tuple[forms.PfaffianBlock, Substitutions]:
     """The block on the graph of every f of the surface that is linear in a coordinate with a constant coefficient.
 
     Time is never eliminated. The block that is left has the same row names, the coordinates that remain, and the
@@ -72,7 +73,7 @@ def pulled_back(
 
 
 def _solved(
-    block: blocks.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr]
+    block: forms.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr]
 ) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]], list[sympy.Expr]]:
     """The coordinates solved for, one after the other, and the f that are left."""
     pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
@@ -163,7 +164,7 @@ def _expanded(expression: sympy.Expr) -> sympy.Expr:
     return guarded.expand(expression, power_base=False, power_exp=False, log=False)
 
 
-def in_angles(block: blocks.PfaffianBlock) -> tuple[blocks.PfaffianBlock, Substitutions]:
+def in_angles(block: forms.PfaffianBlock) -> tuple[forms.PfaffianBlock, Substitutions]:
     """The block with an angle instead of two coordinates on every ellipse ((x - a)/A)**2 + ((y - b)/B)**2 = 1.
 
     x = a + A cos(u) and y = b + B sin(u), where a and b do not hold x and y, and A, B are constant. The second
@@ -195,7 +196,7 @@ Pair = tuple[sympy.Expr, sympy.Expr]
 Ellipse = tuple[sympy.Expr, Pair, Pair, Pair]
 
 
-def _own_ellipse(block: blocks.PfaffianBlock) -> Ellipse | None:
+def _own_ellipse(block: forms.PfaffianBlock) -> Ellipse | None:
     """(f, (x, y), (u, v), (A, B)) with f = k ((u/A)**2 + (v/B)**2 - 1), u = x - a and v = y - b."""
     moving = set(block.variables)
     for f in block.surface:
@@ -220,3 +221,44 @@ def _root(square: sympy.Expr) -> sympy.Expr | None:
     root = sympy.sqrt(square).replace(sympy.Abs, lambda length: length)
     known = not any(p.base.free_symbols and not p.exp.is_Integer for p in root.atoms(sympy.Pow))
     return root if known and square != 0 and not root.has(sympy.I) else None
+
+
+def with_constant_arguments(block: forms.PfaffianBlock) -> forms.PfaffianBlock:
+    """The block with the arguments in its rows that are constant on the polynomial part of its surface replaced.
+
+    sqrt(x**2 + y**2) is 1 where x**2 + y**2 = 1. To the algebra of `normal_form` a function of an argument is a letter
+    of its own, whatever the surface says of the argument.
+    """
+    held = [f for f in block.surface if f.is_polynomial(*block.variables)]
+    moving = {x for f in held for x in f.free_symbols & set(block.variables)}
+    if not moving or not any(a.has(sympy.Function, sympy.Pow) for row in block.rows for a in row):
+        return block
+    variables = [x for x in block.variables if x in moving]
+    known: dict[sympy.Expr, sympy.Expr] = {}
+    ideal: list[sympy.GroebnerBasis] = []
+
+    def constant(u: sympy.Expr) -> sympy.Expr:
+        """The argument, or what it is on the whole surface."""
+        if not u.free_symbols & moving or not u.is_polynomial(*variables):
+            return u
+        if u not in known:
+            try:
+                if not ideal:
+                    ideal.append(guarded.groebner(held, *variables, order="grevlex"))
+                rest = guarded.call(ideal[0].reduce, guarded.expand(u))[1]
+            except SympyFailure:  # roots of parameters that are no field of constants
+                rest = u
+            known[u] = u if rest.free_symbols & moving else guarded.expand(rest)
+        return known[u]
+
+    def replaced(e: sympy.Expr) -> sympy.Expr:
+        if not e.args or not e.free_symbols & moving:
+            return e
+        is_inner = isinstance(e, sympy.Function) or (e.is_Pow and not e.exp.is_Integer)
+        parts = [replaced(a) for a in e.args]
+        if is_inner:
+            parts = [constant(a) for a in parts]
+        return e if tuple(parts) == e.args else e.func(*parts)
+
+    rows: Sequence[tuple[sympy.Expr, ...]] = tuple(tuple(replaced(a) for a in row) for row in block.rows)
+    return dataclasses.replace(block, rows=tuple(rows))

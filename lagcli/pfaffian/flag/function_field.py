@@ -14,9 +14,9 @@ import sympy
 from sympy.polys.fields import FracElement
 from sympy.polys.rings import PolyElement
 
-from lagcli.pfaffian.exact import guarded, normal_form, surface_points, time_limit, zero_test
+from lagcli.pfaffian.exact import enclosure, guarded, normal_form, time_limit, zero_test
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.forms.pfaffian_block import PfaffianBlock
+from lagcli.pfaffian.forms.form import PfaffianBlock
 
 Row = list[FracElement]  # entries in the field of the tower
 Values = Mapping[sympy.Symbol, sympy.Expr]
@@ -138,9 +138,7 @@ class FunctionField:
 
     def _is_not_zero(self, expression: sympy.Expr) -> bool:
         if self._block.surface:
-            return any(
-                abs(v) > surface_points.ZERO for v in surface_points.values(expression, self._block.surface)
-            )
+            return any(abs(v) > enclosure.ZERO for v in enclosure.values_on(expression, self._block.surface))
         return zero_test.is_zero(expression, self._deadline).truth is zero_test.Truth.NO
 
     def solved(self, rows: Sequence[Sequence[FracElement]], last: int = -1) -> SolvedForms:

@@ -1,8 +1,10 @@
 """A Pfaffian form omega = sum_k A_k dx_k, the left side of one differential constraint (D.2), with its
-derivatives.
+derivatives; and a block of them, rows that share coordinates, with the holonomic rows they meet (D.6 as forms).
 
 The symbols are real. Where |u|, sign(u), min or max occur, the derivatives are those away from the kinks.
 """
+
+from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -44,11 +46,11 @@ class Form:
         used: set[sympy.Basic] = set().union(*(a.free_symbols for a in self.coefficients))
         return tuple(i for i, x in enumerate(self.variables) if x in used or self.coefficients[i] != 0)
 
-    def times(self, factor: sympy.Expr) -> "Form":
+    def times(self, factor: sympy.Expr) -> Form:
         """The form factor * omega."""
         return Form(self.name, self.variables, tuple(factor * a for a in self.coefficients), self.parameters)
 
-    def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> "Form":
+    def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> Form:
         """The form for given values of all parameters."""
         return Form(self.name, self.variables, tuple(a.xreplace(values) for a in self.coefficients))
 
@@ -76,6 +78,33 @@ class Form:
     def _curl(self, i: int, j: int) -> sympy.Expr:
         x, a = self.variables, self.coefficients
         return partial(a[j], x[i]) - partial(a[i], x[j])
+
+
+@dataclass(frozen=True, slots=True)
+class PfaffianBlock:
+    """C forms omega_i = sum_k rows[i][k] d(variables[k]) on the surface where every f of `surface` vanishes.
+
+    names (C,): of the forms; variables (n,): coordinates, and time last where it occurs in any row; rows (C, n);
+    surface (s,): the left sides f of the coupled holonomic rows; parameters: constants of unknown value. Forms that
+    share no coordinate, directly or through holonomic rows, are classified apart: their derived flags add up.
+    """
+
+    names: tuple[str, ...]
+    variables: tuple[sympy.Symbol, ...]
+    rows: tuple[tuple[sympy.Expr, ...], ...]
+    parameters: tuple[sympy.Symbol, ...] = ()
+    surface: tuple[sympy.Expr, ...] = ()
+
+    def form(self, i: int) -> Form:
+        """The form of row i."""
+        return Form(self.names[i], self.variables, self.rows[i], self.parameters)
+
+    def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> PfaffianBlock:
+        """The block for given values of all parameters."""
+        rows = tuple(tuple(a.xreplace(values) for a in row) for row in self.rows)
+        return PfaffianBlock(
+            self.names, self.variables, rows, (), tuple(f.xreplace(values) for f in self.surface)
+        )
 
 
 @lru_cache(maxsize=4096)

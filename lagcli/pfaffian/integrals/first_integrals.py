@@ -13,7 +13,6 @@ import sympy
 from lagcli.pfaffian.exact import guarded, time_limit
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.forms import pfaffian_block as blocks
 from lagcli.pfaffian.integrals import guesses, integral_search
 
 Found = integral_search.SearchResult
@@ -35,7 +34,7 @@ _WAYS: integral_search.Ways = (
 
 
 def search(
-    block: blocks.PfaffianBlock, deadline: float, wanted: int | None = None, budget: int | None = None
+    block: forms.PfaffianBlock, deadline: float, wanted: int | None = None, budget: int | None = None
 ) -> tuple[Found, ...]:
     """Verified and independent first integrals of the rows (C, n), at most C; ends at `deadline`.
 
@@ -54,11 +53,11 @@ def search(
     return tuple(Found(_put_back(f.integral, back).xreplace(spoken), f.how) for f in found)
 
 
-def _renamed(block: blocks.PfaffianBlock, names: dict[sympy.Symbol, sympy.Symbol]) -> blocks.PfaffianBlock:
+def _renamed(block: forms.PfaffianBlock, names: dict[sympy.Symbol, sympy.Symbol]) -> forms.PfaffianBlock:
     def turn(e: sympy.Expr) -> sympy.Expr:
         return forms.plain(sympy.sympify(e).xreplace(names))
 
-    return blocks.PfaffianBlock(
+    return forms.PfaffianBlock(
         block.names,
         tuple(names[x] for x in block.variables),
         tuple(tuple(turn(a) for a in row) for row in block.rows),

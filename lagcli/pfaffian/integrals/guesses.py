@@ -10,7 +10,6 @@ from lagcli.pfaffian.exact import guarded, zero_test
 from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.forms import pfaffian_block as blocks
 from lagcli.pfaffian.integrals import combinations, darboux, matrix_flow
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.integrals.integral_search import IntegralSearch, Proposals, SearchResult
@@ -177,7 +176,7 @@ def eliminations(quest: IntegralSearch) -> Proposals:
         return
     kept = tuple(x for x in block.variables if x not in values)
     rows = tuple(elimination.pulled_back(block.variables, row, values, kept) for row in block.rows)
-    smaller = blocks.PfaffianBlock(block.names, kept, rows, (*block.parameters, *constants))
+    smaller = forms.PfaffianBlock(block.names, kept, rows, (*block.parameters, *constants))
     for each in quest.smaller(smaller):
         yield SearchResult(
             each.integral.xreplace(constants),

@@ -13,7 +13,6 @@ from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.forms import pfaffian_block as blocks
 from lagcli.pfaffian.integrals import combinations
 from lagcli.pfaffian.integrals import kernel_frame as frames
 from lagcli.pfaffian.single_form import potential, tidy_integral
@@ -37,7 +36,7 @@ Ways = Sequence[tuple[Strategy, int]]
 
 
 def pursued(
-    block: blocks.PfaffianBlock,
+    block: forms.PfaffianBlock,
     ways: Ways,
     deadline: float,
     wanted: int | None = None,
@@ -60,7 +59,7 @@ class IntegralSearch:
     """
 
     def __init__(
-        self, block: blocks.PfaffianBlock, ways: Ways, deadline: float, wanted: int | None = None
+        self, block: forms.PfaffianBlock, ways: Ways, deadline: float, wanted: int | None = None
     ) -> None:
         self.block, self._ways, self.deadline, self._wanted = block, ways, deadline, wanted
         self.found: list[SearchResult] = []
@@ -81,7 +80,7 @@ class IntegralSearch:
             with contextlib.suppress(*time_limit.NO_ANSWER):
                 time_limit.run(self.deadline, partial(self._take, strategy), budget)
 
-    def smaller(self, block: blocks.PfaffianBlock) -> list[SearchResult]:
+    def smaller(self, block: forms.PfaffianBlock) -> list[SearchResult]:
         """The findings of this search for another block."""
         return pursued(block, self._ways, self.deadline)
 

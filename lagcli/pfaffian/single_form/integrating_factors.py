@@ -52,7 +52,7 @@ def primitive(form: forms.Form) -> forms.Form:
     """
     try:
         basis = normal_form.Tower(form.coefficients)
-        entries = normal_form.elements(basis, form.coefficients)
+        entries = [basis.element(a) for a in form.coefficients]
     except NoAnswerError:
         return form
     below = reduce(lambda a, b: a.lcm(b), (e.denom for e in entries), basis.ring.one)
