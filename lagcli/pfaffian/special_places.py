@@ -65,7 +65,9 @@ def _is_small(expression: sympy.Expr, place: Point, otherwise: bool) -> bool:
         value, size = _visit(expression, place)
     except (ArithmeticError, ValueError):
         return otherwise
-    return otherwise if math.isnan(value + size) else abs(value) <= ROUNDING * size
+    if not math.isfinite(value) or math.isnan(size):
+        return otherwise
+    return abs(value) <= ROUNDING * size
 
 
 def product(factors: Iterable[sympy.Expr]) -> sympy.Expr:
