@@ -21,7 +21,7 @@ import sympy
 
 from lagcli.model import invariant
 from lagcli.pfaffian.exact import guarded, time_limit
-from lagcli.pfaffian.forms import printing
+from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.single_form import potential, tidy_integral
 
 Variables = tuple[sympy.Symbol, ...]
@@ -45,7 +45,7 @@ def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[inv
         pass
     if not _is_continuous(phi, variables):
         return ()
-    return (invariant.LevelFunction(printing.written(phi)),)
+    return (invariant.LevelFunction(notation.written(phi)),)
 
 
 def _charts(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFunction, ...]:
@@ -54,7 +54,7 @@ def _charts(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFunct
     quotients = _quotients(phi, variables)
     quotients = [q for q in quotients if all(_is_continuous(part, variables) for part in q)]
     quotients.sort(key=lambda q: not all(_is_regular(part, variables) for part in q))  # stable
-    found = (invariant.LevelFunction(printing.written(a), printing.written(b)) for a, b in quotients)
+    found = (invariant.LevelFunction(notation.written(a), notation.written(b)) for a, b in quotients)
     return tuple(dict.fromkeys(found))
 
 
@@ -93,11 +93,11 @@ def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFu
     turns = sum(abs(n) for n in numbers)
     if turns <= MOST_TURNS and _is_regular(u, variables):
         found.append(_product([(x, y, n) for n, (_, x, y) in zip(numbers, angles, strict=True)], u))
-    result = [invariant.LevelFunction(printing.written(a), printing.written(b)) for a, b in found]
+    result = [invariant.LevelFunction(notation.written(a), notation.written(b)) for a, b in found]
     if _is_continuous(rest, variables):
         phi = sum((c * sympy.atan2(y, x) for c, x, y in angles), rest)
-        period = printing.written(2 * sympy.pi * unit)
-        result.append(invariant.LevelFunction(printing.written(phi), period=period))
+        period = notation.written(2 * sympy.pi * unit)
+        result.append(invariant.LevelFunction(notation.written(phi), period=period))
     return tuple(result)
 
 

@@ -16,7 +16,7 @@ import sympy
 from lagcli.pfaffian.exact import guarded, normal_form
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.forms import printing
+from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
 
 # A coordinate stands still where it differs by less than this part of its size; a value that is so near to a multiple
@@ -118,11 +118,11 @@ def distinct(*several: Iterable[sympy.Expr]) -> list[sympy.Expr]:
 def told(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: Point) -> list[str]:
     """Equations as texts, and on which side of the kinks of |u| a point lies."""
     kinks = sorted({e for row in block.rows for a in row for e in forms.plain(a).atoms(sympy.Abs)}, key=str)
-    found = [f"{printing.written(e)} = 0" for e in equations if not e.has(sympy.Abs)]
+    found = [f"{notation.written(e)} = 0" for e in equations if not e.has(sympy.Abs)]
     for kink in kinks:
         u = kink.args[0]
         value = float(u.xreplace({x: sympy.Float(v) for x, v in here.items()}))
-        found.append(f"{printing.written(u)} {'>' if value > 0 else '<'} 0")
+        found.append(f"{notation.written(u)} {'>' if value > 0 else '<'} 0")
     return found
 
 

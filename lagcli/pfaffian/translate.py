@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import copy
 import functools
-import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
@@ -17,46 +16,24 @@ import sympy
 
 from lagcli.expression import evaluate, tree
 from lagcli.expression.evaluate import Triple, Value
-from lagcli.expression.operators import Operators
 from lagcli.model import family
 from lagcli.model import model as nouns
 from lagcli.model.family import Family, Whole
 from lagcli.model.invariant import FirstIntegral
-from lagcli.model.resolve import ModelNames, Reference, Resolver
+from lagcli.model.resolve import ModelNames, Resolver
 from lagcli.pfaffian import level_charts
-from lagcli.pfaffian.forms import printing
+from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
-
-FUNCTIONS: dict[str, Callable[..., sympy.Expr]] = {
-    **{
-        name: getattr(sympy, name)
-        for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt".split()
-    },
-    "abs": sympy.Abs,
-    "sign": sympy.sign,
-    "min": sympy.Min,
-    "max": sympy.Max,
-}
+from lagcli.pfaffian.forms.notation import TIME, ZERO, TooLarge, exact
 
 # Beyond this many operations a form is too large for exact algebra to end in reasonable time.
 MAX_OPERATIONS = 4000
-# Exact numbers have as many digits as they are written with, and powers multiply them. Arithmetic with millions of
-# digits cannot be interrupted, so that no time limit would hold.
-MAX_DIGITS = 300
-MAX_EXPONENT = 200
 # Below this an expression vanishes for given numbers.
 ROUNDING = 1e-12
-TIME = sympy.Symbol("t", real=True)
 _DT = sympy.Symbol("dt", real=True)
 _ALONE = family.one("")
-_CONSTANTS: dict[str, sympy.Expr] = {"pi": sympy.pi, "deg": sympy.pi / 180}
-
 
 V = TypeVar("V")
-
-
-class TooLarge(Exception):
-    """The form of a row has more operations, digits or larger powers than exact algebra is tried on."""
 
 
 class Translation:
@@ -93,7 +70,7 @@ class Translation:
         rows = []
         for form in forms:
             coefficients = dict(zip(form.variables, form.coefficients, strict=True))
-            rows.append(tuple(coefficients.get(x, sympy.Integer(0)) for x in variables))
+            rows.append(tuple(coefficients.get(x, ZERO) for x in variables))
         parameters = tuple(p for p in self._names.parameters if p in used)
         return PfaffianBlock(
             tuple(form.name for form in forms), variables, tuple(rows), parameters, tuple(surface)
@@ -118,17 +95,17 @@ class Translation:
         for parameter in self._model.parameters:
             symbols, value = self._names.parameter(parameter.name), parameter.value
             if isinstance(value, tuple):
-                found |= {symbol: _exact(part) for symbol, part in zip(symbols, value, strict=True)}
+                found |= {symbol: exact(part) for symbol, part in zip(symbols, value, strict=True)}
             else:
                 # pi/3 is pi/3 and not a decimal near it: an angle may be the one for which a verdict changes.
                 written = None if parameter.formula is None else self._constant(parameter.formula)
-                found[symbols] = _exact(value) if written is None else written.xreplace(found)
+                found[symbols] = exact(value) if written is None else written.xreplace(found)
         return found
 
     def _constant(self, formula: nouns.Expression) -> sympy.Expr | None:
         """The value of a parameter in terms of others; None where it is too large."""
         try:
-            _require_short(formula.tree)
+            notation.require_short(formula.tree)
             return _require_small(evaluate.evaluate(formula.tree, self._names))
         except TooLarge:
             return None
@@ -149,7 +126,7 @@ class Translation:
             for place in range(law.members.count):
                 rows = law.rows[place * each : (place + 1) * each]
                 try:
-                    _require_short(law.equation.tree)
+                    notation.require_short(law.equation.tree)
                     there = self._names.at(law.members, place)
                     yield from zip(rows, evaluate.difference(law.equation.tree, there), strict=True)
                 except TooLarge as failure:
@@ -160,49 +137,34 @@ def _form(names: _FormNames, row: str, value: sympy.Expr) -> Form:
     _require_small(value)
     present = value.free_symbols
     coefficients = {x: sympy.diff(value, names.differentials[x]) for x in names.moved(present)}
-    at_rest = {d: sympy.Integer(0) for d in (*(names.differentials[x] for x in coefficients), _DT)}
+    at_rest = dict.fromkeys((*(names.differentials[x] for x in coefficients), _DT), ZERO)
     # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
     coefficients[TIME] = sympy.diff(value, _DT) + value.xreplace(at_rest)
     used = set().union(*(c.free_symbols for c in coefficients.values()))
     moving = {x for x, a in coefficients.items() if a != 0}
     variables = names.ordered(used | moving)
     parameters = tuple(p for p in names.parameters if p in used)
-    return Form(row, variables, tuple(coefficients.get(x, sympy.Integer(0)) for x in variables), parameters)
-
-
-def _require_short(node: tree.Node) -> None:
-    """Raise `TooLarge` for a formula of many terms: SymPy needs time quadratic in them only to add them up."""
-    if sum(1 for _ in itertools.islice(tree.walk(node), MAX_OPERATIONS + 1)) > MAX_OPERATIONS:
-        raise TooLarge("too many terms")
+    return Form(row, variables, tuple(coefficients.get(x, ZERO) for x in variables), parameters)
 
 
 def _require_small(value: V) -> V:
-    """The value, unless it has too many operations, written out as a tree, or too large powers: `TooLarge`."""
-    for part in value if isinstance(value, tuple) else (value,):
-        for count, inner in enumerate(sympy.preorder_traversal(part)):
-            if count >= MAX_OPERATIONS or (inner.is_Pow and _is_large(inner.exp)):
-                raise TooLarge("too many operations")
-    return value
+    return notation.require_small(value, MAX_OPERATIONS)
 
 
-def _is_large(exponent: sympy.Expr) -> bool:
-    return bool(exponent.is_Rational and abs(exponent) > MAX_EXPONENT)
-
-
-class _FormNames(Operators[sympy.Expr]):
-    """SymPy scalars as an algebra for `expression.evaluate`."""
+class _FormNames(notation.SympyAlgebra):
+    """The names of a model in forms: rates are differentials, and parameters symbols."""
 
     def __init__(self, model: nouns.Model) -> None:
         self._model = model
-        self._coordinates = {name: sympy.Symbol(name, real=True) for name in model.coordinate_names}
+        self._coordinates = notation.coordinates(model)
         self.differentials = {x: sympy.Symbol(f"d({x.name})", real=True) for x in self._coordinates.values()}
         self._moved = {d: x for x, d in self.differentials.items()}
         self._rank = {x: n for n, x in enumerate((*self.differentials, TIME))}
-        self._parameters = {p.name: _parameter(p) for p in model.parameters}
+        self._parameters = {p.name: notation.parameter(p) for p in model.parameters}
         self._constants: dict[str, Value[sympy.Expr]] = {
             "t": TIME,
             "dt": _DT,
-            **constants(model),
+            **notation.constants(model),
             **self._parameters,
         }
         self._names = ModelNames(model)
@@ -210,7 +172,7 @@ class _FormNames(Operators[sympy.Expr]):
         self._values: dict[str, Value[sympy.Expr] | TooLarge] = {}
         self._positions: dict[int, Triple[sympy.Expr] | TooLarge] = {}
         self._indices: dict[str, int] = {}
-        self._resolver = Resolver(self._names, self, {}, {})
+        self.resolver = Resolver(self._names, self, {}, {})
         self.parameters = [
             s
             for value in self._parameters.values()
@@ -244,40 +206,22 @@ class _FormNames(Operators[sympy.Expr]):
             return self
         there = copy.copy(self)
         there._indices = {name: int(values[place]) for name, values in members.variables.items()}
-        there._resolver = Resolver(self._names, there, there._indices, {})
+        there.resolver = Resolver(self._names, there, there._indices, {})
         return there
-
-    def number(self, node: tree.Number) -> sympy.Expr:
-        if float(node.text) == 0.0:
-            return sympy.Integer(0)  # also a number below the smallest double, which is zero everywhere else
-        if len(node.text) > MAX_DIGITS:
-            raise TooLarge(node.text[:MAX_DIGITS])
-        return sympy.Rational(node.text)
 
     def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
         if exponent.free_symbols and not base.free_symbols.isdisjoint((*self._moved, _DT)):
             exponent = self._whole(exponent)
-        if _is_large(exponent):
-            raise TooLarge(str(exponent))
-        return base**exponent
+        return super().power(node, base, exponent)
 
     def _whole(self, exponent: sympy.Expr) -> sympy.Expr:
         """An exponent of a differential: in a row, which is linear, it is 0 or 1 for the values of the parameters."""
         numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
-        values = dict(zip(self.parameters, map(_exact, numbers), strict=True))
+        values = dict(zip(self.parameters, map(exact, numbers), strict=True))
         value = exponent.xreplace(values).evalf()
         if not value.is_number or abs(value - round(value)) > ROUNDING:
             return exponent  # of a definition that no row can hold
         return sympy.Integer(round(value))
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[sympy.Expr, ...]) -> sympy.Expr:
-        return FUNCTIONS[name](*arguments)
-
-    def atom(self, node: Reference) -> Value[sympy.Expr]:
-        return self._resolver.atom(node)
-
-    def special(self, node: tree.Call) -> Value[sympy.Expr]:
-        return self._resolver.special(node, self)
 
     def constant(self, name: str) -> Value[sympy.Expr] | None:
         """t, dt, a constant or a parameter; None for another name."""
@@ -297,10 +241,6 @@ class _FormNames(Operators[sympy.Expr]):
         coordinate = self._coordinates[self._generalized.names[int(numbers[0])]]
         return self.differentials[coordinate] if rates else coordinate
 
-    def variable(self, name: str, values: int) -> sympy.Expr:
-        """The value of an index variable."""
-        return sympy.Integer(values)
-
     def definition(self, name: str) -> Value[sympy.Expr]:
         """The value of a definition. Raises `TooLarge`."""
         if name not in self._values:
@@ -317,10 +257,10 @@ class _FormNames(Operators[sympy.Expr]):
 
     def _along(self, value: sympy.Expr) -> sympy.Expr:
         used = (x for x in self.ordered(value.free_symbols) if x != TIME)
-        return sum((sympy.diff(value, x) * self.differentials[x] for x in used), sympy.Integer(0))
+        return sum((sympy.diff(value, x) * self.differentials[x] for x in used), ZERO)
 
     def _defined(self, name: str) -> Value[sympy.Expr]:
-        _require_short(self._names.definitions[name])
+        notation.require_short(self._names.definitions[name])
         return evaluate.evaluate(self._names.definitions[name], self.at(_ALONE, 0))
 
     def _position(self, number: int) -> Triple[sympy.Expr]:
@@ -337,22 +277,12 @@ class _FormNames(Operators[sympy.Expr]):
             x, y, z = (self._coordinates[f"{name}.{axis}"] for axis in "xyz")
             return x, y, z
         for part in particle.position.parts:
-            _require_short(part.tree)
+            notation.require_short(part.tree)
         names = self.at(particle.members, number - self._particles.first(entry))
         if len(particle.position.parts) == 1:
             return evaluate.vector(particle.position.parts[0].tree, names)
         x, y, z = (evaluate.scalar(part.tree, names) for part in particle.position.parts)
         return x, y, z
-
-
-def constants(model: nouns.Model) -> dict[str, sympy.Expr]:
-    """The constants that expressions of a model know without a declaration, exactly."""
-    return {name: _CONSTANTS[name] for name in model.constants}
-
-
-def _exact(value: float) -> sympy.Expr:
-    """The shortest decimal that reads as this double."""
-    return sympy.Rational(repr(float(value)))
 
 
 def _attempted(compute: Callable[[], V]) -> V | TooLarge:
@@ -370,13 +300,6 @@ def _given(value: V | TooLarge) -> V:
     return value
 
 
-def _parameter(parameter: nouns.Parameter) -> Value[sympy.Expr]:
-    if isinstance(parameter.value, tuple):
-        x, y, z = (sympy.Symbol(f"{parameter.name}.{axis}", real=True) for axis in "xyz")
-        return x, y, z
-    return sympy.Symbol(parameter.name, real=True)
-
-
 def roots(expression: sympy.Expr) -> set[sympy.Pow]:
     """The powers in an expression that are roots."""
     return {p for p in expression.atoms(sympy.Pow) if p.exp.is_Rational and not p.exp.is_Integer}
@@ -386,4 +309,4 @@ def first_integral(
     phi: sympy.Expr, rows: tuple[str, ...], parameters: Iterable[sympy.Symbol]
 ) -> FirstIntegral:
     """A first integral in the notation of the model, with its charts."""
-    return FirstIntegral(printing.written(phi), rows, level_charts.charts(phi, parameters))
+    return FirstIntegral(notation.written(phi), rows, level_charts.charts(phi, parameters))

@@ -19,11 +19,11 @@ from lagcli import derivation
 from lagcli.api.models import cache
 from lagcli.cli.app import app
 from lagcli.derivation.symbolic import closed_form, identity, multiplier_equations, symbolic_system, tidy
-from lagcli.derivation.symbolic.calculus import TIME
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import render_latex, render_mathml, render_text
 from lagcli.equations import system as compiled_system
 from lagcli.errors import diagnostics
+from lagcli.pfaffian.forms.notation import TIME
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
 # Every model of the gallery that is small enough to be evaluated here in a moment.

@@ -24,7 +24,7 @@ from lagcli.model.invariant import FirstIntegral
 from lagcli.pfaffian import joint, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
 from lagcli.pfaffian.flag import function_field
-from lagcli.pfaffian.forms import printing
+from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius, memo
 from lagcli.pfaffian.special_places import Expression
@@ -91,7 +91,7 @@ class Classifier:
     def _alone(self, name: str) -> frobenius.FormVerdict | None:
         """The verdict of a row by itself, for the values of the parameters; None where it is too large."""
         form = self._forms[name]
-        if isinstance(form, translate.TooLarge):
+        if isinstance(form, notation.TooLarge):
             return None
         found = self._alike.classify(form, self._deadline)
         is_exceptional = any(self._translation.vanishes(e) for e in found.exceptional)
@@ -127,7 +127,7 @@ class Classifier:
         surface = self._translation.surface(frozenset(whole)) if whole else {}
         forms = [self._forms[name] for name in names]
         held = [surface.get(name) for name in whole]
-        if any(part is None or isinstance(part, translate.TooLarge) for part in (*forms, *held)):
+        if any(part is None or isinstance(part, notation.TooLarge) for part in (*forms, *held)):
             return None
         known = [form for form in forms if isinstance(form, Form)]
         return self._translation.block(known, held)
@@ -146,7 +146,7 @@ class Classifier:
         values = {p: self._translation.values[p] for p in block.parameters}
 
         def work() -> joint.Flagged:
-            return self._joint.flagged(block, translate.TIME, values, self._deadline)
+            return self._joint.flagged(block, notation.TIME, values, self._deadline)
 
         try:
             found = time_limit.run(self._deadline, work, budget)
@@ -168,7 +168,7 @@ class Classifier:
         raise HiddenConditionsError(
             tuple(
                 Condition(
-                    printing.written(self._locality.own_factor(one.factors)),
+                    notation.written(self._locality.own_factor(one.factors)),
                     self._names(place[i] for i in one.rows),
                 )
                 for one in found.flag.conditions
@@ -188,12 +188,12 @@ class Classifier:
                 translate.first_integral(one.phi, one.rows, self._translation.values)
                 for one in solved.integrals
             )
-            unsolved = tuple(printing.written(form) for form in solved.unsolved)
-        told = {printing.written(e): self._is_at_start(e) for e in found.special}
+            unsolved = tuple(notation.written(form) for form in solved.unsolved)
+        told = {notation.written(e): self._is_at_start(e) for e in found.special}
         special = {text: at for text, at in told.items() if len(text) <= SHORT}
         remarks = [f"special where {text} = 0: there the derived flag is different" for text in special]
         if found.exceptional:
-            values = " or ".join(f"{printing.written(e)} = 0" for e in found.exceptional)
+            values = " or ".join(f"{notation.written(e)} = 0" for e in found.exceptional)
             remarks.append(f"shown for parameters in general; with {values} it may be another")
         notes = tuple(
             f"the start is a special configuration: {text} = 0 there; the rows lead away from it, and the count is that"
@@ -273,10 +273,10 @@ def _verdict(name: str, one: frobenius.FormVerdict | None, together: JointVerdic
     kind: Kind = "undecided" if one is None else one.kind
     method = "the form is too large for exact algebra" if one is None else one.method
     proof: Proof = "none" if one is None else one.proof
-    integral = None if one is None or one.integral is None else printing.written(one.integral)
+    integral = None if one is None or one.integral is None else notation.written(one.integral)
     factor = None
     if one is not None and one.integrating_factor is not None:
-        factor = printing.written(one.integrating_factor)
+        factor = notation.written(one.integrating_factor)
     if name in together.vanishing:
         text = "The form vanishes identically where the holonomic constraints hold: it says nothing."
         if together.passing or name not in together.inside:

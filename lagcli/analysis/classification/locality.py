@@ -18,6 +18,7 @@ from lagcli.pfaffian import joint, special_places, translate
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms.form import PfaffianBlock
+from lagcli.pfaffian.forms.notation import TIME
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_places import Expression
 from lagcli.start.initial import State
@@ -167,7 +168,7 @@ class Locality:
         there = dataclasses.replace(plain, surface=surface)
         try:
             found = time_limit.run(
-                self._deadline, lambda: joint.flagged(there, translate.TIME, {}, self._deadline), BUDGET
+                self._deadline, lambda: joint.flagged(there, TIME, {}, self._deadline), BUDGET
             )
         except function_field.NotDecidedError:
             return None

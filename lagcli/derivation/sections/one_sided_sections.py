@@ -14,12 +14,12 @@ import sympy
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.sections.page_sections import NIL, Sections, joined
 from lagcli.derivation.symbolic import closed_form
-from lagcli.derivation.symbolic.calculus import ZERO
 from lagcli.derivation.symbolic.multiplier_equations import Equation, part
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
 from lagcli.derivation.symbolic.tidy import tidy
 from lagcli.derivation.writing import formula as f
+from lagcli.pfaffian.forms.notation import ZERO
 
 COMPLEMENTARY = ("≤", "⊥", "≥")
 TITLE = "Contact  0 ≤ λ ⊥ G a − γ ≥ 0"

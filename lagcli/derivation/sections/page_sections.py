@@ -8,7 +8,6 @@ import sympy
 
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.symbolic import identity
-from lagcli.derivation.symbolic.calculus import ZERO
 from lagcli.derivation.symbolic.multiplier_equations import part
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
@@ -17,6 +16,7 @@ from lagcli.derivation.symbolic.vectors import NOTHING, Key, Triple
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import paper_names
 from lagcli.model import model as nouns
+from lagcli.pfaffian.forms.notation import ZERO
 
 NIL = f.ZERO
 _ALONE = ""

@@ -10,11 +10,11 @@ from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.sections.one_sided_sections import TITLE, OneSided
 from lagcli.derivation.sections.page_sections import Sections, joined, triple
 from lagcli.derivation.symbolic import closed_form, multiplier_equations
-from lagcli.derivation.symbolic.calculus import ZERO
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import polynomial, tidy
 from lagcli.derivation.symbolic.vectors import NOTHING
 from lagcli.derivation.writing import formula as f
+from lagcli.pfaffian.forms.notation import ZERO
 
 # Operations up to which lambda is put into accelerations.
 SHORT = 16

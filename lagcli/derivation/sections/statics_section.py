@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.sections.page_sections import NIL, Sections, joined, terms_of, triple
-from lagcli.derivation.symbolic.calculus import ZERO
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import tidy
+from lagcli.pfaffian.forms.notation import ZERO
 
 TITLE = "Points of rest  F + Bᵀλ = 0"
 

@@ -11,11 +11,11 @@ import sympy
 
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.sections.page_sections import Sections
-from lagcli.derivation.symbolic.calculus import ZERO
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
 from lagcli.derivation.symbolic.tidy import polynomial, tidy
 from lagcli.derivation.writing import formula as f
+from lagcli.pfaffian.forms.notation import ZERO
 
 TITLE = "The other principle: vakonomic motion"
 NIL = f.ZERO

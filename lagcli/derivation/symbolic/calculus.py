@@ -12,9 +12,7 @@ import sympy
 
 from lagcli.derivation.symbolic.slope import slope
 from lagcli.derivation.symbolic.vectors import Key
-
-TIME = sympy.Symbol("t", real=True)
-ZERO = sympy.Integer(0)
+from lagcli.pfaffian.forms.notation import TIME, ZERO
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

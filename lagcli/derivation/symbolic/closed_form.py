@@ -6,10 +6,10 @@ import dataclasses
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import TIME, ZERO
 from lagcli.derivation.symbolic.multiplier_equations import Equation, components
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import by_monomials, tidy, without_squares
+from lagcli.pfaffian.forms.notation import TIME, ZERO
 
 # Rows that may be coupled.
 MAX_ROWS = 4

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import ZERO
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
+from lagcli.pfaffian.forms.notation import ZERO
 
 # Above this many operations the identity is not expanded but tried with numbers.
 MAX_OPERATIONS = 1500

@@ -13,10 +13,9 @@ from typing import Literal
 import sympy
 
 from lagcli.derivation.symbolic import closed_form
-from lagcli.derivation.symbolic.calculus import TIME, ZERO
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import tidy
-from lagcli.derivation.symbolic.world import exact
+from lagcli.pfaffian.forms.notation import TIME, ZERO, exact
 
 Kind = Literal["equilibrium", "steady", "general"]
 Entries = dict[tuple[int, int], sympy.Expr]

@@ -6,10 +6,10 @@ import dataclasses
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import ZERO
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import tidy
 from lagcli.derivation.symbolic.vectors import Key, RecognizedVector, Triple, pieces
+from lagcli.pfaffian.forms.notation import ZERO
 
 # The largest block of M that is inverted in symbols, and the most operations its inverse may have.
 MAX_BLOCK, MAX_OPERATIONS = 3, 400

@@ -6,13 +6,13 @@ import dataclasses
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import TIME
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import merged, shorter, tidy
 from lagcli.derivation.symbolic.vectors import Key, Triple, pieces
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import layout, paper_names
 from lagcli.derivation.writing.layout import Layout
+from lagcli.pfaffian.forms.notation import TIME
 
 # Masses stand first in a product, then g and constants of springs and dampers, then lengths: m g L.
 _FIRST = {"m": 0, "M": 0, "I": 0, "J": 0, "G": 1, "g": 1, "k": 1, "c": 1}

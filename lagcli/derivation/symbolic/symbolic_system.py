@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import TIME, ZERO, Calculus
+from lagcli.derivation.symbolic.calculus import Calculus
 from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
 from lagcli.derivation.symbolic.vectors import Triple
 from lagcli.derivation.symbolic.world import World, view
 from lagcli.equations import rigid
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
+from lagcli.pfaffian.forms.notation import TIME, ZERO
 
 # Products dr_k/dq_i . dr_k/dq_j that are written out for T of dependent particles.
 MAX_PRODUCTS = 30_000

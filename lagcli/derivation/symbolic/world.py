@@ -4,35 +4,26 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import itertools
 from collections.abc import Iterator, Mapping
-from typing import TypeVar
 
 import numpy as np
 import sympy
 
-from lagcli.derivation.symbolic.calculus import TIME, ZERO, Abbreviation, Calculus
+from lagcli.derivation.symbolic.calculus import Abbreviation, Calculus
 from lagcli.derivation.symbolic.vectors import Collapse, Key, RecognizedVector, Triple
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, tree
 from lagcli.expression.evaluate import Value
-from lagcli.expression.operators import Operators
 from lagcli.model import model as nouns
 from lagcli.model.family import Family, Whole
-from lagcli.model.resolve import ModelNames, Reference, Resolver
-from lagcli.pfaffian.translate import FUNCTIONS, constants
+from lagcli.model.resolve import ModelNames, Resolver
+from lagcli.pfaffian.forms import notation
+from lagcli.pfaffian.forms.notation import TIME, ZERO, exact
 
 # Beyond these an expression is no longer one a person could read, and SymPy needs minutes for it.
-MAX_NODES, MAX_OPERATIONS, MAX_DIGITS, MAX_EXPONENT = 4000, 6000, 300, 200
+MAX_OPERATIONS = 6000
 
 _JUMPING = frozenset(("abs", "sign", "min", "max"))
-
-
-T = TypeVar("T")
-
-
-class _TooLarge(Exception):
-    """The value of an expression is too large to be derived."""
 
 
 class World:
@@ -44,14 +35,14 @@ class World:
 
     def __init__(self, model: nouns.Model, values: frozenset[str] = frozenset()) -> None:
         self.model = model
-        self.coordinates = {n: sympy.Symbol(n, real=True) for n in model.coordinate_names}
+        self.coordinates = notation.coordinates(model)
         self.rates = {n: sympy.Symbol(f"rate({n})", real=True) for n in self.coordinates}
         self.accelerations = {n: sympy.Symbol(f"rate(rate({n}))", real=True) for n in self.coordinates}
         self.calculus = Calculus(list(self.coordinates.values()), list(self.rates.values()))
         self.collapse = Collapse()
         self.names = ModelNames(model)
         self.particles, self.generalized = self.names.particles, self.names.coordinates
-        self.constants = constants(model)
+        self.constants = notation.constants(model)
         self.parameter_values: dict[sympy.Symbol, float] = {}
         self.parameters: dict[str, Value[sympy.Expr]] = {}
         self.substituted: dict[str, Value[sympy.Expr]] = {}
@@ -69,7 +60,7 @@ class World:
         if as_number:
             self.parameters[name] = self.substituted[name] = self._number_of(parameter)
         elif isinstance(value, tuple):
-            parts = [sympy.Symbol(f"{name}.{axis}", real=True) for axis in "xyz"]
+            parts = notation.parameter(parameter)
             # A component that is zero is no quantity: it is left out.
             kept = [part if number else ZERO for part, number in zip(parts, value, strict=True)]
             self.parameters[name] = tuple(kept)
@@ -79,7 +70,7 @@ class World:
             else:
                 self.substituted[name] = tuple(kept)
         else:
-            self.parameters[name] = symbol = sympy.Symbol(name, real=True)
+            self.parameters[name] = symbol = notation.parameter(parameter)
             self.parameter_values[symbol] = value
 
     def _number_of(self, parameter: nouns.Parameter) -> Value[sympy.Expr]:
@@ -120,8 +111,10 @@ class World:
     def _value(self, expression: nouns.Expression, view: View) -> Value[sympy.Expr]:
         """A scalar or a triple."""
         with _located(expression):
-            _require_short(expression.tree)
-            return _require_small(evaluate.evaluate(expression.tree, SympyAlgebra(self, view)))
+            notation.require_short(expression.tree)
+            return notation.require_small(
+                evaluate.evaluate(expression.tree, _WorldAlgebra(self, view)), MAX_OPERATIONS
+            )
 
     def triple(self, vector: nouns.VectorExpression, view: View) -> Triple:
         """A vector expression, or three scalar ones."""
@@ -137,9 +130,9 @@ class World:
         """left - right of a law, one scalar or three."""
         assert isinstance(equation.tree, tree.Relation)
         with _located(equation):
-            _require_short(equation.tree)
-            parts = evaluate.difference(equation.tree, SympyAlgebra(self, view))
-            return tuple(_require_small(part) for part in parts)
+            notation.require_short(equation.tree)
+            parts = evaluate.difference(equation.tree, _WorldAlgebra(self, view))
+            return tuple(notation.require_small(part, MAX_OPERATIONS) for part in parts)
 
     def definition(self, name: str) -> Value[sympy.Expr]:
         """The value of a definition."""
@@ -250,46 +243,29 @@ def view(members: Family, place: int, own: Mapping[str, Value[sympy.Expr]] | Non
     return View({n: int(values[place]) for n, values in members.variables.items()}, own or {})
 
 
-class SympyAlgebra(Operators[sympy.Expr]):
-    """SymPy scalars as an algebra for `expression.evaluate`."""
+class _WorldAlgebra(notation.SympyAlgebra):
+    """The names of a member in the symbols of a world, where roots are abbreviated."""
 
     def __init__(self, world: World, there: View) -> None:
         self._world = world
-        self._resolver = Resolver(world.names, self, there.indices, there.own)
-
-    def number(self, node: tree.Number) -> sympy.Expr:
-        if float(node.text) == 0.0:
-            return ZERO
-        if len(node.text) > MAX_DIGITS:
-            raise _TooLarge("a number has too many digits")
-        return sympy.Rational(node.text)
+        self.resolver = Resolver(world.names, self, there.indices, there.own)
 
     def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
-        if exponent.is_Rational and abs(exponent) > MAX_EXPONENT:
-            raise _TooLarge(f"the exponent {exponent} is too large")
-        if base.is_Rational and exponent.is_Rational and abs(exponent) * len(str(base)) > 4 * MAX_DIGITS:
-            raise _TooLarge("a number has too many digits")
         if exponent == sympy.Rational(1, 2):
             return self._world.root(base, None)
-        return base**exponent
+        return super().power(node, base, exponent)
 
     def function(self, node: tree.Node, name: str, arguments: tuple[sympy.Expr, ...]) -> sympy.Expr:
         if name in _JUMPING:
             self._world.calculus.has_jumps = True
         if name != "sqrt":
-            return FUNCTIONS[name](*arguments)
+            return super().function(node, name, arguments)
         triple: Triple | None = None
         if isinstance(node, tree.Call) and node.function in ("norm", "distance"):
             parts = [evaluate.vector(argument, self) for argument in node.arguments]
             x, y, z = parts[0] if len(parts) == 1 else (u - w for u, w in zip(*parts, strict=True))
             triple = (x, y, z)
         return self._world.root(arguments[0], triple)
-
-    def atom(self, node: Reference) -> Value[sympy.Expr]:
-        return self._resolver.atom(node)
-
-    def special(self, node: tree.Call) -> Value[sympy.Expr]:
-        return self._resolver.special(node, self)
 
     def constant(self, name: str) -> Value[sympy.Expr] | None:
         """t, dt, a constant or a parameter; None for another name."""
@@ -313,10 +289,6 @@ class SympyAlgebra(Operators[sympy.Expr]):
         world = self._world
         return (world.rates if rates else world.coordinates)[world.generalized.names[int(numbers[0])]]
 
-    def variable(self, name: str, values: int) -> sympy.Expr:
-        """The value of an index variable."""
-        return sympy.Integer(values)
-
     def definition(self, name: str) -> Value[sympy.Expr]:
         """The value of a definition."""
         return self._world.definition(name)
@@ -326,33 +298,12 @@ class SympyAlgebra(Operators[sympy.Expr]):
         return self._world.calculus.rate(value)
 
 
-def exact(value: float) -> sympy.Expr:
-    """The shortest decimal that reads as this double."""
-    return sympy.Rational(repr(float(value)))
-
-
 @contextlib.contextmanager
 def _located(expression: nouns.Expression) -> Iterator[None]:
     try:
         yield
-    except _TooLarge as failure:
+    except notation.TooLarge as failure:
         message = f"the equations cannot be written out: {failure}"
         hint = "`check` and `simulate` have no such limit"
         found = diagnostics.Diagnostic("too-large-to-derive", message, expression.location, hint)
         raise diagnostics.ModelError([found]) from None
-
-
-def _require_short(node: tree.Node) -> None:
-    if sum(1 for _ in itertools.islice(tree.walk(node), MAX_NODES + 1)) > MAX_NODES:
-        raise _TooLarge(f"this has more than {MAX_NODES} terms and factors")
-
-
-def _require_small(value: T) -> T:
-    """The value, unless written out it has too many operations or too large powers."""
-    for part in value if isinstance(value, tuple) else (value,):
-        for count, inner in enumerate(sympy.preorder_traversal(part)):
-            if count >= MAX_OPERATIONS:
-                raise _TooLarge(f"this has more than {MAX_OPERATIONS} operations when it is written out")
-            if inner.is_Pow and inner.exp.is_Rational and abs(inner.exp) > MAX_EXPONENT:
-                raise _TooLarge(f"the exponent {inner.exp} is too large")
-    return value

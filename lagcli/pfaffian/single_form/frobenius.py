@@ -19,7 +19,7 @@ from sympy.polys.rings import PolyElement
 
 from lagcli.pfaffian.exact import enclosure, normal_form, time_limit, zero_test
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.forms import printing
+from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.single_form import integrating_factors, potential, tidy_integral
 
 Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
@@ -229,7 +229,7 @@ def _nonholonomic(
     special = tuple(p for p in shared if p not in exceptional)
     i, j, k = (form.variables[n] for n in index)
     proof: zero_test.Proof = "symbolic" if is_symbolic else "numeric"
-    value = f" = {printing.written(shown)}" if len(str(shown)) <= _SHOWN else ""
+    value = f" = {notation.written(shown)}" if len(str(shown)) <= _SHOWN else ""
     text = (
         f"The component ({i}, {j}, {k}) of omega ^ d omega{value} is not zero: no integrating factor exists"
     )
@@ -238,10 +238,10 @@ def _nonholonomic(
         error = max(numeric.error, 1e-300)
         text += f" (value {numeric.value:.6g}, error below {error:.1g}, at {place})"
     if exceptional:
-        text += "; it may for " + " or ".join(f"{printing.written(e)} = 0" for e in exceptional)
+        text += "; it may for " + " or ".join(f"{notation.written(e)} = 0" for e in exceptional)
     if special:
         text += "; omega ^ d omega drops to zero where " + " or ".join(
-            f"{printing.written(e)} = 0" for e in special
+            f"{notation.written(e)} = 0" for e in special
         )
     witness = FrobeniusWitness((i, j, k), shown, numeric)
     return FormVerdict("nonholonomic", None, None, text + ".", proof, witness, exceptional, special)

@@ -1,0 +1,180 @@
+"""The notation of the model format in SymPy: what its expressions stand for there, and expressions written in it.
+
+Exact numbers have as many digits as they are written with, and powers multiply them. Arithmetic with millions of
+digits cannot be interrupted, so that no time limit would hold: what would need them is refused as `TooLarge`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+import sympy
+from sympy.printing.str import StrPrinter
+
+from lagcli.expression import tree
+from lagcli.expression.evaluate import Value
+from lagcli.expression.operators import Operators
+from lagcli.model import model as nouns
+from lagcli.model.resolve import Reference, Resolver
+
+FUNCTIONS: dict[str, Callable[..., sympy.Expr]] = {
+    **{
+        name: getattr(sympy, name)
+        for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt".split()
+    },
+    "abs": sympy.Abs,
+    "sign": sympy.sign,
+    "min": sympy.Min,
+    "max": sympy.Max,
+}
+TIME = sympy.Symbol("t", real=True)
+ZERO = sympy.Integer(0)
+_CONSTANTS: dict[str, sympy.Expr] = {"pi": sympy.pi, "deg": sympy.pi / 180}
+
+
+class NotationParameters:
+    """What is read into exact algebra at all."""
+
+    __slots__ = ()
+
+    most_nodes: int = 4000
+    """Nodes of a formula: SymPy needs time quadratic in the terms of a sum only to add them up.
+    `tests/unit/test_notation.py::test_a_formula_of_many_terms_is_refused` fails at 400 and at 40 000."""
+    most_digits: int = 300
+    """Digits of a number as it is written. `test_notation.py::test_a_number_of_many_digits_is_refused` fails at 30 and
+    at 3000."""
+    most_exponent: int = 200
+    """The absolute value of a rational exponent. `test_notation.py::test_a_large_power_is_refused` fails at 20 and at
+    2000."""
+    most_digits_made: int = 1200
+    """Digits of any other number, above and below together: Python writes none of more than 4300, and a search for
+    prime factors of longer ones hears no interrupt for minutes. `test_a_power_of_a_long_number_is_refused` there fails
+    at 120 and at 12 000."""
+
+
+PARAMETERS = NotationParameters()
+
+V = TypeVar("V")
+
+
+class TooLarge(Exception):
+    """A value has more operations, digits or larger powers than exact algebra is tried on."""
+
+
+class SympyAlgebra(Operators[sympy.Expr]):
+    """SymPy scalars as an algebra for `expression.evaluate`; names are what a resolver says."""
+
+    resolver: Resolver[sympy.Expr]
+
+    def number(self, node: tree.Number) -> sympy.Expr:
+        if float(node.text) == 0.0:
+            return ZERO  # also a number below the smallest double, which is zero everywhere else
+        if len(node.text) > PARAMETERS.most_digits:
+            raise TooLarge("a number has too many digits")
+        return sympy.Rational(node.text)
+
+    def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
+        if _is_large(exponent):
+            raise TooLarge(f"the exponent {exponent} is too large")
+        if base.is_Rational and exponent.is_Rational and _is_long(base, abs(float(exponent))):
+            raise TooLarge("a number has too many digits")
+        return base**exponent
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[sympy.Expr, ...]) -> sympy.Expr:
+        return FUNCTIONS[name](*arguments)
+
+    def atom(self, node: Reference) -> Value[sympy.Expr]:
+        return self.resolver.atom(node)
+
+    def special(self, node: tree.Call) -> Value[sympy.Expr]:
+        return self.resolver.special(node, self)
+
+    def variable(self, name: str, values: int) -> sympy.Expr:
+        """The value of an index variable."""
+        return sympy.Integer(values)
+
+
+def coordinates(model: nouns.Model) -> dict[str, sympy.Symbol]:
+    """The symbols of the coordinates of a model, by their names."""
+    return {name: sympy.Symbol(name, real=True) for name in model.coordinate_names}
+
+
+def parameter(declared: nouns.Parameter) -> Value[sympy.Expr]:
+    """The symbol of a parameter, or the three of a vector."""
+    if isinstance(declared.value, tuple):
+        x, y, z = (sympy.Symbol(f"{declared.name}.{axis}", real=True) for axis in "xyz")
+        return x, y, z
+    return sympy.Symbol(declared.name, real=True)
+
+
+def constants(model: nouns.Model) -> Mapping[str, sympy.Expr]:
+    """The constants that expressions of a model know without a declaration, exactly."""
+    return {name: _CONSTANTS[name] for name in model.constants}
+
+
+def exact(value: float) -> sympy.Expr:
+    """The shortest decimal that reads as this double."""
+    return sympy.Rational(repr(float(value)))
+
+
+def require_short(node: tree.Node) -> None:
+    """Raise `TooLarge` for a formula of many terms."""
+    most = PARAMETERS.most_nodes
+    if sum(1 for _ in itertools.islice(tree.walk(node), most + 1)) > most:
+        raise TooLarge(f"this has more than {most} terms and factors")
+
+
+def require_small(value: V, most_operations: int) -> V:
+    """The value, unless written out as a tree it has too many operations or too large powers or numbers.
+
+    Raises `TooLarge`.
+    """
+    for part in value if isinstance(value, tuple) else (value,):
+        for count, inner in enumerate(sympy.preorder_traversal(part)):
+            if count >= most_operations:
+                raise TooLarge(f"this has more than {most_operations} operations when it is written out")
+            if inner.is_Pow and _is_large(inner.exp):
+                raise TooLarge(f"the exponent {inner.exp} is too large")
+            if inner.is_Rational and _is_long(inner):
+                raise TooLarge("a number has too many digits")
+    return value
+
+
+def _is_large(exponent: sympy.Expr) -> bool:
+    return bool(exponent.is_Rational and abs(exponent) > PARAMETERS.most_exponent)
+
+
+def _is_long(number: sympy.Rational, power: float = 1.0) -> bool:
+    """True if a power of a number has too many digits."""
+    bits = int(number.p).bit_length() + int(number.q).bit_length()
+    return power * bits * math.log10(2) > PARAMETERS.most_digits_made
+
+
+class _Printer(StrPrinter):  # type: ignore[misc] # SymPy has no types
+    """Prints in the notation of the model format."""
+
+    def _print_Abs(self, expression: sympy.Expr) -> str:
+        return f"abs({self._print(expression.args[0])})"
+
+    def _print_Min(self, expression: sympy.Expr) -> str:
+        return f"min({', '.join(map(self._print, expression.args))})"
+
+    def _print_Max(self, expression: sympy.Expr) -> str:
+        return f"max({', '.join(map(self._print, expression.args))})"
+
+    def _as_ordered_terms(self, expression: sympy.Expr, order: str | None = None) -> list[sympy.Expr]:
+        """As usual, but a sum does not begin with a minus sign where a term has none."""
+        terms = list(super()._as_ordered_terms(expression, order=order))
+        first = next((i for i, term in enumerate(terms) if not term.could_extract_minus_sign()), 0)
+        return [terms[first], *terms[:first], *terms[first + 1 :]]
+
+    def _print_Exp1(self, expression: sympy.Expr) -> str:
+        return "exp(1)"
+
+
+def written(expression: sympy.Expr) -> str:
+    """The text of an expression in the notation of the model format."""
+    return str(_Printer().doprint(expression))
