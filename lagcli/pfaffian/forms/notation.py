@@ -36,7 +36,7 @@ _CONSTANTS: dict[str, sympy.Expr] = {"pi": sympy.pi, "deg": sympy.pi / 180}
 
 
 class NotationParameters:
-    """What is read into exact algebra at all."""
+    """Bounds on what is read into exact algebra."""
 
     __slots__ = ()
 
