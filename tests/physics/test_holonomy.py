@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.analysis.holonomy import local_system, path_orbit, witness
+from lagcli.analysis.holonomy import local_system, path_orbit, witness, witness_search
 from lagcli.api.models import cache
 from lagcli.cli.actions import witness_command as telling
 from lagcli.start import initial
@@ -50,7 +50,7 @@ def of_reference(name: str) -> str:
 
 def found(text: str, row: str, limit: float = 60.0) -> witness.Witness | None:
     ready = cache.compiled(lagcli.loads(text))
-    return witness.find(ready.system, ready.numeric, row, time.monotonic() + limit)
+    return witness_search.find(ready.system, ready.numeric, row, time.monotonic() + limit)
 
 
 def verified(text: str, row: str, limit: float = 60.0) -> witness.Witness:

@@ -4,6 +4,7 @@ A row that could be integrated (D.3) would keep a function of coordinates and ti
 satisfies all rows. A path that comes back in all coordinates but one, on which the row depends, cannot be. What
 moves a configuration around such loops is the holonomy of the constraints.
 
-`parts` takes the rows near the one in question, `flow` integrates paths of piecewise constant controls, `orbit`
-finds the directions that paths can reach, `moves` proposes and solves for words of moves, `witness` proves.
+`local_system` takes the rows near the one in question, `controlled_paths` integrates paths of piecewise constant
+controls, `path_orbit` finds the directions that paths can reach, `loop_words` proposes and solves for words of moves,
+`loop_trial` takes the simplest of them, `witness` proves, and `witness_search` asks them in their order.
 """

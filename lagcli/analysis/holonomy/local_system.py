@@ -40,7 +40,7 @@ class LoopTimeUpError(Exception):
 class LocalPart:
     """`rows` (c,) and `coordinates` (k,) are numbers in the whole system; `row` is the one in question, in `rows`.
 
-    After `deadline` (monotonic clock, s) it answers with `TimeUpError`.
+    After `deadline` (monotonic clock, s) it answers with `LoopTimeUpError`.
     """
 
     system: System
@@ -92,7 +92,7 @@ class LocalPart:
         return q
 
     def forms(self, Z: Floats) -> Floats:
-        """A (N, c, k + 1) at points Z (N, k + 1); not finite where a row is not. Raises `TimeUpError`.
+        """A (N, c, k + 1) at points Z (N, k + 1); not finite where a row is not. Raises `LoopTimeUpError`.
 
         Its columns are those of displacements in the units of the points.
         """
@@ -103,7 +103,7 @@ class LocalPart:
         return np.concatenate(found) * self.scale if found else np.zeros((0, self.rows.size, self.k + 1))
 
     def wait(self) -> None:
-        """Raises `TimeUpError` after the deadline, and `OverTime` where the time of the whole work is over."""
+        """Raises `LoopTimeUpError` after the deadline, and `OverTime` where the time of the whole work is over."""
         progress.require_time()
         if time.monotonic() > self.deadline:
             raise LoopTimeUpError
@@ -150,6 +150,14 @@ class LocalPart:
                 same = np.allclose(self.forms(whole), here, rtol=1e-9, atol=1e-9)
                 found[i] = same and not np.allclose(self.forms(part), here, rtol=1e-6, atol=1e-9)
         return found
+
+    @property
+    def knows_time(self) -> bool:
+        """True if t or dt stands in the rows."""
+        random = np.random.default_rng(SEED)
+        Z = self.start + 0.1 * random.standard_normal((SAMPLES, self.k + 1))
+        A = self.forms(Z)
+        return bool(A[:, :, -1].any() or (self.forms(Z + np.eye(self.k + 1)[-1]) != A).any())
 
     def _forms(self, Z: Floats) -> Floats:
         """The forms in the units of the model."""

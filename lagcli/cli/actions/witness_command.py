@@ -78,14 +78,14 @@ def shown(model: Model, report: Report, options: CheckOptions) -> Answer:
         reason = f"`{row}` is integrable{together}{integral}, so that no loop shows the contrary"
         return Answer(None, reason, exits.INVALID)
     # Most checks need no witness, and its search no room of theirs.
-    from lagcli.analysis.holonomy import witness
+    from lagcli.analysis.holonomy import witness_search
     from lagcli.api import assemble_start
     from lagcli.api.models import cache
 
     if options.assemble or model.simulation.assemble:
         model, _ = assemble_start.assembled(model)
     ready = cache.compiled(model)
-    found = witness.find(ready.system, ready.numeric, row, time.monotonic() + options.limit)
+    found = witness_search.find(ready.system, ready.numeric, row, time.monotonic() + options.limit)
     if found is None:
         reason = f"undecided: no loop that shows `{row}` to be nonholonomic was found in {options.limit:g} s"
         return Answer(None, reason, exits.UNDECIDED)

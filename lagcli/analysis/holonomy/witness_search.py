@@ -1,0 +1,365 @@
+"""The search for a loop that shows a row to be nonholonomic: places, parts and sizes in their order, and the words of
+moves that are tried."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.analysis.holonomy import controlled_paths, loop_words, path_orbit
+from lagcli.analysis.holonomy.local_system import LARGEST, LocalPart, LoopTimeUpError, around
+from lagcli.analysis.holonomy.loop_trial import LoopTrial
+from lagcli.analysis.holonomy.loop_words import Goal
+from lagcli.analysis.holonomy.path_orbit import PathOrbit
+from lagcli.analysis.holonomy.witness import Witness
+from lagcli.compiled import NumericSystem
+from lagcli.equations.system import System
+from lagcli.linear import independent_rows
+from lagcli.start import assembly, initial, projection
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+
+
+class WitnessSearchParameters:
+    """The order of the search and its ends."""
+
+    __slots__ = ()
+
+    usual: tuple[float, ...] = (1.0, 0.5, 0.2, 0.1)
+    """Sizes of loops, in the order in which they are tried."""
+    far: tuple[float, ...] = (0.02, 10.0, 100.0, 1e-3)
+    """Sizes that come last, with round lengths alone: few systems need them."""
+    shifts: int = 4
+    """Places tried, the start first."""
+    bends: int = 3
+    """Bent configurations tried between the start and the places beside it."""
+    bent: float = 0.5
+    """The angle by which holonomic rows are turned in them, rad."""
+    drawn: float = 0.7
+    """The part that is left of the distances of particles from those of the row."""
+    nudge: float = 1e-6
+    """Of a difference quotient, in the units of the model."""
+    together: int = 2
+    """Parts among which the simplest witness is looked for."""
+    movable: int = 3
+    """Coordinates that are tried as the one that moves."""
+    choices: int = 4
+    """Choices of led coordinates tried for one goal."""
+    combinations: int = 200
+    """Sets of coordinates up to which all are tried."""
+    many: int = 1
+    """Conditions up to which all words of round lengths are tried."""
+    segments: tuple[int, ...] = (4, 6)
+    """Pieces of a loop of any shape."""
+    pole: float = 1e6
+    """The condition of the led coordinates from which on they have a pole."""
+    least_row: float = 1e-6
+    """Rows of length one that are nearer to those before them depend on them."""
+    least_pivot: float = 1e-9
+    """Columns that are nearer to those before them are not solved for."""
+    seed: int = 2023
+    """A fixed one: the witness must not change from run to run."""
+
+
+PARAMETERS = WitnessSearchParameters()
+
+
+def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> Witness | None:
+    """A witness for a row by name, or None where none was found before the deadline (monotonic clock, s).
+
+    Raises `diagnostics.ModelError` where no consistent configuration is found, `KeyError` for an unknown row.
+    """
+    names = [r.name for r in system.rows.rows]
+    if row not in names:
+        raise KeyError(row)
+    declared = assembly.assemble(system, numeric, initial.declared(system), ()).state
+    try:
+        for shift, state in _places(system, numeric, declared, names.index(row)):
+            everywhere = around(system, numeric, state, names.index(row), deadline)
+            parts = [part for part in everywhere if part.k <= LARGEST]
+            found = _found(parts, len(parts) == len(everywhere), shift)
+            if found is not None:
+                is_bent = state is not declared
+                return dataclasses.replace(found, is_shifted=shift > 0 or is_bent, is_bent=is_bent)
+    except LoopTimeUpError:
+        pass
+    return None
+
+
+def _places(system: System, numeric: NumericSystem, declared: State, row: int) -> Iterator[tuple[int, State]]:
+    """The places to begin: at the declared configuration, at bent ones, and beside the declared one."""
+    yield 0, declared
+    if system.holonomic_count:
+        bent = (_bent(system, numeric, declared, row, seed) for seed in range(PARAMETERS.bends))
+        yield from ((0, state) for state in bent if state is not None)
+    yield from ((shift, declared) for shift in range(1, PARAMETERS.shifts))
+
+
+def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: int) -> State | None:
+    """A configuration on the surface in which particles are closer to those of a row, and holonomic rows turned.
+
+    Where a chain is straight no part of it can move between ends that are held; drawn together it has room. None
+    where no way back to the surface is found.
+    """
+    noise = np.random.default_rng(seed).standard_normal(state.q.size)
+    here, there = (
+        numeric.rows(state.t, q, state.v, state.p)[0] for q in (state.q, state.q + PARAMETERS.nudge * noise)
+    )
+    place, column = (np.array(x) for x in (here.sparsity().row(), here.sparsity().get_col()))
+    kept = place < system.holonomic_count
+    turned, lengths = (
+        np.sqrt(np.bincount(place[kept], np.array(x.nonzeros())[kept] ** 2, system.holonomic_count))
+        for x in (there - here, here)
+    )
+    with np.errstate(all="ignore"):
+        rates = turned / lengths / PARAMETERS.nudge
+    rates = rates[np.isfinite(rates) & (rates > 0)]
+    q = state.q + (PARAMETERS.bent / float(np.median(rates)) if rates.size else PARAMETERS.bent) * noise
+    count = state.q.size - len(system.model.generalized_names)  # components of particles come first
+    touched = np.unique(column[place == row])
+    if (touched < count).any():
+        centre = state.q[:count].reshape(-1, 3)[touched[touched < count] // 3].mean(axis=0)
+        q[:count] -= np.ravel((1 - PARAMETERS.drawn) * (state.q[:count].reshape(-1, 3) - centre))
+    surface = projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
+    reached = surface.descend(q)
+    return dataclasses.replace(state, q=reached.q) if reached.is_on else None
+
+
+def _found(parts: list[LocalPart], is_whole: bool, shift: int) -> Witness | None:
+    """The first witness, in few parts at a time, the smaller ones first."""
+    for first in range(0, len(parts), PARAMETERS.together):
+        group = parts[first : first + PARAMETERS.together]
+        searches = list(_searches(group, shift, is_whole and group[-1] is parts[-1]))
+        # Words that close by themselves have round lengths; then those whose lengths must be solved for. Sizes
+        # far from one come last: few systems need them.
+        usual, far = PARAMETERS.usual, PARAMETERS.far
+        stages = (
+            (_WitnessSearch.closing, usual),
+            (_WitnessSearch.solved, usual),
+            (_WitnessSearch.shaped, usual),
+            (_WitnessSearch.freely, usual[:2]),
+            (_WitnessSearch.closing, far),
+        )
+        for stage, sizes in stages:
+            for search in searches:
+                found = stage(search) if search.size in sizes else None
+                if found is not None:
+                    return found
+    return None
+
+
+def _searches(parts: list[LocalPart], shift: int, is_whole: bool) -> Iterator[_WitnessSearch]:
+    if shift == 0:
+        parts = [part for part in parts if not path_orbit.is_singular(part, part.start)]
+    orbits: dict[tuple[int, bool, bytes], PathOrbit] = {}
+    for size, (part, timed) in itertools.product(
+        (*PARAMETERS.usual, *PARAMETERS.far), _kinds(parts, is_whole)
+    ):
+        base = _base(part, size, shift)
+        if base is not None:
+            yield _WitnessSearch(part, base, size, timed, orbits)
+
+
+def _kinds(parts: list[LocalPart], is_whole: bool) -> Iterator[tuple[LocalPart, bool]]:
+    """Closed loops first; in time all rows must be kept, so that only a part with all that matters serves."""
+    yield from ((part, False) for part in parts)
+    if parts and is_whole and parts[-1].knows_time:
+        yield parts[-1], True
+
+
+def _base(part: LocalPart, size: float, shift: int) -> Floats | None:
+    """The start, or a point beside it that satisfies the holonomic rows too."""
+    start = part.start
+    if shift == 0:
+        return start
+    weights = np.array([(1 + i * shift) % (shift + 1) + 1 for i in range(part.k)]) / 2
+    if (part.rows >= part.system.holonomic_count).all():
+        return np.append(start[:-1] + size * weights, start[-1])
+    found = path_orbit.through(part, start, size, timed=False)
+    if found is None:
+        return None
+    frame = controlled_paths.Projected(part, found.kernel)
+    control = np.zeros((1, 1, found.kernel.shape[1] + 1))
+    control[0, 0, :-1] = size * found.kernel.T @ weights
+    end = controlled_paths.ends(frame, start, control, 16)[0]
+    return end if np.isfinite(end).all() else None
+
+
+@dataclasses.dataclass(frozen=True)
+class _WitnessSearch:
+    """The search from one base, at one size, with t held or not."""
+
+    part: LocalPart
+    base: Floats
+    size: float
+    timed: bool
+    orbits: dict[tuple[int, bool, bytes], PathOrbit]
+
+    def closing(self) -> Witness | None:
+        """A word of moves along axes, of round lengths."""
+        return self._first(trial.closing for trial in self._everything if trial.extra <= PARAMETERS.many)
+
+    def solved(self) -> Witness | None:
+        """A word of moves along axes, of lengths that are solved for."""
+        return self._first(trial.solved for trial in self._everything if trial.extra <= PARAMETERS.many)
+
+    def shaped(self) -> Witness | None:
+        """A longer word of moves along axes, solved so that the coordinate moves by a round amount."""
+        return self._first(trial.shaped for trial in self._everything if trial.extra > PARAMETERS.many)
+
+    def freely(self) -> Witness | None:
+        """A path of any shape, solved so that the coordinate moves by a round amount."""
+        if self._orbit is None:
+            return None
+        return self._first(trial.free for along in self._movable for trial in self._free_trials(along))
+
+    def _first(self, tries: Iterable[Callable[[], Witness | None]]) -> Witness | None:
+        for attempt in tries:
+            if (found := attempt()) is not None:
+                return found
+        return None
+
+    @cached_property
+    def _orbit(self) -> PathOrbit | None:
+        key = (self.part.k, self.timed, self.base.tobytes())
+        if key not in self.orbits:
+            found = path_orbit.through(self.part, self.base, self.size, self.timed)
+            if found is None or not found.is_explored:
+                return found  # at another size there may be more
+            self.orbits[key] = found
+        return self.orbits[key]
+
+    @cached_property
+    def _everything(self) -> list[LoopTrial]:
+        return [trial for along in self._movable for trial in self._trials(along)]
+
+    @cached_property
+    def _movable(self) -> list[int]:
+        """Coordinates of the row that a reachable direction moves across it, the clearest first."""
+        found = self._orbit
+        if found is None or not found.tangent.shape[1]:
+            return []
+        omega = self._omega(self.base)
+        rate = omega @ found.tangent
+        if np.abs(rate).max(initial=0.0) < path_orbit.SEEN:
+            return []
+        return [
+            int(i) for i in np.argsort(-np.abs(omega[:-1]), kind="stable") if abs(omega[i]) > path_orbit.SEEN
+        ][: PARAMETERS.movable]
+
+    def _omega(self, z: Floats) -> Floats:
+        """The row (k + 1,) at a point, of length one."""
+        form = self.part.forms(z[None])[0, self.part.row]
+        return np.asarray(form / (np.linalg.norm(form) or 1.0))
+
+    def _is_crossed(self, lift: Floats) -> bool:
+        """True if the last of some tangent vectors (k + 1, a) crosses the row."""
+        return bool(abs(self._omega(self.base) @ lift[:, -1]) > 10 * path_orbit.SEEN)
+
+    def _goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:
+        """The coordinates to close besides the free ones; those with the fewest that follow first."""
+        missing = found.tangent.shape[1] - free.size - 1
+        others = [i for i in range(self.part.k) if i != along and i not in free]
+        if missing < 0 or math.comb(len(others), missing) > PARAMETERS.combinations:
+            return
+        goals = []
+        for more in itertools.combinations(others, missing):
+            closed = np.array([*free, *more], dtype=np.int64)
+            lift = found.lift(np.append(closed, along))
+            if lift is not None and self._is_crossed(lift):
+                goals.append((np.count_nonzero(lift[:, -1]), Goal(self.base, along, closed, self.size)))
+        goals.sort(key=lambda one: one[0])
+        yield from (goal for _, goal in goals[: 2 if missing <= PARAMETERS.many else 1])
+
+    def _trials(self, along: int) -> Iterator[LoopTrial]:
+        """Words of moves along free coordinates, for each choice of them."""
+        turns = np.pi / 4 * min(1.0, self.size) / self.part.scale[:-1]
+        units = np.append(np.where(self.part.angles, turns, self.size), self.size)
+        found = self._orbit
+        assert found is not None
+        for axes in self._frames(found, along):
+            for goal in self._goals(found, along, axes.free):
+                extra = goal.closed.size - axes.free.size
+                m = axes.free.size
+                if self.timed:
+                    tries = [loop_words.journeys(axes, m, i, units[axes.free], extra) for i in range(m - 1)]
+                else:
+                    pairs = itertools.permutations(range(m), 2)
+                    tries = [loop_words.loops(axes, m, pair, units[axes.free], extra) for pair in pairs]
+                yield from (LoopTrial(goal, words, grid) for words, grid in tries)
+
+    def _frames(self, found: PathOrbit, along: int) -> list[controlled_paths.Axes]:
+        """Choices of free coordinates, `along` being led; those that steer best first."""
+        part = self.part
+        frame = controlled_paths.Projected(part, found.kernel)
+        random = np.random.default_rng(PARAMETERS.seed)
+        out = np.zeros((3, 1, found.kernel.shape[1] + 1))
+        out[:, 0, :-1] = 0.3 * self.size * random.standard_normal(out[:, 0, :-1].shape)
+        places = controlled_paths.ends(frame, self.base, out, 4)
+        A = part.forms(places[np.isfinite(places).all(axis=1)])
+        if not len(A) or not np.isfinite(A).all():
+            return []
+        A = A / (np.linalg.norm(A, axis=2, keepdims=True) + 1e-300)
+        rank = part.k - found.kernel.shape[1]
+        chosen = np.array(independent_rows.leading(A[0][:, :-1], PARAMETERS.least_row)[:rank], dtype=np.int64)
+        if chosen.size < rank:
+            return []
+        others = [i for i in range(part.k) if i != along]
+        if math.comb(part.k - 1, rank - 1) <= PARAMETERS.combinations:
+            sets = [np.array([along, *led]) for led in itertools.combinations(others, rank - 1)]
+        else:
+            sets = [_pivots(A[0][chosen][:, :-1], along)]
+        ranked = []
+        for led in sets:
+            worst = max(np.linalg.cond(B) for B in A[:, chosen][:, :, led])
+            if worst < PARAMETERS.pole:
+                free = np.setdiff1d(np.arange(part.k), led)
+                pure = np.abs(A[:, :, free]).max(axis=(0, 1), initial=0.0) < 1e-12
+                steering = int(pure.sum())
+                free = free[np.argsort(~pure, kind="stable")]
+                free = np.append(free, part.k) if self.timed else free
+                ranked.append(
+                    (-steering, round(math.log10(worst)), controlled_paths.Axes(part, chosen, led, free))
+                )
+        ranked.sort(key=lambda entry: entry[:2])
+        return [axes for *_, axes in ranked[: PARAMETERS.choices]]
+
+    def _free_trials(self, along: int) -> Iterator[LoopTrial]:
+        """Paths of any shape."""
+        found = self._orbit
+        assert found is not None
+        frame = controlled_paths.Projected(self.part, found.kernel)
+        free = np.array([self.part.k] if self.timed else [], dtype=np.int64)
+        for goal, segments in itertools.product(self._any_goals(found, along, free), PARAMETERS.segments):
+            yield LoopTrial(goal, *loop_words.free_paths(frame, self.size, self.timed, segments))
+
+    def _any_goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:
+        """As `_goals`, and where those are too many the coordinates that tell the orbit's points apart best."""
+        if (
+            math.comb(self.part.k - 1, max(0, found.tangent.shape[1] - free.size - 1))
+            <= PARAMETERS.combinations
+        ):
+            yield from self._goals(found, along, free)
+            return
+        order = _pivots(found.tangent.T, along)
+        closed = order[1 : found.tangent.shape[1]]
+        lift = found.lift(np.append(closed, along))
+        if lift is not None and self._is_crossed(lift):
+            yield Goal(self.base, along, closed, self.size)
+
+
+def _pivots(rows: Floats, first: int) -> Numbers:
+    """Columns of rows (r, k) that are independent, `first` before all and then the largest, (r,)."""
+    if np.linalg.norm(rows[:, first]) < PARAMETERS.least_pivot:
+        return np.zeros(0, dtype=np.int64)
+    return np.array(
+        independent_rows.farthest(rows.T, min(rows.shape), [first], least=PARAMETERS.least_pivot), dtype=np.int64
+    )
