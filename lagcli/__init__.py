@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lagcli.analysis.check_report import Report
-    from lagcli.analysis.displacements.displacement_set import Displacements
+    from lagcli.analysis.displacement_set import Displacements
     from lagcli.analysis.dof import DofCount
     from lagcli.api.audit import audit
     from lagcli.api.check import check
@@ -87,7 +87,7 @@ _CLASSES = {
     "Audit": "auditing.checks.audit_report",
     "Comparison": "formulations.comparison",
     "Derivation": "derivation.sections.derivation_page",
-    "Displacements": "analysis.displacements.displacement_set",
+    "Displacements": "analysis.displacement_set",
     "DofCount": "analysis.dof",
     "Model": "model.model",
     "ModelError": "errors.diagnostics",

@@ -3,9 +3,13 @@ start."""
 
 from __future__ import annotations
 
-from lagcli.analysis.check_report import ConstraintReport, JointReport, Report
-from lagcli.analysis.dof import DofCount
+from typing import TYPE_CHECKING
+
 from lagcli.errors import diagnostics
+
+if TYPE_CHECKING:
+    from lagcli.analysis.check_report import ConstraintReport, JointReport, Report
+    from lagcli.analysis.dof import DofCount
 
 NOT_UNIQUE = {True: "", False: "not unique", None: "undecided"}
 MOST_NAMED = 40  # redundant rows

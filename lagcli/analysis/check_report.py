@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lagcli.analysis.classification.verdict import Classification, Verdict
-from lagcli.analysis.dof import DofCount
-from lagcli.analysis.uniqueness import NullVector
 from lagcli.errors import diagnostics
 from lagcli.model import notebook_html
-from lagcli.model.invariant import FirstIntegral
-from lagcli.start.assembly_moves import Moves
-from lagcli.start.gaps import Side
+
+if TYPE_CHECKING:
+    from lagcli.analysis.classification.verdict import Classification, Verdict
+    from lagcli.analysis.dof import DofCount
+    from lagcli.analysis.uniqueness import NullVector
+    from lagcli.model.invariant import FirstIntegral
+    from lagcli.start.assembly_moves import Moves
+    from lagcli.start.gaps import Side
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -20,11 +20,10 @@ from lagcli.analysis import codimension
 from lagcli.analysis.classification.verdict import Classification
 from lagcli.analysis.codimension import Codimension
 from lagcli.compiled import NumericSystem, pattern
-from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
-from lagcli.linear import generic_direction, independent_rows, metric_rows, rank
+from lagcli.linear import generic_direction, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
-from lagcli.start import conflict, initial, sample_points
+from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -132,6 +131,8 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     surface = codimension.examine(system, numeric, begin)
     found = found.doubted(*_beside_deficient(system, surface))
     if on.highest[1] < len(said):  # rows that are independent at the start are so nearby
+        from lagcli.start import conflict  # here, as the rows of most models are independent
+
         has_others = len(whole) < len(names) and surface.kind != "deficient"
         if (has_others or surface.kind == "singular") and len(names) <= metric_rows.DENSE:
             # The time of the start may be special too (t d(y) = 0 at t = 0).
@@ -174,6 +175,8 @@ def _generic(
     system: System, numeric: NumericSystem, begin: State, whole: list[int], later: float
 ) -> list[State]:
     """The start, and points of the surface that lie on its side of all branches of the rows."""
+    from lagcli.compiled.row_block import RowBlock
+
     block = RowBlock(system, range(len(system.rows.rows)))
     for shorter in range(SHORTER):
         part = 0.5 ** (2 * shorter)
@@ -203,6 +206,8 @@ def _redundant(numeric: NumericSystem, point: State, said: list[int], surface: C
 
 def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
     """The rows that depend on rows before them. Of very many they are looked for among rows that share a circuit."""
+    from lagcli.linear import independent_rows  # here, as a walk over few rows asks nothing of it
+
     found = rank.rank(rows).value if rows.is_large else None
     if found is None:
         return independent_rows.redundant(rows)
@@ -273,7 +278,7 @@ def _undecided_tip(numeric: NumericSystem, state: State, whole: list[int]) -> st
     whole = [i for i in whole if gradients.norms[i] > 0]
     here = _normalized_rows(numeric, state).take(whole)
     for side in (-TIP, TIP):
-        there = dataclasses.replace(state, q=state.q + side * sample_points.size(state.q) * direction)
+        there = dataclasses.replace(state, q=state.q + side * initial.size(state.q) * direction)
         if (
             sample_points.is_finite(numeric, there)
             and _normalized_rows(numeric, there).take(whole).turned_from(here) > TURN

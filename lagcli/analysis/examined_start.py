@@ -6,19 +6,18 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
-from lagcli.analysis.codimension import redundancy
 from lagcli.compiled import NumericSystem
-from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.start import consistent_start, known_starts
-from lagcli.start.assembly import Assembly
-from lagcli.start.initial import State
 
 if TYPE_CHECKING:
     # Most models have no differential rows, and load nothing that judges them.
     from lagcli.analysis.classification.integral_searches import KnownSearches
+    from lagcli.compiled.selection import Selection
+    from lagcli.start.assembly import Assembly
+    from lagcli.start.consistent_start import KnownStarts
+    from lagcli.start.initial import State
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -37,13 +36,17 @@ class ExaminedStart:
 class KnownAnswers:
     """Findings about one text with some values, kept for others which they do not depend on."""
 
-    _starts: known_starts.KnownStarts | None = None
+    _starts: KnownStarts | None = None
     _searches: KnownSearches | None = None
 
-    def starts(self, system: System) -> known_starts.KnownStarts:
+    def starts(self, system: System) -> KnownStarts:
         """The consistent starts that are known."""
         if self._starts is None:
-            self._starts = known_starts.KnownStarts(system)
+            from lagcli.start.consistent_start import (
+                KnownStarts,  # here, as counts and verdicts come without a run
+            )
+
+            self._starts = KnownStarts(system)
         return self._starts
 
     def first_integrals(self, system: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
@@ -68,6 +71,8 @@ def examine(
     given: the first integrals of its rows, if they are known; else they are searched for `limit` seconds.
     Raises `diagnostics.ModelError` where no run can begin.
     """
+    from lagcli.analysis import redundancy
+    from lagcli.start import consistent_start
 
     def integrals() -> KnownIntegrals:
         return answers.first_integrals(system, numeric, limit) if given is None else given
@@ -76,17 +81,17 @@ def examine(
         begin = answers.starts(system).find(system, numeric)
         known = integrals()
     except diagnostics.ModelError as error:
-        from lagcli.analysis.classification import hidden_conditions
+        from lagcli.analysis.classification import classify
 
         # Off a hidden condition no velocity satisfies the rows.
-        known = integrals() if hidden_conditions.is_conflict(error) else KnownIntegrals()
+        known = integrals() if classify.is_conflict(error) else KnownIntegrals()
         if not known.conditions:
             raise
     whole = None
     if known.conditions:
-        from lagcli.analysis.classification import hidden_conditions
+        from lagcli.analysis.classification import classify
 
-        extended = hidden_conditions.extended(system, known.conditions)
+        extended = classify.extended(system, known.conditions)
         whole = extended, NumericSystem(extended)
         # The conditions may have angles of their own, whose cuts the whole system counts among its values.
         begin = consistent_start.find(*whole).with_numbers(mechanics.values(system))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from lagcli.analysis.check_report import Initial, Report, joint
-from lagcli.analysis.classification.verdict import Classification
 from lagcli.analysis.dof import DofCount
 from lagcli.equations import size_limits
 from lagcli.model.model import Model, ParticleForce
+
+if TYPE_CHECKING:
+    from lagcli.analysis.check_report import Report
 
 
 def holds_for(model: Model) -> bool:
@@ -49,6 +52,9 @@ def count(model: Model) -> DofCount:
 
 def check(model: Model) -> Report:
     """The report of such a model: there is nothing to be wrong."""
+    from lagcli.analysis.check_report import Initial, Report, joint  # here, as a count needs no report
+    from lagcli.analysis.classification.verdict import Classification
+
     counted = count(model)
     return Report(
         title=model.title,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagcli.analysis.classification import hidden_conditions
+from lagcli.analysis.classification import classify
 from lagcli.api.models import cache
 from lagcli.equations import restart
 from lagcli.errors import diagnostics
@@ -18,8 +18,8 @@ def assembled(model: Model) -> tuple[Model, Assembly]:
     try:
         found = consistent_start.nearest(built, numeric)
     except diagnostics.ModelError as error:
-        if not hidden_conditions.is_conflict(error):
+        if not classify.is_conflict(error):
             raise
-        case = hidden_conditions.classified(built, numeric).case
+        case = classify.classified(built, numeric).case
         found = consistent_start.nearest(case.system, case.numeric)
     return restart.at(model, found.state.q, found.state.v), found

@@ -6,7 +6,7 @@ import dataclasses
 
 from lagcli.analysis import check_report, codimension, free_particles, uniqueness
 from lagcli.analysis.check_report import Report
-from lagcli.analysis.classification import row_verdicts
+from lagcli.analysis.classification import verdict
 from lagcli.api import assemble_start, count_dof
 from lagcli.api.models import cache
 from lagcli.api.models.compiled_model import CompiledModel
@@ -42,7 +42,7 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
     # A hidden condition has no multiplier of its own.
     surface = codimension.examine(built, numeric, case.begin) if whole.conditions else examined.surface
     multipliers = uniqueness.multipliers(built, numeric, examined.points, surface)
-    verdicts = (*row_verdicts.holonomic(model, tuple(row.name for row in built.rows.rows)), *found.verdicts)
+    verdicts = (*verdict.of_holonomic(model, tuple(row.name for row in built.rows.rows)), *found.verdicts)
     if whole.conditions and moved is None:
         residuals = initial.residuals(case.system, case.numeric, initial.declared(case.system))
     faults = [
@@ -56,12 +56,12 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
         dof=counted,
         constraints=(
             *(
-                check_report.ConstraintReport(verdict, verdict.row in counted.redundant_rows, unique)
-                for verdict, unique in zip(verdicts, multipliers.unique, strict=True)
+                check_report.ConstraintReport(one, one.row in counted.redundant_rows, unique)
+                for one, unique in zip(verdicts, multipliers.unique, strict=True)
             ),
             *(
-                check_report.ConstraintReport(verdict, False, None, side)
-                for verdict, side in zip(row_verdicts.one_sided(model), sides, strict=True)
+                check_report.ConstraintReport(one, False, None, side)
+                for one, side in zip(verdict.of_one_sided(model), sides, strict=True)
             ),
         ),
         null_vectors=multipliers.null_vectors,

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.analysis.classification import hidden_conditions
+from lagcli.analysis.classification import classify
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.runs import prepare_run
@@ -150,7 +150,7 @@ def _notes(names: Sequence[str], mu: Floats, given: Floats, left_out: Sequence[s
 
 def _kinds(run: SimulationRun) -> dict[str, str]:
     """The verdict on each differential row."""
-    found = hidden_conditions.classified(run.built, run.numeric, settings.LIMIT).found
+    found = classify.classified(run.built, run.numeric, settings.LIMIT).found
     return {verdict.row: verdict.kind for verdict in found.verdicts}
 
 

@@ -6,7 +6,7 @@ import dataclasses
 
 from lagcli.analysis import dof as counting
 from lagcli.analysis import free_particles
-from lagcli.analysis.classification import hidden_conditions
+from lagcli.analysis.classification import classify
 from lagcli.analysis.dof import DofCount
 from lagcli.api.models import cache
 from lagcli.api.models.compiled_model import CompiledModel
@@ -27,12 +27,12 @@ def dof(model: Model | Path, *, limit: float | None = None) -> DofCount:
     return examined(cache.compiled(model), seconds)[1].count
 
 
-def examined(ready: CompiledModel, limit: float) -> tuple[hidden_conditions.Classified, counting.Examined]:
+def examined(ready: CompiledModel, limit: float) -> tuple[classify.Classified, counting.Examined]:
     """The classification and the count, with the hidden conditions among the rows."""
-    whole = hidden_conditions.classified(ready.system, ready.numeric, limit)
+    whole = classify.classified(ready.system, ready.numeric, limit)
     case = whole.case
     found = counting.examine(case.system, case.numeric, case.begin, whole.found)
-    own = {hidden_conditions.equation(one) for one in whole.conditions}
+    own = {classify.equation(one) for one in whole.conditions}
     counted = dataclasses.replace(
         found.count,
         notes=(*whole.notes, *found.count.notes),

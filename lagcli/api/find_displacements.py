@@ -16,7 +16,7 @@ from lagcli.output import table_columns
 from lagcli.start import assembly, assembly_moves, initial
 
 if TYPE_CHECKING:
-    from lagcli.analysis.displacements.displacement_set import Displacements
+    from lagcli.analysis.displacement_set import Displacements
 
 
 @progress.phase("looking for displacements")
@@ -35,7 +35,7 @@ def displacements(
     as of `simulate`. Raises `ModelError`, `ValueError` for a time before the start, `SimulationStopped`.
     """
     # Other commands look for no displacements.
-    from lagcli.analysis.displacements import displacement_set
+    from lagcli.analysis import displacement_set
 
     model = as_model(model)
     changes = {"rtol": rtol, "atol": atol, "max_step": max_step, "assemble": assemble}
@@ -58,7 +58,7 @@ def displacements(
 
 def _at_start(model: Model) -> Displacements:
     """Those at the start, whose velocities need not fit the rows: no row depends on them."""
-    from lagcli.analysis.displacements import displacement_set
+    from lagcli.analysis import displacement_set
 
     moved = None
     if model.simulation.assemble:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 
 from lagcli import progress
-from lagcli.analysis.codimension import redundancy
+from lagcli.analysis import redundancy
 from lagcli.api import linear_point
 from lagcli.api.models import cache
 from lagcli.api.models.load import Path, as_model

@@ -10,13 +10,13 @@ from contextvars import ContextVar
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import NumericSystem, nearest
+from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
-from lagcli.start import boundary, conflict, initial, projection
-from lagcli.start.configuration_search import FEW, MANY, Search, tangential
+from lagcli.start import initial, projection
+from lagcli.start.configuration_search import FEW, MANY, ConfigurationResult, Search, tangential
 from lagcli.start.initial import Residuals, State
 
 Floats = npt.NDArray[np.float64]
@@ -79,7 +79,9 @@ def assemble(
     search = Search(system, numeric, state, held(system, keep))
     q = _configuration(search)
     if one_sided and system.contacts.count:
-        q = boundary.nearest(search, q)
+        from lagcli.start import gaps  # here, as most models have no one-sided constraints
+
+        q = gaps.nearest(search, q)
     there = dataclasses.replace(state, q=q)
     _, rows, b = initial.finite_rows(system, numeric, there)
     metric, whole = initial.metric_at(numeric, there, search.fixed), initial.metric_at(numeric, there)
@@ -97,13 +99,6 @@ def configuration(system: System, numeric: NumericSystem, state: State) -> State
     """The state with the nearest configuration, whatever its velocities. Raises `diagnostics.ModelError`."""
     initial.residuals(system, numeric, state)  # a row may have no value there
     return dataclasses.replace(state, q=_configuration(Search(system, numeric, state, held(system, ()))))
-
-
-def settled(system: System, numeric: NumericSystem, state: State) -> State:
-    """A consistent state with the gaps that decimals have put below zero at zero."""
-    if not system.contacts.count:
-        return state
-    return dataclasses.replace(state, q=boundary.settled(Search(system, numeric, state, held(system, ()))))
 
 
 def require_consistent(system: System, numeric: NumericSystem, state: State, found: Residuals) -> None:
@@ -165,6 +160,8 @@ def _minima(search: Search, begin: Floats, optima: list[Floats]) -> Iterator[Flo
     q0, surface = search.state.q, search.surface()
     found = search.optimum(range(search.system.holonomic_count), begin, q0)
     if found is not None:
+        from lagcli.compiled import nearest  # here, as most starts are near or consistent
+
         near = nearest.SAME * float(np.abs(found).max(initial=0.0))
         if any(np.abs(found - other).max(initial=0.0) <= near for other in optima):
             return
@@ -185,7 +182,7 @@ def _lengths(search: Search, parts: npt.NDArray[np.intp], q: Floats) -> Floats:
 def _feasible(search: Search) -> Floats:
     """Some point of the surface. Raises `diagnostics.ModelError`."""
     labels, parts = search.components()
-    q = _beside_poles(search, labels)
+    q = _beside_poles(search)
     for is_last in (False, True):
         reached = search.surface().descend(q)
         if reached.is_on:
@@ -193,7 +190,7 @@ def _feasible(search: Search) -> Floats:
         if is_last:
             break
         q = reached.q.copy()
-        size = float(np.abs(q).max(initial=0.0)) or 1.0
+        size = initial.size(q)
         broken = ~(reached.residuals <= projection.PARAMETERS.rounding * size)
         failed = []
         for number in np.unique(labels[broken]):
@@ -205,15 +202,22 @@ def _feasible(search: Search) -> Floats:
             else:
                 failed.append(found)
         if failed:
-            raise diagnostics.ModelError(conflict.position(search, found) for found in failed)
+            raise _no_configuration(search, failed)
     rows = np.flatnonzero(labels >= 0).tolist()
     found = search.reach(rows, (search.state.q, q))
     if found.is_on:
         return found.best.q
-    raise diagnostics.ModelError([conflict.position(search, found)])
+    raise _no_configuration(search, [found])
 
 
-def _beside_poles(search: Search, labels: npt.NDArray[np.intp]) -> Floats:
+def _no_configuration(search: Search, failed: list[ConfigurationResult]) -> diagnostics.ModelError:
+    """The error for sets of rows that no configuration was found for."""
+    from lagcli.start import conflict  # here, as most starts are found
+
+    return diagnostics.ModelError(conflict.position(search, found) for found in failed)
+
+
+def _beside_poles(search: Search) -> Floats:
     """The declared configuration, a little aside where a gradient is not finite: of rods of no length."""
     q = search.state.q
     B = LocalRows(search.numeric.whole(search.state.t, q, search.state.p)[1])
@@ -266,9 +270,11 @@ def _polished(search: Search, q: Floats) -> Floats:
     """A nearest point to rounding, from one to some digits: Newton steps as long as they lead there."""
     surface = search.surface()
     before = tangential(surface.rows(q)[1], search.metric, q - search.state.q)
+    if before <= STATIONARY:
+        return q
+    from lagcli.compiled import nearest
+
     for _ in range(POLISHING):
-        if before <= STATIONARY:
-            break
         H, B, gradient, f = _conditions(search, q)
         step = nearest.newton(H, B, gradient, f, ~search.fixed)
         reached = surface.descend(q + step) if step is not None else None
@@ -278,6 +284,8 @@ def _polished(search: Search, q: Floats) -> Floats:
         if not after < before:
             break
         q, before = reached.q, after
+        if before <= STATIONARY:
+            break
     return q
 
 
@@ -292,6 +300,8 @@ def _nothing_left(system: System, rows: list[int]) -> diagnostics.ModelError:
 
 def _no_velocity(search: Search, there: State, rows: LocalRows, b: Floats) -> diagnostics.ModelError:
     """The error for rows that no velocity satisfies at the nearest configuration, or none with the rates kept."""
+    from lagcli.start import conflict
+
     system = search.system
     parting = conflict.least(rows, b)
     if parting:

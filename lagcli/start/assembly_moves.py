@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.model import model as nouns
-from lagcli.start.assembly import Assembly
+
+if TYPE_CHECKING:
+    from lagcli.start.assembly import Assembly
 
 Floats = npt.NDArray[np.float64]
 

@@ -8,18 +8,23 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.compiled import NumericSystem, nearest
+from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.linear import independent_rows, rank
+from lagcli.linear import rank
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
+from lagcli.start import initial
 from lagcli.start.initial import State
 from lagcli.start.projection import Reached, Surface
+
+if TYPE_CHECKING:
+    from lagcli.compiled.nearest import Problem
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -68,6 +73,8 @@ class Search:
         try:
             self.metric, self.whole = Metric(self.M, fixed), Metric(self.M)
         except NotDefiniteError:
+            from lagcli.compiled import nearest
+
             self.M = nearest.unit(fixed.size)
             self.metric, self.whole = Metric.unit(fixed.size, fixed), Metric.unit(fixed.size)
 
@@ -90,9 +97,7 @@ class Search:
             for axis in range(3):
                 place = q[axis::3][touched[axis::3]]
                 largest = max(largest, float(np.ptp(place)) if place.size else 0.0)
-        return (
-            largest or float(np.abs(q[touched]).max(initial=0.0)) or float(np.abs(q).max(initial=0.0)) or 1.0
-        )
+        return largest or float(np.abs(q[touched]).max(initial=0.0)) or initial.size(q)
 
     def asides(self, q: Floats, rows: Sequence[int]) -> Iterator[Floats]:
         """Starts beside q, the near ones first; the same for the same question."""
@@ -126,6 +131,8 @@ class Search:
         B = self.numeric.whole(self.state.t, q, self.state.p)[1][list(rows), :]
         if not LocalRows(B).are_finite().all():
             return None
+        from lagcli.linear import independent_rows
+
         lines = MetricRows(B, self.metric)
         chosen = independent_rows.dependence(lines, rank.rank(lines).low)
         return [rows[i] for i in chosen.kept], 1.0 / lines.lengths[list(chosen.kept)]
@@ -142,8 +149,10 @@ class Search:
         return self._problem.solve(begin, q0, given, self.fixed)
 
     @cached_property
-    def _problem(self) -> nearest.Problem:
-        return nearest.Problem(self.system, self.M.sparsity())
+    def _problem(self) -> Problem:
+        from lagcli.compiled.nearest import Problem  # here, as most starts are near
+
+        return Problem(self.system, self.M.sparsity())
 
     def components(self) -> tuple[Numbers, Numbers]:
         """Numbers of the parts that share no free coordinate and no inertia: of the rows (s,), of coordinates (n,)."""

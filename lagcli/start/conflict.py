@@ -193,7 +193,7 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
     reached = search.surface().descend(q)
     if not reached.is_on:
         labels, _ = search.components()
-        size = float(np.abs(reached.q).max(initial=0.0)) or 1.0
+        size = initial.size(reached.q)
         for number in np.unique(labels[~(reached.residuals <= projection.PARAMETERS.rounding * size)]):
             rows = np.flatnonzero(labels == number).tolist()
             found = search.reach(rows, (q, state.q))

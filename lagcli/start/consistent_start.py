@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import OrderedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.compiled import NumericSystem
+from lagcli.equations import row_parameters, size_limits
 from lagcli.equations.system import System
-from lagcli.start import assembly, gaps, initial
-from lagcli.start.assembly import Assembly
+from lagcli.start import initial
 from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    # Most starts are consistent as they are declared.
+    from lagcli.start.assembly import Assembly
 
 Floats = npt.NDArray[np.float64]
 
@@ -44,9 +50,16 @@ def find(system: System, numeric: NumericSystem) -> ConsistentStart:
     initial.inertia(system, numeric, declared)
     residuals = initial.residuals(system, numeric, declared)
     if not system.model.simulation.assemble:
-        assembly.require_consistent(system, numeric, declared, residuals)
-        gaps.require_outside(system, numeric, declared)
-        return ConsistentStart(assembly.settled(system, numeric, declared))
+        if not residuals.consistent:
+            from lagcli.start import assembly
+
+            assembly.require_consistent(system, numeric, declared, residuals)
+        if system.contacts.count:
+            from lagcli.start import gaps  # here, as most models have no one-sided constraints
+
+            gaps.require_outside(system, numeric, declared)
+            declared = gaps.settled(system, numeric, declared)
+        return ConsistentStart(declared)
     moved = nearest(system, numeric)
     initial.inertia(system, numeric, moved.state)
     return ConsistentStart(moved.state, moved)
@@ -56,5 +69,34 @@ def nearest(system: System, numeric: NumericSystem) -> Assembly:
     """The consistent state nearest to the declared one, without the coordinates that the settings keep, also on the
     allowed side of the one-sided constraints. Raises `diagnostics.ModelError`.
     """
+    from lagcli.start import assembly
+
     declared, keep = initial.declared(system), system.model.simulation.keep
     return assembly.assemble(system, numeric, declared, keep, one_sided=True)
+
+
+class KnownStarts:
+    """The starts of one text that were found consistent or were assembled, by what they depend on.
+
+    Assembly and the look at the residuals ask inertia, rows and contacts, the duration of the run and the settings of
+    assembly, and nothing else: with another weight or another spring the same start is found, to the bit.
+    """
+
+    MOST = 64  # that are kept: the inner one of two loops over values comes again for each value of the outer
+
+    def __init__(self, built: System) -> None:
+        self._places = row_parameters.of_start(built)
+        self._found: OrderedDict[tuple[object, ...], ConsistentStart] = OrderedDict()
+
+    def find(self, built: System, numeric: NumericSystem) -> ConsistentStart:
+        """The consistent start of a model. Raises `diagnostics.ModelError` where no run can begin."""
+        size_limits.require_run(built)
+        declared, chosen = initial.declared(built), built.model.simulation
+        parts = declared.q.tobytes(), declared.v.tobytes(), declared.p[self._places].tobytes()
+        key = (declared.t, *parts, chosen.duration, chosen.assemble, chosen.keep)
+        known = self._found.get(key)
+        if known is None:
+            known = self._found[key] = find(built, numeric)
+            while len(self._found) > self.MOST:
+                self._found.popitem(last=False)
+        return known.with_numbers(declared.p)

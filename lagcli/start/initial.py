@@ -16,7 +16,6 @@ from lagcli.linear import generic_direction
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.model import model as nouns
-from lagcli.start import singular_inertia
 
 Floats = npt.NDArray[np.float64]
 
@@ -86,6 +85,11 @@ class Residuals:
         return float(self.position[i] if self.in_position(i) else self.velocity[i])
 
 
+def size(q: Floats) -> float:
+    """The size of a configuration q (n,): its largest coordinate, or 1 where all of it is at zero."""
+    return float(np.abs(q).max(initial=0.0)) or 1.0
+
+
 def declared(system: System) -> State:
     """The state a model declares."""
     q, v = mechanics.start(system.model)
@@ -96,6 +100,8 @@ def inertia(
     system: System, numeric: NumericSystem, state: State, held: npt.NDArray[np.bool_] | None = None
 ) -> Metric:
     """The mass metric at a state. Raises `diagnostics.ModelError`, by name, where M is not positive definite."""
+    from lagcli.start import singular_inertia  # here, as counts need none of it
+
     M = numeric.inertia(state.t, state.q, state.v, state.p)
     names = system.model.coordinate_names
     rows, values = np.asarray(M.sparsity().row(), dtype=int), np.array(M.nonzeros(), dtype=float)

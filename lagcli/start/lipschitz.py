@@ -14,6 +14,7 @@ from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import generic_direction
 from lagcli.model import model as nouns
+from lagcli.start import initial
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -37,7 +38,7 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     if not state.q.size or not any(_WORDS.search(text) for text in cut_warnings.texts(system.model)):
         return ()
     n = state.q.size
-    size = float(np.abs(state.q).max(initial=0.0)) or 1.0
+    size = initial.size(state.q)
     speed = float(np.abs(state.v).max(initial=0.0)) or size / (system.model.simulation.duration or 1.0)
     entries = n + numeric.inertia.nnz_out(0) + numeric.rows.nnz_out(0) + numeric.rows.size1_out(1)
     count = DIRECTIONS if entries < MANY else 1

@@ -15,6 +15,7 @@ from lagcli import progress
 from lagcli.compiled import NumericSystem
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
+from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
 
@@ -34,25 +35,25 @@ class ProjectionParameters:
     refinements: int = 60
     """Newton's steps to the nearest point."""
     arrived: float = 1e-14
-    """Where a descent ends."""
+    """The residual at which a descent ends."""
     rounding: float = 1e-10
-    """Where it may stall by rounding."""
+    """The residual at which it may stall by rounding."""
     converged: float = 1e-13
-    """Where a few Newton steps have come close enough to tell that they square the residual."""
+    """The residual at which a few Newton steps have come close enough to tell that they square the residual."""
     nearest: float = 1e-12
     """The part of the way along the surface at which a point is the nearest one."""
     nearby_steps: int = 8
-    """Where the rows are independent, Newton's steps from nearby square the residual: so many reach rounding."""
+    """If the rows are independent, Newton's steps from nearby square the residual: so many reach rounding."""
     squared: float = 0.02
     """A step that leaves more than this part of the residual has not squared it."""
     first_damping: float = 1e-3
     """Damping, on rows of length one: where it begins."""
     stronger: float = 4.0
-    """How it grows where a step goes up."""
+    """The factor by which it grows if a step goes up."""
     weaker: float = 8.0
-    """How it wanes where a step goes down."""
+    """The factor by which it wanes if a step goes down."""
     last_damping: float = 1e-9
-    """Where it is dropped."""
+    """The damping below which it is dropped."""
     slow_steps: int = 20
     """A descent ends where so many steps have left more than `slow` of the residual: others go round a bend in
     fewer."""
@@ -61,14 +62,6 @@ class ProjectionParameters:
 
 
 PARAMETERS = ProjectionParameters()
-
-
-class NoConfiguration(Exception):
-    """No point that satisfies the constraints was found; `worst` is the largest remaining |f_i| / |B_i|."""
-
-    def __init__(self, q: Floats, worst: float) -> None:
-        super().__init__("no configuration satisfies the holonomic constraints near the start")
-        self.q, self.worst = q, worst
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -138,14 +131,16 @@ class Surface:
             here = self._reached(q, f, B)
             best = here if to_the_end or here.is_on or here.worst <= best.worst else best
         # The last steps stall at rounding; that is as far as doubles go.
-        size = max(_size(q), _size(best.q))
+        size = max(initial.size(q), initial.size(best.q))
         return dataclasses.replace(best, is_on=best.is_on or best.worst <= PARAMETERS.rounding * size)
 
     def _reached(self, q: Floats, f: Floats, B: Sparse) -> Reached:
         if not _are_finite(f, B):
             return Reached(q, np.full(f.size, np.inf), False)
         residuals = np.abs(f) / LocalRows(B).divisors
-        return Reached(q, residuals, bool(np.max(residuals, initial=0.0) <= PARAMETERS.arrived * _size(q)))
+        return Reached(
+            q, residuals, bool(np.max(residuals, initial=0.0) <= PARAMETERS.arrived * initial.size(q))
+        )
 
     def residual(self, q: Floats) -> float:
         """Largest |f_i| / |B_i|."""
@@ -154,20 +149,13 @@ class Surface:
             return float("inf")
         return float(np.max(np.abs(f) / LocalRows(B).divisors, initial=0.0))
 
-    def feasible(self, q: Floats) -> Floats:
-        """A point of the surface by `descend`. Raises `NoConfiguration`."""
-        found = self.descend(q)
-        if not found.is_on:
-            raise NoConfiguration(found.q, found.worst)
-        return found.q
-
     def nearby(self, q: Floats) -> Floats | None:
         """The point of the surface that a few full Newton steps reach, each squaring a small residual, or None.
 
         None from nearby shows that the surface is singular there: its rows are dependent on it and independent
         beside it, and Newton's steps only halve the distance.
         """
-        size = _size(q)
+        size = initial.size(q)
         before = residual = self.residual(q)
         for _ in range(PARAMETERS.nearby_steps):
             if residual <= PARAMETERS.converged * size and (
@@ -181,26 +169,20 @@ class Surface:
             before, residual = residual, self.residual(q)
         return None
 
-    def nearest(self, q0: Floats) -> Floats:
-        """The point of the surface nearest to q0 in the metric: q - q0 = -M^-1 B^T mu at the point itself.
+    def refined(self, q: Floats, q0: Floats, steps: int = PARAMETERS.refinements) -> Floats:
+        """The point of the surface nearest to q0 in the metric, from a point q of it, in so many steps at most.
 
-        Gauss-Newton on that condition from a feasible point; where it does not contract, the feasible point
+        Gauss-Newton on the condition q - q0 = -M^-1 B^T mu at the point itself; where it does not contract, the point
         with the smaller distance is kept.
         """
-        return self.refined(self.feasible(q0), q0)
-
-    def refined(self, q: Floats, q0: Floats, steps: int = PARAMETERS.refinements) -> Floats:
-        """The point of the surface reached from a point q of it, in so many steps at most."""
         best = q
-        size = _size(q0)
+        size = initial.size(q0)
         for _ in range(steps):
             f, B = self.rows(q)
             step = MetricRows(B, self._metric).correction(f + LocalRows(B).times(q0 - q))
-            try:
-                new = self.feasible(q0 + step)
-            except NoConfiguration:
-                break
-            if (
+            reached = self.descend(q0 + step)
+            new = reached.q
+            if not reached.is_on or (
                 self._metric.length(new - q0)
                 >= self._metric.length(best - q0) * (1 + 1e-12) + PARAMETERS.nearest * size
             ):
@@ -221,10 +203,6 @@ def velocity(v: Floats, B: Sparse, b: Floats, metric: Metric) -> Floats:
     for _ in range(2):  # the second pass removes the rounding of the first
         v = v + rows.correction(LocalRows(B).times(v) + b)
     return v
-
-
-def _size(q: Floats) -> float:
-    return float(np.abs(q).max(initial=0.0)) or 1.0
 
 
 def _are_finite(f: Floats, B: Sparse) -> bool:

@@ -6,6 +6,7 @@ What holds at generic points (ranks, derived flags) is looked for at them: the s
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -15,8 +16,11 @@ from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import generic_direction, metric_rows, rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows
-from lagcli.start import assembly, initial, projection
+from lagcli.start import initial
 from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    from lagcli.start.projection import Surface
 
 Floats = npt.NDArray[np.float64]
 
@@ -36,15 +40,19 @@ def begin(system: System, numeric: NumericSystem) -> State:
 
     Raises `diagnostics.ModelError` where there is none, and where the inertia has no finite value there.
     """
+    from lagcli.start import assembly  # here, as a run from a consistent start needs none of it
+
     state = assembly.assemble(system, numeric, initial.declared(system), ()).state
     if not is_finite(numeric, state):
         initial.inertia(system, numeric, state)  # says of which coordinate
     return state
 
 
-def surface(numeric: NumericSystem, state: State) -> projection.Surface:
+def surface(numeric: NumericSystem, state: State) -> Surface:
     """The surface at the time and parameters of a state, with the metric there."""
-    return projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
+    from lagcli.start.projection import Surface
+
+    return Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
 
 
 def along(
@@ -88,7 +96,7 @@ def _tangent_step(
     largest = float(np.abs(direction).max(initial=0.0))
     if largest == 0.0:
         return here
-    step = length * size(here.q) * direction / largest
+    step = length * initial.size(here.q) * direction / largest
     reached = surface(numeric, here)
     for halvings in range(MAX_HALVINGS):
         there = reached.nearby(here.q + step / 2**halvings)
@@ -111,18 +119,13 @@ def rows(numeric: NumericSystem, point: State) -> MetricRows:
     """All rows at a point of the surface; one whose gradient vanishes on it is zero, whatever rounding leaves of it."""
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
     direction = generic_direction.direction(point.q.size, SEED)
-    aside = point.q + ASIDE * size(point.q) * direction
+    aside = point.q + ASIDE * initial.size(point.q) * direction
     off = LocalRows(numeric.rows(point.t, aside, point.v, point.p)[0])
     here = LocalRows(B)
     with np.errstate(invalid="ignore"):  # a row may have no value aside
         flat = here.norms <= FLAT * off.norms
     keep = ca.DM(np.where(flat, 0.0, 1.0))
     return MetricRows(ca.mtimes(ca.diag(keep), B) if flat.any() else B, initial.metric_at(numeric, point))
-
-
-def size(q: Floats) -> float:
-    """The size of the configuration, or 1 where all of it is at zero."""
-    return float(np.abs(q).max(initial=0.0)) or 1.0
 
 
 def is_finite(numeric: NumericSystem, point: State) -> bool:

@@ -59,7 +59,7 @@ def test_a_run_without_contacts_and_errors_loads_nothing_of_them() -> None:
         "singularity_step",
         "work_integral",
         "classify",
-        "hidden_conditions",
+        "integral_searches",
     }
 
 

@@ -134,7 +134,7 @@ def test_gaps_that_decimals_put_below_zero_begin_at_zero() -> None:
     ready = cache.compiled(lagcli.loads(text, {"x": "0.6", "z": 0.8 + 1e-11}))
     start = initial.declared(ready.system)
     assert gaps.gaps(ready.system, ready.numeric, start).g[0] < -1e-12
-    moved = assembly.settled(ready.system, ready.numeric, start)
+    moved = gaps.settled(ready.system, ready.numeric, start)
     assert abs(gaps.gaps(ready.system, ready.numeric, moved).g[0]) < 1e-15
     assert np.abs(moved.q - start.q).max() < 1e-11
 

@@ -9,8 +9,8 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-from lagcli.analysis.classification import coupling, locality
-from lagcli.analysis.classification.case import Case
+from lagcli.analysis.classification import locality
+from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.analysis.classification.verdict import (
     Condition,
     HiddenConditionsError,
@@ -51,7 +51,7 @@ class Classifier:
         self._alike, self._joint = memo.VerdictMemo(), joint.JointClassifier()
         self._locality = locality.Locality(case, self._translation, deadline)
 
-    def judge(self, group: coupling.CoupledGroup) -> tuple[tuple[Verdict, ...], JointVerdict]:
+    def judge(self, group: CoupledGroup) -> tuple[tuple[Verdict, ...], JointVerdict]:
         """The verdicts of the rows of a group, and their joint one."""
         names, declared = self._names(group.differential), self._block(group)
         block, flagged = self._flagged(group, declared, PROMPT)
@@ -119,7 +119,7 @@ class Classifier:
     def _names(self, rows: Iterable[int]) -> tuple[str, ...]:
         return tuple(self._case.system.rows.rows[i].name for i in rows)
 
-    def _block(self, group: coupling.CoupledGroup) -> PfaffianBlock | None:
+    def _block(self, group: CoupledGroup) -> PfaffianBlock | None:
         """The group in symbols; None where a row is too large for exact algebra, or has no text."""
         if len(group.holonomic) > MOST_ROWS:
             return None
@@ -133,7 +133,7 @@ class Classifier:
         return self._translation.block(known, held)
 
     def _flagged(
-        self, group: coupling.CoupledGroup, block: PfaffianBlock | None, budget: int
+        self, group: CoupledGroup, block: PfaffianBlock | None, budget: int
     ) -> tuple[PfaffianBlock | None, joint.Flagged | None]:
         """The flag of exact algebra, None where the budget of operations is too little for it.
 
@@ -160,7 +160,7 @@ class Classifier:
             self._demand(group, found)
         return block, found
 
-    def _demand(self, group: coupling.CoupledGroup, found: joint.Flagged) -> None:
+    def _demand(self, group: CoupledGroup, found: joint.Flagged) -> None:
         """Raise what rows demand of which a combination is g dt: that g = 0, or the impossible."""
         place = group.differential
         if not all(one.factors for one in found.flag.conditions):

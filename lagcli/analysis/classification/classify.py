@@ -1,25 +1,140 @@
 """A model -> the classification of its differential rows: alone (D.3), and together with all rows they meet.
 
-SymPy is loaded only where there is a differential row to judge.
+Hidden holonomic conditions: a combination of rows that says g(q, t) dt = 0 demands g = 0, and does not forbid it. A
+system is classified again with the conditions that its rows were found to demand, until nothing new comes: their own
+differentials are rows too. Only a g that vanishes nowhere, or only at single times, is a contradiction.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import time
+from collections.abc import Sequence
 
-from lagcli import progress
+from lagcli import compiled, progress
 from lagcli.analysis.classification.case import Case
-from lagcli.analysis.classification.verdict import Classification
-from lagcli.model import settings
+from lagcli.analysis.classification.verdict import (
+    Classification,
+    Condition,
+    HiddenConditionsError,
+    JointVerdict,
+)
+from lagcli.compiled import NumericSystem
+from lagcli.equations import system as mechanics
+from lagcli.equations.system import System
+from lagcli.errors import diagnostics
+from lagcli.expression import parser
+from lagcli.model import family, settings
+from lagcli.model import model as nouns
+from lagcli.start import assembly, initial, sample_points
 
 QUICK = 1.0  # seconds for numbers to show that nothing is integrable
+MOST = 30  # rounds of conditions that demand others
+AGAIN = "the hidden conditions of the rows have no end that algebra sees"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Classified:
+    """A case with all conditions that its rows demand among its holonomic rows, and its classification."""
+
+    case: Case
+    found: Classification
+    conditions: tuple[Condition, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentences about the conditions."""
+        return tuple(
+            f"hidden condition {equation(one)}: {quoted(one.rows)} {'demands' if len(one.rows) == 1 else 'demand'} it,"
+            " for a combination of these rows is a multiple of dt; it counts as a holonomic constraint"
+            for one in self.conditions
+        )
+
+
+def equation(condition: Condition) -> str:
+    """The condition as an equation, which is also the name of its row."""
+    return f"{condition.text} = 0"
+
+
+def classified(system: System, numeric: NumericSystem, limit: float = settings.LIMIT) -> Classified:
+    """The classification of a system at the consistent state nearest to its start. `limit`: seconds.
+
+    Raises `diagnostics.ModelError` where there is no such state and where rows contradict each other.
+    """
+    conditions: tuple[Condition, ...] = ()
+    deadline = time.monotonic() + limit
+    for _ in range(MOST):
+        case, conflict = _case(system, numeric)
+        try:
+            found = _judged(case, max(0.0, deadline - time.monotonic()) if conditions else limit)
+        except HiddenConditionsError as hidden:
+            known = {one.text for one in conditions}
+            new = tuple({one.text: one for one in hidden.conditions if one.text not in known}.values())
+            if not new:
+                break
+            conditions += new
+            system = extended(system, new)
+            numeric = compiled.NumericSystem(system)
+            continue
+        if conflict is not None:
+            raise conflict
+        return Classified(case, found, conditions)
+    names = tuple(row.name for row in system.rows.rows[system.holonomic_count :])
+    nothing = JointVerdict(names, (), (), frozenset(), (), (), "none", reason=AGAIN)
+    return Classified(case, Classification((), (nothing,), True), conditions)
+
+
+def certainly_nonholonomic(case: Case) -> bool:
+    """True if numbers alone show that no combination of differential rows is integrable, which takes no SymPy."""
+    flags = (case.flag(group, time.monotonic() + QUICK) for group in case.groups)
+    return all(found.is_certain and not found.extra[-1] for found in flags)
+
+
+def extended(system: System, conditions: Sequence[Condition]) -> System:
+    """The system with conditions as further holonomic rows, which stand last among the declared ones."""
+    model, place = system.model, {row.name: row for row in system.rows.rows}
+    laws = {law_row: law for law in model.differential for law_row in law.rows}
+    more = []
+    for one in conditions:
+        origin = laws[place[one.rows[-1]].name].equation.origin
+        text = dataclasses.replace(origin, value=equation(one))
+        expression = nouns.Expression(parser.parse_equation(text.value), text)
+        more.append(nouns.Holonomic(family.one(equation(one)), expression, False))
+    fingerprint = "; ".join([model.fingerprint, *map(equation, conditions)])
+    return mechanics.build(
+        dataclasses.replace(model, holonomic=(*model.holonomic, *more), fingerprint=fingerprint)
+    )
+
+
+@progress.phase("looking for a consistent start")
+def _case(system: System, numeric: NumericSystem) -> tuple[Case, diagnostics.ModelError | None]:
+    """The case, and the error where no velocity satisfies the rows at its nearest configuration: off a hidden
+    condition there is none."""
+    try:
+        return Case(system, numeric, sample_points.begin(system, numeric)), None
+    except diagnostics.ModelError as error:
+        if not system.model.differential or not is_conflict(error):
+            raise
+        begin = assembly.configuration(system, numeric, initial.declared(system))
+        return Case(system, numeric, begin), error
+
+
+def is_conflict(error: diagnostics.ModelError) -> bool:
+    """True if rows were found to contradict each other."""
+    return any(one.code == "contradictory-constraints" for one in error.diagnostics)
+
+
+def quoted(names: Sequence[str]) -> str:
+    """Names of rows in a sentence."""
+    return ", ".join(f"`{name}`" for name in names)
 
 
 @progress.phase("classifying the constraints")
-def classify(case: Case, limit: float = settings.LIMIT) -> Classification:
-    """The classification. `limit`: seconds for all rows, then `undecided`.
+def _judged(case: Case, limit: float) -> Classification:
+    """The classification of a case. `limit`: seconds for all rows, then `undecided`.
 
-    Raises `diagnostics.ModelError` where a combination of rows says dt = 0.
+    Raises `diagnostics.ModelError` where a combination of rows says dt = 0, and `HiddenConditionsError` where one says
+    g dt = 0.
     """
     if not case.groups:
         return Classification((), (), case.depends_on_time)
@@ -33,9 +148,3 @@ def classify(case: Case, limit: float = settings.LIMIT) -> Classification:
     return Classification(
         tuple(verdicts[name] for name in names), tuple(one for _, one in found), case.depends_on_time
     )
-
-
-def certainly_nonholonomic(case: Case) -> bool:
-    """True if numbers alone show that no combination of differential rows is integrable, which takes no SymPy."""
-    flags = (case.flag(group, time.monotonic() + QUICK) for group in case.groups)
-    return all(found.is_certain and not found.extra[-1] for found in flags)

@@ -1,24 +1,28 @@
-"""Searches for the first integrals of differential rows, as far as they are found in a time."""
+"""Searches for the first integrals of differential rows, as far as they are found in a time, with notes on those that
+are unknown and therefore not enforced."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections import OrderedDict
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.analysis.classification import classify, hidden_conditions, unenforced
+from lagcli.analysis.classification import classify
 from lagcli.analysis.classification.case import Case
-from lagcli.analysis.classification.known_integrals import KnownIntegrals
-from lagcli.analysis.codimension import redundancy
+from lagcli.analysis.classification.known_integrals import KnownIntegrals, Orbit
+from lagcli.analysis.classification.verdict import Classification
 from lagcli.compiled import NumericSystem
 from lagcli.equations import row_parameters, system
 from lagcli.errors import diagnostics
 from lagcli.start import sample_points
 
 Floats = npt.NDArray[np.float64]
+
+MOST_NAMES = 4  # more rows are counted and not named
 
 
 class KnownSearches:
@@ -39,7 +43,7 @@ class KnownSearches:
         try:
             case = _case(built, numeric)
         except diagnostics.ModelError as error:
-            if not hidden_conditions.is_conflict(error):
+            if not classify.is_conflict(error):
                 raise
             return _classified(built, numeric, limit)
         begin = case.begin
@@ -57,7 +61,7 @@ class KnownSearches:
         return found
 
 
-def _at(orbits: tuple[redundancy.Orbit, ...], p: Floats) -> tuple[redundancy.Orbit, ...]:
+def _at(orbits: tuple[Orbit, ...], p: Floats) -> tuple[Orbit, ...]:
     """The orbits with other numbers, of which the rows hold none."""
     return tuple(
         dataclasses.replace(one, places=tuple(dataclasses.replace(place, p=p) for place in one.places))
@@ -70,18 +74,45 @@ def _searched(case: Case, built: system.System, numeric: NumericSystem, limit: f
         if classify.certainly_nonholonomic(case):
             return KnownIntegrals(orbits=case.orbits)
     except diagnostics.ModelError as error:
-        if not hidden_conditions.is_conflict(error):
+        if not classify.is_conflict(error):
             raise
     return _classified(built, numeric, limit)
 
 
 def _classified(built: system.System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
-    whole = hidden_conditions.classified(built, numeric, limit)
+    whole = classify.classified(built, numeric, limit)
     orbits = whole.case.orbits if not whole.conditions else ()
-    return KnownIntegrals(whole.found.integrals, unenforced.notes(whole.found), whole.conditions, orbits)
+    return KnownIntegrals(whole.found.integrals, _notes(whole.found), whole.conditions, orbits)
 
 
 @progress.phase("looking for a consistent start")
 def _case(built: system.System, numeric: NumericSystem) -> Case:
     """The system at the consistent state nearest to its start. Raises `diagnostics.ModelError`."""
     return Case(built, numeric, sample_points.begin(built, numeric))
+
+
+def _notes(found: Classification) -> tuple[str, ...]:
+    """A note on all rows with integrals that were not found, and one on those of which nothing was decided."""
+    unknown: list[str] = []
+    undecided: list[str] = []
+    for group in found.groups:
+        if not group.is_decided:
+            undecided += group.rows
+        elif len(group.integrals) + len(group.passing) < group.flag[-1]:
+            # Where no row alone lies in the integrable part a combination of them does.
+            unknown += [row for row in group.rows if row in group.inside] or group.rows
+    told = []
+    if unknown:
+        told.append(f"not all integrals of {_named(unknown)} were found")
+    if undecided:
+        told.append(f"it is undecided whether {_named(undecided)} can be integrated")
+    return tuple(
+        f"{what}: integrals that are not known are enforced at velocity level only, to the integration tolerance"
+        for what in told
+    )
+
+
+def _named(rows: Iterable[str]) -> str:
+    names = [f"`{row}`" for row in rows]
+    more = len(names) - MOST_NAMES
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:MOST_NAMES])} and {more} more"

@@ -10,14 +10,23 @@ from lagcli.model.invariant import FirstIntegral
 if TYPE_CHECKING:
     # Most models have no differential rows: they load no more than this.
     from lagcli.analysis.classification.verdict import Condition
-    from lagcli.analysis.codimension.redundancy import Orbit
+    from lagcli.start.initial import State
 
 Integrals = tuple[FirstIntegral, ...]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class Orbit:
+    """Rows by their numbers, and places to which motions from the start come, as far as these rows see them."""
+
+    rows: tuple[int, ...]
+    places: tuple[State, ...]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class KnownIntegrals:
-    """First integrals of the differential rows, notes on those that are not known, and the hidden conditions."""
+    """First integrals of the differential rows, notes on those that are not known, the hidden conditions, and where
+    motions from the start were followed."""
 
     integrals: Integrals = ()
     notes: tuple[str, ...] = ()

@@ -1,10 +1,12 @@
-"""The findings of the classification: of every row, of every group of rows, and of all of them."""
+"""The findings of the classification: of every row, of every group of rows, and of all of them; and the verdicts that
+need no search, of rows declared in whole coordinates and of one-sided ones."""
 
 from __future__ import annotations
 
 import dataclasses
 from typing import Literal
 
+from lagcli.model import model as nouns
 from lagcli.model.invariant import FirstIntegral
 
 Declared = Literal["holonomic", "differential", "inequality"]
@@ -154,3 +156,26 @@ def _summed(sequences: list[tuple[int, ...]]) -> tuple[int, ...]:
     while len(sums) > 1 and sums[-1] == sums[-2]:
         sums.pop()
     return tuple(sums)
+
+
+def of_holonomic(model: nouns.Model, row_names: tuple[str, ...]) -> tuple[Verdict, ...]:
+    """Verdicts of the rows declared in whole coordinates, `row_names` being those of the system."""
+    texts = {row for law in model.holonomic for row in law.rows}
+    bodies = {body.name for body in model.rigid}
+    verdicts = []
+    for row in row_names:
+        if row in texts:
+            method = "declared in whole coordinates"
+        elif row.rpartition(".")[0] in bodies:
+            method = f"row of the rigid body `{row.rpartition('.')[0]}`"
+        else:
+            continue
+        verdicts.append(Verdict(row, "holonomic", "holonomic", None, None, method, "symbolic"))
+    return tuple(verdicts)
+
+
+def of_one_sided(model: nouns.Model) -> tuple[Verdict, ...]:
+    """Verdicts of the one-sided constraints, in their order."""
+    rows = (row for law in model.inequality for row in law.rows)
+    method = "declared as one-sided: not counted in s"
+    return tuple(Verdict(row, "inequality", "inequality", None, None, method, "symbolic") for row in rows)

@@ -3,17 +3,17 @@
 Rows that are independent at a point cut out a surface whose codimension is their rank there. Of dependent rows
 three things can be so, and each is looked for:
 
-- They are redundant: some of them cut out a smooth surface, and on that the others vanish (`regular`). The rank is
+- They are redundant: some of them cut out a smooth surface, and on that the others vanish (`manifold`). The rank is
   the codimension, motion and R are unique, single multipliers are not.
 - The rank is below the codimension (`second_order`): the surface is smooth, but of smaller dimension than the
   kernel of B, and is held there by second derivatives. Three particles on a line with all three distances are
   such a set. The multiplier rule (D.13-D.22) fails: no finite multipliers give the true motion.
 - The point is singular (`branches`): nearby on the surface the rank is higher, as where a linkage lies flat.
 
-`equations` are a part of f in scaled coordinates, `manifold` follows what they cut out to finite distances,
-`definite` finds the combination of rows that holds the surface, `examine` asks them in their order.
+`scaled_equations` are a part of f in scaled coordinates, `manifold` follows what they cut out to finite distances,
+`examine` asks them in their order, and `refusals` say why no run can be stepped with such rows.
 """
 
-from lagcli.analysis.codimension.examine import Codimension, examine, refusal
+from lagcli.analysis.codimension.examine import Codimension, examine
 
-__all__ = ["Codimension", "examine", "refusal"]
+__all__ = ["Codimension", "examine"]

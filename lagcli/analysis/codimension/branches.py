@@ -7,21 +7,46 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.codimension import regular_point
+from lagcli.analysis.codimension import manifold
 from lagcli.analysis.codimension.scaled_equations import ScaledPart
 from lagcli.linear import rank
 
 Floats = npt.NDArray[np.float64]
 
-# Points sought, and how many of them by walks of several steps.
-POINTS, WALKS, STEPS = 16, 4, 3
-# In units of the scaled coordinates, the step and how often it is halved to begin with: a branch that bends away
-# is seen close by only. Closer to a singular point the rank cannot be seen.
-STEP, CLOSER, HALVINGS = 0.2, 4, 7
-NEWTON_STEPS, MORE_STEPS = 8, 40
-# Newton's method squares a small residual where the rank is constant, and halves the distance where it is not.
-SOLVED, SQUARED, CREEPING = 1e-13, 0.02, 1e-9
-SEED = 20062
+
+class BranchParameters:
+    """Random steps from a point where rows are dependent; lengths are in units of the scaled coordinates."""
+
+    __slots__ = ()
+
+    points: int = 16
+    """Points sought."""
+    walks: int = 4
+    """Those of them that are reached by walks of several steps."""
+    steps: int = 3
+    """Steps of these."""
+    step: float = 0.2
+    """A step."""
+    closer: int = 4
+    """Steps are 1, 1/2, ... of it by turns, in so many sizes: a branch that bends away is seen close by only."""
+    halvings: int = 7
+    """Halvings of a step; closer to a singular point the rank cannot be seen."""
+    newton_steps: int = 8
+    """Newton's steps that may lead back."""
+    more_steps: int = 40
+    """Further ones, which show that it creeps."""
+    solved: float = 1e-13
+    """The residual at which Newton's method ends."""
+    squared: float = 0.02
+    """A step that leaves no more than this part has squared a small residual, as it does where the rank is constant;
+    where it is not it halves the distance."""
+    creeping: float = 1e-9
+    """A residual that comes so near, but slowly, comes to a place that is not regular."""
+    seed: int = 20062
+    """Of random directions: a fixed one, so that the verdict does not change."""
+
+
+PARAMETERS = BranchParameters()
 
 
 class _Creeping(Exception):
@@ -34,20 +59,21 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
     Where time enters they are at later times: the start may be special for its time too."""
     found: set[int | None] = set()
     failed = 0
-    random = np.random.default_rng(SEED)
-    for point in range(POINTS):
+    random = np.random.default_rng(PARAMETERS.seed)
+    for point in range(PARAMETERS.points):
         z: Floats | None = part.begin
         t = times[point % len(times)] if times else part.state.t
+        size = PARAMETERS.step / 2 ** (point % PARAMETERS.closer)
         try:
-            for _ in range(STEPS if point < WALKS else 1):
-                z = _step(part, z, t, random, STEP / 2 ** (point % CLOSER)) if z is not None else None
+            for _ in range(PARAMETERS.steps if point < PARAMETERS.walks else 1):
+                z = None if z is None else _step(part, z, t, random, size)
         except _Creeping:
             return {None}
         if z is None:
             failed += 1
         else:
             found.add(_at(part.moved(z, t), [time for time in times if time > t]))
-        if None in found or len(found) > 1 or failed > POINTS // 2:
+        if None in found or len(found) > 1 or failed > PARAMETERS.points // 2:
             return {None}
     return found
 
@@ -59,7 +85,7 @@ def _at(part: ScaledPart, times: Sequence[float]) -> int | None:
     large = int((sigma > rank.LARGE).sum())
     if large != int((sigma > rank.SMALL).sum()):
         return None
-    return large if large == len(part.rows) or regular_point.is_regular(part, large, times) else None
+    return large if large == len(part.rows) or manifold.is_regular(part, large, times) else None
 
 
 def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, size: float) -> Floats | None:
@@ -73,7 +99,7 @@ def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, si
     direction = tangent @ random.standard_normal(tangent.shape[1])
     largest = float(np.abs(direction).max(initial=0.0))
     step = size * direction / largest if largest > 0 else direction
-    for halving in range(HALVINGS):
+    for halving in range(PARAMETERS.halvings):
         there = _nearby(part, z + step / 2**halving, t)
         if there is not None:
             return there
@@ -83,8 +109,8 @@ def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, si
 def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
     """The point that a few Newton steps reach, each squaring a small residual, or None. Raises `_Creeping`."""
     before = residual = np.inf
-    limit = SOLVED + 4 * part.rounding
-    for done in range(NEWTON_STEPS + MORE_STEPS):
+    limit = PARAMETERS.solved + 4 * part.rounding
+    for done in range(PARAMETERS.newton_steps + PARAMETERS.more_steps):
         F, J = part.at(z, t)
         if not (np.isfinite(F).all() and np.isfinite(J).all()):
             return None
@@ -92,12 +118,12 @@ def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
         lengths = np.where(lengths > 0, lengths, 1.0)
         residual = float(np.abs(F / lengths).max(initial=0.0))
         if residual <= limit:
-            if residual <= SQUARED * before or before <= limit:
-                return z if done < NEWTON_STEPS else None
+            if residual <= PARAMETERS.squared * before or before <= limit:
+                return z if done < PARAMETERS.newton_steps else None
             break
         z = z - np.linalg.lstsq(J / lengths[:, None], F / lengths, rcond=rank.SMALL)[0]
         before = residual
-    if residual <= CREEPING + limit:
+    if residual <= PARAMETERS.creeping + limit:
         raise _Creeping
     return None
 

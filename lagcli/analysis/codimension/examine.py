@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from lagcli.analysis.codimension import branches, regular_point, scaled_equations, second_order
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
-from lagcli.errors import diagnostics
-from lagcli.linear import independent_rows, metric_rows, rank
+from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.start import initial
 from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    # Of most models all rows are independent: what examines others is loaded where it is asked.
+    from lagcli.analysis.codimension.scaled_equations import ScaledPart
 
 Rows = list[int]
 Kind = Literal["independent", "redundant", "singular", "deficient", "undecided"]
@@ -69,8 +71,10 @@ class _Case:
     state: State
     times: Sequence[float]
 
-    def part(self, rows: Rows) -> scaled_equations.ScaledPart:
+    def part(self, rows: Rows) -> ScaledPart:
         """The part of some rows."""
+        from lagcli.analysis.codimension import scaled_equations
+
         return scaled_equations.part(self.system, self.numeric, self.state, rows)
 
 
@@ -85,6 +89,8 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
         part = {i for vector in found.dependences for i in rank.participants(vector)}
         reason = "no gap in the singular values of the constraint rows decides their rank"
         return Codimension("undecided", found.low, None, tuple(sorted(part)), reason=reason)
+    from lagcli.linear import independent_rows
+
     chosen = independent_rows.dependence(rows, found.value).selection
     case = _Case(system, numeric, state, _times(system, state))
     kept = set(chosen.kept)
@@ -172,8 +178,10 @@ def _followed(case: _Case, groups: list[Rows], kept: set[int]) -> tuple[Rows, li
     return sorted(follow), failing
 
 
-def _is_regular(part: scaled_equations.ScaledPart, held: int, times: Sequence[float]) -> bool:
-    return scaled_equations.is_smooth(part) and regular_point.is_regular(part, held, times)
+def _is_regular(part: ScaledPart, held: int, times: Sequence[float]) -> bool:
+    from lagcli.analysis.codimension import manifold, scaled_equations
+
+    return scaled_equations.is_smooth(part) and manifold.is_regular(part, held, times)
 
 
 def _batches(groups: list[Rows]) -> list[list[Rows]]:
@@ -191,6 +199,8 @@ def _batches(groups: list[Rows]) -> list[list[Rows]]:
 
 def _examined(case: _Case, among: Rows, some: Rows, kept: set[int]) -> _Set:
     """Examine rows that share coordinates, of which `some` depend on one another."""
+    from lagcli.analysis.codimension import branches, manifold, scaled_equations, second_order
+
     held = len(kept.intersection(among))
     unknown = _Set("undecided", held, held, some, [], [])
     if len(among) > metric_rows.DENSE:
@@ -199,7 +209,7 @@ def _examined(case: _Case, among: Rows, some: Rows, kept: set[int]) -> _Set:
     unknown = dataclasses.replace(unknown, coordinates=part.coordinates)
     if not scaled_equations.is_smooth(part):
         return unknown
-    if regular_point.is_regular(part, held, case.times):
+    if manifold.is_regular(part, held, case.times):
         return dataclasses.replace(unknown, kind="redundant", follow=[i for i in some if i not in kept])
     dimension = second_order.dimension(part, held, case.times)
     if dimension is not None:
@@ -242,35 +252,3 @@ def _trouble(system: System, rows: Sequence[int], flat: set[int]) -> str:
     if others:
         told.append(f"the rows {initial.names_of(system, others)} depend on one another at the start")
     return ", and ".join(told)
-
-
-def refusal(system: System, found: Codimension) -> diagnostics.ModelError:
-    """The error of a run of rows that are `deficient`: no finite multipliers give the true motion."""
-    rows = list(found.rows)
-    message = (
-        f"the multiplier rule fails for the rows {initial.names_of(system, rows)}: the constraints take"
-        f" {found.codimension} freedoms, and their gradients span only {found.rank} directions wherever they hold, so"
-        " that no finite multipliers give the true motion"
-    )
-    particles = _particles(system, rows)
-    hint = (
-        f"declare {_listed(particles)} under `rigid` in place of these rows: the rows of a body are independent"
-        if len(particles) > 1
-        else "write the constraint so that its gradient does not vanish where it holds"
-    )
-    location = system.rows.rows[rows[-1]].location
-    return diagnostics.ModelError([diagnostics.Diagnostic("multiplier-rule-fails", message, location, hint)])
-
-
-def _particles(system: System, rows: Rows) -> list[str]:
-    """The particles that rows hold, or none where they hold generalized coordinates."""
-    names = system.model.coordinate_names
-    columns = sorted(set(system.rows.B[rows, :].sparsity().get_col()))
-    if any(names[i] in system.model.generalized_names for i in columns):
-        return []
-    return list(dict.fromkeys(names[i].rpartition(".")[0] for i in columns))
-
-
-def _listed(names: list[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[: initial.MOST_TOLD])
-    return shown + (", ..." if len(names) > initial.MOST_TOLD else "")

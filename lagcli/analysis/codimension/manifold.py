@@ -13,26 +13,47 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.codimension.scaled_equations import Equations
+from lagcli.analysis.codimension.scaled_equations import Equations, ScaledPart
 from lagcli.linear import rank
 
 Floats = npt.NDArray[np.float64]
 
-# Walks over the surface at the start's time, and steps of each.
-WALKS, STEPS = 3, 3
-# In units of the scaled coordinates: the first try of a step, and how often it is halved.
-STEP, HALVINGS = 0.5, 5
-NEWTON_STEPS = 12
-# Of scaled equations: what Newton's method leaves, and what is rounding on a manifold that they follow. What does
-# not vanish is of the size of a power of the step. Numbers written to some digits leave more, from the begin on.
-SOLVED, VANISHES, OFF = 1e-12, 1e-11, 1e-9
-ROUNDINGS = 64
-WRITTEN = 100
-# Far steps, in units, where the manifold is as flat: what is small over a unit is not over many.
-FAR = (1e1, 1e2, 1e3, 1e4)
-# Rounding as large as this hides what does not vanish.
-HIDDEN = 1e-7
-SEED = 20061
+
+class ManifoldParameters:
+    """Walks over a manifold; lengths are in units of the scaled coordinates, values of scaled equations."""
+
+    __slots__ = ()
+
+    walks: int = 3
+    """Walks over the surface at the start's time."""
+    steps: int = 3
+    """Steps of each."""
+    step: float = 0.5
+    """The first try of a step."""
+    halvings: int = 5
+    """Its halvings."""
+    newton_steps: int = 12
+    """Back to the manifold."""
+    solved: float = 1e-12
+    """The largest value that Newton's method leaves."""
+    vanishes: float = 1e-11
+    """The largest value that is rounding on a manifold that the equations follow; one that does not vanish is of the
+    size of a power of the step."""
+    off: float = 1e-9
+    """The most that counts as rounding where numbers written to some digits leave more, from the begin on."""
+    roundings: int = 64
+    """Roundings of the coordinates that a value may hold."""
+    written: float = 100.0
+    """By which factor values may be larger than those at the begin."""
+    far: tuple[float, ...] = (1e1, 1e2, 1e3, 1e4)
+    """Far steps where the manifold is as flat: what is small over a unit is not over many."""
+    hidden: float = 1e-7
+    """Rounding as large as this hides what does not vanish."""
+    seed: int = 20061
+    """Of random directions: a fixed one, so that the verdict does not change."""
+
+
+PARAMETERS = ManifoldParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -44,8 +65,8 @@ class Manifold:
 
     def reached(self, z: Floats, t: float) -> Floats | None:
         """The point of the manifold that Newton's method reaches from z, or None."""
-        limit = SOLVED + ROUNDINGS * self.equations.rounding
-        for _ in range(NEWTON_STEPS):
+        limit = PARAMETERS.solved + PARAMETERS.roundings * self.equations.rounding
+        for _ in range(PARAMETERS.newton_steps):
             F, J = self.equations.at(z, t)
             if not (np.isfinite(F).all() and np.isfinite(J).all()):
                 return None
@@ -65,8 +86,8 @@ class Manifold:
         largest = float(np.abs(along).max(initial=0.0))
         if largest <= rank.LARGE:  # nowhere to go: the manifold is a point
             return z
-        for halving in range(HALVINGS):
-            size = STEP / 2**halving
+        for halving in range(PARAMETERS.halvings):
+            size = PARAMETERS.step / 2**halving
             there = self.reached(z + size * along / largest, t)
             if there is not None and size / 2 < np.abs(there - z).max() < 2 * size:
                 return there
@@ -75,8 +96,11 @@ class Manifold:
     def holds_all(self, z: Floats, t: float, off: float) -> bool:
         """True if all equations vanish at a point, but for rounding and for what they are off at the begin."""
         F, _ = self.equations.at(z, t)
-        limit = min(VANISHES + WRITTEN * off, OFF) + ROUNDINGS * self.equations.rounding
-        return bool(np.abs(F).max(initial=0.0) <= limit) and limit < HIDDEN
+        limit = (
+            min(PARAMETERS.vanishes + PARAMETERS.written * off, PARAMETERS.off)
+            + PARAMETERS.roundings * self.equations.rounding
+        )
+        return bool(np.abs(F).max(initial=0.0) <= limit) and limit < PARAMETERS.hidden
 
     def fails_far(self, z: Floats, t: float, direction: Floats) -> bool:
         """True if some equations do not vanish at points of the manifold far along a straight line from z."""
@@ -85,14 +109,17 @@ class Manifold:
         largest = float(np.abs(along).max(initial=0.0))
         if largest <= rank.LARGE:
             return False
-        for size in FAR:
+        for size in PARAMETERS.far:
             place = z + size * along / largest
             there = self.reached(place, t)
-            if there is None or np.abs(there - place).max() > STEP:
+            if there is None or np.abs(there - place).max() > PARAMETERS.step:
                 return False  # it is curved: what Newton's method finds may be another branch
             F, J = self.equations.at(there, t)
             distance = np.abs(F) / np.maximum(np.linalg.norm(J, axis=1), 1.0)
-            if distance.max(initial=0.0) > OFF + ROUNDINGS * size * self.equations.rounding:
+            if (
+                distance.max(initial=0.0)
+                > PARAMETERS.off + PARAMETERS.roundings * size * self.equations.rounding
+            ):
                 return True
         return False
 
@@ -112,16 +139,29 @@ def is_whole(found: Manifold, z: Floats, t: float, times: Sequence[float]) -> bo
 
     Where a step cannot be made, or rounding is too large to see it, that is not shown.
     """
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(PARAMETERS.seed)
     off = float(np.abs(found.equations.at(z, t)[0]).max(initial=0.0))
     if found.fails_far(z, t, random.standard_normal(z.size)):
         return False
-    for time in (*([t] * WALKS), *times):
+    for time in (*([t] * PARAMETERS.walks), *times):
         here = found.reached(z, time)
         if here is None or not found.holds_all(here, time, off):
             return False
-        for _ in range(STEPS):
+        for _ in range(PARAMETERS.steps):
             here = found.step(here, time, random.standard_normal(z.size))
             if here is None or not found.holds_all(here, time, off):
                 return False
     return True
+
+
+def is_regular(part: ScaledPart, count: int, times: Sequence[float]) -> bool:
+    """True if rows of this rank at their begin cut out a surface of that codimension, and do so at other times.
+
+    Then some of them cut it out and the others vanish on it, and the multiplier rule (D.13-D.22) holds: there are
+    multipliers for the force that the surface needs, though not single ones.
+    """
+    t = part.state.t
+    if not part.coordinates:  # 0 = 0, the empty component of a vector equation
+        return all(not part.at(part.begin, time)[0].any() for time in (t, *times))
+    found = along(part, part.begin, t, count)
+    return found is not None and is_whole(found, part.begin, t, times)

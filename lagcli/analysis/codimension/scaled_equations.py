@@ -14,20 +14,36 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.start import initial
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 Indices = list[int]
 
-# Of a row whose gradient is this part of its second derivatives the gradient vanishes: what is left is how far the
-# start is from where it does.
-FLAT = 1e-7
-# The radius of curvature of rows counts as a unit of length if it is not less than this part of the extent.
-CURLED = 1e-4
-EQUILIBRATIONS = 10
-# Within CLOSE of a point, in units, the gradient changes by second derivatives but for this part of them.
-CLOSE, BENT, ROUNDINGS = 1e-6, 1e-3, 64
-SEED = 20061
+
+class ScalingParameters:
+    """The units of a part, and its smoothness."""
+
+    __slots__ = ()
+
+    flat: float = 1e-7
+    """Of a row whose gradient is this part of its second derivatives the gradient vanishes: what is left is how far
+    the start is from where it does."""
+    curled: float = 1e-4
+    """The radius of curvature of rows counts as a unit of length if it is not less than this part of the extent."""
+    equilibrations: int = 10
+    """Rounds that make generalized coordinates move the rows alike."""
+    close: float = 1e-6
+    """The distance from the state, in units, at which the gradient is compared."""
+    bent: float = 1e-3
+    """It changes by second derivatives but for this part of them."""
+    roundings: int = 64
+    """And but for so many roundings of the coordinates."""
+    seed: int = 20061
+    """Of random directions: a fixed one, so that the verdict does not change."""
+
+
+PARAMETERS = ScalingParameters()
 
 
 class Equations(Protocol):
@@ -136,11 +152,11 @@ def part(system: System, numeric: NumericSystem, state: State, rows: Indices) ->
     unit = _units(system, state, coordinates, B, second)
     steep, bent = np.linalg.norm(B * unit, axis=1), second.norms(unit)
     with np.errstate(divide="ignore", invalid="ignore"):
-        radii = (steep / bent)[steep > FLAT * bent]
+        radii = (steep / bent)[steep > PARAMETERS.flat * bent]
     radius = float(np.median(radii)) if radii.size else 1.0
-    radius = radius if CURLED < radius < 1.0 else 1.0
+    radius = radius if PARAMETERS.curled < radius < 1.0 else 1.0
     steep, bent = steep * radius, bent * radius**2
-    weight = np.where(steep > FLAT * bent, steep, bent)
+    weight = np.where(steep > PARAMETERS.flat * bent, steep, bent)
     return dataclasses.replace(plain, unit=unit * radius, weight=np.where(weight > 0, weight, 1.0))
 
 
@@ -148,13 +164,16 @@ def is_smooth(part: ScaledPart) -> bool:
     """True if the gradient of f changes near the state as second derivatives say: that of |x| jumps."""
     if not part.coordinates:
         return True
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(PARAMETERS.seed)
     mixed, direction = random.standard_normal(len(part.rows)), random.standard_normal(len(part.coordinates))
     z, t = part.begin, part.state.t
     H = part.hessian(z, t, mixed)
     here = mixed @ part.at(z, t)[1]
-    limit = CLOSE * BENT * max(1.0, float(np.abs(H).max(initial=0.0))) + ROUNDINGS * part.rounding
-    for side in (-CLOSE, CLOSE):
+    limit = (
+        PARAMETERS.close * PARAMETERS.bent * max(1.0, float(np.abs(H).max(initial=0.0)))
+        + PARAMETERS.roundings * part.rounding
+    )
+    for side in (-PARAMETERS.close, PARAMETERS.close):
         change = mixed @ part.at(z + side * direction, t)[1] - here
         if not np.abs(change - side * H @ direction).max(initial=0.0) <= limit:  # nan neither
             return False
@@ -169,16 +188,12 @@ def _units(system: System, state: State, coordinates: Indices, B: Floats, second
     if all(i < first for i in coordinates):
         axes = [[i for i in coordinates if i % 3 == axis] for axis in range(3)]
         extent = max((float(np.ptp(state.q[axis])) for axis in axes if axis), default=0.0)
-        return np.full(len(q), extent or _largest(q))
-    unit = np.full(len(q), _largest(q))
-    for _ in range(EQUILIBRATIONS):
+        return np.full(len(q), extent or initial.size(q))
+    unit = np.full(len(q), initial.size(q))
+    for _ in range(PARAMETERS.equilibrations):
         size = np.maximum(np.abs(B), second.changes(unit)) * unit
         longest = size.max(axis=1, initial=0.0)
         size /= np.where(longest > 0, longest, 1.0)[:, None]
         across = size.max(axis=0, initial=0.0)
         unit = unit / np.sqrt(np.where(across > 0, across, 1.0))
-    return np.asarray(unit * _largest(q / unit))
-
-
-def _largest(q: Floats) -> float:
-    return float(np.abs(q).max(initial=0.0)) or 1.0
+    return np.asarray(unit * initial.size(q / unit))

@@ -22,17 +22,42 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.codimension import definite, manifold
+from lagcli.analysis.codimension import manifold
 from lagcli.analysis.codimension.scaled_equations import ScaledPart
 from lagcli.linear import rank as rank_limits
 
 Floats = npt.NDArray[np.float64]
 
-# Of second derivatives in scaled coordinates: below it they are the square root of the rounding of the start.
-NOTHING, SOMETHING = 1e-6, 1e-5
-# How far, in units of the scaled coordinates, the start may lie from where the stress balances: rounding. From
-# farther off a small curve through the start, as x**2 + y**2 = 1e-10 x, looks like a point; smaller ones still do.
-BALANCED = 1e-13
+
+class SecondOrderParameters:
+    """The proof by second derivatives, in scaled coordinates, and the search for a positive definite combination."""
+
+    __slots__ = ()
+
+    nothing: float = 1e-6
+    """Second derivatives below this are the square root of the rounding of the start."""
+    something: float = 1e-5
+    """Above this they are there; between the two nothing is decided."""
+    balanced: float = 1e-13
+    """The distance, in units of the scaled coordinates, of the start from where the stress balances: rounding. From
+    farther off a small curve through the start, as x**2 + y**2 = 1e-10 x, looks like a point; smaller ones still do."""
+    definite: float = 1e-6
+    """Of matrices of norm one: a smallest eigenvalue below this is no proof that it is positive."""
+    growth: float = 8.0
+    """The factor by which the weight of the barrier grows; at the weight w the largest t is known to (m + 1) / w."""
+    centerings: int = 60
+    """The most times it grows."""
+    sufficient: float = 0.3
+    """An eigenvalue that is known to this part of itself is known well enough."""
+    newton_steps: int = 50
+    """To the minimum of the barrier at one weight."""
+    decrement: float = 1e-3
+    """Newton's steps end where the barrier would fall by less."""
+    halvings: int = 40
+    """Of one of these steps."""
+
+
+PARAMETERS = SecondOrderParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +101,10 @@ def dimension(part: ScaledPart, rank: int, times: Sequence[float]) -> int | None
     stress, kernel = held
     deflated = Deflated(part, stress, stresses)
     found = manifold.along(deflated, deflated.begin, t, deflated.begin.size - kernel)
-    if found is None or _shift(found, deflated, t) > BALANCED + manifold.ROUNDINGS * part.rounding:
+    if (
+        found is None
+        or _shift(found, deflated, t) > PARAMETERS.balanced + manifold.PARAMETERS.roundings * part.rounding
+    ):
         return None
     if not manifold.is_whole(found, deflated.begin, t, times):
         return None
@@ -112,7 +140,7 @@ def _held(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[Floats, 
     if across is None:
         return None
     held = directions[:across].T
-    c = definite.combination(held.T @ basis @ held)
+    c = definite_combination(held.T @ basis @ held)
     if c is None:
         return None
     stress = stresses @ (mixed[:, :count] @ (c / sizes[:count]))
@@ -121,5 +149,78 @@ def _held(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[Floats, 
 
 def _clearly(sizes: Floats) -> int | None:
     """The number of sizes that are not zero, or None where that is not clear."""
-    some, all_but_nothing = int((sizes > SOMETHING).sum()), int((sizes > NOTHING).sum())
+    some, all_but_nothing = int((sizes > PARAMETERS.something).sum()), int((sizes > PARAMETERS.nothing).sum())
     return some if some == all_but_nothing else None
+
+
+def definite_combination(matrices: Floats) -> Floats | None:
+    """c (k,) of length at most one with sum c_k H_k positive definite, for H (k, m, m) of norm about one, or None.
+
+    The largest t such that H(c) - t I is positive semidefinite, H(c) = sum c_k H_k with |c| <= 1, is found by
+    Newton's method on the barrier -log det(H(c) - t I) - log(1 - |c|^2) - weight t, as the weight grows: a convex
+    problem, so that what is not found does not exist.
+    """
+    k, m, _ = matrices.shape
+    if m == 0 or k == 0:
+        return None
+    x, weight = np.append(np.zeros(k), -1.0), 1.0
+    for _ in range(PARAMETERS.centerings):
+        x = _centered(matrices, x, weight)
+        gap = (m + 1) / weight
+        if x[-1] > PARAMETERS.definite and gap < PARAMETERS.sufficient * x[-1]:
+            return x[:-1]
+        if x[-1] + gap < PARAMETERS.definite:
+            return None
+        weight *= PARAMETERS.growth
+    return None
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Barrier:
+    """The barrier with its derivatives by (c, t) at a point inside."""
+
+    value: float
+    gradient: Floats
+    hessian: Floats
+
+
+def _centered(matrices: Floats, x: Floats, weight: float) -> Floats:
+    """The minimum of the barrier, from a point inside."""
+    here = _barrier(matrices, x, weight)
+    assert here is not None
+    for _ in range(PARAMETERS.newton_steps):
+        step = -np.linalg.solve(here.hessian, here.gradient)
+        decrement = -float(step @ here.gradient)
+        if decrement < PARAMETERS.decrement:
+            break
+        factor = 1.0
+        for _ in range(PARAMETERS.halvings):
+            there = _barrier(matrices, x + factor * step, weight)
+            if there is not None and there.value <= here.value - 0.25 * factor * decrement:
+                break
+            factor /= 2
+        else:
+            break
+        x, here = x + factor * step, there
+    return x
+
+
+def _barrier(matrices: Floats, x: Floats, weight: float) -> _Barrier | None:
+    """The barrier at x = (c, t), or None outside."""
+    c, t = x[:-1], float(x[-1])
+    room = 1.0 - float(c @ c)
+    matrix = np.tensordot(c, matrices, 1) - t * np.eye(matrices.shape[1])
+    if room <= 0.0:
+        return None
+    eigenvalues, vectors = np.linalg.eigh(matrix)
+    if eigenvalues[0] <= 0.0:
+        return None
+    inverse = (vectors / eigenvalues) @ vectors.T
+    along = np.einsum("ij,kjl->kil", inverse, matrices)
+    gradient = np.append(2 * c / room - np.einsum("kii->k", along), np.trace(inverse) - weight)
+    hessian = np.empty((x.size, x.size))
+    hessian[:-1, :-1] = np.einsum("kij,lji->kl", along, along) + 4 * np.outer(c, c) / room**2
+    hessian[:-1, :-1] += 2 / room * np.eye(c.size)
+    hessian[:-1, -1] = hessian[-1, :-1] = -np.einsum("kij,ji->k", along, inverse)
+    hessian[-1, -1] = np.sum(inverse**2)
+    return _Barrier(float(-weight * t - np.log(eigenvalues).sum() - np.log(room)), gradient, hessian)

@@ -361,5 +361,6 @@ def _pivots(rows: Floats, first: int) -> Numbers:
     if np.linalg.norm(rows[:, first]) < PARAMETERS.least_pivot:
         return np.zeros(0, dtype=np.int64)
     return np.array(
-        independent_rows.farthest(rows.T, min(rows.shape), [first], least=PARAMETERS.least_pivot), dtype=np.int64
+        independent_rows.farthest(rows.T, min(rows.shape), [first], least=PARAMETERS.least_pivot),
+        dtype=np.int64,
     )

@@ -7,11 +7,11 @@ brackets span what all of them span. Their rank at one point is a proof that a c
 value is zero is seen at a generic point in 60 digits, the surface being met to as many, and the largest value
 that counted as zero is told.
 
-`search` asks `points` for a generic `place`, `growth` for the flag; `values` are those of random brackets, `exact`
-in many `digits`; a `span` tells which of them are new; `dependent` rows follow from the others.
+`flag_search` asks `flag_points` for a generic `evaluation_point`, `bracket_values` for random brackets there and their
+growth; `precise_brackets` are those in many digits (`multiprecision`), a `span` tells which of them are new, and
+`term_sizes` how large the terms are of what counts as zero.
 """
 
-from lagcli.analysis.numeric_flag.flag_answer import NumericFlag
-from lagcli.analysis.numeric_flag.flag_search import flag
+from lagcli.analysis.numeric_flag.flag_search import NumericFlag, flag
 
 __all__ = ["NumericFlag", "flag"]

@@ -1,6 +1,6 @@
-"""A point with its ranks and the brackets of two fields, in doubles.
+"""The rows of a block at one point: their size, their ranks, which are independent, and the brackets of two fields.
 
-Where these brackets are certainly as many as there are rows, no longer ones are to be looked for.
+Where these brackets, in doubles, are certainly as many as there are rows, no longer ones are to be looked for.
 """
 
 from __future__ import annotations
@@ -13,13 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.numeric_flag import term_sizes
-from lagcli.analysis.numeric_flag.point_ranks import Ranks
-from lagcli.compiled import program
+from lagcli.compiled import program, variable_sizes
 from lagcli.compiled.row_block import RowBlock
+from lagcli.linear import independent_rows, metric_rows, rank
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import MetricRows, Sparse
+from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
 
-# Relative to their size they are certainly not zero from here on.
+# A row counts as zero below this part of the terms it is made of and of what it changes by over the size of the
+# coordinates: that much rounding leaves of a row that vanishes, on the surface or around the start.
+ROUNDING, NUDGE = 64 * float(np.finfo(float).eps), 1e-7
+# Relative to their size brackets are certainly not zero from here on.
 CERTAIN = 1e-6
 # A value that vanishes on the orbit is less than this many times its size and how far the point is off.
 OFF = 100.0
@@ -28,15 +34,70 @@ LOOKED_AT = 3
 SEED = 20062
 
 
-class EvaluationPoint(Ranks):
-    """The rows at one point, and their brackets of two random fields.
+class EvaluationPoint:
+    """The rows at one point x (N,): scaled, their ranks, which of them are independent of those before, and their
+    brackets of two random fields.
 
     error: how far the point may lie off the orbit of the start, in parts of the way to it.
     """
 
     def __init__(self, block: RowBlock, x: Floats, p: Floats, error: float = 0.0) -> None:
-        super().__init__(block, x, p)
-        self.error = error
+        self.block, self.x, self.p, self.error = block, x, p, error
+        A, _ = block.rows(x, p)
+        self.is_finite = bool(np.isfinite(A.nonzeros()).all())
+        if self.is_finite:
+            A = _without_rounding(block, A, x, p)
+            self.sizes = variable_sizes.of(A, block.kinds)
+            self.plain, self.A = A, variable_sizes.applied(A, self.sizes)
+            self.rows = MetricRows(self.A, Metric.unit(block.size))
+
+    @cached_property
+    def all(self) -> rank.Rank:
+        """The rank of all rows."""
+        return rank.rank(self.rows)
+
+    @cached_property
+    def surface(self) -> rank.Rank:
+        """The rank of the holonomic rows."""
+        return rank.rank(self.rows.take(list(range(len(self.block.holonomic)))))
+
+    @cached_property
+    def still(self) -> rank.Rank:
+        """The rank of all rows without time."""
+        n = len(self.block.columns)
+        return rank.rank(MetricRows(self.A[:, :n], Metric.unit(n))) if self.block.has_time else self.all
+
+    @cached_property
+    def independent(self) -> list[int]:
+        """Rows that do not depend on rows before them."""
+        return np.flatnonzero(~independent_rows.redundant(self.rows)).tolist()
+
+    @property
+    def are_independent(self) -> bool:
+        """True if no row depends on others."""
+        return self.all.low == self.rows.count
+
+    @property
+    def dimension(self) -> int:
+        """Of the kernel D."""
+        return self.block.size - self.all.low
+
+    @property
+    def kept(self) -> list[int]:
+        """The differential ones of them, numbered from the first differential row."""
+        s = len(self.block.holonomic)
+        return [i - s for i in self.independent if i >= s]
+
+    @property
+    def ranks(self) -> tuple[int, int]:
+        """Of the holonomic rows and of all."""
+        return self.surface.low, self.all.low
+
+    def in_kernel(self, u: Floats) -> Floats:
+        """The field of D at this point nearest to u (N,), both in scaled coordinates."""
+        for _ in range(2):
+            u = u + self.rows.correction(np.array(self.A @ u).ravel())
+        return u
 
     @property
     def first(self) -> int:
@@ -71,3 +132,25 @@ class EvaluationPoint(Ranks):
     def _of(self, function: Callable[..., object], pairs: list[tuple[Floats, Floats]]) -> Floats:
         """A function (x, p, Y, Z) -> (m,) of pairs of fields, (m, pairs)."""
         return np.array([np.array(function(self.x, self.p, *pair)).ravel() for pair in pairs]).T
+
+
+def _without_rounding(block: RowBlock, A: Sparse, x: Floats, p: Floats) -> Sparse:
+    """The rows A (s + m, N), with zeros in place of differential ones that are rounding alone."""
+    s, row = len(block.holonomic), np.asarray(A.sparsity().row(), dtype=np.intp)
+    size = initial.size(x)
+    aside, _ = block.rows(x + NUDGE * size * np.random.default_rng(SEED + 2).standard_normal(x.size), p)
+    values, others = (np.array(one.nonzeros(), dtype=float) for one in (A, aside))
+    largest, change = np.zeros(A.size1()), np.zeros(A.size1())
+    np.maximum.at(largest, row, np.abs(values))
+    np.maximum.at(change, row, np.abs(np.where(np.isfinite(others), others, values) - values) / NUDGE)
+    is_nothing = (largest > 0) & (largest <= ROUNDING * change)
+    if not metric_rows.are_many(*A.shape):
+        terms = term_sizes.of(program.written_out(block.rows), [x, p])[: values.size]
+        is_rounding = np.isfinite(terms) & (np.abs(values) <= ROUNDING * terms)
+        is_nothing |= (largest > 0) & (np.bincount(row[~is_rounding], minlength=largest.size) == 0)
+    nothing = np.flatnonzero(is_nothing)
+    if not (nothing >= s).any():
+        return A
+    kept = A[:, :]  # a copy
+    kept[nothing[nothing >= s].tolist(), :] = 0.0
+    return kept

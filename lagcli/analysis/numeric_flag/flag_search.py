@@ -1,4 +1,8 @@
-"""The search for the derived flag: at which point, with which brackets, and what they say of the rows (D.3)."""
+"""The search for the derived flag: at which point, with which brackets, and what they say of the rows (D.3).
+
+Doubles name the rows that seem to depend on rows before them. Along a field of the kernel of the others such a row
+vanishes in all digits; along a field on which one of the others is one it shows that other's weight.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +15,12 @@ from decimal import Decimal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.numeric_flag import bracket_values, dependent_rows, growth, precise_brackets, undecided
-from lagcli.analysis.numeric_flag.bracket_values import BracketValues
+from lagcli.analysis.numeric_flag import bracket_values, precise_brackets, undecided
+from lagcli.analysis.numeric_flag.bracket_values import BracketValues, Growth
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
-from lagcli.analysis.numeric_flag.flag_answer import NumericFlag
 from lagcli.analysis.numeric_flag.flag_points import Points
-from lagcli.analysis.numeric_flag.growth import Growth
-from lagcli.analysis.numeric_flag.span import Limits, Span
+from lagcli.analysis.numeric_flag.precise_brackets import Exact
+from lagcli.analysis.numeric_flag.span import Limits, Span, unit
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
 from lagcli.start.initial import State
@@ -32,6 +35,53 @@ AT_START = Limits(Decimal("1e-11"), Decimal("1e-11"))
 # off the place that it lies on.
 ROUNDED = Limits(Decimal("1e-10"), Decimal("1e-6"))
 ATTEMPTS: tuple[tuple[bool, Limits | None], ...] = ((True, None), (False, None), (True, ROUNDED))
+# Constants of the rows are doubles: what is smaller is their rounding.
+ROUNDING = Decimal("1e-13")
+# The same for weights that come from doubles, with all that nearly dependent rows lose.
+ROUGH_ROUNDING, ROUGH_SURE = Decimal("1e-13"), Decimal("1e-5")
+SEED = 20063
+NEARLY = "whether rows depend on each other or only nearly do is not certain"
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class NumericFlag:
+    """The derived flag of `rows` (m,), differential rows of the system, on the surface of those they came with.
+
+    dimension: of the kernel D at generic points, over coordinates and, with `has_time`, time.
+    extra: dimensions of I, I', ... beyond the df, to zero or to the first that repeats; growth: dim D grows by
+    these in the growth vector, (0, ...). inside (m,): which rows lie in I^(oo). combinations (k, m): a basis of
+    the k combinations of rows that stay, at the start, or where that is special at a generic point.
+    contradiction: a multiple of dt lies in the rows. special: ranks or growth at the start are not those nearby
+    (None: brackets were too large to look there too). places: states of the orbit that were looked at, the start
+    first; surface: the rank of the holonomic rows on it. on_piece: abs, min, max or sign switch in the rows, so that
+    the flag is that of the start's side.
+    digits: the precision of the proof; error: the largest value that counted as zero, least: the smallest that
+    did not, both relative to the size of the terms they are made of. Where not `is_certain`, `reason` says why, and
+    of extra, growth, inside and combinations what is not known is empty or None.
+    """
+
+    rows: tuple[int, ...]
+    has_time: bool
+    dimension: int | None = None
+    extra: tuple[int, ...] = ()
+    growth: tuple[int, ...] = ()
+    inside: tuple[bool, ...] = ()
+    combinations: Floats | None = None
+    contradiction: bool = False
+    special: bool | None = False
+    places: tuple[State, ...] = ()
+    surface: int = 0
+    on_piece: bool = False
+    is_certain: bool = False
+    reason: str = ""
+    digits: int = 16
+    error: float = 0.0
+    least: float = math.inf
+
+    @property
+    def staying(self) -> int | None:
+        """The dimension of I^(oo) beyond the df: how many integrals the rows have on the surface."""
+        return None if self.combinations is None else int(self.combinations.shape[0])
 
 
 def flag(system: System, begin: State, rows: Sequence[int], deadline: float = math.inf) -> NumericFlag:
@@ -98,7 +148,7 @@ def _open(known: NumericFlag, start: EvaluationPoint, place: EvaluationPoint) ->
         known,
         extra=(m, 0) if m else (0,),
         growth=(0, m) if m else (0,),
-        inside=tuple(not any(weights) for weights in dependent_rows.weights(place, whole)),
+        inside=tuple(not any(weights) for weights in _weights(place, whole)),
         combinations=np.zeros((0, len(place.block.differential))),
         special=known.special or start.first != m,
         least=float(place.turning[m - 1]) if m else math.inf,
@@ -108,11 +158,11 @@ def _open(known: NumericFlag, start: EvaluationPoint, place: EvaluationPoint) ->
 def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) -> NumericFlag:
     """The flag by brackets."""
     place = given.place
-    grown = growth.of(given) if place.dimension > 1 else Growth(given.span())
+    grown = bracket_values.grown(given) if place.dimension > 1 else Growth(given.span())
     told = dataclasses.replace(
         known,
         growth=grown.ranks,
-        inside=tuple(not grown.span.touches(w) for w in dependent_rows.weights(place, given.exact)),
+        inside=tuple(not grown.span.touches(w) for w in _weights(place, given.exact)),
         combinations=_staying(grown.span, place),
         digits=given.digits,
         error=float(grown.span.error),
@@ -124,7 +174,7 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
         if there is not None and not told.special:
             told = dataclasses.replace(told, combinations=_staying(there.span, start))
     try:
-        extra, span = growth.derived(given, grown)
+        extra, span = bracket_values.derived(given, grown)
     except undecided.AmbiguousRank:
         raise
     except undecided.Undecided as why:
@@ -142,7 +192,7 @@ def _require_one_branch(place: EvaluationPoint, start: EvaluationPoint) -> None:
 def _at_start(start: EvaluationPoint, grown: Growth, given: BracketValues) -> Growth | None:
     """Brackets at the start, of as many fields, or None where they are not known."""
     try:
-        there = growth.of(given.at(start, AT_START), len(grown.levels))
+        there = bracket_values.grown(given.at(start, AT_START), len(grown.levels))
     except undecided.Undecided:
         return None
     if there.ranks > grown.ranks:
@@ -157,3 +207,52 @@ def _staying(span: Span, place: EvaluationPoint) -> Floats:
         largest = max(map(abs, weights))
         row[place.kept] = [float(a / largest) for a in weights]
     return found
+
+
+def _weights(place: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]:
+    """The differential rows (m,) at a place as combinations of the independent ones among them.
+
+    What holonomic rows add does not matter. Raises `undecided.Undecided` where a row only nearly depends on others.
+    """
+    kept, s = place.kept, len(place.block.holonomic)
+    m = len(place.block.differential)
+    found = {row: unit(len(kept), k) for k, row in enumerate(kept)}
+    others = [i for i in range(s + m) if i not in set(place.independent)]
+    if others and exact is not None:
+        _require_dependence(exact, others, place)
+        found |= {i - s: [] for i in others if i >= s}
+        for k in range(len(kept)):
+            along = exact.rows_along([0] * place.block.size, unit(len(kept), k))
+            for i in others:
+                weight = Decimal(0) if along.relative[i] <= ROUNDING else along.values[i]
+                if i >= s:
+                    found[i - s].append(weight)
+                elif weight:
+                    raise undecided.Undecided(NEARLY)
+    elif others:
+        found |= {i - s: _by_doubles(place, i) for i in others if i >= s}
+    return [found[i] for i in range(m)]
+
+
+def _require_dependence(exact: Exact, others: list[int], place: EvaluationPoint) -> None:
+    """Raise `undecided.Undecided` where a row does not vanish on the kernel of the independent ones."""
+    u = np.random.default_rng(SEED).integers(-(10**6), 10**6, place.block.size).tolist()
+    along = exact.rows_along(u, [Decimal(0)] * len(place.kept))
+    if any(along.relative[i] > ROUNDING for i in others):
+        raise undecided.Undecided(NEARLY)
+
+
+def _by_doubles(place: EvaluationPoint, row: int) -> list[Decimal]:
+    """The weights of a row by least squares."""
+    dense, kept = place.rows.dense, len(place.kept)
+    lengths = place.rows.lengths
+    found = np.linalg.lstsq(dense[place.independent].T, dense[row], rcond=None)[0]
+    scale = Decimal(float(np.abs(found).max(initial=0.0)))
+    weights = []
+    for k, value in zip(place.independent[-kept:] if kept else [], found[-kept:].tolist(), strict=False):
+        weight = Decimal(value)
+        if ROUGH_ROUNDING * scale < abs(weight) < ROUGH_SURE * scale:
+            raise undecided.Undecided(NEARLY)
+        is_zero = abs(weight) <= ROUGH_ROUNDING * scale
+        weights.append(Decimal(0) if is_zero else weight * Decimal(lengths[row] / lengths[k]))
+    return weights

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from lagcli import progress
-from lagcli.analysis.classification import hidden_conditions
+from lagcli.analysis.classification import classify
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.runs import run_settings
 from lagcli.compiled import invariant_values
@@ -50,9 +50,9 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
     try:
         state = assembly.configuration(built, numeric, declared)
     except diagnostics.ModelError as error:
-        if not hidden_conditions.is_conflict(error):
+        if not classify.is_conflict(error):
             raise
-        case = hidden_conditions.classified(built, numeric, limit).case
+        case = classify.classified(built, numeric, limit).case
         state = assembly.configuration(case.system, case.numeric, declared)
     state = dataclasses.replace(state, v=declared.v)
     known = ready.first_integrals(limit)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.codimension import redundancy
+from lagcli.analysis import run_remarks
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
@@ -27,11 +27,12 @@ from lagcli.simulation.run_in_blocks import RunInBlocks
 from lagcli.simulation.run_state import checkpoint as checkpoints
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
-from lagcli.start import assembly, initial, lipschitz
+from lagcli.start import initial, lipschitz
 
 if TYPE_CHECKING:
     # Most models have no differential rows, and load nothing that judges them.
     from lagcli.analysis.classification.verdict import Condition
+    from lagcli.start.assembly import Assembly
 
 Floats = npt.NDArray[np.float64]
 Integrals = tuple[FirstIntegral, ...]
@@ -52,7 +53,7 @@ class PreparedRun:
     integrals: Integrals
     seconds: float
     conditions: tuple[Condition, ...] = ()
-    assembly: assembly.Assembly | None = None
+    assembly: Assembly | None = None
     resumed: checkpoints.Checkpoint | None = None
 
 
@@ -110,11 +111,8 @@ class SimulationRun:
                     outcome.t_end = float(rows[-1, 0])
                 yield rows
         except run_stop.RunStop as stopped:
-            # Most runs go to their end.
-            from lagcli.analysis import stop_causes
-
             ends = self._start, self._run.report
-            stop = stop_causes.explained(
+            stop = run_remarks.explained(
                 stopped.stop, self._system, self._numeric, ends, self._prepared.conditions
             )
             outcome.stopped = Stopped(stop.t, stop.reason, stop.code)
@@ -241,7 +239,7 @@ class SimulationRun:
     def notes(self) -> tuple[str, ...]:
         """Remarks so far: multipliers that are not unique, singular configurations that were passed,
         integrals that are not held all the time."""
-        return redundancy.remarks(self._system, self._run.report)
+        return run_remarks.remarks(self._system, self._run.report)
 
     @property
     def stats(self) -> Stats:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from lagcli.analysis.displacements.components import Components
-from lagcli.analysis.displacements.displacement_set import Displacements
-from lagcli.analysis.displacements.internal_forces import Internal
+from lagcli.analysis.displacement_set import Components, Displacements
+from lagcli.analysis.internal_forces import Internal
 from lagcli.api import find_displacements
 from lagcli.cli.terminal import console, exits, json_output
 from lagcli.errors import diagnostics

@@ -28,7 +28,6 @@ from lagcli.output.run_account import Outcome, Stats, Stopped
 from lagcli.output.tables import incident_table
 from lagcli.simulation.run_state import checkpoint, run_stop
 from lagcli.simulation.scheme import step_tolerance
-from lagcli.start import assembly_moves
 
 if TYPE_CHECKING:
     # Most runs go on from no checkpoint.
@@ -146,6 +145,8 @@ def _tell_start(ready: SimulationRun, options: SimulateOptions, begun: _Begun) -
     if ready.resumed is not None:
         _tell_rows_before(ready, options, begun)
     if ready.assembly is not None:
+        from lagcli.start import assembly_moves
+
         exits.say_all(assembly_moves.moves(ready.model, ready.assembly).lines(ready.model.units))
     if ready.passed_over:
         exits.say(

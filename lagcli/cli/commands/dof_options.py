@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +10,9 @@ from lagcli.cli.commands import options
 from lagcli.cli.requests import model_reading
 from lagcli.cli.terminal import exits, json_output
 from lagcli.model import settings
+
+if TYPE_CHECKING:
+    from lagcli.analysis.dof import DofCount
 
 
 @exits.command
@@ -27,7 +30,6 @@ def dof(
 
     Exit 4 and nothing on standard output where it is not decided.
     """
-    from lagcli.analysis import check_lines
     from lagcli.api import count_dof
 
     read = model_reading.read(model, changes, as_json)
@@ -35,15 +37,21 @@ def dof(
     if as_json:
         print(json_output.text(counted.as_json()))
     elif explain:
-        print("\n".join(check_lines.count(counted)))
+        print("\n".join(_lines(counted)))
     elif counted.configuration_dof is not None:
         print(counted.configuration_dof)
     if not quiet and not explain:
         exits.say_all(f"note: {note}" for note in counted.notes)
     if verbose:
         exits.say_all(warning.render() for warning in read.warnings)
-        exits.say_all(() if explain else check_lines.count(counted))
+        exits.say_all(() if explain else _lines(counted))
     if counted.configuration_dof is None:
         low, high = counted.bounds
         exits.say(f"lagcli: undecided, between {low} and {high}: {counted.reason}")
         raise exits.Exit(exits.UNDECIDED)
+
+
+def _lines(counted: DofCount) -> list[str]:
+    from lagcli.analysis import check_lines  # here, as a number alone needs none of them
+
+    return check_lines.count(counted)

@@ -1,4 +1,4 @@
-"""The independent rows a run is stepped with, and what is told about the multipliers of dependent ones.
+"""The independent rows that a run is stepped with.
 
 Where the rank of the rows is the codimension of the constraint surface, motion and R are unique whichever
 independent rows are taken, and the multipliers of all rows are split by a rule (`compiled.selection`). Where it is
@@ -9,25 +9,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli import progress
-from lagcli.compiled import NumericSystem, pattern
+from lagcli.analysis.classification.known_integrals import Orbit
+from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.linear import independent_rows, rank
-from lagcli.start import conflict, initial, sample_points
+from lagcli.linear import rank
+from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
 
-if TYPE_CHECKING:
-    # Counts and verdicts come without a run.
-    from lagcli.simulation.run_in_blocks import RunReport
-    from lagcli.simulation.run_state.incident import RankDrop
-
-MOST_TOLD = 6  # instants told one by one
 # Points ahead of the start, at these parts of the size of the configuration: rows that depend on one another at the
 # start may do so there alone.
 AHEAD = (0.05, 0.02, 0.005)
@@ -40,14 +34,6 @@ class StartSelection:
 
     selection: Selection
     is_singular: bool = False
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Orbit:
-    """Rows by their numbers, and places to which motions from the start come, as far as these rows see them."""
-
-    rows: tuple[int, ...]
-    places: tuple[State, ...]
 
 
 @progress.phase("choosing independent rows")
@@ -73,7 +59,9 @@ def begin(
         raise _refusal(system, found)
     # Loaded here and not above: independent rows need none of it.
     from lagcli.analysis import codimension
-    from lagcli.analysis.codimension import rank_advice
+    from lagcli.analysis.codimension import refusals
+    from lagcli.linear import independent_rows
+    from lagcli.start import conflict
 
     whole = whole or (system, numeric)
     conflict.require_lasting(*whole, state)
@@ -85,9 +73,9 @@ def begin(
     there = along[count] if count > found.value else state
     surface = codimension.examine(system, numeric, there)
     if surface.kind == "deficient":
-        raise codimension.refusal(system, surface)
+        raise refusals.multiplier_rule(system, surface)
     if surface.kind == "undecided":
-        raise rank_advice.undecided(system, numeric, there, surface)
+        raise refusals.undecided(system, numeric, there, surface)
     around = [sample_points.rows(numeric, point) for point in kept_to or _around(*whole, there)]
     if surface.kind == "singular" or max((rank.rank(each).low for each in around), default=0) > count:
         raise _at_rest(system, found)
@@ -117,6 +105,8 @@ def _kept_to(numeric: NumericSystem, found: rank.Rank, orbits: Sequence[Orbit]) 
 
 def _around(system: System, numeric: NumericSystem, state: State) -> list[State]:
     """Generic points of the surface around, later ones where time enters: at the start a weight may vanish."""
+    from lagcli.compiled import pattern
+
     later = LATER * (system.model.simulation.duration or 1.0) if pattern.depends_on_time(system) else 0.0
     return sample_points.along(numeric, state, list(range(system.holonomic_count)), later)[1:]
 
@@ -128,7 +118,7 @@ def _ahead(numeric: NumericSystem, state: State) -> list[State]:
         return []
     found = []
     for part in AHEAD:
-        tau = part * sample_points.size(state.q) / speed
+        tau = part * initial.size(state.q) / speed
         later = dataclasses.replace(state, t=state.t + tau)
         q = sample_points.surface(numeric, later).nearby(state.q + tau * state.v)
         if q is not None and sample_points.is_finite(numeric, dataclasses.replace(later, q=q)):
@@ -160,67 +150,4 @@ def _refusal(system: System, found: rank.Rank) -> diagnostics.ModelError:
             "move the start a little, or leave out a row that nearly follows from the others",
         )
         for null_vector in found.dependences
-    )
-
-
-def remarks(system: System, report: RunReport) -> tuple[str, ...]:
-    """Sentences on a run so far: multipliers that are not unique, singular configurations that were passed, integrals
-    that were not held all the time."""
-    return (
-        *notes(system, report.selection),
-        *at_times(system, report.selection, report.indeterminate),
-        *passed(system, report.crossings),
-        *report.notes,
-    )
-
-
-def notes(system: System, chosen: Selection) -> tuple[str, ...]:
-    """Sentences on the multipliers that are not unique, circuit by circuit."""
-    told = [circuit for circuit in (*chosen.circuits, *chosen.idle) if len(circuit) > 1]
-    if not told:
-        return ()
-    count = len(chosen.indeterminate)
-    shares = independent_rows.shares(
-        [[system.multiplier_rows[i].name for i in sorted(circuit)] for circuit in told]
-    )
-    return (
-        f"{count} multipliers are not unique ({'; '.join(shares)}): R and the motion are; of all lambda with the"
-        " same R those with the least sum of lambda_i^2 B_i M^-1 B_i^T are given",
-    )
-
-
-def at_times(system: System, chosen: Selection, ever: frozenset[int]) -> tuple[str, ...]:
-    """A sentence on multipliers and impulses that were not unique at some time, and are now."""
-    others = sorted(ever - chosen.indeterminate)
-    if not others:
-        return ()
-    return (
-        f"the multipliers or impulses of {initial.names_of(system, others)} are not unique at some time: the least are"
-        " given",
-    )
-
-
-def passed(system: System, crossings: Sequence[RankDrop]) -> tuple[str, ...]:
-    """A sentence on the singular configurations that were passed."""
-    if not crossings:
-        return ()
-    first = crossings[0]
-    times = ", ".join(f"{crossing.t:.7g}" for crossing in crossings[:MOST_TOLD])
-    if len(crossings) > MOST_TOLD:
-        times += f" and {len(crossings) - MOST_TOLD} more"
-    names = initial.names_of(system, list(first.participants))
-    loss = (
-        f"the rows {names} lose {first.number} of their rank"
-        if len(first.participants) > 1
-        else f"the row {names} has no direction"
-    )
-    contacts = any(i >= len(system.rows.rows) for crossing in crossings for i in crossing.participants)
-    on = (
-        "This motion goes on smoothly, and R where no contact opens"
-        if contacts
-        else "This motion and R go on smoothly"
-    )
-    return (
-        f"passed singular configurations at t = {times}: there {loss}, a bifurcation of the motions that the"
-        f" constraints allow. {on}; a multiplier may have a pole there, and at it no value (nan)",
     )

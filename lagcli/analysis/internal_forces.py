@@ -20,6 +20,7 @@ from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
 from lagcli.expression import tree
 from lagcli.model import model as nouns
+from lagcli.start import initial
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -143,8 +144,7 @@ class _Laws:
             [q.is_dependent for q in model.particles], [q.members.count for q in model.particles]
         )
         random = np.random.default_rng(SEED)
-        size = float(np.abs(state.q).max(initial=0.0)) or 1.0
-        speed = float(np.abs(state.v).max(initial=0.0)) or 1.0
+        size, speed = initial.size(state.q), initial.size(state.v)
         r, v = (np.array(x).reshape(-1, 3)[flags] for x in self._true(state.t, state.q, state.v, state.p))
         for number in range(1 + AROUND):
             q, q_dot, free = state.q, state.v, np.concatenate([r.T.ravel(), v.T.ravel()])

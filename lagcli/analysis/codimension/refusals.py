@@ -1,4 +1,4 @@
-"""Advice about rows of which it is not known how many freedoms they take: only what is true of these rows."""
+"""The refusals of rows that no run can be stepped with, with advice: only what is true of these rows."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from lagcli.analysis.codimension import Codimension
+from lagcli.analysis.codimension.examine import Codimension, Rows
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -18,6 +18,38 @@ from lagcli.start.initial import State
 PLACES = 3  # places beside the start at which rows are compared
 # A fixed one: the advice must not change from run to run.
 SEED = 20061
+
+
+def multiplier_rule(system: System, found: Codimension) -> diagnostics.ModelError:
+    """The error of a run of rows that are `deficient`: no finite multipliers give the true motion."""
+    rows = list(found.rows)
+    message = (
+        f"the multiplier rule fails for the rows {initial.names_of(system, rows)}: the constraints take"
+        f" {found.codimension} freedoms, and their gradients span only {found.rank} directions wherever they hold, so"
+        " that no finite multipliers give the true motion"
+    )
+    particles = _particles(system, rows)
+    hint = (
+        f"declare {_listed(particles)} under `rigid` in place of these rows: the rows of a body are independent"
+        if len(particles) > 1
+        else "write the constraint so that its gradient does not vanish where it holds"
+    )
+    location = system.rows.rows[rows[-1]].location
+    return diagnostics.ModelError([diagnostics.Diagnostic("multiplier-rule-fails", message, location, hint)])
+
+
+def _particles(system: System, rows: Rows) -> list[str]:
+    """The particles that rows hold, or none where they hold generalized coordinates."""
+    names = system.model.coordinate_names
+    columns = sorted(set(system.rows.B[rows, :].sparsity().get_col()))
+    if any(names[i] in system.model.generalized_names for i in columns):
+        return []
+    return list(dict.fromkeys(names[i].rpartition(".")[0] for i in columns))
+
+
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(f"`{name}`" for name in names[: initial.MOST_TOLD])
+    return shown + (", ..." if len(names) > initial.MOST_TOLD else "")
 
 
 def undecided(
@@ -55,7 +87,7 @@ def _dependent_beside(numeric: NumericSystem, state: State, rows: list[int]) -> 
     for _ in range(PLACES):
         direction = random.standard_normal(state.q.size)
         there = dataclasses.replace(
-            state, q=state.q + sample_points.ASIDE * sample_points.size(state.q) * direction
+            state, q=state.q + sample_points.ASIDE * initial.size(state.q) * direction
         )
         if not sample_points.is_finite(numeric, there):
             continue

@@ -1,0 +1,252 @@
+"""Allowed and virtual displacements at an instant (D.6, D.8, D.9), and their dependent and independent components (D.16
+to D.21).
+
+All components are numbered, x_n with n = 3(k - 1) + j for the axis j of particle k, and generalized coordinates after
+them. As many as the rank are dependent, chosen by pivots so that the rows are solved for them best; the others are
+independent, and
+
+    dx_dependent = T dx_independent + tau dt
+
+tells all allowed displacements, with dt = 0 the virtual ones.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.analysis import internal_forces
+from lagcli.analysis.internal_forces import Internal
+from lagcli.compiled import NumericSystem
+from lagcli.equations.system import System
+from lagcli.linear import independent_rows, rank
+from lagcli.linear.metric import Metric, NotDefiniteError
+from lagcli.linear.metric_rows import LocalRows
+from lagcli.model.model import Model
+from lagcli.start import initial, sample_points
+from lagcli.start.assembly_moves import Moves
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+
+# A basis of so many coordinates has some ten million numbers.
+MOST_COORDINATES = 4000
+# A column whose rest is at least this part of the largest may be the pivot; of those the last is.
+EQUAL = 1 - 1e-9
+# Entries of T and tau below this part of the largest are rounding.
+ROUNDING = 1e-13
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Bases:
+    """Displacements dq with B dq + b dt = 0.
+
+    virtual (n, n - rank): a basis for dt = 0, orthonormal in the mass metric, dq^T M dq = 1, or plainly, dq^T dq = 1,
+    where some coordinates have no inertia (`metric`). allowed (n,): the shortest allowed displacement for dt = 1;
+    adding any virtual one gives all of them. residual, allowed_residual: the largest |B_i dq| and |B_i dq + b_i| of
+    them, for rows of length one and displacements of length one, or the size of b_i. rows: C.
+    """
+
+    rows: int
+    rank: int
+    metric: str
+    virtual: Floats
+    allowed: Floats
+    residual: float
+    allowed_residual: float
+    is_certain: bool
+
+    @property
+    def dimension(self) -> int:
+        """n - rank, the dimension of the virtual displacements: 3N - rank for Cartesian particles."""
+        return int(self.virtual.shape[1])
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Components:
+    """names (n,) of the components with their numbers (None for generalized coordinates); places among them of the
+    dependent (rank,) and independent (n - rank,) ones; T (rank, n - rank) and tau (rank,)."""
+
+    names: tuple[str, ...]
+    numbers: tuple[int | None, ...]
+    dependent: tuple[int, ...]
+    independent: tuple[int, ...]
+    T: Floats
+    tau: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Displacements:
+    """Allowed and virtual displacements at the time t and the configuration q (n,) that moves with v (n,).
+
+    virtual_r (N, 3, n - rank) and allowed_r (N, 3): the same of the particles, dr_k = sum_j dr_k/dq_j dq_j (D.28),
+    and dr_k/dt for dt = 1. assembled: what assembly changed in the start; notes: initial velocities that violate rows.
+    """
+
+    t: float
+    q: Floats
+    v: Floats
+    particles: tuple[str, ...]
+    bases: Bases
+    virtual_r: Floats
+    allowed_r: Floats
+    components: Components
+    internal: tuple[Internal, ...]
+    assembled: Moves | None = None
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"<Displacements at t = {self.t:g}: {self.bases.dimension} virtual, of {self.q.size} coordinates and"
+            f" {self.bases.rows} rows>"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """The object of `displacements --json`."""
+        found, parts = self.bases, self.components
+        named = [{"name": n, "number": k} for n, k in zip(parts.names, parts.numbers, strict=True)]
+        assembled = {} if self.assembled is None else {"assembled": self.assembled.as_json()}
+        return {
+            **assembled,
+            "t": self.t,
+            "coordinates": list(parts.names),
+            "q": self.q.tolist(),
+            "v": self.v.tolist(),
+            "rows": found.rows,
+            "rank": found.rank,
+            "dimension": found.dimension,
+            "metric": found.metric,
+            "virtual": found.virtual.T.tolist(),
+            "allowed": {"dt": 1.0, "displacement": found.allowed.tolist()},
+            "residual": found.residual,
+            "allowed_residual": found.allowed_residual,
+            "particles": {
+                name: {"virtual": self.virtual_r[k].T.tolist(), "allowed": self.allowed_r[k].tolist()}
+                for k, name in enumerate(self.particles)
+            },
+            "dependent": [named[i] for i in parts.dependent],
+            "independent": [named[i] for i in parts.independent],
+            "T": parts.T.tolist(),
+            "tau": parts.tau.tolist(),
+            "internal_forces": [
+                {**dataclasses.asdict(one), "central": one.is_central} for one in self.internal
+            ],
+        }
+
+
+def displacements(system: System, numeric: NumericSystem, state: State) -> Displacements:
+    """The displacements at a state whose configuration satisfies the rows; its velocities enter forces alone."""
+    found = _bases(numeric, state)
+    s, model = system.symbols, system.model
+    J = ca.Function("J", [s.t, s.q, s.p], [ca.jacobian(system.r, s.q), ca.jtimes(system.r, s.t, ca.SX(1))])
+    slope, drift = (np.array(part) for part in J(state.t, state.q, state.p[: s.p.numel()]))
+    count = len(model.particle_names)
+    B, b = numeric.rows(state.t, state.q, state.v, state.p)
+    M = np.array(numeric.inertia(state.t, state.q, state.v, state.p)).diagonal()
+    sizes = 1 / np.sqrt(M) if (M > 0).all() else np.ones(M.size)
+    parts = _components(model, (np.array(B), np.array(b).ravel()), found.rank, sizes)
+    return Displacements(
+        state.t,
+        state.q,
+        state.v,
+        model.particle_names,
+        found,
+        (slope @ found.virtual).reshape(count, 3, found.dimension),
+        (slope @ found.allowed + drift.ravel()).reshape(count, 3),
+        parts,
+        internal_forces.internal(system, state),
+    )
+
+
+def _bases(numeric: NumericSystem, state: State) -> Bases:
+    """The bases at a state that satisfies the rows."""
+    rows = sample_points.rows(numeric, state)
+    found = rank.rank(rows)
+    metric, name = _metric(numeric, state)
+    B, bias = numeric.rows(state.t, state.q, state.v, state.p)
+    right = np.zeros((0, state.q.size))
+    if rows.count:
+        right = np.linalg.svd(rows.dense, full_matrices=True)[2][: found.low]
+    # The rest of an orthonormal basis; in the metric it belongs to displacements M^-1/2 z.
+    whole = np.linalg.svd(right, full_matrices=True)[2] if len(right) else np.eye(state.q.size)
+    virtual = np.array([metric.unwhitened(z) for z in whole[len(right) :]]).reshape(-1, state.q.size).T
+    b = np.array(bias).ravel()
+    allowed = rows.correction(b) if rows.count and b.any() else np.zeros(state.q.size)
+    plain = LocalRows(B)
+    lengths = np.linalg.norm(virtual, axis=0)
+    residual = max(
+        (
+            float(np.abs(plain.times(column) / plain.divisors).max(initial=0.0)) / length
+            for column, length in zip(virtual.T, lengths, strict=True)
+        ),
+        default=0.0,
+    )
+    left = np.abs(plain.times(allowed) + b) / plain.divisors
+    size = float((np.abs(b) / plain.divisors).max(initial=0.0)) or 1.0
+    return Bases(
+        rows.count,
+        found.low,
+        name,
+        virtual,
+        allowed,
+        residual,
+        float(left.max(initial=0.0)) / size,
+        found.value is not None,
+    )
+
+
+def _metric(numeric: NumericSystem, state: State) -> tuple[Metric, str]:
+    """The metric of `sample_points.rows`, and its name."""
+    try:
+        return Metric(numeric.inertia(state.t, state.q, state.v, state.p)), "mass"
+    except NotDefiniteError:
+        return initial.metric_at(numeric, state), "plain"
+
+
+def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Floats) -> Components:
+    """The components for rows B (C, n) and b (C,) of this rank; sizes (n,): a length of each coordinate, to compare
+    them by."""
+    B, b = rows
+    # The largest entry of each row is made one first: squares of huge ones are not finite.
+    B, b = _divided(B, b, np.abs(B).max(axis=1, initial=0.0))
+    B, b = _divided(B, b, np.linalg.norm(B * sizes, axis=1))
+    dependent = _pivots(B * sizes, rank)
+    independent = [i for i in range(B.shape[1]) if i not in set(dependent)]
+    right = -np.column_stack([B[:, independent] * sizes[independent], b])
+    solved = np.linalg.lstsq(B[:, dependent] * sizes[dependent], right, rcond=None)[0]
+    solved = np.where(np.abs(solved) < ROUNDING * np.abs(solved).max(initial=0.0), 0.0, solved)
+    solved = solved * sizes[dependent][:, None]
+    numbers = _numbers(model)
+    return Components(
+        model.coordinate_names,
+        numbers,
+        tuple(dependent),
+        tuple(independent),
+        solved[:, :-1] / sizes[independent] + 0.0,
+        solved[:, -1] + 0.0,
+    )
+
+
+def _divided(B: Floats, b: Floats, lengths: Floats) -> tuple[Floats, Floats]:
+    """The rows over their lengths, but for those that are zero."""
+    lengths = np.where(lengths > 0.0, lengths, 1.0)
+    return B / lengths[:, None], b / lengths
+
+
+def _numbers(model: Model) -> tuple[int | None, ...]:
+    """n = 3(k - 1) + j of each coordinate, with k among all particles of the file."""
+    flags = [p.is_dependent for p in model.particles for _ in range(p.members.count)]
+    found: list[int | None] = [
+        3 * k + j for k, is_dependent in enumerate(flags) if not is_dependent for j in (1, 2, 3)
+    ]
+    return (*found, *(None for _ in model.generalized_names))
+
+
+def _pivots(B: Floats, rank: int) -> list[int]:
+    """Columns of B that span its range, each the farthest from those before it, the last of several."""
+    last = B.shape[1] - 1
+    return sorted(last - k for k in independent_rows.farthest(B.T[::-1], rank, nearly=EQUAL))

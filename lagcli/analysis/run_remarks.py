@@ -1,0 +1,152 @@
+"""Sentences on a run: what is to be known of its multipliers, and why it stopped where the equations say more of that
+than the numbers of its last step."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.equations.system import System
+from lagcli.linear.metric_rows import LocalRows
+from lagcli.simulation.run_state import run_stop
+from lagcli.start import initial
+from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    # Most models have no differential rows, and load nothing that judges them.
+    from lagcli.analysis.classification.verdict import Condition
+    from lagcli.compiled.selection import Selection
+    from lagcli.simulation.run_in_blocks import RunReport
+    from lagcli.simulation.run_state.incident import RankDrop
+    from lagcli.simulation.run_state.run_stop import Stop
+
+Floats = npt.NDArray[np.float64]
+
+MOST_TOLD = 6  # instants told one by one
+# A condition that is off in accelerations by this part of them, or of what the velocities demand, is left.
+LEFT = 1e-8
+# Conditions that are off by less than this part of the largest are not named.
+MAIN = 0.1
+
+
+def remarks(system: System, report: RunReport) -> tuple[str, ...]:
+    """Sentences on a run so far: multipliers that are not unique, singular configurations that were passed, integrals
+    that were not held all the time."""
+    return (
+        *_shared(system, report.selection),
+        *_shared_at_times(system, report.selection, report.indeterminate),
+        *_passed(system, report.crossings),
+        *report.notes,
+    )
+
+
+def _shared(system: System, chosen: Selection) -> tuple[str, ...]:
+    """Sentences on the multipliers that are not unique, circuit by circuit."""
+    told = [circuit for circuit in (*chosen.circuits, *chosen.idle) if len(circuit) > 1]
+    if not told:
+        return ()
+    from lagcli.linear import independent_rows  # here, as most rows are independent
+
+    count = len(chosen.indeterminate)
+    shares = independent_rows.shares(
+        [[system.multiplier_rows[i].name for i in sorted(circuit)] for circuit in told]
+    )
+    return (
+        f"{count} multipliers are not unique ({'; '.join(shares)}): R and the motion are; of all lambda with the"
+        " same R those with the least sum of lambda_i^2 B_i M^-1 B_i^T are given",
+    )
+
+
+def _shared_at_times(system: System, chosen: Selection, ever: frozenset[int]) -> tuple[str, ...]:
+    """A sentence on multipliers and impulses that were not unique at some time, and are now."""
+    others = sorted(ever - chosen.indeterminate)
+    if not others:
+        return ()
+    return (
+        f"the multipliers or impulses of {initial.names_of(system, others)} are not unique at some time: the least are"
+        " given",
+    )
+
+
+def _passed(system: System, crossings: Sequence[RankDrop]) -> tuple[str, ...]:
+    """A sentence on the singular configurations that were passed."""
+    if not crossings:
+        return ()
+    first = crossings[0]
+    times = ", ".join(f"{crossing.t:.7g}" for crossing in crossings[:MOST_TOLD])
+    if len(crossings) > MOST_TOLD:
+        times += f" and {len(crossings) - MOST_TOLD} more"
+    names = initial.names_of(system, list(first.participants))
+    loss = (
+        f"the rows {names} lose {first.number} of their rank"
+        if len(first.participants) > 1
+        else f"the row {names} has no direction"
+    )
+    contacts = any(i >= len(system.rows.rows) for crossing in crossings for i in crossing.participants)
+    on = (
+        "This motion goes on smoothly, and R where no contact opens"
+        if contacts
+        else "This motion and R go on smoothly"
+    )
+    return (
+        f"passed singular configurations at t = {times}: there {loss}, a bifurcation of the motions that the"
+        f" constraints allow. {on}; a multiplier may have a pole there, and at it no value (nan)",
+    )
+
+
+def explained(
+    stop: Stop,
+    system: System,
+    numeric: NumericSystem,
+    ends: tuple[State, RunReport],
+    conditions: Sequence[Condition],
+) -> Stop:
+    """The stop with the inertia that the run has lost since its start, or with the hidden conditions that the forces
+    do not keep. ends: the start and the report of the time reached."""
+    from lagcli.start import singular_inertia  # here, as most runs go to their end
+
+    start, report = ends
+    now = numeric.inertia(report.t, report.q, report.v, start.p)
+    first = numeric.inertia(start.t, start.q, start.v, start.p)
+    if fallen := singular_inertia.fallen(now, first, system.model.coordinate_names):
+        stop = dataclasses.replace(stop, reason=f"{stop.reason}; {fallen}")
+    if not conditions:
+        return stop
+    state = State(report.t, report.q, report.v, start.p)
+    if why := _led_off(system, conditions, state, report.a):
+        where = stop.reason.partition(": ")[0]
+        stop = dataclasses.replace(stop, reason=f"{where}: {why}", code=run_stop.NO_SOLUTION)
+    return stop
+
+
+def _led_off(system: System, conditions: Sequence[Condition], state: State, a: Floats) -> str:
+    """The hidden conditions of a system that accelerations a (n,) at a state do not satisfy, as a sentence, or
+    nothing: no multiplier holds a motion to a hidden condition from which the forces lead away."""
+    from lagcli.analysis.classification import classify  # here, as most models have none
+
+    whole = classify.extended(system, conditions)
+    numeric = NumericSystem(whole)
+    place = {row.name: i for i, row in enumerate(whole.rows.rows)}
+    own = [place[classify.equation(one)] for one in conditions]
+    rows = LocalRows(numeric.rows(state.t, state.q, state.v, state.p)[0][own, :])
+    gamma = np.array(numeric.force(state.t, state.q, state.v, state.p)[1]).ravel()[own]
+    off, size = np.abs(rows.times(a) - gamma), rows.divisors * np.abs(a).max(initial=0.0) + np.abs(gamma)
+    part = off / np.where(size > 0, size, 1.0)
+    # What other conditions are off then follows from these.
+    least = max(LEFT, MAIN * part.max(initial=0.0))
+    left = [one for one, is_left in zip(conditions, part > least, strict=True) if is_left]
+    if not left:
+        return ""
+    if len(left) == 1:
+        (one,) = left
+        verb = "demands" if len(one.rows) == 1 else "demand"
+        who = classify.quoted(one.rows)
+        told = f"`{classify.equation(one)}`, which {who} {verb} and no multiplier holds"
+        return f"the forces lead off the hidden condition {told}"
+    named = ", ".join(f"`{classify.equation(one)}` (of {classify.quoted(one.rows)})" for one in left)
+    return f"the forces lead off the hidden conditions {named}, which no multiplier holds"
