@@ -16,6 +16,8 @@ import numpy.typing as npt
 from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, PolyRing
 
+from lagcli.statics import polynomial_equations
+
 Floats = npt.NDArray[np.float64]
 Rationals = list[list[Fraction]]
 
@@ -190,28 +192,18 @@ def _polished(
     sizes = np.array([max(abs(float(factor)) for _, factor in e.terms()) for e in equations])
     begin = x
     for _ in range(PARAMETERS.newton_steps):
-        r = np.array([evaluated(e, x) for e in equations]) / sizes
-        J = np.array([[evaluated(d, x) for d in row] for row in slopes]) / sizes[:, None]
+        numbers = x.tolist()
+        r = np.array([polynomial_equations.at(e, numbers) for e in equations]) / sizes
+        J = np.array([[polynomial_equations.at(d, numbers) for d in row] for row in slopes]) / sizes[:, None]
         step = np.linalg.lstsq(J, -r, rcond=1e-11)[0]
         x = x + step
         if np.abs(step).max() <= 1e-15 * (1 + np.abs(x).max()):
             break
-    r = np.array([evaluated(e, x) for e in equations]) / sizes
+    numbers = x.tolist()
+    r = np.array([polynomial_equations.at(e, numbers) for e in equations]) / sizes
     size = (1 + np.abs(x).max()) ** max(sum(m) for e in equations for m in e.itermonoms())
     near = np.abs(x - begin).max() <= 1e-2 * (1 + np.abs(x).max())
     return x if near and np.abs(r).max() <= 1e-11 * size else None
-
-
-def evaluated(polynomial: PolyElement, values: Floats) -> float:
-    """A polynomial at numbers."""
-    total = 0.0
-    for powers, factor in polynomial.terms():
-        term = float(factor)
-        for x, power in zip(values.tolist(), powers, strict=True):
-            if power:
-                term *= x**power
-        total += term
-    return total
 
 
 def _standard(leading: Sequence[tuple[int, ...]], count: int) -> list[tuple[int, ...]]:

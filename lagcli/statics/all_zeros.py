@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.statics import algebraic_zeros, polynomial_equations, refine
+from lagcli.statics import algebraic_zeros, newton, polynomial_equations, refine
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.polynomial_equations import NotPolynomial, PolynomialEquations, SpentError
 from lagcli.statics.refine import EquilibriumPoint
@@ -114,8 +114,6 @@ def _is_valid(exact: PolynomialEquations, zero: Floats) -> bool:
 def _refined(equations: RestEquations, x: Floats) -> EquilibriumPoint | None:
     if equations(x) is None:
         return None
-    from lagcli.statics import newton
-
     found = refine.settled(equations, newton.refined(equations, x))
     near = isinstance(found, EquilibriumPoint) and np.abs(found.q - x[: equations.problem.n]).max() < 1e-3
     return found if near and isinstance(found, EquilibriumPoint) else None

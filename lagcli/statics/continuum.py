@@ -1,6 +1,9 @@
 """Continua of points of rest: their dimension at a point, and whether two points lie on one.
 
-A ring of equilibria, a plane on which a ball lies anywhere, families that nonholonomic rows leave.
+A ring of equilibria, a plane on which a ball lies anywhere, families that nonholonomic rows leave. Contacts bound a
+continuum: at an edge of it they touch and carry nothing. A table whose weight stands over one leg rests on that leg at
+any tilt. Where a second leg touches too, its multiplier is zero, and whether it counts as closed is for the sides that
+it leaves to say, not for the sign of that zero.
 """
 
 from __future__ import annotations
@@ -8,8 +11,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.statics import newton, refine
-from lagcli.statics.rest_equations import RestEquations
+from lagcli.contact import least_distance
+from lagcli.statics import newton, point_type, refine
+from lagcli.statics.refine import EquilibriumPoint
+from lagcli.statics.rest_equations import RestEquations, Scales
+from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 
@@ -36,6 +42,8 @@ class ContinuumParameters:
     """What is left of the way where a walk has arrived."""
     straight: tuple[float, ...] = (0.0917, 0.2371, 0.3719, 0.5113, 0.6547, 0.7829, 0.9137, 1.0)
     """Places on a straight way at which it is looked whether they are points of rest too; at no common period."""
+    no_side: float = 1e-7
+    """Lengths of rows, and of what is left of one of length one, that are rounding."""
 
 
 PARAMETERS = ContinuumParameters()
@@ -133,3 +141,45 @@ def connected(equations: RestEquations, x: Floats, goal: Floats) -> bool:
             return False
         x = there
     return False
+
+
+def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> EquilibriumPoint:
+    """A point with only those contacts closed that carry a force or leave no side of themselves free.
+
+    A point that touches nothing without a force, or through which no continuum goes, is returned as it is.
+    """
+    near = refine.touching(problem, found, scales)
+    carrying = point_type.carrying(problem, found, scales)
+    idle = [k for k in near if k not in carrying]
+    if not idle:
+        return found
+    free = RestEquations(problem, carrying, scales)
+    x = refine.begun(free, found.q)
+    if x is None:
+        return found
+    basis = directions(free, x)
+    G = point_type.unit(problem.at(problem.t, found.q, found.lam).G[idle]) @ basis
+    if not basis.shape[1] or not np.isfinite(G).all():
+        return found
+    held = [k for k, is_held in zip(idle, _without_side(G), strict=True) if is_held]
+    closed = tuple(sorted((*carrying, *held)))
+    if closed == found.closed:
+        return found
+    bounded = RestEquations(problem, closed, scales)
+    begun = refine.begun(bounded, found.q)
+    point = None if begun is None else refine.settled(bounded, newton.NewtonEnd(begun, 0.0, 0.0))
+    if begun is None or not isinstance(point, EquilibriumPoint):
+        return found
+    own = RestEquations(problem, found.closed, scales)
+    unknowns = refine.begun(own, found.q)
+    is_one = dimension(bounded, begun) > 0
+    return point if is_one or (unknowns is not None and dimension(own, unknowns)) else found
+
+
+def _without_side(G: Floats) -> list[bool]:
+    """For each row of G (k, d), whether G u >= 0 of all rows leaves it at 0: then its opposite is a sum of rows with
+    weights that are not negative (Farkas)."""
+    sizes = np.linalg.norm(G, axis=1)
+    rows = G / np.where(sizes > PARAMETERS.no_side, sizes, 1.0)[:, None]
+    left = (least_distance.residual(rows.T, -row) for row in rows)
+    return [rest is not None and float(np.linalg.norm(rest)) <= PARAMETERS.no_side for rest in left]

@@ -14,15 +14,14 @@ import numpy.typing as npt
 
 from lagcli.statics import (
     continuum,
-    continuum_edge,
-    homotopy,
+    further_zeros,
     newton,
     point_type,
     refine,
     rest_equations,
     surface_descent,
 )
-from lagcli.statics.deflation import DeflatedEquations
+from lagcli.statics.further_zeros import DeflatedEquations
 from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations
@@ -162,9 +161,9 @@ class PointSearch:
         pulling, below = refine.wrong_side(self.problem, found, self.scales)
         if below or (pulling and self.options.pushes) or self._is_known(found):
             return False
-        found = continuum_edge.told_with_its_continuum(self.problem, found, self.scales)
+        found = continuum.with_own_contacts(self.problem, found, self.scales)
         equations = RestEquations(self.problem, found.closed, self.scales)
-        x = self._unknowns(equations, found)
+        x = _unknowns(equations, found)
         kind = point_type.classify(self.problem, found, self.scales, self.options.has_potential)
         size = continuum.dimension(equations, x) if kind.freedom else 0
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
@@ -211,7 +210,7 @@ class PointSearch:
         if known.dimension != size or known.point.closed != found.closed:
             return False
         goal = self._nearer_turn(known.point.q, found.q)
-        other = self._unknowns(equations, known.point)
+        other = _unknowns(equations, known.point)
         return continuum.connected(equations, x, goal) or continuum.connected(
             equations, other, self._nearer_turn(found.q, known.point.q)
         )
@@ -222,7 +221,7 @@ class PointSearch:
         if known.dimension <= size or not set(known.point.closed) <= set(touching):
             return False
         equations = RestEquations(self.problem, known.point.closed, self.scales)
-        x = self._unknowns(equations, known.point)
+        x = _unknowns(equations, known.point)
         return continuum.connected(equations, x, self._nearer_turn(q, known.point.q))
 
     def _holds(
@@ -239,11 +238,6 @@ class PointSearch:
         turned = np.array(goal)
         turned[angles] += 2 * np.pi * np.round((place - goal)[angles] / (2 * np.pi))
         return turned
-
-    def _unknowns(self, equations: RestEquations, point: EquilibriumPoint) -> Floats:
-        begun = refine.begun(equations, point.q)
-        assert begun is not None
-        return begun
 
     def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
         """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last
@@ -291,7 +285,7 @@ class PointSearch:
         x = refine.begun(equations, begin)
         if x is None or self.starts >= PARAMETERS.paths:
             return
-        for place in homotopy.near_zeros(equations, x):
+        for place in further_zeros.near_zeros(equations, x):
             if equations(place) is not None:
                 self.take(refine.settled(equations, newton.refined(equations, place)))
 
@@ -324,3 +318,9 @@ class PointSearch:
                 q = np.zeros(problem.n)  # where much is symmetric
             place = surface_descent.onto(problem, q, (), self.scales)
             yield q if place is None else place
+
+
+def _unknowns(equations: RestEquations, point: EquilibriumPoint) -> Floats:
+    begun = refine.begun(equations, point.q)
+    assert begun is not None
+    return begun

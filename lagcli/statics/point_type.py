@@ -1,14 +1,20 @@
-"""The kind of a point of rest: the bordered Hessian, restricted to the directions the rows leave (D.25)."""
+"""The kind of a point of rest: the bordered Hessian, restricted to the directions the rows leave (D.25).
+
+A contact that touches and carries nothing holds nothing, but one may not pass it. The sign of u^T H u on the cone of
+what is left decides (strict copositivity), and not the eigenvalues of H: on x >= 0, y >= 0 nothing is less than
+x y + x^2 + y^2 - 3 x y / 2 at 0.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.statics import refine, weak_contacts
+from lagcli.statics import refine
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import Scales
 from lagcli.statics.static_problem import StaticProblem
@@ -19,6 +25,10 @@ Kind = Literal["minimum", "maximum", "saddle", "isolated", "degenerate"]
 # Parts of the largest curvature, of rows of length one, and of forces, that are zero.
 FLAT, DEPENDENT, NO_FORCE = 1e-7, 1e-9, 1e-9
 ASYMMETRIC = 1e-8
+# All sets of so many contacts that carry nothing are gone through.
+MOST_WEAK = 8
+# Of rows and directions of length one: what is behind a contact.
+BEHIND = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -74,10 +84,10 @@ def _kind_on_cone(
     """The kind and the index where only directions u with weak u >= 0 are allowed; counts: the positive and negative
     curvatures of H, which decide where contacts are too many to be gone through."""
     up, down = counts
-    if len(weak) > weak_contacts.MOST:
+    if len(weak) > MOST_WEAK:
         is_definite = len(H) in counts
         return _kind(up, down, len(H), *walls) if is_definite else "degenerate", down
-    found = weak_contacts.extremes(H, weak)
+    found = extremes(H, weak)
     if found is None:
         return _kind(0, 0, 0, *walls) if any(walls) else "isolated", 0
     least, greatest = found
@@ -153,3 +163,31 @@ def _stiffness(K: Floats, scales: Scales) -> float:
     return max(float(np.abs(K).max(initial=0.0)), scales.force / scales.length) / max(
         1e-300, float(np.abs(K).max(initial=0.0)) or 1.0
     )
+
+
+def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
+    """The least and the greatest u^T H u of all u of length one with G u >= 0, None where only u = 0 is left.
+
+    H (d, d) symmetric, G (k, d) with k <= MOST_WEAK. Both are reached at an eigenvector of H restricted to a face
+    of the cone, on which some rows are zero, and of several the smaller faces have their own.
+    """
+    lengths = np.linalg.norm(G, axis=1)
+    rows = G[lengths > BEHIND] / lengths[lengths > BEHIND, None]
+    found: list[float] = []
+    for size in range(len(rows) + 1):
+        for on in itertools.combinations(range(len(rows)), size):
+            face = _face(rows[list(on)], H.shape[0])
+            if not face.shape[1]:
+                continue
+            values, vectors = np.linalg.eigh(face.T @ H @ face)
+            above = rows @ (face @ vectors)
+            inside = (above >= -BEHIND).all(axis=0) | (above <= BEHIND).all(axis=0)
+            found += values[inside].tolist()
+    return (min(found), max(found)) if found else None
+
+
+def _face(rows: Floats, n: int) -> Floats:
+    if not len(rows):
+        return np.eye(n)
+    _, sigma, Vt = np.linalg.svd(rows)
+    return np.asarray(Vt[int((sigma > BEHIND).sum()) :].T)

@@ -92,16 +92,6 @@ class PolynomialEquations:
     roots: tuple[Quotient, ...]
     plain: int
 
-    def values(self, unknowns: Floats) -> Floats:
-        """The polynomials' unknowns at values of (q, lambda): those, then s and c of each angle, then the roots."""
-        found = [*unknowns.tolist()]
-        for angle in self.angles:
-            found += [math.sin(unknowns[angle]), math.cos(unknowns[angle])]
-        for root in self.roots:
-            padded = found + [0.0] * (len(self.names) - len(found))
-            found.append(math.sqrt(max(0.0, at(root.above, padded) / at(root.below, padded))))
-        return np.array(found)
-
     def unknowns(self, values: Floats) -> Floats:
         """(q, lambda) from values of the polynomials' unknowns."""
         found = np.array(values[: self.plain])

@@ -109,16 +109,16 @@ def settled(equations: RestEquations, found: NewtonEnd) -> EquilibriumPoint | No
     problem = equations.problem
     q, each = equations.split(found.x)
     lam = equations.whole(each[0])
-    residual = largest(problem, q, lam, equations.acting)
+    residual = _largest(problem, q, lam, equations.acting)
     closed = tuple(equations.acting)
     point = EquilibriumPoint(q.copy(), lam, closed, residual)
     good = found.step <= PARAMETERS.settled and equations.unbalanced(found.x) <= PARAMETERS.balanced
-    if good and holds_later(problem, q, closed, equations.scales):
+    if good and _holds_later(problem, q, closed, equations.scales):
         return point
     return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
 
 
-def largest(problem: StaticProblem, q: Floats, lam: Floats, closed: list[int]) -> float:
+def _largest(problem: StaticProblem, q: Floats, lam: Floats, closed: list[int]) -> float:
     """The largest |F + B^T lambda|, |c|, and |g| of closed contacts, as the equations are written."""
     values = problem.at(problem.t, q, lam)
     rows, by = (
@@ -129,7 +129,7 @@ def largest(problem: StaticProblem, q: Floats, lam: Floats, closed: list[int]) -
     return float(max(np.abs(part).max(initial=0.0) for part in parts))
 
 
-def holds_later(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scales: Scales) -> bool:
+def _holds_later(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scales: Scales) -> bool:
     """True if a point of rest is one at further times too."""
     for t in problem.later:
         values = problem.at(t, q, problem.nothing)

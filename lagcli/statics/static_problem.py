@@ -1,9 +1,10 @@
-"""The equations of `static_laws` at numbers, with exact derivatives, for one time or for several."""
+"""The equations of `static_laws` at numbers, with exact derivatives, for one time or for several; what is periodic."""
 
 from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
+from typing import Final
 
 import casadi as ca
 import numpy as np
@@ -21,6 +22,10 @@ Floats = npt.NDArray[np.float64]
 ASKED, PROVED = (0.0, 0.37, 0.81), (0.113, 0.291, 0.523, 0.697, 0.977)
 # What changes with t by less than this part of its size does not depend on it.
 STEADY = 1e-11
+# Of a value as a function of one coordinate: it has the period, or grows by a whole multiple of the coordinate.
+NOT_PERIODIC: Final = None
+# Functions without which nothing is periodic.
+WAVES = frozenset(("sin", "cos", "tan"))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -65,15 +70,9 @@ class StaticProblem:
     def _function(self) -> ca.Function:
         laws = self.laws
         lam = ca.SX.sym("lam", self.C + self.K)
-        acting = ca.SX.zeros(self.n)
-        if self.C:
-            acting += laws.B.T @ lam[: self.C]
-        if self.K:
-            pushed = laws.G.T @ lam[self.C :]
-            acting += ca.densify(pushed)
-        K = ca.jacobian(laws.F + acting, laws.q)
+        K = ca.jacobian(self._acting(list(range(self.K)), lam), laws.q)
         outputs = [laws.F, laws.B, laws.c, ca.jacobian(laws.c, laws.q), laws.g, laws.G, K]
-        return ca.Function("statics", [laws.t, laws.q, lam, self.p_symbols], [ca.densify(o) for o in outputs])
+        return ca.Function("statics", [laws.t, laws.q, lam, laws.p], [ca.densify(o) for o in outputs])
 
     @cached_property
     def _bound(self) -> BoundFunction:
@@ -85,11 +84,6 @@ class StaticProblem:
             np.array(self.p, dtype=float).ravel(),
         ]
         return BoundFunction(self._function, arguments)
-
-    @property
-    def p_symbols(self) -> ca.SX:
-        """The symbols of p."""
-        return self.laws.p
 
     @cached_property
     def _value(self) -> ca.Function:
@@ -196,3 +190,69 @@ class StaticProblem:
 
 def _stacked(parts: list[ca.SX]) -> ca.SX:
     return ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
+
+
+def angles(problem: StaticProblem) -> tuple[bool, ...]:
+    """For each of the n coordinates, whether all functions of a problem have the period 2 pi in it, by their form."""
+    programs, n = problem.programs(), problem.n
+    if not any(name in WAVES for program in programs for name, *_ in program.steps):
+        return (False,) * n
+    return tuple(
+        all(_is_periodic(program, k) for program in programs)
+        and any(_occurs(program, k) for program in programs)
+        for k in range(n)
+    )
+
+
+def _occurs(program: Program, place: int) -> bool:
+    return any(name == "input" and ins == (0, place) for name, _, ins, _ in program.steps)
+
+
+def _is_periodic(program: Program, place: int) -> bool:
+    """True if every output stays the same when one input grows by 2 pi.
+
+    Each register holds the number of times by which its value grows with the input, 0 for one that is periodic.
+    """
+    grows: dict[int, float | None] = {}
+    constants: dict[int, float] = {}
+    for name, out, ins, value in program.steps:
+        if name == "output":
+            if grows[ins[0]] != 0:
+                return False
+            continue
+        target = out[0]
+        known = constants.get(ins[0]) if ins and name != "input" else None
+        constants.pop(target, None) if name != "const" else None
+        if name == "input":
+            grows[target] = 1.0 if ins == (0, place) else 0.0
+        elif name == "const":
+            grows[target], constants[target] = 0.0, value
+        else:
+            grows[target] = _growth(name, [grows[i] for i in ins], known)
+    return True
+
+
+def _growth(name: str, given: list[float | None], factor: float | None) -> float | None:
+    """The growth of a result; `factor`: the first operand where it is a constant."""
+    if all(each == 0 for each in given):
+        return 0.0
+    if any(each is NOT_PERIODIC for each in given):
+        return NOT_PERIODIC
+    a = given[0] or 0.0
+    b = given[1] or 0.0 if len(given) > 1 else 0.0
+    match name:
+        case "add":
+            return a + b
+        case "sub":
+            return a - b
+        case "neg":
+            return -a
+        case "twice":
+            return 2 * a
+        case "assign":
+            return a
+        case "mul" if a == 0 and factor is not None:
+            return factor * b
+        case "sin" | "cos" | "tan" if a == round(a):
+            return 0.0
+    return NOT_PERIODIC

@@ -92,7 +92,7 @@ DOORS = {
         "lagcli.simulation.singularity.singular_point",
         "lagcli.simulation.scheme.step_end",
         "lagcli.simulation.events.watch_functions",
-        "lagcli.statics.point_columns",
+        "lagcli.statics.point_values",
         "lagcli.statics.static_laws",
         "lagcli.statics.static_problem",
     ),
@@ -101,7 +101,7 @@ DOORS = {
         "lagcli.api.sweeps.drawn_points",
         "lagcli.contact.",
         "lagcli.linearization.",
-        "lagcli.statics.effective_potential",
+        "lagcli.statics.point_values",
         "lagcli.statics.newton",
     ),
 }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.statics import weak_contacts
+from lagcli.statics import point_type
 
 pytestmark = pytest.mark.numeric
 
@@ -83,7 +83,7 @@ def test_extremes_on_a_cone_are_those_of_many_directions(seed: int) -> None:
     random = np.random.default_rng(seed)
     H = random.standard_normal((3, 3))
     H, G = H + H.T, random.standard_normal((2 + seed % 3, 3))
-    found = weak_contacts.extremes(H, G)
+    found = point_type.extremes(H, G)
     u = random.standard_normal((3, 20_000))
     for part in (1.0, 0.1, 0.01, 1e-3, 1e-4):  # nearer and nearer to the best there are
         u = (u / np.linalg.norm(u, axis=0))[:, (G @ u >= 0).all(axis=0)]

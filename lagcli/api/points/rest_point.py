@@ -17,7 +17,7 @@ from lagcli.errors import diagnostics
 from lagcli.model.invariant import LevelFunction
 from lagcli.start import assembly, initial
 from lagcli.start.initial import State
-from lagcli.statics import effective_potential, refine, rest_equations, static_laws, surface_descent
+from lagcli.statics import point_values, refine, rest_equations, static_laws, surface_descent
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.static_laws import HeldLevel, StaticLaws
@@ -84,7 +84,7 @@ def nearest(ready: CompiledModel) -> EquilibriumPoint | NoEquilibrium:
     """
     start = begin(ready)
     asked, q = problem(ready, static_laws.of_rest(ready.system, start.levels), start), start.state.q
-    falls = effective_potential.origin(asked) == "declared"
+    falls = point_values.potential_origin(asked) == "declared"
     is_large = falls and asked.n + asked.C > refine.PARAMETERS.large
     found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.PARAMETERS.aside)]
     if falls:

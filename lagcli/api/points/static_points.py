@@ -13,15 +13,13 @@ from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.points.rest_point import StaticStart
 from lagcli.statics import (
     all_zeros,
-    effective_potential,
     one_unknown,
-    periodic,
-    shared_multipliers,
+    point_values,
     singular_rows,
+    static_problem,
 )
-from lagcli.statics.effective_potential import Origin
-from lagcli.statics.point_columns import PointColumns
 from lagcli.statics.point_search import FoundPoint, PointSearch, SearchOptions
+from lagcli.statics.point_values import Origin, PointColumns
 from lagcli.statics.static_problem import StaticProblem
 from lagcli.statics.static_report import StaticPoint, StaticReport, Value
 
@@ -55,8 +53,8 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
     problem = asked.problem
     source: Origin = "declared"
     if asked.called == "potential":
-        source = effective_potential.origin(problem)
-    angles = periodic.angles(problem.programs(), problem.n)
+        source = point_values.potential_origin(problem)
+    angles = static_problem.angles(problem)
     pushes = asked.called == "potential"
     search = PointSearch(problem, SearchOptions(source != "none", pushes, angles, starts, seed))
     search.run(0)
@@ -88,7 +86,7 @@ def _point(
     shown = [*asked.rows, *range(count, len(names))]
     is_rest = asked.called == "potential"
     reactions = columns.reactions(q, lam) if is_rest else columns.row_reactions(q, lam)
-    value = effective_potential.value(asked.problem, source, q) if is_rest else asked.problem.value(q) + 0.0
+    value = point_values.potential(asked.problem, source, q) if is_rest else asked.problem.value(q) + 0.0
     return StaticPoint(
         columns.at(q),
         {names[i]: float(lam[i]) + 0.0 for i in shown},
@@ -123,10 +121,10 @@ def _multipliers(ready: CompiledModel, asked: StaticQuestion, found: FoundPoint)
     M = numeric.inertia(t, point.q, v, problem.p).full()
     if asked.called == "potential" and closed:
         given = point.lam[[*range(problem.C), *(problem.C + k for k in closed)]]
-        shared, unique = shared_multipliers.pushing(rows, given, M, len(B))
+        shared, unique = point_values.pushing_multipliers(rows, given, M, len(B))
     else:
         unique = found.type.unique
-        shared = shared_multipliers.least(rows, -values.F, shared_multipliers.lengths(rows, M))
+        shared = point_values.least_multipliers(rows, -values.F, point_values.row_lengths(rows, M))
     lam[list(asked.rows)] = shared[: len(B)]
     lam[[count + k for k in closed]] = shared[len(B) :]
     return lam, unique

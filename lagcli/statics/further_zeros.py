@@ -1,13 +1,17 @@
-"""Zeros on the real paths F(x) = s F(x_0), which begin at a start with s = 1 (Newton's homotopy).
+"""Ways to further zeros from one start: paths of a homotopy, and equations without the zeros that are known.
 
-A path is followed past s = 0: it turns, comes back, and goes through further zeros, which nothing else may lead to
-(Keller, *Global homotopies and Newton methods*, 1978; Allgower and Georg, *Numerical Continuation Methods*, 1990).
-Predictor and corrector: a step along the tangent, then the shortest Newton steps back onto the path.
+Newton's homotopy has the real paths F(x) = s F(x_0), which begin at a start with s = 1. A path is followed past s = 0:
+it turns, comes back, and goes through further zeros, which nothing else may lead to (Keller, *Global homotopies and
+Newton methods*, 1978; Allgower and Georg, *Numerical Continuation Methods*, 1990). Predictor and corrector: a step
+along the tangent, then the shortest Newton steps back onto the path.
+
+Deflation takes known zeros out of the equations (Farrell, Birkisson and Funke, SIAM J. Sci. Comput. 37 (2015) A2026):
+the residual is multiplied by prod (1 + 1/d_i^2), d_i the distance of q to a known point: it is zero there no more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -43,7 +47,21 @@ class HomotopyParameters:
     """Of two tangents the least cosine: a step that bends more may have come onto another path."""
 
 
-PARAMETERS = HomotopyParameters()
+class DeflationParameters:
+    """Numbers of equations without known zeros; lengths are parts of the size of things.
+
+    None was moved to see which test fails: that is not known.
+    """
+
+    __slots__ = ()
+
+    least: float = 1e-8
+    """Distances below this are not divided by."""
+    most_known: int = 60
+    """Points that are taken out, the latest: each costs a gradient at every step."""
+
+
+PARAMETERS, DEFLATION = HomotopyParameters(), DeflationParameters()
 
 
 def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
@@ -119,3 +137,31 @@ class _Path:
             z = z - np.linalg.lstsq(values[1], values[0], rcond=None)[0]
         values = self._values(z)
         return z if values is not None and np.linalg.norm(values[0]) <= PARAMETERS.off else None
+
+
+class DeflatedEquations:
+    """The residual of some equations without the zeros at `known` configurations; angles count by their sines."""
+
+    def __init__(self, equations: RestEquations, known: Sequence[Floats], angles: Sequence[bool]) -> None:
+        self._equations, self._known = equations, list(known)[-DEFLATION.most_known :]
+        self._angles = np.array(angles, dtype=bool)
+
+    def __call__(self, x: Floats) -> tuple[Floats, Floats] | None:
+        """Residual and gradient."""
+        found = self._equations(x)
+        if found is None:
+            return None
+        r, J = found
+        n, size = self._equations.problem.n, self._equations.scales.length
+        factor, slope = 1.0, np.zeros(x.size)
+        for q in self._known:
+            way = (x[:n] - q) / size
+            along = way / size
+            half = (x[:n] - q)[self._angles] / 2
+            way[self._angles], along[self._angles] = 2 * np.sin(half), np.sin(2 * half)
+            square = max(float(way @ way), DEFLATION.least**2)
+            factor *= 1 + 1 / square
+            slope[:n] += -2 * along / square**2 / (1 + 1 / square)
+        if not np.isfinite(factor):
+            return None
+        return factor * r, factor * (J + np.outer(r, slope))
