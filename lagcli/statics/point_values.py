@@ -1,4 +1,4 @@
-"""What the table of a point of rest holds: its columns, the potential, and multipliers that are not unique.
+"""The contents of the table of a point of rest: columns, the potential, and multipliers that are not unique.
 
 Of all multipliers that balance, those of least weighted norm are given, as in a run; contacts only push. The potential
 is the one whose stationary points are the points of rest, where the forces have one.
