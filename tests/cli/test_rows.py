@@ -520,7 +520,7 @@ def test_a_home_that_cannot_be_written_is_no_reason_for_noise(here):
 
 
 def test_a_comparison_that_would_never_end_stops_as_a_run_does(here, monkeypatch):
-    monkeypatch.setattr(controller, "PACE", 20)
+    monkeypatch.setattr(controller.StepLengthParameters, "pace", 20)
     found = lagcli.compare(lagcli.load("m.yaml"), duration=1e12, rtol=1e-6)
     reduced = next(one for one in found.formulations if one.name == "reduced")
     assert "the run is too long" in reduced.stopped

@@ -18,7 +18,6 @@ from lagcli.errors.diagnostics import printable
 from lagcli.model import settings
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Vector3
-from lagcli.simulation.run_state import saved_form
 from lagcli.simulation.run_state.between_steps import RunState
 
 FORMAT = 7  # of a checkpoint: goes up where another version could not read it
@@ -125,6 +124,8 @@ def _shown(value: object) -> str:
 
 def encoded(point: Checkpoint) -> bytes:
     """The checkpoint as JSON."""
+    from lagcli.simulation.run_state import saved_form
+
     parts = saved_form.saved(point)
     assert isinstance(parts, dict)
     whole = {"lagcli-checkpoint": FORMAT, "version": __version__, **parts, "sum": control_sum(parts)}
@@ -147,6 +148,8 @@ def read(path: str | os.PathLike[str]) -> Checkpoint:
 
 def decoded(data: bytes) -> Checkpoint:
     """The checkpoint in JSON. Raises `CheckpointError`."""
+    from lagcli.simulation.run_state import saved_form
+
     try:
         whole = json.loads(data)
     except (ValueError, RecursionError):
