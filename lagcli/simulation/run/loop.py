@@ -205,9 +205,10 @@ class Run:
 
     def _find_step(self) -> None:
         self._stepper.found.within = []
-        if any(event.passes() for event in self._events):
-            self._cut()
-            return
+        for event in self._events:
+            if event.passes():
+                self._cut()
+                return
         stepper = self._stepper
         if self._looks_ahead and stepper.t + NEARLY * stepper.control.step >= self.grid.end:
             # What happens before the end is found in the step of a run that goes on.
