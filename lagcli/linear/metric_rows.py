@@ -147,6 +147,10 @@ class MetricRows:
         return np.array(self._unit)
 
     @cached_property
+    def _entries(self) -> LocalRows:
+        return LocalRows(self._unit)
+
+    @cached_property
     def _gram(self) -> ca.DM:
         return ca.mtimes(self._unit, self._unit.T)
 
@@ -173,7 +177,7 @@ class MetricRows:
         With P the entries at own coordinates, X the others of these rows and R the rest, the inverse of
         [[P, X], [0, R]] is [[1/P, -X/(P R)], [0, 1/R]].
         """
-        rows = LocalRows(self._unit)
+        rows = self._entries
         holds = rows.values != 0
         alone = holds & (np.bincount(rows.column[holds], minlength=self._unit.shape[1])[rows.column] == 1)
         own = np.sqrt(np.bincount(rows.row[alone], rows.values[alone] ** 2, minlength=self.count))
@@ -234,7 +238,11 @@ class MetricRows:
         return lambda y: self._solved(y, shift)
 
     def _shifted(self, shift: float) -> ca.DM:
-        return self._gram + shift * ca.DM.eye(self.count) if shift else self._gram
+        return self._gram + shift * self._identity if shift else self._gram
+
+    @cached_property
+    def _identity(self) -> ca.DM:
+        return ca.DM.eye(self.count)
 
     def above(self, size: float) -> int:
         """The number of singular values above a size: by Sylvester's law of inertia, from sparse factors."""
@@ -258,7 +266,7 @@ class MetricRows:
         return are_many(self.count, self._unit.shape[1])
 
     def _norms_of_units(self) -> Floats:
-        return LocalRows(self._unit).norms
+        return self._entries.norms
 
     def correction(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The smallest step (n,) in the metric that solves B step = -residual, by least squares if it must.
@@ -266,8 +274,11 @@ class MetricRows:
         Damped it is shorter: that which makes |B step + residual|^2 / damping + |step|^2 least, for rows of length
         one.
         """
-        weights = self.weights(residual, damping)
-        return -self._metric.unwhitened(np.array(ca.mtimes(self._unit.T, ca.DM(weights))).ravel())
+        weights, rows = self.weights(residual, damping), self._entries
+        # Summed in the order of CasADi's product, without its conversions, which cost several times the sum.
+        terms = rows.values * weights[rows.row]
+        step = np.asarray(np.bincount(rows.column, terms, minlength=self._unit.shape[1]), dtype=float)
+        return -self._metric.unwhitened(step)
 
     def weights(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The weights (C,) of the rows of length one in -M^1/2 step, for the step of `correction`."""

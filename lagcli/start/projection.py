@@ -7,12 +7,14 @@ Near the surface the integrator's own compiled projection does this at every ste
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.compiled import NumericSystem
+from lagcli.compiled.position_rows import PositionRows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial
@@ -90,9 +92,12 @@ class Surface:
 
     def rows(self, q: Floats) -> tuple[Floats, Sparse]:
         """f (s,) and B (s, n), sparse."""
-        values, B = self._numeric.whole(self._t, q, self._p)
-        f = np.array(values).ravel()
-        return (f, B) if self._only is None else (f[self._only], B[self._only, :])
+        f, entries = self._rows.values(q)
+        return f, self._rows.matrix(entries)
+
+    @cached_property
+    def _rows(self) -> PositionRows:
+        return PositionRows(self._numeric.whole, self._t, self._p, self._only)
 
     def descend(self, q: Floats, to_the_end: bool = False) -> Reached:
         """A point of the surface from far, or else where the sum of (f_i / |B_i|)^2 is locally least.
@@ -103,11 +108,12 @@ class Surface:
         """
         damping = 0.0
         passed = np.inf
-        f, B = self.rows(q)
+        f, entries = self._rows.values(q)
+        B = self._rows.matrix(entries)
         best = self._reached(q, f, B)
         for taken in range(PARAMETERS.most_steps):
             progress.require_time()
-            if best.is_on or not _are_finite(f, B):
+            if best.is_on or not _are_finite(f, entries):
                 break
             rows = MetricRows(B, self._metric)
             before = float(np.linalg.norm(f / rows.lengths))
@@ -117,16 +123,16 @@ class Surface:
                 passed = before
             for _ in range(PARAMETERS.most_halvings):
                 step = rows.correction(f, damping)
-                after, B_after = self.rows(q + step)
+                after, entries = self._rows.values(q + step)
                 length = (
-                    float(np.linalg.norm(after / rows.lengths)) if _are_finite(after, B_after) else np.inf
+                    float(np.linalg.norm(after / rows.lengths)) if _are_finite(after, entries) else np.inf
                 )
                 if length < before:
                     break
                 damping = max(PARAMETERS.stronger * damping, PARAMETERS.first_damping)
             else:
                 break
-            q, f, B = q + step, after, B_after
+            q, f, B = q + step, after, self._rows.matrix(entries)
             damping = damping / PARAMETERS.weaker if damping > PARAMETERS.last_damping else 0.0
             here = self._reached(q, f, B)
             best = here if to_the_end or here.is_on or here.worst <= best.worst else best
@@ -135,9 +141,10 @@ class Surface:
         return dataclasses.replace(best, is_on=best.is_on or best.worst <= PARAMETERS.rounding * size)
 
     def _reached(self, q: Floats, f: Floats, B: Sparse) -> Reached:
-        if not _are_finite(f, B):
+        rows = LocalRows(B)
+        if not _are_finite(f, rows.values):
             return Reached(q, np.full(f.size, np.inf), False)
-        residuals = np.abs(f) / LocalRows(B).divisors
+        residuals = np.abs(f) / rows.divisors
         return Reached(
             q, residuals, bool(np.max(residuals, initial=0.0) <= PARAMETERS.arrived * initial.size(q))
         )
@@ -145,9 +152,10 @@ class Surface:
     def residual(self, q: Floats) -> float:
         """Largest |f_i| / |B_i|."""
         f, B = self.rows(q)
-        if not _are_finite(f, B):
+        rows = LocalRows(B)
+        if not _are_finite(f, rows.values):
             return float("inf")
-        return float(np.max(np.abs(f) / LocalRows(B).divisors, initial=0.0))
+        return float(np.max(np.abs(f) / rows.divisors, initial=0.0))
 
     def nearby(self, q: Floats) -> Floats | None:
         """The point of the surface that a few full Newton steps reach, each squaring a small residual, or None.
@@ -162,10 +170,10 @@ class Surface:
                 residual <= PARAMETERS.squared * before or before <= PARAMETERS.converged * size
             ):
                 return q
-            f, B = self.rows(q)
-            if not _are_finite(f, B):
+            f, entries = self._rows.values(q)
+            if not _are_finite(f, entries):
                 return None
-            q = q + MetricRows(B, self._metric).correction(f)
+            q = q + MetricRows(self._rows.matrix(entries), self._metric).correction(f)
             before, residual = residual, self.residual(q)
         return None
 
@@ -205,5 +213,5 @@ def velocity(v: Floats, B: Sparse, b: Floats, metric: Metric) -> Floats:
     return v
 
 
-def _are_finite(f: Floats, B: Sparse) -> bool:
-    return bool(np.isfinite(f).all() and np.isfinite(B.nonzeros()).all())
+def _are_finite(f: Floats, entries: Floats) -> bool:
+    return bool(np.isfinite(f).all() and np.isfinite(entries).all())
