@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from lagcli.derivation.sections import (
-    cut_lines,
     linear_section,
+    page_sections,
     solution_sections,
-    statics_section,
     vakonomic_sections,
 )
 from lagcli.derivation.sections.derivation_page import Derivation, Line, Section
@@ -25,6 +24,9 @@ from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.exact.guarded import TooDeep
+
+# Of a family this many lines are shown, then the last one; of a long sum this many terms.
+SHOWN, TERMS = 2, 16
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ def _derived(built: System, options: Options) -> Derivation:
         ("Inertia", parts.inertia()),
         ("Lagrange's equations", parts.lagrange()),
         ("From Newton to Lagrange", parts.identity()),
-        (statics_section.TITLE, statics_section.lines(system, parts)),
+        (page_sections.REST, page_sections.points_of_rest(system, parts)),
     ]
     written = [(title, list(lines)) for title, lines in drafts]
     if options.about is not None:
@@ -93,7 +95,7 @@ def _derived(built: System, options: Options) -> Derivation:
     if said := _constants(system, signs):
         written.insert(0, ("Values put in", said))
     sections = tuple(
-        Section(title, tuple(lines if options.everything else cut_lines.cut(lines)))
+        Section(title, tuple(lines if options.everything else _cut(lines)))
         for title, lines in written
         if lines
     )
@@ -128,3 +130,33 @@ def _constants(system: Symbolic, signs: Signs) -> list[Line]:
             Line(sides=(signs.node(symbol), f.FormulaNumber(f"{number:.10g}")), kind="constant", family=body)
         )
     return found
+
+
+def _cut(lines: list[Line]) -> Iterator[Line]:
+    """The lines, of each family the first ones and the last, with what was left out; of long sums some terms too."""
+    groups: dict[tuple[str, str], list[int]] = {}
+    for place, line in enumerate(lines):
+        if line.family:
+            groups.setdefault((line.kind, line.family), []).append(place)
+    left_out: dict[int, str] = {}
+    dropped = set[int]()
+    for places in groups.values():
+        if len(places) > SHOWN + 3:
+            gone = places[SHOWN:-1]
+            left_out[gone[0]] = f"… {len(gone)} lines like these left out; --all shows them"
+            dropped.update(gone)
+    for place, line in enumerate(lines):
+        if place in left_out:
+            yield Line(note=left_out[place])
+        if place not in dropped:
+            yield dataclasses.replace(line, sides=tuple(map(_shortened, line.sides)))
+
+
+def _shortened(node: f.FormulaNode) -> f.FormulaNode:
+    """A long sum with its first terms and its last one."""
+    if isinstance(node, f.FormulaProduct):
+        return f.FormulaProduct(tuple(map(_shortened, node.factors)))
+    if not isinstance(node, f.FormulaSum) or len(node.terms) <= TERMS:
+        return node
+    gone = len(node.terms) - 4
+    return f.FormulaSum((*node.terms[:3], (1, f.FormulaWords(f"… ({gone} terms left out)")), node.terms[-1]))

@@ -18,7 +18,7 @@ import lagcli
 from lagcli import derivation
 from lagcli.api.models import cache
 from lagcli.cli.app import app
-from lagcli.derivation.symbolic import closed_form, identity, multiplier_equations, symbolic_system, tidy
+from lagcli.derivation.symbolic import identity, multiplier_equations, symbolic_system, tidy
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import render_latex, render_mathml, render_text
 from lagcli.equations import system as compiled_system
@@ -118,10 +118,12 @@ def test_pendulum_with_its_tension() -> None:
     assert solved.values[1] == 0
 
 
-def _solved(page: derivation.Derivation) -> closed_form.ClosedForm:
+def _solved(page: derivation.Derivation) -> multiplier_equations.ClosedForm:
     inverted = multiplier_equations.inverse(page.system)
     assert inverted.entries is not None
-    return closed_form.solve(page.system, multiplier_equations.equation(page.system, inverted.entries))
+    return multiplier_equations.solve(
+        page.system, multiplier_equations.equation(page.system, inverted.entries)
+    )
 
 
 def test_double_pendulum_in_its_angles() -> None:

@@ -17,8 +17,6 @@ from lagcli.output.report import latex_text
 WIDTH = 100  # columns where there is no terminal
 # Sides wider than this do not push the others of their section to the right.
 WIDEST_LEFT = 22
-# No line is broken before so many characters.
-EARLY = 24
 # Characters of a formula after which LaTeX and MathML begin a new line.
 LONG = 90
 
@@ -245,7 +243,7 @@ def _text_section(section: Section, width: int) -> list[str]:
     found = []
     for line, left, own in zip(section.lines, lefts, widths, strict=True):
         if not line.sides:
-            found += ["  " + part for part in _folded(line.note, width - 2)]
+            found += ["  " + part for part in render_text.folded(line.note, width - 2)]
             continue
         pad = " " * max(0, column - own)
         following = zip(line.relations, line.sides[1:], strict=True)
@@ -254,48 +252,10 @@ def _text_section(section: Section, width: int) -> list[str]:
             whole += f"   {line.note}"
         number = f"({line.number})" if line.number else ""
         indent = 2 + (column if own <= WIDEST_LEFT else 4) + 3
-        rows = _wrapped(whole, width - len(number) - 2, indent)
+        rows = render_text.wrapped(whole, width - len(number) - 2, indent)
         rows[-1] += " " * max(2, width - render_text.width(rows[-1]) - len(number)) + number
         found += rows
     return found
-
-
-def _wrapped(text: str, width: int, indent: int) -> list[str]:
-    """Broken before signs, outside of parentheses where that leaves no short lines, and never between bars."""
-    rows: list[str] = []
-    start = used = depth = bars = 0
-    places: dict[int, int] = {}  # depth -> the last place where a new line may begin
-    for place, letter in enumerate(text):
-        depth += (letter == "(") - (letter == ")")
-        bars ^= letter == "|"
-        is_sign = letter in "+−=≤≥⊥" and text[place - 1 : place + 2] == f" {letter} "
-        if is_sign and not bars and (letter != "=" or used > EARLY):
-            places[depth] = place
-        used += render_text.width(letter)
-        if used <= width:
-            continue
-        # The outermost place that does not leave most of the line empty.
-        good = [
-            (deep, at)
-            for deep, at in sorted(places.items())
-            if at - start > (EARLY if deep == 0 else 2 * EARLY)
-        ]
-        if good:
-            at = good[0][1]
-            rows.append((" " * indent if rows else "") + text[start:at].rstrip())
-            used = indent + render_text.width(text[at : place + 1])
-            start, places = at, {deep: other for deep, other in places.items() if other > at}
-    rows.append((" " * indent if rows else "") + text[start:])
-    return rows
-
-
-def _folded(words: str, width: int) -> list[str]:
-    rows = [""]
-    for word in words.split(" "):
-        if rows[-1] and render_text.width(rows[-1]) + 1 + render_text.width(word) > width:
-            rows.append("")
-        rows[-1] += (" " if rows[-1] else "") + word
-    return rows
 
 
 def _chunks(node: f.FormulaNode) -> list[f.FormulaNode]:

@@ -13,7 +13,7 @@ import sympy
 
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.sections.page_sections import NIL, Sections, joined
-from lagcli.derivation.symbolic import closed_form
+from lagcli.derivation.symbolic import multiplier_equations
 from lagcli.derivation.symbolic.multiplier_equations import Equation, part
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
@@ -202,16 +202,16 @@ class OneSided:
     def alone(self, j: int, equation: Equation, on: Mapping[sympy.Symbol, sympy.Expr]) -> Iterator[Line]:
         """Lambda of an impact on contact j alone, -(1 + e) g'- / (G P G^T), with what the rows say put in."""
         first = len(self._system.rows)
-        if first >= closed_form.MAX_ROWS:
+        if first >= multiplier_equations.MAX_ROWS:
             return
         chosen = [*range(first), first + j]
         matrix = sympy.Matrix([[equation.S.get((r, k), ZERO) for k in chosen] for r in chosen])
-        matrix = matrix.applyfunc(lambda value: tidy(closed_form.put(self._system, value, dict(on))))
+        matrix = matrix.applyfunc(lambda value: tidy(multiplier_equations.put(self._system, value, dict(on))))
         held = tidy(matrix[:first, :first].det(method="berkowitz")) if first else sympy.Integer(1)
         if held == 0:
             return
         pressed = tidy(tidy(matrix.det(method="berkowitz")) / held)
-        if pressed == 0 or pressed.count_ops() > closed_form.MAX_OPERATIONS:
+        if pressed == 0 or pressed.count_ops() > multiplier_equations.MAX_OPERATIONS:
             return
         row, e = self._contacts.rows[j], self._contacts.restitution[j]
         one = f.FormulaSum(((1, f.ONE), (1, self._letters[f"restitution {row.name}"])))

@@ -8,17 +8,19 @@ import sympy
 
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.symbolic import identity
+from lagcli.derivation.symbolic.calculus import Key, Triple
 from lagcli.derivation.symbolic.multiplier_equations import part
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
 from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
-from lagcli.derivation.symbolic.vectors import NOTHING, Key, Triple
+from lagcli.derivation.symbolic.vectors import NOTHING
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import paper_names
 from lagcli.model import model as nouns
 from lagcli.pfaffian.forms.notation import ZERO
 
 NIL = f.ZERO
+REST = "Points of rest  F + Bᵀλ = 0"
 _ALONE = ""
 # Operations up to which V is multiplied out to find what its terms share.
 MAX_SORTED = 2000
@@ -259,6 +261,35 @@ class Sections:
         name = self._system.names[i]
         base = name.partition("[")[0]
         return base if base != name else _ALONE
+
+
+def points_of_rest(system: Symbolic, parts: Sections) -> Iterator[Line]:
+    """The equations of motion with q' = q'' = 0, which are the recipe for f = V (D.25).
+
+    F_k + sum_i lambda_i B_ik = 0 of each particle, and of each coordinate with the inertial terms that are left; and
+    the rows that must not move.
+    """
+    signs = parts.signs
+    still = dict.fromkeys(system.v, ZERO)
+    every = system.all_closed
+    h = tuple(tidy(value.xreplace(still)) for value in system.h)
+    if any(str(symbol).startswith("product ") for value in h for symbol in value.free_symbols):
+        return  # products of velocities that have letters of their own
+    for number in system.newton:
+        first = system.place(number)
+        F = signs.vector(triple(h, first))
+        terms = ([] if F == NIL else terms_of(F)) + parts.reaction(first, every.lam)
+        if terms:
+            family = system.world.particles.names[number].partition("[")[0]
+            yield Line("D.25", (joined(terms), NIL), kind="rest", family=family)
+    for i in system.lagrange:
+        pulls = (row.B.get(i, ZERO) * lam for row, lam in zip(every.rows, every.lam, strict=True))
+        total = tidy(h[i] + sum(pulls, ZERO))
+        if total != 0:
+            yield Line("D.25", (signs.node(total), NIL), kind="rest")
+    for row in system.rows:
+        if row.b != 0:
+            yield Line("D.6", (signs.node(tidy(row.b)), NIL), kind="rest row", family=row.family)
 
 
 def _family(base: str, count: int) -> str:

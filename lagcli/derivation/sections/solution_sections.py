@@ -9,7 +9,7 @@ import sympy
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.sections.one_sided_sections import TITLE, OneSided
 from lagcli.derivation.sections.page_sections import Sections, joined, triple
-from lagcli.derivation.symbolic import closed_form, multiplier_equations
+from lagcli.derivation.symbolic import multiplier_equations
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import polynomial, tidy
 from lagcli.derivation.symbolic.vectors import NOTHING
@@ -64,13 +64,16 @@ def _solutions(
         while_ = f" while {names[closed[0]]} alone is closed" if closed else " while all contacts are open"
         title = f"Solution{while_ if names else ''}"
         if not mode.rows:
-            yield title, list(_accelerations(mode, own, inverted, closed_form.ClosedForm({}, "", {}), {}))
+            yield (
+                title,
+                list(_accelerations(mode, own, inverted, multiplier_equations.ClosedForm({}, "", {}), {})),
+            )
             continue
         equation = multiplier_equations.equation(mode, inverted.entries)
         lines = list(_solution(mode, own, equation, inverted))
         if closed:
             whole = multiplier_equations.equation(system.all_closed, inverted.entries)
-            lines += contacts.alone(closed[0], whole, closed_form.surface(mode))
+            lines += contacts.alone(closed[0], whole, multiplier_equations.surface(mode))
         yield title, lines
     if len(names) > MOST_CLOSED:
         yield (
@@ -86,7 +89,7 @@ def _solution(
     inverted: multiplier_equations.Inverse,
 ) -> Iterator[Line]:
     signs = parts.signs
-    solved = closed_form.solve(system, equation)
+    solved = multiplier_equations.solve(system, equation)
     if not solved.values:
         yield Line(note=f"No closed form: {solved.reason}.")
         return
@@ -110,14 +113,14 @@ def _without_rows(system: Symbolic, parts: Sections) -> Iterator[Line]:
         yield Line(note=f"Accelerations in closed form are not written out: {inverted.reason}.")
         return
     yield Line(note="There is no constraint row, and so no multiplier.")
-    yield from _accelerations(system, parts, inverted, closed_form.ClosedForm({}, "", {}), {})
+    yield from _accelerations(system, parts, inverted, multiplier_equations.ClosedForm({}, "", {}), {})
 
 
 def _accelerations(
     system: Symbolic,
     parts: Sections,
     inverted: multiplier_equations.Inverse,
-    solved: closed_form.ClosedForm,
+    solved: multiplier_equations.ClosedForm,
     put: dict[sympy.Symbol, sympy.Expr],
 ) -> Iterator[Line]:
     """Accelerations, with lambda put in where that stays short."""
@@ -147,7 +150,7 @@ def _accelerations(
     for i in system.lagrange:
         value = sum((inverted.entries.get((i, j), ZERO) * h[j] for j in system.lagrange), ZERO)
         whole = _closed(system, value.xreplace(put), solved.on)
-        if whole.count_ops() > closed_form.MAX_OPERATIONS:
+        if whole.count_ops() > multiplier_equations.MAX_OPERATIONS:
             whole = tidy(value)
         driven = any(system.Q.get(j, ZERO) != 0 for j in system.lagrange)
         equation = "D.53" if system.rows else "D.34" if driven else "D.39"
@@ -156,7 +159,7 @@ def _accelerations(
 
 def _closed(system: Symbolic, value: sympy.Expr, on: dict[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
     """The form of an acceleration that reads best, with what the rows say put in."""
-    whole = tidy(closed_form.put(system, value, on))
-    small = whole.count_ops() <= 2 * closed_form.MAX_OPERATIONS
-    found = closed_form.cancelled(whole, system.v) if small else []
-    return min(*found, polynomial(whole, system.v), whole, key=closed_form.burden)
+    whole = tidy(multiplier_equations.put(system, value, on))
+    small = whole.count_ops() <= 2 * multiplier_equations.MAX_OPERATIONS
+    found = multiplier_equations.cancelled(whole, system.v) if small else []
+    return min(*found, polynomial(whole, system.v), whole, key=multiplier_equations.burden)

@@ -7,12 +7,17 @@ as short as they are on paper, and cheap at any number of particles.
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import sympy
 
-from lagcli.derivation.symbolic.slope import slope
-from lagcli.derivation.symbolic.vectors import Key
 from lagcli.pfaffian.forms.notation import TIME, ZERO
+
+Triple = tuple[sympy.Expr, sympy.Expr, sympy.Expr]
+# A linear combination of vectors: names of vectors with their coefficients, and a rest along the axes.
+Key = tuple[tuple[tuple[str, sympy.Expr], ...], Triple]
+# From so many terms on those of a sum are looked up by the symbols in them.
+MANY = 12
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -101,3 +106,34 @@ class Calculus:
         known = self.known[symbol]
         inner = self.rate(known.inner)
         return inner / (2 * symbol) if known.is_root else inner
+
+
+def slope(value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
+    """dvalue/dx, x a symbol, without SymPy's detours where the value is plain arithmetic."""
+    if value == x:
+        return sympy.Integer(1)
+    if not value.args or (not value.is_Add and x not in value.free_symbols):
+        return ZERO
+    if value.is_Add:
+        terms = value.args if len(value.args) < MANY else _terms(value).get(x, ())
+        return sympy.Add(*(slope(term, x) for term in terms))
+    if value.is_Mul:
+        terms = []
+        for place, factor in enumerate(value.args):
+            inner = slope(factor, x)
+            if inner != 0:
+                terms.append(sympy.Mul(*value.args[:place], inner, *value.args[place + 1 :]))
+        return sympy.Add(*terms)
+    if value.is_Pow and x not in value.exp.free_symbols:
+        return value.exp * value.base ** (value.exp - 1) * slope(value.base, x)
+    return sympy.diff(value, x)
+
+
+@functools.lru_cache(maxsize=128)
+def _terms(value: sympy.Expr) -> dict[sympy.Expr, list[sympy.Expr]]:
+    """The terms of a long sum by the symbols they hold: it is differentiated by each of them."""
+    found: dict[sympy.Expr, list[sympy.Expr]] = {}
+    for term in value.args:
+        for symbol in term.free_symbols:
+            found.setdefault(symbol, []).append(term)
+    return found

@@ -12,7 +12,7 @@ from typing import Literal
 
 import sympy
 
-from lagcli.derivation.symbolic import closed_form
+from lagcli.derivation.symbolic import multiplier_equations
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import tidy
 from lagcli.pfaffian.forms.notation import TIME, ZERO, exact
@@ -113,7 +113,7 @@ class _Substitution:
             known = zip(letters, point.numbers, strict=True)
             pairs = [pair for level in known for pair in zip(*level, strict=True)]
             self._zeros = {letter: ZERO for letter, number in pairs if number == 0}
-        held = closed_form.surface(system)
+        held = multiplier_equations.surface(system)
         self._held = {x: value for x, value in held.items() if TIME not in value.free_symbols}
 
     def acceleration(self, j: int) -> sympy.Expr:

@@ -6,9 +6,10 @@ import dataclasses
 
 import sympy
 
+from lagcli.derivation.symbolic.calculus import Key, Triple
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import merged, shorter, tidy
-from lagcli.derivation.symbolic.vectors import Key, Triple, pieces
+from lagcli.derivation.symbolic.vectors import pieces
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import layout, paper_names
 from lagcli.derivation.writing.layout import Layout

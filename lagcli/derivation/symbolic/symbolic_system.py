@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import Calculus
+from lagcli.derivation.symbolic.calculus import Calculus, Triple
 from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
-from lagcli.derivation.symbolic.vectors import Triple
 from lagcli.derivation.symbolic.world import World, view
 from lagcli.equations import rigid
 from lagcli.errors import diagnostics

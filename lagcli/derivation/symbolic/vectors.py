@@ -7,12 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import sympy
 
-from lagcli.derivation.symbolic.slope import slope
+from lagcli.derivation.symbolic.calculus import Key, Triple, slope
+from lagcli.pfaffian.forms.notation import ZERO
 
-Triple = tuple[sympy.Expr, sympy.Expr, sympy.Expr]
-# A linear combination of vectors: names of vectors with their coefficients, and a rest along the axes.
-Key = tuple[tuple[tuple[str, sympy.Expr], ...], Triple]
-ZERO = sympy.Integer(0)
 NOTHING: Triple = (ZERO, ZERO, ZERO)
 
 

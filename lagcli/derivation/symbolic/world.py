@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import sympy
 
-from lagcli.derivation.symbolic.calculus import Abbreviation, Calculus
-from lagcli.derivation.symbolic.vectors import Collapse, Key, RecognizedVector, Triple
+from lagcli.derivation.symbolic.calculus import Abbreviation, Calculus, Key, Triple
+from lagcli.derivation.symbolic.vectors import Collapse, RecognizedVector
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, tree
 from lagcli.expression.evaluate import Value

@@ -1,4 +1,4 @@
-"""Formulas as Unicode text for a terminal."""
+"""Formulas as Unicode text for a terminal, and where their lines are broken."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ _SUPER = str.maketrans("0123456789-+", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺")
 _DOTS = {0: "", 1: "\u0307", 2: "\u0308"}
 _HALVES = {("1", "2"): "½", ("1", "3"): "⅓", ("2", "3"): "⅔", ("1", "4"): "¼", ("3", "4"): "¾"}
 
+# No line is broken before so many characters.
+EARLY = 24
 # How tightly a text holds together: a sum, a product or quotient, one function applied, a single sign.
 SUM, PRODUCT, APPLIED, ATOM = range(4)
 
@@ -143,3 +145,45 @@ _WRITERS: dict[type[f.FormulaNode], Callable[..., tuple[str, int]]] = {
     f.Slope: _slope,
     f.Dot: lambda node: (f"{_held(node.left, PRODUCT)}·{_held(node.right, PRODUCT)}", PRODUCT),
 }
+
+
+def wrapped(line: str, columns: int, indent: int) -> list[str]:
+    """The rows of a formula.
+
+    Broken before signs, outside of parentheses where that leaves no short lines, and never between bars.
+    """
+    rows: list[str] = []
+    start = used = depth = bars = 0
+    places: dict[int, int] = {}  # depth -> the last place where a new line may begin
+    for place, letter in enumerate(line):
+        depth += (letter == "(") - (letter == ")")
+        bars ^= letter == "|"
+        is_sign = letter in "+−=≤≥⊥" and line[place - 1 : place + 2] == f" {letter} "
+        if is_sign and not bars and (letter != "=" or used > EARLY):
+            places[depth] = place
+        used += width(letter)
+        if used <= columns:
+            continue
+        # The outermost place that does not leave most of the line empty.
+        good = [
+            (deep, at)
+            for deep, at in sorted(places.items())
+            if at - start > (EARLY if deep == 0 else 2 * EARLY)
+        ]
+        if good:
+            at = good[0][1]
+            rows.append((" " * indent if rows else "") + line[start:at].rstrip())
+            used = indent + width(line[at : place + 1])
+            start, places = at, {deep: other for deep, other in places.items() if other > at}
+    rows.append((" " * indent if rows else "") + line[start:])
+    return rows
+
+
+def folded(words: str, columns: int) -> list[str]:
+    """The rows of a sentence."""
+    rows = [""]
+    for word in words.split(" "):
+        if rows[-1] and width(rows[-1]) + 1 + width(word) > columns:
+            rows.append("")
+        rows[-1] += (" " if rows[-1] else "") + word
+    return rows
