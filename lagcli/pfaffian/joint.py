@@ -55,91 +55,6 @@ class Solution:
     unsolved: tuple[sympy.Expr, ...]
 
 
-# The rows, surface and parameters of a block whose coordinates are numbered.
-_Pattern = tuple[tuple[tuple[sympy.Expr, ...], ...], tuple[sympy.Expr, ...], tuple[sympy.Symbol, ...]]
-
-
-class JointClassifier:
-    """Flags and first integrals of blocks, each kind of them once: those that differ in names alone are told."""
-
-    def __init__(self) -> None:
-        self._places: list[sympy.Symbol] = []
-        self._flags: dict[_Pattern, tuple[PfaffianBlock, Flagged]] = {}
-        self._solutions: dict[_Pattern, tuple[PfaffianBlock, Solution]] = {}
-
-    def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
-        """As `flagged`."""
-        pattern = self._pattern(block)
-        if pattern not in self._flags:
-            self._flags[pattern] = block, flagged(block, time, values, deadline)
-        known, found = self._flags[pattern]
-        return found if known is block else _Renaming(known, block).flagged(found)
-
-    def solution(
-        self,
-        block: PfaffianBlock,
-        found: Flagged,
-        verdicts: Sequence[frobenius.FormVerdict | None],
-        deadline: float,
-    ) -> Solution:
-        """As `solution` of the `found` flag of the block."""
-        pattern = self._pattern(block)
-        if pattern not in self._solutions:
-            self._solutions[pattern] = block, solution(found, verdicts, deadline)
-        known, solved = self._solutions[pattern]
-        return solved if known is block else _Renaming(known, block).solution(solved)
-
-    def _pattern(self, block: PfaffianBlock) -> _Pattern:
-        """The block with its coordinates numbered instead of named."""
-        for n in range(len(self._places), len(block.variables)):
-            self._places.append(sympy.Dummy(f"x{n}", real=True))
-        numbered = dict(zip(block.variables, self._places, strict=False))
-        rows = tuple(tuple(a.xreplace(numbered) for a in row) for row in block.rows)
-        return rows, tuple(f.xreplace(numbered) for f in block.surface), block.parameters
-
-
-class _Renaming:
-    """From one block to another that differs in the names of its coordinates and rows alone."""
-
-    def __init__(self, known: PfaffianBlock, block: PfaffianBlock) -> None:
-        self._rows = dict(zip(known.names, block.names, strict=True))
-        self._symbols = dict(zip(known.variables, block.variables, strict=True))
-        self._symbols |= {_differential(x): _differential(y) for x, y in self._symbols.items()}
-
-    def flagged(self, found: Flagged) -> Flagged:
-        block, flag = found.block, found.flag
-        variables = tuple(self._symbols[x] for x in block.variables)
-        surface = self._each(block.surface)
-        moved = PfaffianBlock(
-            self._names(block.names), variables, self._table(block.rows), block.parameters, surface
-        )
-        values = {self._symbols[x]: value.xreplace(self._symbols) for x, value in found.values.items()}
-        divisors = tuple(e if e is None else e.xreplace(self._symbols) for e in flag.divisors)
-        told = replace(
-            flag,
-            integrable=self._table(flag.integrable),
-            special=self._each(flag.special),
-            divisors=divisors,
-            conditions=tuple(replace(one, factors=self._each(one.factors)) for one in flag.conditions),
-        )
-        return Flagged(moved, values, told)
-
-    def solution(self, found: Solution) -> Solution:
-        told = (
-            JointIntegral(one.phi.xreplace(self._symbols), self._names(one.rows)) for one in found.integrals
-        )
-        return Solution(tuple(told), self._each(found.unsolved))
-
-    def _names(self, names: Iterable[str]) -> tuple[str, ...]:
-        return tuple(self._rows[name] for name in names)
-
-    def _each(self, expressions: Iterable[sympy.Expr]) -> tuple[sympy.Expr, ...]:
-        return tuple(e.xreplace(self._symbols) for e in expressions)
-
-    def _table(self, rows: Iterable[Iterable[sympy.Expr]]) -> tuple[tuple[sympy.Expr, ...], ...]:
-        return tuple(map(self._each, rows))
-
-
 def flagged(block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
     """The flag of a block of real symbols, for the given values of the parameters among others.
 
@@ -202,12 +117,13 @@ def without_flag(
 
 
 def _as_text(block: PfaffianBlock, row: Iterable[sympy.Expr]) -> sympy.Expr:
-    terms = (a * _differential(x) for a, x in zip(row, block.variables, strict=True))
+    terms = (a * differential(x) for a, x in zip(row, block.variables, strict=True))
     above, _ = sympy.fraction(guarded.together(sum(terms, sympy.Integer(0))))
     return above
 
 
-def _differential(x: sympy.Symbol) -> sympy.Symbol:
+def differential(x: sympy.Symbol) -> sympy.Symbol:
+    """The symbol of dx."""
     return sympy.Symbol(f"d({x.name})", real=True)
 
 

@@ -11,6 +11,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lagcli.pfaffian import memo
 from lagcli.pfaffian.exact import (
     constant_combinations,
     enclosure,
@@ -19,7 +20,7 @@ from lagcli.pfaffian.exact import (
     zero_test,
 )
 from lagcli.pfaffian.forms import form
-from lagcli.pfaffian.single_form import frobenius, memo, potential
+from lagcli.pfaffian.single_form import frobenius, potential
 from tests.helpers import spent
 
 # An interrupt of late work may land in a callback of the garbage collector set by hypothesis; it is repeated.

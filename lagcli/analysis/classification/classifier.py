@@ -21,12 +21,12 @@ from lagcli.analysis.classification.verdict import (
 )
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
-from lagcli.pfaffian import joint, translate
+from lagcli.pfaffian import joint, memo, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
 from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
-from lagcli.pfaffian.single_form import frobenius, memo
+from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_places import Expression
 from lagcli.start import initial
 
@@ -48,7 +48,7 @@ class Classifier:
         self._case, self._deadline = case, deadline
         self._translation = translate.Translation(case.system.model)
         self._forms = self._translation.forms()
-        self._alike, self._joint = memo.VerdictMemo(), joint.JointClassifier()
+        self._alike, self._joint = memo.VerdictMemo(), memo.JointMemo()
         self._locality = locality.Locality(case, self._translation, deadline)
 
     def judge(self, group: CoupledGroup) -> tuple[tuple[Verdict, ...], JointVerdict]:

@@ -1,0 +1,176 @@
+"""Forms and blocks that differ in the names of their coordinates alone: what is found for the first is told of all.
+
+The members of a family of laws are such forms.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterable, Sequence
+
+import sympy
+
+from lagcli.pfaffian import joint
+from lagcli.pfaffian.flag.function_field import Values
+from lagcli.pfaffian.forms.form import Form, PfaffianBlock
+from lagcli.pfaffian.joint import Flagged, JointIntegral, Solution
+from lagcli.pfaffian.single_form import frobenius
+from lagcli.pfaffian.single_form.frobenius import FormVerdict
+
+# The coefficients and parameters of a form whose coordinates are numbered.
+_FormPattern = tuple[tuple[sympy.Expr, ...], tuple[sympy.Symbol, ...]]
+# The rows, surface and parameters of a block whose coordinates are numbered.
+_BlockPattern = tuple[tuple[tuple[sympy.Expr, ...], ...], tuple[sympy.Expr, ...], tuple[sympy.Symbol, ...]]
+
+
+class _Numbering:
+    """Symbols for the coordinates of a form or block by their numbers."""
+
+    def __init__(self) -> None:
+        self._places: list[sympy.Symbol] = []
+
+    def of(self, variables: Sequence[sympy.Symbol]) -> dict[sympy.Symbol, sympy.Symbol]:
+        """The symbol of each coordinate."""
+        for n in range(len(self._places), len(variables)):
+            self._places.append(sympy.Dummy(f"x{n}", real=True))
+        return dict(zip(variables, self._places, strict=False))
+
+
+class VerdictMemo:
+    """Classifies forms, each kind of them once."""
+
+    def __init__(self) -> None:
+        self._numbering = _Numbering()
+        self._known: dict[_FormPattern, tuple[Form, FormVerdict]] = {}
+
+    def classify(self, form: Form, deadline: float) -> FormVerdict:
+        """As `frobenius.classify`."""
+        pattern = self._pattern(form)
+        known = self._known.get(pattern)
+        if known is not None and _is_tellable(known[0], form):
+            return _told(known[1], known[0], form)
+        verdict = frobenius.classify(form, deadline)
+        self._known.setdefault(pattern, (form, verdict))
+        return verdict
+
+    def _pattern(self, form: Form) -> _FormPattern:
+        """The form with its coordinates numbered instead of named."""
+        numbered = self._numbering.of(form.variables)
+        return tuple(a.xreplace(numbered) for a in form.coefficients), form.parameters
+
+
+def _is_tellable(known: Form, form: Form) -> bool:
+    """True if every name that differs is that of a member, `x[1]`: it is then told from words in a sentence."""
+    pairs = zip(known.variables, form.variables, strict=True)
+    return all(x == y or "[" in x.name for x, y in pairs)
+
+
+def _told(verdict: FormVerdict, known: Form, form: Form) -> FormVerdict:
+    """The verdict of `known` in the names of `form`."""
+    renamed = dict(zip(known.variables, form.variables, strict=True))
+
+    def turn(expression: sympy.Expr | None) -> sympy.Expr | None:
+        return None if expression is None else expression.xreplace(renamed)
+
+    names = {x.name: y.name for x, y in renamed.items() if x != y}
+    longest_first = sorted(map(re.escape, names), key=len, reverse=True)
+    written = re.compile(rf"(?<!\w)(?:{'|'.join(longest_first)})(?!\w)") if names else None
+    method = verdict.method if written is None else written.sub(lambda m: names[m[0]], verdict.method)
+    witness = verdict.witness
+    if witness is not None:
+        i, j, k = (renamed[x] for x in witness.variables)
+        component, value = witness.component.xreplace(renamed), witness.value
+        if value is not None:
+            point = tuple((names.get(name, name), number) for name, number in value.point)
+            value = dataclasses.replace(value, point=point)
+        witness = frobenius.FrobeniusWitness((i, j, k), component, value)
+    return dataclasses.replace(
+        verdict,
+        integral=turn(verdict.integral),
+        integrating_factor=turn(verdict.integrating_factor),
+        method=method,
+        witness=witness,
+        special=tuple(e.xreplace(renamed) for e in verdict.special),
+    )
+
+
+class JointMemo:
+    """Flags and first integrals of blocks, each kind of them once: those that differ in names alone are told."""
+
+    def __init__(self) -> None:
+        self._numbering = _Numbering()
+        self._flags: dict[_BlockPattern, tuple[PfaffianBlock, Flagged]] = {}
+        self._solutions: dict[_BlockPattern, tuple[PfaffianBlock, Solution]] = {}
+
+    def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
+        """As `joint.flagged`."""
+        pattern = self._pattern(block)
+        if pattern not in self._flags:
+            self._flags[pattern] = block, joint.flagged(block, time, values, deadline)
+        known, found = self._flags[pattern]
+        return found if known is block else _Renaming(known, block).flagged(found)
+
+    def solution(
+        self,
+        block: PfaffianBlock,
+        found: Flagged,
+        verdicts: Sequence[frobenius.FormVerdict | None],
+        deadline: float,
+    ) -> Solution:
+        """As `joint.solution` of the `found` flag of the block."""
+        pattern = self._pattern(block)
+        if pattern not in self._solutions:
+            self._solutions[pattern] = block, joint.solution(found, verdicts, deadline)
+        known, solved = self._solutions[pattern]
+        return solved if known is block else _Renaming(known, block).solution(solved)
+
+    def _pattern(self, block: PfaffianBlock) -> _BlockPattern:
+        """The block with its coordinates numbered instead of named."""
+        numbered = self._numbering.of(block.variables)
+        rows = tuple(tuple(a.xreplace(numbered) for a in row) for row in block.rows)
+        return rows, tuple(f.xreplace(numbered) for f in block.surface), block.parameters
+
+
+class _Renaming:
+    """From one block to another that differs in the names of its coordinates and rows alone."""
+
+    def __init__(self, known: PfaffianBlock, block: PfaffianBlock) -> None:
+        self._rows = dict(zip(known.names, block.names, strict=True))
+        self._symbols = dict(zip(known.variables, block.variables, strict=True))
+        self._symbols |= {joint.differential(x): joint.differential(y) for x, y in self._symbols.items()}
+
+    def flagged(self, found: Flagged) -> Flagged:
+        block, flag = found.block, found.flag
+        variables = tuple(self._symbols[x] for x in block.variables)
+        surface = self._each(block.surface)
+        moved = PfaffianBlock(
+            self._names(block.names), variables, self._table(block.rows), block.parameters, surface
+        )
+        values = {self._symbols[x]: value.xreplace(self._symbols) for x, value in found.values.items()}
+        divisors = tuple(e if e is None else e.xreplace(self._symbols) for e in flag.divisors)
+        told = dataclasses.replace(
+            flag,
+            integrable=self._table(flag.integrable),
+            special=self._each(flag.special),
+            divisors=divisors,
+            conditions=tuple(
+                dataclasses.replace(one, factors=self._each(one.factors)) for one in flag.conditions
+            ),
+        )
+        return Flagged(moved, values, told)
+
+    def solution(self, found: Solution) -> Solution:
+        told = (
+            JointIntegral(one.phi.xreplace(self._symbols), self._names(one.rows)) for one in found.integrals
+        )
+        return Solution(tuple(told), self._each(found.unsolved))
+
+    def _names(self, names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(self._rows[name] for name in names)
+
+    def _each(self, expressions: Iterable[sympy.Expr]) -> tuple[sympy.Expr, ...]:
+        return tuple(e.xreplace(self._symbols) for e in expressions)
+
+    def _table(self, rows: Iterable[Iterable[sympy.Expr]]) -> tuple[tuple[sympy.Expr, ...], ...]:
+        return tuple(map(self._each, rows))
