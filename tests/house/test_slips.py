@@ -14,8 +14,8 @@ import sympy
 
 import lagcli
 from lagcli.derivation.symbolic import tidy
-from lagcli.pfaffian.exact import guarded, time_limit
-from lagcli.pfaffian.integrals import kernel_frame, matrix_flow, sampling
+from lagcli.pfaffian.exact import guarded, sampling, time_limit
+from lagcli.pfaffian.integrals import kernel_frame, matrix_flow
 
 HEAD = """\
 lagcli: 1

@@ -12,16 +12,15 @@ from collections.abc import Sequence
 from functools import reduce
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy.polys.fields import FracElement
 from sympy.polys.rings import PolyElement
 
-from lagcli.pfaffian.exact import guarded, normal_form
+from lagcli.pfaffian.exact import guarded, normal_form, sampling
+from lagcli.pfaffian.exact.sampling import Values
 
 Columns = Sequence[Sequence[sympy.Expr]]
 _PolyRow = dict[int, PolyElement]  # entries by their columns
-Values = npt.NDArray[np.float64]
 
 # Rows beyond the columns, so that chance makes no null vector.
 _EXTRA_POINTS = 12
@@ -30,11 +29,6 @@ _WIDTH = 2.0
 # Of columns of length one: a rest that is rounding, and a weight that is not.
 _DEPENDENT = 1e-10
 _PRESENT = 1e-8
-_FUNCTIONS = {
-    sympy.sin: np.sin, sympy.cos: np.cos, sympy.tan: np.tan, sympy.exp: np.exp, sympy.log: np.log,
-    sympy.sinh: np.sinh, sympy.cosh: np.cosh, sympy.tanh: np.tanh, sympy.Abs: np.abs,
-    sympy.asin: np.arcsin, sympy.acos: np.arccos, sympy.atan: np.arctan, sympy.atan2: np.arctan2,
-}  # fmt: skip
 
 # A fixed one: what is found must not change from run to run.
 _SEED = 20240229
@@ -112,12 +106,12 @@ def _samples(columns: Columns, parameters: frozenset[sympy.Symbol]) -> Values | 
     half = {
         s: v if s in parameters else np.where(np.arange(count) % 2, v, np.abs(v)) for s, v in point.items()
     }
-    sampler = _Sampler(half, count)
+    sample = sampling.Sample(half, count)
+    try:
+        table = np.array([[sample.of(e) for e in column] for column in columns])
+    except sampling.NoSampleError:
+        return None
     with np.errstate(all="ignore"):
-        try:
-            table = np.array([[sampler.value(e) for e in column] for column in columns])
-        except NotImplementedError:
-            return None
         table = table.reshape(len(columns), -1).T
         size = np.max(np.abs(table), axis=1, initial=0.0)
         good = np.isfinite(size) & (size < 1e100)
@@ -128,45 +122,12 @@ def _samples(columns: Columns, parameters: frozenset[sympy.Symbol]) -> Values | 
         return np.asarray(table / np.where(length > 0, length, 1.0))
 
 
-class _Sampler:
-    """Values of expressions at many points at once; shared parts are computed once."""
-
-    def __init__(self, point: dict[sympy.Symbol, Values], count: int) -> None:
-        self._known: dict[sympy.Basic, Values] = dict(point)
-        self._one = np.ones(count)
-
-    def value(self, e: sympy.Expr) -> Values:
-        """The values, shape (points,); nan where there is none. Raises NotImplementedError."""
-        known = self._known.get(e)
-        if known is None:
-            known = self._known[e] = self._computed(e)
-        return known
-
-    def _computed(self, e: sympy.Expr) -> Values:
-        if not e.args:
-            if not e.is_real:
-                raise NotImplementedError(f"no values of {e}")
-            return float(e) * self._one
-        if e.is_Pow and e.exp.is_Rational:
-            return np.power(self.value(e.base), float(e.exp))
-        parts = [self.value(a) for a in e.args]
-        if e.is_Add:
-            return np.asarray(sum(parts[1:], parts[0]))
-        if e.is_Mul:
-            return np.asarray(reduce(np.multiply, parts))
-        if e.is_Pow:
-            return np.power(parts[0], parts[1])
-        if type(e) not in _FUNCTIONS:
-            raise NotImplementedError(f"no values of {e}")
-        return np.asarray(_FUNCTIONS[type(e)](*parts))
-
-
 def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[tuple[sympy.Expr, ...]]:
     if not columns:
         return []
     basis = normal_form.Tower([entry for column in columns for entry in column])
     table = [[basis.element(e) for e in column] for column in columns]
-    fixed = tuple(g for g in basis.letters if _meaning(basis, g).free_symbols <= parameters)
+    fixed = tuple(g for g in basis.letters if basis.means(g).free_symbols <= parameters)
     rows: list[_PolyRow] = []
     for equation in zip(*table, strict=True):
         rows += _coefficient_rows(basis, equation, fixed)
@@ -178,10 +139,6 @@ def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list
         if all(v is not None for v in vectors):
             return [_written(basis, v, len(columns)) for v in vectors if v is not None]
     raise normal_form.NoNormalFormError("no exact solution of the linear equations was found")
-
-
-def _meaning(basis: normal_form.Tower, letter: sympy.Symbol) -> sympy.Expr:
-    return basis.meaning.get(letter, letter)
 
 
 def _coefficient_rows(

@@ -115,6 +115,10 @@ class Tower:
         """The SymPy expression of a `ring` or `field` element."""
         return self.spoken(element.as_expr())
 
+    def means(self, letter: sympy.Symbol) -> sympy.Expr:
+        """The function that a letter stands for, or the symbol it is."""
+        return self.meaning.get(letter, letter)
+
     def spoken(self, written: sympy.Expr) -> sympy.Expr:
         """An expression in generators in terms of the functions they stand for."""
         for letter in reversed(self.meaning):

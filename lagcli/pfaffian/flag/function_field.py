@@ -177,7 +177,7 @@ class FunctionField:
         for x in self._block.variables:
             slopes = {}
             for letter, generator in zip(basis.letters, basis.ring.gens, strict=True):
-                meaning = basis.meaning.get(letter, letter)
+                meaning = basis.means(letter)
                 if x in meaning.free_symbols:
                     slopes[generator] = basis.element(forms.partial(meaning, x))
             found.append(slopes)
@@ -188,7 +188,7 @@ class FunctionField:
         found = {}
         parameters = set(self._block.parameters)
         for place, letter in enumerate(self.basis.letters):
-            meaning = self.basis.meaning.get(letter, letter)
+            meaning = self.basis.means(letter)
             if meaning.free_symbols <= parameters:
                 number = guarded.subs(meaning, self._values).evalf() if self._values else sympy.nan
                 found[place] = float(number) if number.is_real else math.nan

@@ -16,10 +16,9 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
-from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form
+from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, sampling
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.integrals import kernel_frame as frames
-from lagcli.pfaffian.integrals import sampling
 
 Floats = npt.NDArray[np.float64]
 
@@ -80,7 +79,7 @@ def alphabet(
     moving = set(variables)
     letters: dict[sympy.Expr, int] = dict.fromkeys(variables, _UNBOUNDED)
     for letter in basis.letters[::-1]:
-        meaning = basis.meaning.get(letter, letter)
+        meaning = basis.means(letter)
         if not meaning.free_symbols & moving:
             continue
         if isinstance(meaning, sympy.exp):

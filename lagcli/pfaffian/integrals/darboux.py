@@ -33,7 +33,7 @@ def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
     basis = normal_form.Tower([*listed, *variables])
     found: list[sympy.Expr] = []
     for letter in reversed(basis.letters):
-        meaning = basis.meaning.get(letter, letter)
+        meaning = basis.means(letter)
         if not isinstance(meaning, sympy.exp):
             found.append(meaning)
         if isinstance(meaning, (sympy.sin, sympy.cos)):

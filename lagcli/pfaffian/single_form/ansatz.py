@@ -67,7 +67,7 @@ def pieces(form: forms.Form, below: Sequence[sympy.Expr] = ()) -> Pieces:
     letters: list[sympy.Expr] = []
     summands: list[sympy.Expr] = []
     for letter in reversed(basis.letters):
-        meaning = basis.meaning.get(letter, letter)
+        meaning = basis.means(letter)
         if not meaning.free_symbols & variables:
             continue
         letters.append(letter)
@@ -153,7 +153,7 @@ def inverse_factors(form: forms.Form, degree: int) -> list[sympy.Expr]:
     factor.
     """
     basis = normal_form.Tower([*form.coefficients, *form.variables])
-    meanings = [basis.meaning.get(g, g) for g in reversed(basis.letters)]
+    meanings = [basis.means(g) for g in reversed(basis.letters)]
     varying = [m for m in meanings if m.free_symbols & set(form.variables)]
     monomials: list[sympy.Expr] = []
     for d in range(degree + 1):

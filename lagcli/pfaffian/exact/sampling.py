@@ -1,8 +1,8 @@
-"""Values of expressions at many random points at once, in double precision: hints for the exact search, no proof."""
+"""Values of expressions at many points at once, in double precision: hints for the exact search, no proof."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -34,44 +34,12 @@ class NoSampleError(NoAnswerError):
     """No points were found at which the expressions have values."""
 
 
-class RandomSample:
-    """Random points, and the values of expressions there; shared subexpressions are computed once."""
+class Sample:
+    """Points, and the values of expressions there; shared subexpressions are computed once."""
 
-    def __init__(self, symbols: Iterable[sympy.Symbol], count: int, span: tuple[float, float]) -> None:
-        generator = np.random.default_rng(_SEED)
+    def __init__(self, values: Mapping[sympy.Symbol, Values], count: int) -> None:
         self.count = count
-        self._known: dict[sympy.Basic, Values] = {
-            s: generator.uniform(*span, count) for s in sorted(symbols, key=lambda s: s.name)
-        }
-
-    def kept(self, which: npt.NDArray[np.intp]) -> None:
-        """Keep the points `which` (indices) only."""
-        self._known = {s: v[which] for s, v in self._known.items() if s.is_Symbol}
-        self.count = len(which)
-
-    def fix(self, symbols: Iterable[sympy.Symbol]) -> None:
-        """Give each symbol its first value at all points: a constant."""
-        for s in symbols:
-            self._known[s] = np.full(self.count, self._known[s][0])
-
-    def land(self, surface: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> None:
-        """Move the points onto the surface by Newton's method; those that do not arrive become nan."""
-        gradients = [[forms.partial(f, x) for x in variables] for f in surface]
-        place = np.array([self.of(x) for x in variables]).T
-        for _ in range(_STEPS):
-            self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
-            self._known |= dict(zip(variables, place.T, strict=True))
-            f = np.array([self.of(e) for e in surface]).T
-            if np.all(np.abs(f) < _LANDED):
-                return
-            B = np.moveaxis(np.array([[self.of(e) for e in row] for row in gradients]), 2, 0)
-            bad = ~(np.all(np.isfinite(f), axis=1) & np.all(np.isfinite(B), axis=(1, 2)))
-            f[bad], B[bad] = 0.0, 0.0
-            step = np.linalg.pinv(B) @ f[:, :, None]
-            place = place - step[:, :, 0]
-        place[np.any(np.abs(f) > _LANDED, axis=1) | bad] = np.nan
-        self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
-        self._known |= dict(zip(variables, place.T, strict=True))
+        self._known: dict[sympy.Basic, Values] = dict(values)
 
     def of(self, expression: sympy.Expr) -> Values:
         """The values (points,); nan where there is no real value. Raises `NoSampleError` for unknown functions."""
@@ -101,6 +69,44 @@ class RandomSample:
         if type(e) in _FUNCTIONS:
             return _FUNCTIONS[type(e)](*u)
         raise NoSampleError(f"{type(e).__name__} has no value")
+
+
+class RandomSample(Sample):
+    """Random points, which can be moved onto a surface."""
+
+    def __init__(self, symbols: Iterable[sympy.Symbol], count: int, span: tuple[float, float]) -> None:
+        generator = np.random.default_rng(_SEED)
+        ordered = sorted(symbols, key=lambda s: s.name)
+        super().__init__({s: generator.uniform(*span, count) for s in ordered}, count)
+
+    def kept(self, which: npt.NDArray[np.intp]) -> None:
+        """Keep the points `which` (indices) only."""
+        self._known = {s: v[which] for s, v in self._known.items() if s.is_Symbol}
+        self.count = len(which)
+
+    def fix(self, symbols: Iterable[sympy.Symbol]) -> None:
+        """Give each symbol its first value at all points: a constant."""
+        for s in symbols:
+            self._known[s] = np.full(self.count, self._known[s][0])
+
+    def land(self, surface: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> None:
+        """Move the points onto the surface by Newton's method; those that do not arrive become nan."""
+        gradients = [[forms.partial(f, x) for x in variables] for f in surface]
+        place = np.array([self.of(x) for x in variables]).T
+        for _ in range(_STEPS):
+            self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
+            self._known |= dict(zip(variables, place.T, strict=True))
+            f = np.array([self.of(e) for e in surface]).T
+            if np.all(np.abs(f) < _LANDED):
+                return
+            B = np.moveaxis(np.array([[self.of(e) for e in row] for row in gradients]), 2, 0)
+            bad = ~(np.all(np.isfinite(f), axis=1) & np.all(np.isfinite(B), axis=(1, 2)))
+            f[bad], B[bad] = 0.0, 0.0
+            step = np.linalg.pinv(B) @ f[:, :, None]
+            place = place - step[:, :, 0]
+        place[np.any(np.abs(f) > _LANDED, axis=1) | bad] = np.nan
+        self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
+        self._known |= dict(zip(variables, place.T, strict=True))
 
 
 def draw(
