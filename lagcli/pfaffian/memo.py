@@ -48,8 +48,8 @@ class VerdictMemo:
         """As `frobenius.classify`."""
         pattern = self._pattern(form)
         known = self._known.get(pattern)
-        if known is not None and _is_tellable(known[0], form):
-            return _told(known[1], known[0], form)
+        if known is not None and _is_renamable(known[0], form):
+            return _renamed(known[1], known[0], form)
         verdict = frobenius.classify(form, deadline)
         self._known.setdefault(pattern, (form, verdict))
         return verdict
@@ -60,13 +60,13 @@ class VerdictMemo:
         return tuple(a.xreplace(numbered) for a in form.coefficients), form.parameters
 
 
-def _is_tellable(known: Form, form: Form) -> bool:
+def _is_renamable(known: Form, form: Form) -> bool:
     """True if every name that differs is that of a member, `x[1]`: it is then told from words in a sentence."""
     pairs = zip(known.variables, form.variables, strict=True)
     return all(x == y or "[" in x.name for x, y in pairs)
 
 
-def _told(verdict: FormVerdict, known: Form, form: Form) -> FormVerdict:
+def _renamed(verdict: FormVerdict, known: Form, form: Form) -> FormVerdict:
     """The verdict of `known` in the names of `form`."""
     renamed = dict(zip(known.variables, form.variables, strict=True))
 

@@ -79,7 +79,7 @@ def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
     """Of each holonomic row that has several factors those that vanish on all points."""
     found = []
     for f in block.surface:
-        basis = normal_form.Tower([f])
+        basis = normal_form.NormalForm([f])
         parts = [basis.expression(part) for part, _ in basis.element(f).numer.factor_list()[1]]
         own = [e for e in parts if vanishes(e, points)]
         if len(parts) > 1 or basis.element(f).numer.factor_list()[1][0][1] > 1:

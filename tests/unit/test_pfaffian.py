@@ -485,9 +485,9 @@ def test_what_cannot_be_proved_stays_unknown():
 
 
 def test_independence_is_claimed_only_where_it_is_evident():
-    assert normal_form.Tower([sympy.sin(x) + sympy.exp(y) + sympy.sqrt(x)]).independent
-    assert not normal_form.Tower([sympy.sqrt(x) * sympy.sqrt(y) - sympy.sqrt(x * y)]).independent
-    assert not normal_form.Tower([sympy.atan(x)]).independent
+    assert normal_form.NormalForm([sympy.sin(x) + sympy.exp(y) + sympy.sqrt(x)]).independent
+    assert not normal_form.NormalForm([sympy.sqrt(x) * sympy.sqrt(y) - sympy.sqrt(x * y)]).independent
+    assert not normal_form.NormalForm([sympy.atan(x)]).independent
 
 
 def test_enclosures_hold_the_value():

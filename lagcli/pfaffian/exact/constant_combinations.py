@@ -35,7 +35,7 @@ _SEED = 20240229
 # A rank modulo a prime may be too small by chance, about one in 1e18; then the next trial is taken.
 _TRIALS = 4
 # Trials for values for which all square roots of constants exist: each root halves the chance.
-_SHADOWS = 60
+_IMAGES = 60
 _PRIMES = tuple(2**61 - n for n in (1, 45, 229, 465, 829, 985, 1153, 1281))
 """Primes that leave the remainder 3 when divided by 4: there a square root is a power."""
 
@@ -125,7 +125,7 @@ def _samples(columns: Columns, parameters: frozenset[sympy.Symbol]) -> Values | 
 def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[tuple[sympy.Expr, ...]]:
     if not columns:
         return []
-    basis = normal_form.Tower([entry for column in columns for entry in column])
+    basis = normal_form.NormalForm([entry for column in columns for entry in column])
     table = [[basis.element(e) for e in column] for column in columns]
     fixed = tuple(g for g in basis.letters if basis.means(g).free_symbols <= parameters)
     rows: list[_PolyRow] = []
@@ -133,8 +133,8 @@ def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list
         rows += _coefficient_rows(basis, equation, fixed)
     generator = random.Random(_SEED)
     for _ in range(_TRIALS):
-        shadow = _Shadow(basis, fixed, generator)
-        echelon = _Echelon(shadow.prime, [shadow.row(row) for row in rows])
+        image = _ModularImage(basis, fixed, generator)
+        echelon = _Echelon(image.prime, [image.row(row) for row in rows])
         vectors = [_exact(basis, rows, echelon, n) for n in range(len(columns)) if n not in echelon.pivots]
         if all(v is not None for v in vectors):
             return [_written(basis, v, len(columns)) for v in vectors if v is not None]
@@ -142,7 +142,7 @@ def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list
 
 
 def _coefficient_rows(
-    basis: normal_form.Tower, equation: Sequence[FracElement], fixed: tuple[sympy.Symbol, ...]
+    basis: normal_form.NormalForm, equation: Sequence[FracElement], fixed: tuple[sympy.Symbol, ...]
 ) -> list[_PolyRow]:
     """One row for each monomial in the letters that are not constant; entries are polynomials in `fixed`."""
     below = reduce(lambda a, b: a.lcm(b), (e.denom for e in equation), basis.ring.one)
@@ -157,22 +157,22 @@ def _coefficient_rows(
     return [{column: basis.ring.from_dict(entry) for column, entry in row.items()} for row in rows.values()]
 
 
-class _Shadow:
+class _ModularImage:
     """Random values in a finite field for the constant letters, which obey the relations of roots and
     angles.
     """
 
     def __init__(
-        self, basis: normal_form.Tower, fixed: tuple[sympy.Symbol, ...], generator: random.Random
+        self, basis: normal_form.NormalForm, fixed: tuple[sympy.Symbol, ...], generator: random.Random
     ) -> None:
         self._places = {g: n for n, g in enumerate(basis.letters)}
         relations = {g: _relation(basis, g) for g in reversed(fixed)}
-        for trial in range(_SHADOWS):
+        for trial in range(_IMAGES):
             self.prime = _PRIMES[trial % len(_PRIMES)]
             self.values: dict[int, int] = {}
             for g, relation in relations.items():
                 value = self._root(relation) if relation is not None else None
-                if value is None and relation is not None and trial < _SHADOWS - 1:
+                if value is None and relation is not None and trial < _IMAGES - 1:
                     break
                 self.values[self._places[g]] = generator.randrange(2, self.prime) if value is None else value
             else:
@@ -200,7 +200,7 @@ class _Shadow:
         return {column: value for column, value in found.items() if value}
 
 
-def _relation(basis: normal_form.Tower, letter: sympy.Symbol) -> PolyElement | None:
+def _relation(basis: normal_form.NormalForm, letter: sympy.Symbol) -> PolyElement | None:
     """The square of the letter by the relations; None where it is a free letter or a higher root."""
     square = basis.ring.from_expr(letter**2)
     found = basis.remainder(square)
@@ -251,7 +251,7 @@ class _Echelon:
 
 
 def _exact(
-    basis: normal_form.Tower, rows: Sequence[_PolyRow], echelon: _Echelon, free: int
+    basis: normal_form.NormalForm, rows: Sequence[_PolyRow], echelon: _Echelon, free: int
 ) -> dict[int, FracElement] | None:
     """The null vector with a one in the column `free` as elements of the field, None if it fails a row."""
     support = echelon.support(free)
@@ -270,7 +270,7 @@ def _exact(
 
 
 def _eliminated(
-    basis: normal_form.Tower, rows: list[list[PolyElement]], count: int
+    basis: normal_form.NormalForm, rows: list[list[PolyElement]], count: int
 ) -> list[list[PolyElement]] | None:
     """`count` rows with one entry each in the first `count` columns, without a division of polynomials."""
     for n in range(count):
@@ -287,13 +287,15 @@ def _eliminated(
     return rows[:count]
 
 
-def _stripped(basis: normal_form.Tower, row: list[PolyElement]) -> list[PolyElement]:
+def _stripped(basis: normal_form.NormalForm, row: list[PolyElement]) -> list[PolyElement]:
     """The row without the factors its entries share."""
     common = reduce(lambda a, b: a.gcd(b), row, basis.ring.zero)
     return [entry.exquo(common) for entry in row] if common else row
 
 
-def _written(basis: normal_form.Tower, vector: dict[int, FracElement], size: int) -> tuple[sympy.Expr, ...]:
+def _written(
+    basis: normal_form.NormalForm, vector: dict[int, FracElement], size: int
+) -> tuple[sympy.Expr, ...]:
     return tuple(
         guarded.radsimp(basis.expression(vector[n])) if n in vector else sympy.Integer(0) for n in range(size)
     )

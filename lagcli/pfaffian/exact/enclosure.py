@@ -239,7 +239,7 @@ def _points(surface: tuple[sympy.Expr, ...]) -> tuple[Point, ...]:
     generator = random.Random(_SURFACE_SEED)
     found: list[Point] = []
     for _ in range(_ATTEMPTS):
-        point = _landed(_random(symbols, generator), surface, gradients)
+        point = _projected(_random(symbols, generator), surface, gradients)
         if point is not None:
             found.append(point)
         if len(found) == _FOUND:
@@ -247,7 +247,7 @@ def _points(surface: tuple[sympy.Expr, ...]) -> tuple[Point, ...]:
     return tuple(found)
 
 
-def _landed(
+def _projected(
     point: Point, surface: Sequence[sympy.Expr], gradients: Sequence[Sequence[sympy.Expr]]
 ) -> Point | None:
     with mpmath.workdps(DIGITS):

@@ -7,7 +7,7 @@ The relations are a Groebner basis (their leading terms are powers of different 
 remainder of a numerator by them is a normal form: remainder zero means the expression vanishes identically.
 
 The converse holds where the generators are algebraically independent up to the relations
-(`Tower.independent`). By the theorem of Ax (J. Ax, On Schanuel's conjectures, Ann. Math. 93, 1971) exp u_j,
+(`NormalForm.independent`). By the theorem of Ax (J. Ax, On Schanuel's conjectures, Ann. Math. 93, 1971) exp u_j,
 sin and cos of v_j and log w_j are so where u_j and i v_j are linearly independent over the rationals modulo
 constants and the w_j are multiplicatively so; only the arguments for which this is evident are counted:
 distinct monomials, and distinct irreducible w_j.
@@ -44,7 +44,7 @@ class NoNormalFormError(NoAnswerError):
     """The expression holds something the algebra of generators cannot express; the text says what."""
 
 
-class Tower:
+class NormalForm:
     """The generators of the given expressions, and the normal form of rational expressions in them.
 
     All expressions that are to be compared must be given at once, since the generators depend on all of
@@ -85,12 +85,12 @@ class Tower:
         """The expression as a fraction of polynomials, the numerator reduced. `field` element.
 
         Raises `NoNormalFormError` where the denominator vanishes identically, or where the expression is not
-        one of those the tower was built for (or a rational combination of their parts).
+        one of those the normal form was built for (or a rational combination of their parts).
         """
         known = len(self.meaning)
         written = self._write(sympy.sympify(expression))
         if len(self.meaning) != known:
-            raise NoNormalFormError(f"{expression} was not known when the tower was built")
+            raise NoNormalFormError(f"{expression} was not known when the normal form was built")
         return self.reduced(self._fraction(written))
 
     def _fraction(self, written: sympy.Expr) -> FracElement:
@@ -98,7 +98,9 @@ class Tower:
         try:
             return self.field.from_expr(written)
         except (ValueError, ZeroDivisionError) as error:
-            raise NoNormalFormError(f"{self.spoken(written)} is not rational in its generators") from error
+            raise NoNormalFormError(
+                f"{self.to_functions(written)} is not rational in its generators"
+            ) from error
 
     def reduced(self, fraction: FracElement) -> FracElement:
         """Numerator and denominator replaced by their remainders."""
@@ -113,13 +115,13 @@ class Tower:
 
     def expression(self, element: FracElement | PolyElement) -> sympy.Expr:
         """The SymPy expression of a `ring` or `field` element."""
-        return self.spoken(element.as_expr())
+        return self.to_functions(element.as_expr())
 
     def means(self, letter: sympy.Symbol) -> sympy.Expr:
         """The function that a letter stands for, or the symbol it is."""
         return self.meaning.get(letter, letter)
 
-    def spoken(self, written: sympy.Expr) -> sympy.Expr:
+    def to_functions(self, written: sympy.Expr) -> sympy.Expr:
         """An expression in generators in terms of the functions they stand for."""
         for letter in reversed(self.meaning):
             written = written.xreplace({letter: self.meaning[letter]})
@@ -310,7 +312,7 @@ class Tower:
     def _radical(self, key: _RadicalKey, meaning: sympy.Expr) -> sympy.Symbol:
         _, q, power, below = key
         fresh = key not in self._known
-        letter = self._letter(key, self.spoken(below) * meaning)
+        letter = self._letter(key, self.to_functions(below) * meaning)
         if fresh:
             self._relations.append(letter**q - power)
         return letter

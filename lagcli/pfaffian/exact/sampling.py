@@ -27,7 +27,7 @@ _RANGES = ((-1.6, 1.6), (0.2, 1.8), (1.1, 3.0), (0.05, 0.9))
 # So many points are drawn for each that is needed, where some have no value.
 _CROWD = 4
 # Newton's steps to the surface, and what is left there, in its own units.
-_STEPS, _LANDED = 30, 1e-12
+_STEPS, _ON_SURFACE = 30, 1e-12
 
 
 class NoSampleError(NoAnswerError):
@@ -89,7 +89,7 @@ class RandomSample(Sample):
         for s in symbols:
             self._known[s] = np.full(self.count, self._known[s][0])
 
-    def land(self, surface: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> None:
+    def project(self, surface: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> None:
         """Move the points onto the surface by Newton's method; those that do not arrive become nan."""
         gradients = [[forms.partial(f, x) for x in variables] for f in surface]
         place = np.array([self.of(x) for x in variables]).T
@@ -97,14 +97,14 @@ class RandomSample(Sample):
             self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
             self._known |= dict(zip(variables, place.T, strict=True))
             f = np.array([self.of(e) for e in surface]).T
-            if np.all(np.abs(f) < _LANDED):
+            if np.all(np.abs(f) < _ON_SURFACE):
                 return
             B = np.moveaxis(np.array([[self.of(e) for e in row] for row in gradients]), 2, 0)
             bad = ~(np.all(np.isfinite(f), axis=1) & np.all(np.isfinite(B), axis=(1, 2)))
             f[bad], B[bad] = 0.0, 0.0
             step = np.linalg.pinv(B) @ f[:, :, None]
             place = place - step[:, :, 0]
-        place[np.any(np.abs(f) > _LANDED, axis=1) | bad] = np.nan
+        place[np.any(np.abs(f) > _ON_SURFACE, axis=1) | bad] = np.nan
         self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
         self._known |= dict(zip(variables, place.T, strict=True))
 
@@ -124,7 +124,7 @@ def draw(
         for crowd in (1, _CROWD):
             sample = RandomSample([*variables, *parameters], (count + 2) * crowd, span)
             if surface:
-                sample.land(surface, variables)
+                sample.project(surface, variables)
             else:
                 sample.fix(parameters)
             good = np.all([np.isfinite(sample.of(e)) for e in expressions], axis=0)

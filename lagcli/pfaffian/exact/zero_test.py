@@ -1,6 +1,6 @@
 """The zero test: does an expression vanish identically? Yes, no or unknown, never a guess.
 
-"Yes" comes from the exact normal form only (`tower`). "No" comes from a rigorous interval at a rational
+"Yes" comes from the exact normal form only (`normal_form`). "No" comes from a rigorous interval at a rational
 point that does not hold zero (`enclosure`), or from a normal form that is not zero in algebraically
 independent generators. Everything holds for real symbols, generic values of the parameters and wherever the
 expression is defined.
@@ -99,7 +99,7 @@ def _test_on(expression: sympy.Expr, surface: tuple[sympy.Expr, ...], deadline: 
         if any(abs(value) > enclosure.ZERO for value in values):
             return Finding(Truth.NO, "numeric")
         remainder = time_limit.run(
-            deadline, lambda: normal_form.Tower([expression], surface).element(expression)
+            deadline, lambda: normal_form.NormalForm([expression], surface).element(expression)
         )
     except normal_form.NoNormalFormError as error:
         return Finding(Truth.UNKNOWN, "none", str(error))
@@ -116,7 +116,7 @@ def _test_on(expression: sympy.Expr, surface: tuple[sympy.Expr, ...], deadline: 
 
 def _normal_form(expression: sympy.Expr) -> Finding:
     try:
-        basis = guarded.attempt(normal_form.Tower, [expression])
+        basis = guarded.attempt(normal_form.NormalForm, [expression])
         remainder = guarded.attempt(basis.element, expression)
     except normal_form.NoNormalFormError as error:
         return Finding(Truth.UNKNOWN, "none", str(error))

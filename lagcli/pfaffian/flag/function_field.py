@@ -18,7 +18,7 @@ from lagcli.pfaffian.exact import enclosure, guarded, normal_form, time_limit, z
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms.form import PfaffianBlock
 
-Row = list[FracElement]  # entries in the field of the tower
+Row = list[FracElement]  # entries in the field of the normal form
 Values = Mapping[sympy.Symbol, sympy.Expr]
 
 # Terms of one entry; beyond them the flag stays undecided.
@@ -64,7 +64,7 @@ class FunctionField:
         # The derivatives may hold functions that the coefficients do not: those of asin hold a root.
         parts = sorted({p for a in entries for p in a.atoms(sympy.Function, sympy.Pow)}, key=str)
         slopes = [forms.partial(p, x) for p in parts for x in block.variables if x in p.free_symbols]
-        self.basis = normal_form.Tower([*entries, *slopes], block.surface)
+        self.basis = normal_form.NormalForm([*entries, *slopes], block.surface)
         self.zero, self.one = self.basis.field.zero, self.basis.field.one
         self._slopes = self._letters()
         self._constants = self._constant_letters()

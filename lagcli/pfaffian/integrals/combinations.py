@@ -75,7 +75,7 @@ def alphabet(
 
     Raises `normal_form.NoNormalFormError`.
     """
-    basis = normal_form.Tower(entries)
+    basis = normal_form.NormalForm(entries)
     moving = set(variables)
     letters: dict[sympy.Expr, int] = dict.fromkeys(variables, _UNBOUNDED)
     for letter in basis.letters[::-1]:

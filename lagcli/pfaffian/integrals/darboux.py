@@ -30,7 +30,7 @@ def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
     Raises `normal_form.NoNormalFormError`.
     """
     listed = list(entries)
-    basis = normal_form.Tower([*listed, *variables])
+    basis = normal_form.NormalForm([*listed, *variables])
     found: list[sympy.Expr] = []
     for letter in reversed(basis.letters):
         meaning = basis.means(letter)
@@ -49,7 +49,7 @@ def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
 def denominator(entries: Iterable[sympy.Expr]) -> sympy.Expr:
     """The least common denominator in the normal form. Raises `normal_form.NoNormalFormError`."""
     listed = list(entries)
-    basis = normal_form.Tower(listed)
+    basis = normal_form.NormalForm(listed)
     parts = (basis.element(e).denom for e in listed)
     return basis.expression(reduce(lambda a, b: a.lcm(b), parts, basis.ring.one))
 

@@ -43,14 +43,14 @@ def search(
     integrable, `wanted` tells how many integrals there are. `budget`: of operations for all ways together.
     """
     real = {s: sympy.Symbol(s.name, real=True) for s in (*block.variables, *block.parameters)}
-    spoken = {r: s for s, r in real.items()}
+    back_to_callers = {r: s for s, r in real.items()}
     try:
         flat = time_limit.run(deadline, lambda: elimination.eliminated(_renamed(block, real))[0])
-        plain, back = time_limit.run(deadline, lambda: elimination.in_angles(flat))
+        plain, from_angles = time_limit.run(deadline, lambda: elimination.in_angles(flat))
     except time_limit.NO_ANSWER:
         return ()
-    found = integral_search.pursued(plain, _WAYS, deadline, wanted, budget)
-    return tuple(Found(_put_back(f.integral, back).xreplace(spoken), f.how) for f in found)
+    found = integral_search.found_by(plain, _WAYS, deadline, wanted, budget)
+    return tuple(Found(_put_back(f.integral, from_angles).xreplace(back_to_callers), f.how) for f in found)
 
 
 def _renamed(block: forms.PfaffianBlock, names: dict[sympy.Symbol, sympy.Symbol]) -> forms.PfaffianBlock:

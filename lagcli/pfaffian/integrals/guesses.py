@@ -19,28 +19,28 @@ from lagcli.pfaffian.single_form import frobenius, integrating_factors, potentia
 MAX_RECIPROCALS = 8
 
 
-def fixed(quest: IntegralSearch) -> Proposals:
+def fixed(search: IntegralSearch) -> Proposals:
     """As many forms as variables: all of them stay constant."""
-    if not quest.frame.free:
-        yield from (SearchResult(x, "as a coordinate that cannot change") for x in quest.frame.variables)
+    if not search.frame.free:
+        yield from (SearchResult(x, "as a coordinate that cannot change") for x in search.frame.variables)
 
 
-def one_form(quest: IntegralSearch) -> Proposals:
+def one_form(search: IntegralSearch) -> Proposals:
     """A system of one form."""
-    if len(quest.frame.pivots) == 1 and not quest.block.surface:
-        row = next(r for r in quest.block.rows if any(a != 0 for a in r))
-        form = forms.Form("row", quest.block.variables, row, quest.block.parameters)
-        verdict = frobenius.classify(form, quest.deadline)
+    if len(search.frame.pivots) == 1 and not search.block.surface:
+        row = next(r for r in search.block.rows if any(a != 0 for a in r))
+        form = forms.Form("row", search.block.variables, row, search.block.parameters)
+        verdict = frobenius.classify(form, search.deadline)
         if verdict.integral is not None:
             yield SearchResult(verdict.integral, "by an integrating factor")
 
 
-def polynomials(quest: IntegralSearch) -> Proposals:
+def polynomials(search: IntegralSearch) -> Proposals:
     """Sums of products of the variables and functions that occur in the frame, with constant coefficients."""
-    yield from monomials(quest, quest.alphabet(), (1, 2, 3))
+    yield from monomials(search, search.alphabet(), (1, 2, 3))
 
 
-def monomials(quest: IntegralSearch, letters: combinations.Alphabet, degrees: Sequence[int]) -> Proposals:
+def monomials(search: IntegralSearch, letters: combinations.Alphabet, degrees: Sequence[int]) -> Proposals:
     """Sums of products of the letters."""
     how = "as a sum of products with constant coefficients (linear equations for them)"
     for degree in degrees:
@@ -48,123 +48,128 @@ def monomials(quest: IntegralSearch, letters: combinations.Alphabet, degrees: Se
             return
         chosen = letters.monomials(degree)
         functions = [sympy.Mul(*(letters.letters[i] for i in m)) for m in chosen]
-        field = combinations.CombinationField(quest.frame, letters.letters, len(chosen), quest.block.surface)
-        known = combinations.Known(field, quest.integrals)
+        field = combinations.CombinationField(
+            search.frame, letters.letters, len(chosen), search.block.surface
+        )
+        known = combinations.Known(field, search.integrals)
         numbers = field.monomials(letters, chosen)
-        for phi, slopes in combinations.proposals(quest.frame, numbers, functions, known):
-            before = len(quest.found)
+        for phi, slopes in combinations.proposals(search.frame, numbers, functions, known):
+            before = len(search.found)
             yield SearchResult(phi, how)
-            if len(quest.found) > before:
+            if len(search.found) > before:
                 known.take(slopes)
 
 
-def turned(quest: IntegralSearch) -> Proposals:
+def turned(search: IntegralSearch) -> Proposals:
     """Guesses with the sines and cosines of coordinates that the frame does not depend on, where others have some."""
-    occurring = set().union(*(e.free_symbols for e in quest.entries))
-    cyclic = [x for x in quest.frame.variables if x not in occurring and x.name != elimination.TIME]
-    angles = set().union(*(e.atoms(sympy.sin, sympy.cos) for e in quest.entries))
-    if quest.block.surface or not angles or not cyclic:
+    occurring = set().union(*(e.free_symbols for e in search.entries))
+    cyclic = [x for x in search.frame.variables if x not in occurring and x.name != elimination.TIME]
+    angles = set().union(*(e.atoms(sympy.sin, sympy.cos) for e in search.entries))
+    if search.block.surface or not angles or not cyclic:
         return
-    letters = quest.alphabet(*(f(x) for x in cyclic for f in (sympy.sin, sympy.cos)))
+    letters = search.alphabet(*(f(x) for x in cyclic for f in (sympy.sin, sympy.cos)))
     # Angles by themselves would only burden the sums.
     pairs = [
         (e, 1 if isinstance(e, sympy.cos) else highest)
         for e, highest in zip(letters.letters, letters.highest, strict=True)
         if e not in cyclic and not any(e in f.free_symbols for f in angles)
     ]
-    yield from monomials(quest, combinations.Alphabet(*zip(*pairs, strict=True)), (2, 3))
+    yield from monomials(search, combinations.Alphabet(*zip(*pairs, strict=True)), (2, 3))
 
 
-def rational(quest: IntegralSearch) -> Proposals:
+def rational(search: IntegralSearch) -> Proposals:
     """Sums of products with the reciprocals of what the frame is divided by."""
-    below = darboux.denominator(quest.entries)
-    factors_ = darboux.factors([below], quest.frame.variables)
-    if quest.block.surface or not below.free_symbols & set(quest.frame.variables):
+    below = darboux.denominator(search.entries)
+    factors_ = darboux.factors([below], search.frame.variables)
+    if search.block.surface or not below.free_symbols & set(search.frame.variables):
         return
     reciprocals = [1 / q for q in factors_ if below.has(q) or not q.is_Symbol]
-    yield from monomials(quest, quest.alphabet(*reciprocals[:MAX_RECIPROCALS]), (1, 2, 3))
+    yield from monomials(search, search.alphabet(*reciprocals[:MAX_RECIPROCALS]), (1, 2, 3))
 
 
-def products(quest: IntegralSearch) -> Proposals:
+def products(search: IntegralSearch) -> Proposals:
     """Products of powers of invariant surfaces, exponentials, and angles."""
     how = "as a product of powers and exponentials (linear equations for the exponents)"
-    frame = quest.frame
-    surfaces = darboux.surfaces_of([f.integral for f in quest.found], frame.variables)
-    known_factors = darboux.factors(quest.entries, frame.variables)
-    candidates = list(dict.fromkeys([*known_factors, *surfaces, *quest.factors]))
-    letters = quest.alphabet()
+    frame = search.frame
+    surfaces = darboux.surfaces_of([f.integral for f in search.found], frame.variables)
+    known_factors = darboux.factors(search.entries, frame.variables)
+    candidates = list(dict.fromkeys([*known_factors, *surfaces, *search.factors]))
+    letters = search.alphabet()
     chosen = letters.monomials(2)
     functions = [sympy.Mul(*(letters.letters[i] for i in m)) for m in chosen]
     logs = [sympy.log(p) for p in candidates]
     logs += darboux.angles(candidates, frame.variables)
-    if quest.block.surface:
+    if search.block.surface:
         logs += [c * e for c in sorted(combinations.constants_of(frame), key=str) for e in logs]
     field = combinations.CombinationField(
-        frame, [*letters.letters, *candidates], len(chosen) + len(logs), quest.block.surface
+        frame, [*letters.letters, *candidates], len(chosen) + len(logs), search.block.surface
     )
     numbers = combinations.join(field.functions(logs), field.monomials(letters, chosen))
-    known = combinations.Known(field, quest.integrals)
+    known = combinations.Known(field, search.integrals)
     for phi, slopes in combinations.proposals(frame, numbers, [*logs, *functions], known):
-        before = len(quest.found)
+        before = len(search.found)
         yield SearchResult(phi, how)
-        if len(quest.found) > before:
+        if len(search.found) > before:
             known.take(slopes)
 
 
-def invariant_surfaces(quest: IntegralSearch) -> Proposals:
+def invariant_surfaces(search: IntegralSearch) -> Proposals:
     """More factors from an inverse multiplier; products of them, and polynomials over them."""
-    if quest.block.surface:
+    if search.block.surface:
         return
-    letters = quest.alphabet()
-    found = darboux.multipliers(quest.frame, letters)
+    letters = search.alphabet()
+    found = darboux.multipliers(search.frame, letters)
     for v in found[1:]:
         yield SearchResult(tidy_integral.ratio(v, found[0]), "as a ratio of two inverse multipliers")
-    quest.factors = darboux.surfaces_of(found, quest.frame.variables)
-    yield from products(quest)
-    for q in quest.factors:
+    search.factors = darboux.surfaces_of(found, search.frame.variables)
+    yield from products(search)
+    for q in search.factors:
         if not q.is_Symbol:
-            more = quest.alphabet(1 / q)
-            yield from monomials(quest, more, (2, 3))
+            more = search.alphabet(1 / q)
+            yield from monomials(search, more, (2, 3))
 
 
-def single_rows(quest: IntegralSearch) -> Proposals:
+def single_rows(search: IntegralSearch) -> Proposals:
     """Combinations of the forms with few differentials, each by itself."""
-    if quest.block.surface:
+    if search.block.surface:
         return
     tried: set[tuple[sympy.Expr, ...]] = set()
-    block = quest.block
+    block = search.block
     for last in ((), *((x,) for x in block.variables)):
-        frame = quest.frame if not last else frames.of(block.rows, block.variables, block.parameters, last)
+        frame = search.frame if not last else frames.of(block.rows, block.variables, block.parameters, last)
         for a in sorted(range(len(frame.pivots)), key=lambda a: sum(e != 0 for e in frame.solved[a])):
             row = frame.row(a)
             if row in tried:
                 continue
             tried.add(row)
             form = integrating_factors.primitive(forms.Form("row", block.variables, row, block.parameters))
-            if zero_test.vanish(list(form.wedge().values()), quest.deadline).truth is not zero_test.Truth.YES:
+            if (
+                zero_test.vanish(list(form.wedge().values()), search.deadline).truth
+                is not zero_test.Truth.YES
+            ):
                 continue
-            found = integrating_factors.search(form, quest.deadline)
+            found = integrating_factors.search(form, search.deadline)
             if found is not None:
                 yield SearchResult(found.integral, f"for a combination of the forms {found.how}")
 
 
-def linear_flow(quest: IntegralSearch) -> Proposals:
+def linear_flow(search: IntegralSearch) -> Proposals:
     """One field, with linear equations."""
     how = "as the solution of linear differential equations"
-    if quest.block.surface or len(quest.frame.free) != 1:
+    if search.block.surface or len(search.frame.free) != 1:
         return
-    yield from (SearchResult(u, how) for u in matrix_flow.linear(quest.frame, 0) or ())
+    yield from (SearchResult(u, how) for u in matrix_flow.linear(search.frame, 0) or ())
 
 
-def eliminations(quest: IntegralSearch) -> Proposals:
+def eliminations(search: IntegralSearch) -> Proposals:
     """An integral that is known gives a coordinate in terms of the others and of its constant value."""
-    if len(quest.found) == quest.used or quest.block.surface:
+    if len(search.found) == search.used or search.block.surface:
         return
-    quest.used = len(quest.found)
-    block = quest.block
+    search.used = len(search.found)
+    block = search.block
     values: elimination.Substitutions = {}
     constants: elimination.Substitutions = {}
-    for n, f in enumerate(quest.found):
+    for n, f in enumerate(search.found):
         constant = sympy.Symbol(f"c{len(block.variables)}_{n}_", real=True)
         found = _solved(f.integral.xreplace(values) - constant, block.variables)
         if found is None:
@@ -177,7 +182,7 @@ def eliminations(quest: IntegralSearch) -> Proposals:
     kept = tuple(x for x in block.variables if x not in values)
     rows = tuple(elimination.pulled_back(block.variables, row, values, kept) for row in block.rows)
     smaller = forms.PfaffianBlock(block.names, kept, rows, (*block.parameters, *constants))
-    for each in quest.smaller(smaller):
+    for each in search.smaller(smaller):
         yield SearchResult(
             each.integral.xreplace(constants),
             f"by eliminating a coordinate with another integral, {each.how}",

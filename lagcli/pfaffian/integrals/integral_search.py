@@ -35,7 +35,7 @@ Ways = Sequence[tuple[Strategy, int]]
 """Strategies, cheap ones first, and the operations that each may take."""
 
 
-def pursued(
+def found_by(
     block: forms.PfaffianBlock,
     ways: Ways,
     deadline: float,
@@ -46,10 +46,10 @@ def pursued(
 
     `wanted`: how many there are, one for each row else; `budget`: of operations.
     """
-    quest = IntegralSearch(block, ways, deadline, wanted)
+    search = IntegralSearch(block, ways, deadline, wanted)
     with contextlib.suppress(*time_limit.NO_ANSWER):
-        time_limit.run(deadline, quest.pursue, budget)
-    return quest.found
+        time_limit.run(deadline, search.run, budget)
+    return search.found
 
 
 class IntegralSearch:
@@ -67,7 +67,7 @@ class IntegralSearch:
         self.factors: list[sympy.Expr] = []
         self.used = 0
 
-    def pursue(self) -> None:
+    def run(self) -> None:
         """Search until as many integrals are found as there are forms, or nothing is left to try.
 
         Raises `time_limit.TimeUpError` and `NoAnswerError`.
@@ -82,7 +82,7 @@ class IntegralSearch:
 
     def smaller(self, block: forms.PfaffianBlock) -> list[SearchResult]:
         """The findings of this search for another block."""
-        return pursued(block, self._ways, self.deadline)
+        return found_by(block, self._ways, self.deadline)
 
     def _prepare(self) -> None:
         block = self.block

@@ -74,7 +74,7 @@ def of(
     The variables `last` become pivots only where no other can. Raises what the normal form raises
     (`NoAnswerError`).
     """
-    basis = normal_form.Tower([a for row in rows for a in row])
+    basis = normal_form.NormalForm([a for row in rows for a in row])
     table = [[basis.element(a) for a in row] for row in rows]
     waiting = list(range(len(rows)))
     pivots: list[int] = []

@@ -62,7 +62,7 @@ def pieces(form: forms.Form, below: Sequence[sympy.Expr] = ()) -> Pieces:
     """
     variables = set(form.variables)
     euler = sum((x * a for x, a in zip(form.variables, form.coefficients, strict=True)), sympy.Integer(0))
-    basis = normal_form.Tower([*form.coefficients, *form.variables, *below])
+    basis = normal_form.NormalForm([*form.coefficients, *form.variables, *below])
     factors: list[sympy.Expr] = []
     letters: list[sympy.Expr] = []
     summands: list[sympy.Expr] = []
@@ -83,7 +83,7 @@ def pieces(form: forms.Form, below: Sequence[sympy.Expr] = ()) -> Pieces:
             factors += [basis.expression(f) for f, _ in part.factor_list()[1]]
     products = [*letters, *(a * b for a, b in combinations_with_replacement(letters, 2))]
     for product in products[:MAX_SUMMANDS]:
-        meaning = basis.spoken(product)
+        meaning = basis.to_functions(product)
         # cos(u)**2 is 1 - sin(u)**2: it would only add a constant.
         if not (meaning.is_Pow and isinstance(meaning.base, sympy.cos)):
             summands.append(meaning)
@@ -152,7 +152,7 @@ def inverse_factors(form: forms.Form, degree: int) -> list[sympy.Expr]:
     """Polynomials V in the letters up to `degree` with V d omega = dV ^ omega: 1/V is an integrating
     factor.
     """
-    basis = normal_form.Tower([*form.coefficients, *form.variables])
+    basis = normal_form.NormalForm([*form.coefficients, *form.variables])
     meanings = [basis.means(g) for g in reversed(basis.letters)]
     varying = [m for m in meanings if m.free_symbols & set(form.variables)]
     monomials: list[sympy.Expr] = []
@@ -186,7 +186,7 @@ def _function_of(rate: sympy.Expr, x: Sequence[sympy.Symbol], m: int) -> sympy.E
     """The rate, known to depend on x[m] only, written so."""
     foreign = set(x) - {x[m]}
     if rate.free_symbols & foreign:
-        basis = normal_form.Tower([rate])
+        basis = normal_form.NormalForm([rate])
         rate = basis.expression(basis.element(rate))
     for symbol in sorted(rate.free_symbols & foreign, key=lambda s: s.name):
         values = [guarded.subs(rate, symbol, sympy.Rational(n, 7)) for n in (3, 5, 11)]

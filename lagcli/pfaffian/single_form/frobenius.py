@@ -80,7 +80,7 @@ def classify(form: forms.Form, deadline: float) -> FormVerdict:
         tuple(forms.plain(a.xreplace(real)) for a in form.coefficients),
         tuple(real[p] for p in form.parameters),
     )
-    return _spoken(_judge(prepared, deadline), back)
+    return _in_symbols_of_caller(_judge(prepared, deadline), back)
 
 
 def _judge(form: forms.Form, deadline: float) -> FormVerdict:
@@ -253,7 +253,7 @@ def _shared_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
     Those that evidently have no real zero are left out.
     """
     components = sorted((c for c in form.wedge().values() if c != 0), key=lambda c: c.count_ops())
-    basis = normal_form.Tower(components)
+    basis = normal_form.NormalForm(components)
     above = below = basis.ring.zero
     for component in components:  # short ones first: two of them show that most forms share nothing
         element = basis.element(component)
@@ -304,7 +304,7 @@ def _undecided(reason: str) -> FormVerdict:
     return FormVerdict("undecided", None, None, f"Undecided: {reason}.", "none")
 
 
-def _spoken(verdict: FormVerdict, back: dict[sympy.Symbol, sympy.Symbol]) -> FormVerdict:
+def _in_symbols_of_caller(verdict: FormVerdict, back: dict[sympy.Symbol, sympy.Symbol]) -> FormVerdict:
     """The verdict in the symbols of the caller."""
 
     def turn(e: sympy.Expr | None) -> sympy.Expr | None:

@@ -51,7 +51,7 @@ def primitive(form: forms.Form) -> forms.Form:
     The form itself where there is no normal form.
     """
     try:
-        basis = normal_form.Tower(form.coefficients)
+        basis = normal_form.NormalForm(form.coefficients)
         entries = [basis.element(a) for a in form.coefficients]
     except NoAnswerError:
         return form

@@ -65,7 +65,7 @@ def _joined(expression: sympy.Expr) -> sympy.Expr:
 
 def _normal(expression: sympy.Expr) -> sympy.Expr:
     """The normal form with its irreducible factors, and with half angles where they are shorter."""
-    basis = normal_form.Tower([expression])
+    basis = normal_form.NormalForm([expression])
     element = basis.element(expression)
     numbers = sympy.Integer(1)
     powers: dict[sympy.Expr, int] = {}
