@@ -25,25 +25,31 @@ class StepLengthParameters:
     safety: float = 0.9
     """The part of the step that the error asks for which is taken, so that the next one is seldom rejected."""
     shrink: float = 0.2
-    """A step is not shortened by more at once: the error of one that is far too long says little."""
+    """A step is not shortened by more at once: the error of one that is far too long says little.
+    At 0.02 `test_a_step_far_too_long_is_shortened_little_by_little` fails."""
     grow: float = 10.0
     """A step is not made longer by more at once: it is not known what lies beyond."""
     pace: int = 5000
     """After so many steps a run is asked how many more it would take like this."""
     hopeless: float = 1e10
-    """So many steps would take days: the run stops."""
+    """So many steps would take days: the run stops.
+    At 1e9 `test_a_run_that_would_take_days_lags` fails."""
     rest: float = 1e-6
-    """The first step where nothing moves and the scale of time is unknown, in units of time."""
+    """The first step where nothing moves and the scale of time is unknown, in units of time.
+    At 1e-5 `test_where_nothing_moves_the_time_itself_is_a_scale_when_it_is_large` fails."""
     rest_of_time: float = 1e-10
-    """Or this part of the time itself."""
+    """Or this part of the time itself.
+    At 1e-11 `test_where_nothing_moves_the_time_itself_is_a_scale_when_it_is_large` fails."""
     roundings: int = 256
     """A step advances the time, which is a double, by so many of its roundings at least."""
     look: float = 1e-3
     """A look ahead by this part of the shortest of the times that are known at the start."""
     slow: float = 1e-8
-    """Speeds that are less than this part of those that the accelerations make of rest are rounding."""
+    """Speeds that are less than this part of those that the accelerations make of rest are rounding.
+    At 1e-7 `test_speeds_that_are_rounding_do_not_shorten_the_first_step` fails."""
     balanced: float = 1e-13
-    """Accelerations that are this part of what the forces alone would make are the rounding of forces that balance."""
+    """Accelerations that are this part of what the forces alone would make are the rounding of forces that balance.
+    At 1e-12 `test_forces_that_balance_to_rounding_give_the_scale_of_time` fails."""
     part: float = 0.01
     """The error of a step of this part of the shortest time, to the power of its order, is about as large as it may
     be."""

@@ -1,0 +1,57 @@
+"""The length of steps on both sides of the numbers that decide about it."""
+
+import numpy as np
+import pytest
+
+from lagcli.simulation.scheme import controller
+from lagcli.simulation.scheme.controller import StepController
+
+ORDER = 8
+TOLERANCE = np.array([1e-9, 0.0, 1e-13, 1e-17, 0.0, 0.0])
+
+
+class ConstantRate:
+    """y' of one coordinate that is the same everywhere, in place of a compiled function."""
+
+    def __init__(self, t: float, k: np.ndarray) -> None:
+        self.arguments = [np.array([t]), np.zeros(k.size), np.zeros(0)]
+        self.results = [k]
+
+    def trigger(self) -> None:
+        """Nothing changes."""
+
+
+def first(t: float = 0.0, *, q: float = 0.0, v: float = 0.0, a: float = 0.0, forced: float = 0.0) -> float:
+    """The first step from a size, a speed, an acceleration and that of the forces alone."""
+    k = np.array([v, a, 0.0])
+    sizes = np.array([1.0, q, v, forced])
+    return controller.first_step(ConstantRate(t, k), k, sizes, TOLERANCE, ORDER)
+
+
+def test_speeds_that_are_rounding_do_not_shorten_the_first_step() -> None:
+    at_rest = first(q=1.0, a=1.0)
+    assert first(q=1.0, v=1e-9, a=1.0) == at_rest
+    assert first(q=1.0, v=1e-7, a=1.0) < at_rest / 100
+
+
+def test_forces_that_balance_to_rounding_give_the_scale_of_time() -> None:
+    of_forces = first(q=1.0, a=1.0, forced=1.0)
+    assert first(q=1.0, a=1e-14, forced=1.0) == of_forces
+    assert first(q=1.0, a=1e-12, forced=1.0) > 1e5 * of_forces
+
+
+def test_where_nothing_moves_the_time_itself_is_a_scale_when_it_is_large() -> None:
+    assert first(1e3) == first(0.0)
+    assert first(1e6) > 20 * first(0.0)
+
+
+def test_a_step_far_too_long_is_shortened_little_by_little() -> None:
+    control = StepController(ORDER, 1.0, 0.0)
+    assert control.smaller(1.0, 1e30, True) > 0.1
+    assert control.smaller(1.0, 1e4, True) < control.smaller(1.0, 1e2, True)
+
+
+@pytest.mark.parametrize(("end", "lags"), [(1e6, False), (1e7, True)])
+def test_a_run_that_would_take_days_lags(end: float, lags: bool) -> None:
+    found = StepController(ORDER, 1.0, 0.0).lags(1.0, end)
+    assert (found is not None) == lags
