@@ -12,11 +12,11 @@ import numpy.typing as npt
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
-from lagcli.output.animation import builder, packing, page, places, tied
+from lagcli.output.animation import builder, links, page, places
 from lagcli.output.animation.builder import Motion
 from lagcli.output.animation.places import Places
 from lagcli.output.animation.scene import Scene, TimeCurve
-from lagcli.output.figures import panels
+from lagcli.output.figures import labels
 
 Floats = npt.NDArray[np.float64]
 Table = Mapping[str, Floats]
@@ -51,7 +51,7 @@ def require_few(model: Model) -> None:
 def of_run(model: Model, table: Table) -> Scene:
     """The scene of the table of a run of a model."""
     title = model.title or pathlib.Path(model.path).stem
-    unit = panels.force_unit(model.units)
+    unit = labels.force_unit(model.units)
     return _fitting(table, model, title, (model.units.time, unit))
 
 
@@ -132,7 +132,7 @@ def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, st
     for _ in range(ROUND_TRIPS):
         picked = np.unique(np.linspace(0, plenty - 1, frames).round().astype(np.int64))
         scene = _scene({name: values[picked] for name, values in table.items()}, model, title, units, parts)
-        spent = sum(map(len, packing.packed(scene)))
+        spent = sum(map(len, page.packed(scene)))
         if spent <= room:
             return _told(scene, plenty, parts)
         frames = max(LEAST_FRAMES, int(len(picked) * room / spent * 0.98))
@@ -241,18 +241,18 @@ def positions(model: Model, t: Floats, q: Floats) -> Floats:
     return found
 
 
-def ties(model: Model) -> list[tied.Tie]:
+def ties(model: Model) -> list[links.Tie]:
     """Distances that are kept whatever the coordinates are, of particles whose places are functions of them."""
     from lagcli.auditing.evidence.model_values import ModelIndex
 
     cast = ModelIndex(model)
-    if not 0 < cast.dependent.size <= tied.MOST:
+    if not 0 < cast.dependent.size <= links.MOST_TIED:
         return []
     random = np.random.default_rng(0)
     values = np.concatenate([np.ravel(one.value) for one in model.coordinates])
-    q = np.zeros((tied.SAMPLES, cast.n))
-    q[:, cast.first_generalized :] = values + random.normal(0.0, 1.0, (tied.SAMPLES, values.size))
+    q = np.zeros((links.SAMPLES, cast.n))
+    q[:, cast.first_generalized :] = values + random.normal(0.0, 1.0, (links.SAMPLES, values.size))
     chosen = model.simulation
-    t = chosen.start + (chosen.duration or 1.0) * random.random(tied.SAMPLES)
+    t = chosen.start + (chosen.duration or 1.0) * random.random(links.SAMPLES)
     samples = positions(model, t, q)[:, cast.dependent]
-    return tied.ties(samples, cast.dependent) if np.isfinite(samples).all() else []
+    return links.ties(samples, cast.dependent) if np.isfinite(samples).all() else []

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lagcli.api import animate
 from lagcli.linearization.linear_modes import Modes
 from lagcli.model.model import Model
-from lagcli.output.animation import builder, places, viewpoint
+from lagcli.output.animation import builder, places, scene
 from lagcli.output.animation.builder import Motion
 from lagcli.output.animation.scene import Mode, Scene
 
@@ -39,14 +39,14 @@ def of_modes(model: Model, found: Modes) -> Scene:
     q = np.array([found.at[name] for name in found.coordinates])
     start = np.full(FRAMES, model.simulation.start)
     rest = _scene(model, t, _track(model, start, np.tile(q, (FRAMES, 1))), ())
-    size = viewpoint.size(rest.points)
+    size = scene.size(rest.points)
     modes = []
     for name, note, swings, shape in _told(found):
         swung = q + _amplitude(model, q, shape, size) * np.imag(np.exp(2j * np.pi * t)[:, None] * shape)
         moved = _scene(model, t, _track(model, start, swung), rest.notes)
         wide = [np.broadcast_to(track, (FRAMES, 3)) for track in moved.points]
         modes.append(Mode(name, note, swings, np.stack(wide, axis=1)))
-    seen = viewpoint.view([mode.points.reshape(-1, 3) for mode in modes], -rest.view.up)
+    seen = scene.view([mode.points.reshape(-1, 3) for mode in modes], -rest.view.up)
     return dataclasses.replace(rest, view=seen, modes=tuple(modes))
 
 

@@ -112,7 +112,7 @@ def _still(model: Model, run: Trajectory) -> PageFigure | None:
         return None
     from lagcli.api import animate
     from lagcli.output.animation import places, still
-    from lagcli.output.report import report_pictures
+    from lagcli.output.report import report_contents
 
     try:
         animate.require_few(model)
@@ -120,7 +120,7 @@ def _still(model: Model, run: Trajectory) -> PageFigure | None:
     except places.NothingToShow:
         return None
     words = "The configuration at the start."
-    return report_pictures.drawing("start", still.svg(scene), words, lambda: _first_picture(scene))
+    return report_contents.drawing("start", still.svg(scene), words, lambda: _first_picture(scene))
 
 
 def _first_picture(scene: Scene) -> bytes:
@@ -136,14 +136,14 @@ def _curves(model: Model, run: Trajectory) -> PageFigure | None:
     if not len(run.rows):
         return None
     from lagcli.output.figures import figure, panels
-    from lagcli.output.report import report_pictures
+    from lagcli.output.report import report_contents
 
     marks = list(zip(run.events.t.tolist(), run.events.kinds, strict=True)) if len(run.events) else []
     facts = panels.PanelFacts(
         run.stats.indeterminate, _zeros(model, run), dimension_facts.of(model), False, marks
     )
     drawn = figure.compose(run.columns, run.rows, title="", units=model.units, facts=facts)
-    return report_pictures.picture("forces", drawn, "Multipliers and constraint forces over time.")
+    return report_contents.picture("forces", drawn, "Multipliers and constraint forces over time.")
 
 
 def _zeros(model: Model, run: Trajectory) -> list[str]:
@@ -158,7 +158,7 @@ def _zeros(model: Model, run: Trajectory) -> list[str]:
 def _checks(found: Audit, time: str) -> PageFigure:
     """The figure of the audit."""
     from lagcli.output.figures import audit_figure
-    from lagcli.output.report import report_pictures
+    from lagcli.output.report import report_contents
 
     words = "The checks of the audit over time, each as a part of its limit."
-    return report_pictures.picture("audit", audit_figure.compose(found, time), words)
+    return report_contents.picture("audit", audit_figure.compose(found, time), words)

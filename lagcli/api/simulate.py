@@ -106,7 +106,7 @@ class _GatheredTable:
         self._incidents = [run.incident_columns.table([])]
         # What is zero to rounding is known from all columns.
         self._is_whole = self._picked[: len(run.columns)] == list(range(len(run.columns)))
-        self._thinned = decimate.Thinned()
+        self._thinned = decimate.DecimatedRows()
 
     def add(self, block: Floats) -> None:
         """A block of rows, and the incidents that came with it."""

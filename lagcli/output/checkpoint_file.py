@@ -76,10 +76,7 @@ class Keeper:
         for kept in (self._table, self._events):
             if kept is not None:
                 kept.rows.sync()
-        file = atomic_file.Aside(self._path)
-        with atomic_file.undone_by(file.discard):
-            file.path.write_bytes(checkpoint.encoded(self._last))
-            file.commit(durably=True)
+        atomic_file.write(self._path, checkpoint.encoded(self._last), durably=True)
         self._last = None
         return True
 

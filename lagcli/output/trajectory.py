@@ -103,9 +103,9 @@ class Trajectory(dict[str, Floats]):
     def units(self) -> dict[str, str]:
         """The labels of the units of all columns, empty where they are not known."""
         # What is only computed with needs no words.
-        from lagcli.output.charts import column_words
+        from lagcli.output.charts import chart_words
 
-        words = column_words.ColumnWords(self.columns, self.facts)
+        words = chart_words.ColumnWords(self.columns, self.facts)
         return {name: words.unit(name) for name in self.columns}
 
     def _repr_html_(self) -> str:

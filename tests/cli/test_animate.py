@@ -15,7 +15,7 @@ from PIL import Image
 
 import lagcli
 from lagcli.api import animate
-from lagcli.output.animation import film, sheets
+from lagcli.output.animation import film, nets
 from tests.helpers import in_process
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -186,8 +186,8 @@ simulation: {duration: 1, samples: 5}
     scene = animate.of_model(lagcli.loads(text), {})
     (net,) = scene.surfaces
     for frame in (0, 3):
-        places = sheets.strings(net.places(frame))
-        side = sheets.MOVING_NODES
+        places = nets.strings(net.places(frame))
+        side = nets.MOVING_NODES
         assert len(places) == 2 * side * (side + 1)
         off = places[:, 2] - 0.1 * np.sin(3 * places[:, 0] - 2 * scene.t[frame])
         assert np.nanmax(np.abs(off)) < 1e-8

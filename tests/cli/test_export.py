@@ -504,7 +504,7 @@ def test_a_pattern_of_many_stars_is_answered_at_once() -> None:
 def test_rows_for_a_figure_are_bounded_and_even(count, block, monkeypatch):
     monkeypatch.setattr(decimate, "NUMBERS", 1)
     table = np.column_stack([np.arange(count, dtype=float), np.arange(count) % 7.0])
-    kept = decimate.Thinned()
+    kept = decimate.DecimatedRows()
     for start in range(0, count, block):
         kept.add(table[start : start + block])
     rows = kept.rows()
@@ -518,4 +518,4 @@ def test_rows_for_a_figure_are_bounded_and_even(count, block, monkeypatch):
 
 
 def test_no_rows_make_no_figure():
-    assert len(decimate.Thinned().rows()) == 0
+    assert len(decimate.DecimatedRows().rows()) == 0

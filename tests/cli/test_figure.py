@@ -17,7 +17,7 @@ from matplotlib import text as mpl_text
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output.figures import figure, labels, panels, sheet
+from lagcli.output.figures import decimate, figure, labels, panels, sheet
 from lagcli.output.files import endings
 
 
@@ -194,14 +194,14 @@ def test_many_particles_are_drawn_as_sizes_of_force() -> None:
 
 
 def test_units_stand_on_the_axes() -> None:
-    assert panels.force_unit(Labels()) == "N"
-    assert [panels.force_unit(Labels(), p) for p in (2, 0, -1, 4)] == ["N·m", "N/m", "N/m²", "N·m³"]
-    assert panels.force_unit(Labels("cm", "g", "s")) == "g cm/s²"
-    assert panels.force_unit(Labels("cm", "g", "s"), 2) == "g cm²/s²"
-    assert panels.force_unit(Labels("cm", "g", "s"), -1) == "g/s²/cm"
-    assert panels.force_unit(Labels("", "", "")) == ""
-    assert panels.force_unit(Labels("", "", "s")) == "1/s²"
-    assert panels.force_unit(Labels("nautical mile", "kg", "h"), 2) == "kg (nautical mile)²/h²"
+    assert labels.force_unit(Labels()) == "N"
+    assert [labels.force_unit(Labels(), p) for p in (2, 0, -1, 4)] == ["N·m", "N/m", "N/m²", "N·m³"]
+    assert labels.force_unit(Labels("cm", "g", "s")) == "g cm/s²"
+    assert labels.force_unit(Labels("cm", "g", "s"), 2) == "g cm²/s²"
+    assert labels.force_unit(Labels("cm", "g", "s"), -1) == "g/s²/cm"
+    assert labels.force_unit(Labels("", "", "")) == ""
+    assert labels.force_unit(Labels("", "", "s")) == "1/s²"
+    assert labels.force_unit(Labels("nautical mile", "kg", "h"), 2) == "kg (nautical mile)²/h²"
     shown = words(compose(*CASES["four"], units=Labels("cm", "g", "ms")))
     assert "t(ms)" in shown
     assert "λᵢ(gcm²/ms²/unitoffᵢ)" in shown
@@ -213,12 +213,12 @@ def test_thinning_keeps_ends_and_extrema() -> None:
     values = rng.standard_normal(100_003)
     values[77_777] = 50.0
     values[12_345] = -50.0
-    kept = panels.thinned(values, 2000)
+    kept = decimate.extrema(values, 2000)
     assert len(kept) <= 2002
     assert {0, 12_345, 77_777, 100_002} <= set(kept.tolist())
     assert (np.diff(kept) > 0).all()
-    assert panels.thinned(values[:5], 2000).tolist() == [0, 1, 2, 3, 4]
-    assert panels.thinned(values[:0], 2000).tolist() == []
+    assert decimate.extrema(values[:5], 2000).tolist() == [0, 1, 2, 3, 4]
+    assert decimate.extrema(values[:0], 2000).tolist() == []
 
 
 def test_round_off_about_a_constant_is_not_blown_up() -> None:

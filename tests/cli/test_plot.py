@@ -19,17 +19,15 @@ from lagcli.api import plot
 from lagcli.cli.terminal import exits, watching
 from lagcli.output.charts import (
     chart_figure,
-    chart_series,
     chart_table,
     chart_terminal,
+    chart_words,
     compose,
-    overlay_names,
-    path_thinning,
-    plain_ticks,
 )
 from lagcli.output.charts.chart import ChartData
 from lagcli.output.charts.chart_table import ChartTable
 from lagcli.output.charts.compose import UndrawableColumns
+from lagcli.output.figures import decimate
 from lagcli.output.tables import provenance
 from tests.cli.test_figure import AWKWARD, texts
 from tests.helpers import in_process
@@ -334,13 +332,13 @@ def test_thinning_keeps_extrema_of_columns_read_in_blocks(monkeypatch: pytest.Mo
     monkeypatch.setattr(chart_table, "BATCH", 150_000)
     (panel,) = chart(table(t=np.arange(50_000), **columns), y="c*").panels
     for n, curve in enumerate(panel.curves):
-        assert len(curve.x) <= chart_series.MOST + 2
+        assert len(curve.x) <= chart_table.MOST + 2
         assert curve.x[curve.y.argmax()] == 7_777 * (n + 1)
 
 
 def test_an_orbit_that_repeats_is_drawn_once_and_noise_is_bounded() -> None:
     t = np.linspace(0, 2000 * np.pi, 400_000)
-    x, y = path_thinning.traced(np.cos(t), np.sin(t), most=5000)
+    x, y = decimate.path(np.cos(t), np.sin(t), most=5000)
     assert len(x) < 12_000
     known = np.isfinite(x)
     assert np.allclose(np.hypot(x, y)[known], 1)
@@ -348,10 +346,10 @@ def test_an_orbit_that_repeats_is_drawn_once_and_noise_is_bounded() -> None:
     assert np.diff(angles).max() < 0.02
     rng = np.random.default_rng(2)
     noise = rng.standard_normal((2, 100_000))
-    x, _ = path_thinning.traced(*noise, most=5000)
+    x, _ = decimate.path(*noise, most=5000)
     assert 4000 < len(x) < 20_000
     broken = np.where(np.arange(400_000) == 200_000, np.nan, np.cos(t))
-    assert np.isnan(path_thinning.traced(broken, t)[0]).any()
+    assert np.isnan(decimate.path(broken, t)[0]).any()
 
 
 # Several runs.
@@ -360,20 +358,20 @@ def test_an_orbit_that_repeats_is_drawn_once_and_noise_is_bounded() -> None:
 def test_runs_are_named_by_the_parameters_that_differ() -> None:
     paths = ["a/run.npz", "b/run.npz"]
     told = [{"parameters": {"L": size, "m": 1.0}, "rtol": 1e-9} for size in (0.5, 2.0)]
-    assert overlay_names.distinguishing(paths, told) == ["L = 0.5", "L = 2"]
-    assert overlay_names.distinguishing(paths, [told[0], told[0]]) == ["a", "b"]
-    assert overlay_names.distinguishing(paths, [told[0], told[0] | {"rtol": 1e-6}]) == [
+    assert chart_words.distinguishing(paths, told) == ["L = 0.5", "L = 2"]
+    assert chart_words.distinguishing(paths, [told[0], told[0]]) == ["a", "b"]
+    assert chart_words.distinguishing(paths, [told[0], told[0] | {"rtol": 1e-6}]) == [
         "rtol = 1e-09",
         "rtol = 1e-06",
     ]
-    assert overlay_names.distinguishing(paths, [told[0], None]) == ["a", "b"]
+    assert chart_words.distinguishing(paths, [told[0], None]) == ["a", "b"]
     # Of one model, parameters that follow from those that were set are not told.
     follows = [{"sha256": "1", "parameters": {"L": x, "M": 2 * x}, "set": {"L": str(x)}} for x in (1.0, 3.0)]
-    assert overlay_names.distinguishing(paths, follows) == ["L = 1", "L = 3"]
+    assert chart_words.distinguishing(paths, follows) == ["L = 1", "L = 3"]
     follows[0] |= {"set": {}}
-    assert overlay_names.distinguishing(paths, follows) == ["L = 1", "L = 3"]
+    assert chart_words.distinguishing(paths, follows) == ["L = 1", "L = 3"]
     follows[1] |= {"sha256": "2"}
-    assert overlay_names.distinguishing(paths, follows) == ["L = 1, M = 2", "L = 3, M = 6"]
+    assert chart_words.distinguishing(paths, follows) == ["L = 1, M = 2", "L = 3, M = 6"]
 
 
 @pytest.mark.parametrize(
@@ -390,7 +388,7 @@ def test_runs_are_named_by_the_parameters_that_differ() -> None:
     ],
 )
 def test_names_of_files_are_shortened_to_what_differs(paths: list[str], names: list[str]) -> None:
-    assert overlay_names.distinguishing(paths, [None] * len(paths)) == names
+    assert chart_words.distinguishing(paths, [None] * len(paths)) == names
 
 
 def test_overlays_tell_columns_by_colour_and_runs_by_dashes() -> None:
@@ -494,12 +492,12 @@ def test_colours_of_a_terminal_are_asked_for(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_ticks_are_round_and_differ() -> None:
-    assert plain_ticks.ticks(0, 10, 5) == [(0, "0"), (2, "2"), (4, "4"), (6, "6"), (8, "8"), (10, "10")]
+    assert chart_terminal.ticks(0, 10, 5) == [(0, "0"), (2, "2"), (4, "4"), (6, "6"), (8, "8"), (10, "10")]
     rng = np.random.default_rng(4)
     for _ in range(500):
         low = rng.standard_normal() * 10.0 ** rng.integers(-12, 12)
         span = abs(rng.standard_normal()) * 10.0 ** rng.integers(-6, 12) * max(abs(low), 1e-9)
-        found = plain_ticks.ticks(low, low + span, 5)
+        found = chart_terminal.ticks(low, low + span, 5)
         assert len({text for _, text in found}) == len(found)
         assert all(low - 1e-6 * span <= value <= low + span * (1 + 1e-6) for value, _ in found)
 
@@ -548,7 +546,7 @@ def test_a_strangers_provenance_tells_what_it_can(origin: dict[str, object]) -> 
     facts = provenance.facts_told_by(origin)
     assert facts.units is None
     assert facts.dimensions.lengths in ({}, {"c": 1.0})
-    overlay_names.distinguishing(["a", "b"], [origin, origin])
+    chart_words.distinguishing(["a", "b"], [origin, origin])
 
 
 def test_standard_input_is_a_table(here: Path, command, monkeypatch: pytest.MonkeyPatch) -> None:

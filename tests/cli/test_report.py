@@ -13,10 +13,8 @@ import lagcli
 from lagcli.api import report
 from lagcli.output.figures import labels
 from lagcli.output.report import (
-    browser_pdf,
-    latex_pdf,
     latex_text,
-    model_listing,
+    model_on_page,
     pdf_programs,
     report_writer,
 )
@@ -266,7 +264,7 @@ def test_what_cannot_be_written_is_refused_before_any_work(tmp_path):
 
 def test_without_a_browser_a_pdf_is_refused_with_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(browser_pdf, "PLACES", ())
+    monkeypatch.setattr(pdf_programs, "PLACES", ())
     _, err, code = in_process.run("report", str(MODELS / "pendulum.yaml"), "-o", str(tmp_path / "report.pdf"))
     assert code == 2
     assert "install one" in err
@@ -316,7 +314,7 @@ def test_without_a_browser_latex_makes_the_pdf(tmp_path, monkeypatch, works):
     )
     stand_in(bin_, made if works else 'echo "! Undefined control sequence."; exit 1')
     monkeypatch.setenv("PATH", str(bin_))
-    monkeypatch.setattr(browser_pdf, "PLACES", ())
+    monkeypatch.setattr(pdf_programs, "PLACES", ())
     arguments = (
         "report",
         str(MODELS / "pendulum.yaml"),
@@ -348,10 +346,10 @@ def test_without_a_browser_latex_makes_the_pdf(tmp_path, monkeypatch, works):
     ],
 )
 def test_what_makes_a_pdf_is_chosen(monkeypatch, maker, found, expected):
-    monkeypatch.setattr(browser_pdf, "is_there", lambda: "browser" in found)
-    monkeypatch.setattr(browser_pdf, "printed", lambda _: b"browser")
-    monkeypatch.setattr(latex_pdf, "found", lambda: "pdflatex" if "latex" in found else None)
-    monkeypatch.setattr(latex_pdf, "printed", lambda *_: b"latex")
+    monkeypatch.setattr(pdf_programs, "browser", lambda: "chromium" if "browser" in found else None)
+    monkeypatch.setattr(pdf_programs, "printed_by_browser", lambda _: b"browser")
+    monkeypatch.setattr(pdf_programs, "latex", lambda: "pdflatex" if "latex" in found else None)
+    monkeypatch.setattr(pdf_programs, "made_by_latex", lambda *_: b"latex")
     contents = ReportContents("title", (), (), (), (), ())
     if expected in pdf_programs.MAKERS:
         assert pdf_programs.made(contents, maker) == expected.encode()
@@ -371,7 +369,7 @@ def test_a_maker_that_is_none_or_not_needed_is_refused(tmp_path, name, maker, wo
     assert not file.exists()
 
 
-@pytest.mark.skipif(latex_pdf.found() is None, reason="there is no LaTeX")
+@pytest.mark.skipif(pdf_programs.latex() is None, reason="there is no LaTeX")
 def test_latex_takes_every_text():
     model = lagcli.loads(
         written(
@@ -384,7 +382,7 @@ def test_latex_takes_every_text():
     page = page_of(model)
     document = report_writer.latex_page(page.contents)
     figures = {f"{figure.name}.pdf": figure.pdf() for figure in page.contents.figures}
-    assert latex_pdf.printed(str(latex_pdf.found()), document, figures).startswith(b"%PDF")
+    assert pdf_programs.made_by_latex(document, figures).startswith(b"%PDF")
 
 
 @pytest.mark.filterwarnings("error:Glyph .* missing")
@@ -433,7 +431,7 @@ def test_a_letter_without_a_sign_in_latex_is_printed_by_its_number(letter, sign)
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_a_listing_is_the_text_of_the_file(path):
     text = path.read_text(encoding="utf-8")
-    listing = model_listing.listing(text, path.name)
+    listing = model_on_page.listing(text, path.name)
     assert listing.text == text.rstrip("\n")
     keys = {piece.strip() for line in listing.lines for look, piece in line if look == "key"}
     assert {"lagcli", "title"} <= keys
@@ -444,10 +442,10 @@ def test_a_listing_is_the_text_of_the_file(path):
 
 def test_a_long_listing_is_cut_and_says_so():
     text = written() + "# more\n" * 1000
-    listing = model_listing.listing(text, "model.yaml")
-    assert len(listing.lines) == model_listing.MOST_LINES
+    listing = model_on_page.listing(text, "model.yaml")
+    assert len(listing.lines) == model_on_page.MOST_LINES
     assert "of which the first" in listing.caption
-    wide = model_listing.listing(written(comment="x" * 5000), "model.yaml")
+    wide = model_on_page.listing(written(comment="x" * 5000), "model.yaml")
     assert all(len("".join(piece for _, piece in line)) < 2100 for line in wide.lines)
 
 

@@ -45,6 +45,7 @@ DOORS = {
     "rich": ("lagcli.cli.terminal.console",),
     "matplotlib": (
         "lagcli.output.figures.figure",
+        "lagcli.output.figures.axis_scale",
         "lagcli.output.figures.sheet",
         "lagcli.output.charts.chart_figure",
         "lagcli.output.figures.loop_figure",

@@ -11,7 +11,7 @@ import pytest
 import lagcli
 from lagcli.api import animate, animate_modes
 from lagcli.model.model import Model
-from lagcli.output.animation import places, quadratic_algebra, sheets, square_distance, tied
+from lagcli.output.animation import links, nets, places, quadratic_algebra, quadratic_form
 from lagcli.output.animation.scene import DrawnSurface, Scene
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -166,7 +166,7 @@ def test_kept_distances_are_those_of_all_samples() -> None:
     angle = random.normal(size=12)
     circle = np.stack([3 + np.cos(angle), np.full(12, 2.0), np.sin(angle)], axis=-1)
     loose = random.normal(size=(12, 3))
-    (tie,) = tied.ties(np.stack([circle, loose], axis=1), np.array([4, 7]))
+    (tie,) = links.ties(np.stack([circle, loose], axis=1), np.array([4, 7]))
     assert tie.particle == 4
     np.testing.assert_allclose(tie.other, [3, 2, 0], atol=1e-12)
     assert tie.length == pytest.approx(1)
@@ -314,7 +314,7 @@ def test_a_surface_that_is_not_simple_is_a_net_on_it(
     text = f"particles: {{a: {{mass: 1, position: [1, 0, 1], velocity: [0, 1, VZ]}}}}\nholonomic: {{ground: {row}}}"
     scene = scene_of(text.replace("VZ", "0.5" if "sin" in row else "0") + FALLING)
     (nodes,) = surface(scene, "net").corners
-    corners = sheets.triangles(nodes)
+    corners = nets.triangles(nodes)
     assert len(corners) > 600
     assert len(corners) % 3 == 0
     np.testing.assert_allclose(off(corners), 0, atol=1e-7)
@@ -339,7 +339,7 @@ def test_a_surface_that_bends_back_is_drawn_all_along_the_motion(row: str, place
     nodes = nodes[np.isfinite(nodes).all(axis=1)]
     assert len(np.unique(nodes.round(6), axis=0)) == len(nodes)
     apart = np.linalg.norm(scene.points[0][:, None] - nodes, axis=-1).min(axis=1)
-    assert np.quantile(apart, 0.8) < 4 * scene.view.size / sheets.NODES  # two squares of the net
+    assert np.quantile(apart, 0.8) < 4 * scene.view.size / nets.NODES  # two squares of the net
 
 
 def test_a_curve_that_two_moving_rows_leave_moves_whole() -> None:
@@ -465,7 +465,7 @@ def test_what_is_not_simple_is_not_taken_for_it(row: str) -> None:
         f"lagcli: 1\nparticles: {{a: {{mass: 1, position: [1, 1, 1]}}}}\nholonomic: {{row: {row}}}"
     )
     (found,) = quadratic_algebra.rows(model, np.linspace(0, 1, 3))
-    assert square_distance.found(found.form, False) is None
+    assert quadratic_form.distance(found.form, False) is None
 
 
 # ---- forces, view, sizes

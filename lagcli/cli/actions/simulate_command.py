@@ -79,7 +79,7 @@ def run(ready: SimulationRun, options: SimulateOptions) -> None:
     for warning in () if options.quiet else ready.warnings:
         exits.say(warning.render())
     _tell_start(ready, options, begun)
-    kept = decimate.Thinned()
+    kept = decimate.DecimatedRows()
     interrupts.leave()
     outcome = dataclasses.replace(ready.outcome)  # of the rows that have been written
     with interrupts.unwinding():
@@ -182,7 +182,7 @@ def _write_rows(
     options: SimulateOptions,
     picked: list[int],
     written: table_output.TableOutput,
-    kept: decimate.Thinned,
+    kept: decimate.DecimatedRows,
     outcome: Outcome,
 ) -> run_stop.RunStop | None:
     """Pass the blocks on as they come; the reason if the run stopped before its end.

@@ -28,7 +28,7 @@ def picked(names: tuple[str, ...], options: SimulateOptions, by_name: tuple[str,
         raise exits.UsageError(f"--columns: {error}") from None
 
 
-def draw(ready: SimulationRun, options: SimulateOptions, kept: decimate.Thinned) -> None:
+def draw(ready: SimulationRun, options: SimulateOptions, kept: decimate.DecimatedRows) -> None:
     """The figure, where one is asked for."""
     rows = kept.rows()
     if options.plot is not None and len(rows):

@@ -79,7 +79,7 @@ class TableOutput:
         self._keeper = Keeper(path, rows, incidents)
 
     def begin(
-        self, first: RowsBefore | None, happened: RowsBefore | None, drawn: decimate.Thinned | None
+        self, first: RowsBefore | None, happened: RowsBefore | None, drawn: decimate.DecimatedRows | None
     ) -> None:
         """Begin with the rows and incidents of the run before, which are `drawn` too."""
         if first is not None and self._rows is not None:

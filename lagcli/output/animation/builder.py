@@ -9,12 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.model import model as nouns
-from lagcli.output.animation import links, quadratic_algebra, row_pictures, viewpoint
+from lagcli.output.animation import links, quadratic_algebra, row_pictures, scene
 from lagcli.output.animation.curve_pictures import CurvePictures
-from lagcli.output.animation.links import PointTable
+from lagcli.output.animation.links import PointTable, Tie
 from lagcli.output.animation.row_pictures import RowPictures
 from lagcli.output.animation.scene import DrawnSurface, Link, Scene, TimeCurve, steady
-from lagcli.output.animation.tied import Tie
 
 Floats = npt.NDArray[np.float64]
 
@@ -51,13 +50,13 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
     points = PointTable(motion.particles, motion.is_run)
     found, surfaces = RowPictures(), list(motion.rails)
     if model is not None:
-        extent = viewpoint.size(points.tracks)
+        extent = scene.size(points.tracks)
         found = row_pictures.pictures(model, motion.t, motion.particles, points, extent)
     found.links += [points.tie(tie) for tie in motion.ties]
     hard = links.contact_radii(found.pairs, found.lines, len(motion.names))
     tracks = [*points.tracks, *_reaches(found)]
-    view = viewpoint.view(tracks, _down(model))
-    size, notes = viewpoint.size(tracks), motion.notes
+    view = scene.view(tracks, _down(model))
+    size, notes = scene.size(tracks), motion.notes
     if model is not None:
         curves = CurvePictures(model, motion.t, motion.particles, view, found).all()
         surfaces += row_pictures.surfaces(found, motion.particles, hard, view) + curves

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.model import model as nouns
-from lagcli.output.animation import quadratic_algebra, sheets, wires
+from lagcli.output.animation import nets, quadratic_algebra
 from lagcli.output.animation.row_pictures import LoneRow, RowPictures
 from lagcli.output.animation.scene import DrawnSurface, Viewpoint
 
@@ -75,7 +75,7 @@ class CurvePictures:
         if one.one_sided or not one.simple:
             return False
         places = track[:, None] if one.moves else track[:1, None]
-        slope = wires.gradient(one.function, places, 2 * self.view.size)
+        slope = nets.gradient(one.function, places, 2 * self.view.size)
         across = np.linalg.norm(np.cross(slope, self.view.towards), axis=-1)
         return bool(np.all(across <= LEVEL * np.linalg.norm(slope, axis=-1)))
 
@@ -91,7 +91,7 @@ class CurvePictures:
                         yield LoneRow(row.name, one_sided, False, t is not None, _numbers(function))
                     break
 
-    def _line(self, rows: Sequence[LoneRow], track: Floats, more: list[wires.Function]) -> bool:
+    def _line(self, rows: Sequence[LoneRow], track: Floats, more: list[nets.Function]) -> bool:
         """Draw the curve of rows, with which others cut it out; False where there is none."""
         functions = [*(one.function for one in rows), *more]
         moves = any(one.moves for one in rows)
@@ -99,7 +99,7 @@ class CurvePictures:
             return False
         view = self.view
         with np.errstate(all="ignore"):
-            points = wires.followed(functions, track if moves else track[:1], 2 * view.size, view.centre)
+            points = nets.followed(functions, track if moves else track[:1], 2 * view.size, view.centre)
         if points.shape[1]:
             self.drawn.append(DrawnSurface("line", rows[0].name, rows[0].one_sided, STANDING, points))
             self.found.shown |= {one.name for one in rows}
@@ -109,7 +109,7 @@ class CurvePictures:
         if row.moves and self._moving() >= MOST_MOVING:
             return
         with np.errstate(all="ignore"):
-            found = sheets.nets(row.function, track, 2 * self.view.size, row.moves)
+            found = nets.nets(row.function, track, 2 * self.view.size, row.moves)
         for nodes in found:
             self.drawn.append(DrawnSurface("net", row.name, row.one_sided, STANDING, nodes))
             self.found.shown.add(row.name)
@@ -117,18 +117,18 @@ class CurvePictures:
     def _moving(self) -> int:
         return sum(len(one.corners) > 1 for one in self.drawn)
 
-    def _face(self) -> wires.Function:
+    def _face(self) -> nets.Function:
         return lambda places: np.asarray((places - self.view.centre) @ self.view.towards)
 
 
-def _touched(function: wires.Function, track: Floats) -> Floats:
+def _touched(function: nets.Function, track: Floats) -> Floats:
     """The place (1, 3) of a track (T, 3) that is nearest to a wall."""
     with np.errstate(all="ignore"):
         gap = np.abs(np.broadcast_to(function(track[None]), (1, len(track))))
     return track[[int(np.argmin(np.where(np.isfinite(gap), gap, np.inf)))]]
 
 
-def _numbers(function: Callable[[Floats], Floats | None]) -> wires.Function:
+def _numbers(function: Callable[[Floats], Floats | None]) -> nets.Function:
     def values(places: Floats) -> Floats:
         found = function(places)
         return np.full(places.shape[:-1], np.nan) if found is None else found

@@ -15,7 +15,7 @@ from matplotlib import animation, axes, collections, colors, figure, lines, quiv
 from matplotlib.backends import backend_agg
 
 from lagcli import progress
-from lagcli.output.animation import packing, sheets, still
+from lagcli.output.animation import nets, still
 from lagcli.output.animation.scene import Scene
 from lagcli.output.figures import labels, sheet
 from lagcli.output.files import atomic_file
@@ -53,10 +53,7 @@ def write(path: pathlib.Path, scene: Scene, fmt: str) -> int:
     with tempfile.TemporaryDirectory() as folder:
         made = pathlib.Path(folder) / f"film.{fmt}"  # the writers know the format by the ending
         count = _made(made, scene, fmt)
-        file = atomic_file.Aside(path)
-        with atomic_file.undone_by(file.discard):
-            file.path.write_bytes(made.read_bytes())
-        file.commit()
+        atomic_file.write(path, made.read_bytes())
     return count
 
 
@@ -72,7 +69,7 @@ def pictures(scene: Scene, fmt: str) -> tuple[npt.NDArray[np.int64], float]:
     """The instants that are shown one after another, each a row of the run, and how many of them a second."""
     if len(scene.t) < 2:
         return np.zeros(1, dtype=np.int64), 1.0
-    seconds = float(scene.t[-1] - scene.t[0]) / packing.rate(scene)
+    seconds = float(scene.t[-1] - scene.t[0]) / scene.rate
     count = int(min(MOST_PICTURES, len(scene.t), max(2, round(seconds * RATES[fmt]) + 1)))
     times = np.linspace(scene.t[0], scene.t[-1], count)
     after = np.clip(np.searchsorted(scene.t, times), 1, len(scene.t) - 1)
@@ -180,7 +177,7 @@ class _Drawing:
         """Move everything to an instant."""
         scene = self._scene
         for rim, one in zip(self._rims, scene.surfaces, strict=True):
-            places = sheets.strings(one.places(frame)) if one.kind == "net" else still.outline(one, frame)
+            places = nets.strings(one.places(frame)) if one.kind == "net" else still.outline(one, frame)
             rim.set_data(*self._to(places).T)
         first = int(np.searchsorted(scene.t, scene.t[frame] - LENGTH * (scene.t[-1] - scene.t[0])))
         for trail in self._trails:

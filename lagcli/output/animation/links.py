@@ -1,23 +1,28 @@
-"""Rods, strings and springs: what a model says about distances, as lines between points."""
+"""Lines between points: rods, strings and springs that a model says, bars that linear rows are, and ties.
+
+Bars are levers with a pivot, particles that stay beside another one or halfway between two. Ties are distances that a
+choice of coordinates keeps: found by places at coordinates drawn at random.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import rigid
 from lagcli.model import model as nouns
-from lagcli.output.animation import scene, square_distance
+from lagcli.output.animation import quadratic_form, scene
 from lagcli.output.animation.quadratic_algebra import PicturedRow, SpringLength
+from lagcli.output.animation.quadratic_form import SquareDistance
 from lagcli.output.animation.scene import Link
-from lagcli.output.animation.square_distance import SquareDistance
-from lagcli.output.animation.tied import Tie
 
 Floats = npt.NDArray[np.float64]
+Weights = dict[int, float]
 HELD = 1e-5  # a part of the length: a rod that is off by more than this in a table is none there
 # A particle at a fixed distance from a point hangs on a rod or lies on a sphere: the name of the row says which. A
 # second row makes a circle of the sphere; a wire by itself is what the particle hangs on.
@@ -25,6 +30,19 @@ ROUND = re.compile(r"(?i)(sphere|ball|bowl|dome|globe|shell|surface|cylinder|pip
 CIRCULAR = re.compile(r"(?i)(hoop|ring|circle|wire|track)")
 # All pairs of a rigid body of few particles are drawn, of more the nearest ones.
 MOST_WHOLE, NEAREST = 6, 3
+KEPT = 1e-9  # a part of the distance: what varies less at all samples does not vary
+MOST_TIED = 40  # particles whose pairs are looked at
+NEAREST_TIED = 3  # of the particles at a kept distance, so many are joined to each
+SAMPLES = 12  # instants at which a distance is compared
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Tie:
+    """A particle at a kept distance from another one, or from a fixed place (3,)."""
+
+    particle: int
+    other: int | Floats
+    length: float
 
 
 class PointTable:
@@ -45,7 +63,7 @@ class PointTable:
         nothing = np.zeros(3)
         if not negative or not positive:
             return self._mean(positive or negative, nothing), self.place(-found.shift / total)
-        if abs(total) > square_distance.SAME * heavy:
+        if abs(total) > quadratic_form.SAME * heavy:
             return None
         return self._mean(positive, nothing), self._mean(negative, -found.shift / heavy)
 
@@ -168,3 +186,85 @@ def contact_radii(
 def _two(pair: SquareDistance) -> tuple[int, int]:
     a, b = pair.weights
     return a, b
+
+
+def bars(rows: Iterable[PicturedRow], points: PointTable) -> Iterator[tuple[Link, set[str]]]:
+    """The bars of rows sum_k weight_k r_k + shift = 0 of two or three particles in all components, with the names of
+    these rows."""
+    for weights, shift, names in _vectors(rows):
+        for ends in _bar_ends(weights, shift, points):
+            yield Link("rod", min(names), ends), names
+
+
+def _bar_ends(weights: Weights, shift: Floats, points: PointTable) -> list[tuple[int, int]]:
+    """The pairs of points that a bar joins; none where the rows are no bar."""
+    total, heavy = sum(weights.values()), max(map(abs, weights.values()))
+    balanced = abs(total) <= quadratic_form.SAME * heavy
+    particles = list(weights)
+    if len(particles) == 2:
+        if balanced:
+            return [(particles[0], particles[1])]
+        pivot = points.place(-shift / total)
+        return [(k, pivot) for k in particles]
+    if not balanced or np.any(shift):
+        return []
+    positive = [k for k in particles if weights[k] > 0]
+    (middle,) = positive if len(positive) == 1 else [k for k in particles if weights[k] < 0]
+    return [(middle, k) for k in particles if k != middle]
+
+
+def _vectors(rows: Iterable[PicturedRow]) -> Iterator[tuple[Weights, Floats, set[str]]]:
+    """Rows of the first degree that together hold for all three components with the same weights of two or three
+    particles: the weights, the shift (3,) or (T, 3), and their names."""
+    found: dict[tuple[tuple[int, float], ...], dict[int, tuple[Floats, str]]] = {}
+    for row in rows:
+        form = row.form
+        if row.kind != "holonomic" or not form.is_polynomial or form.quadratic:
+            continue
+        axes = {i % 3 for i in form.linear}
+        if len(axes) != 1 or len(form.linear) not in (2, 3) or any(map(np.ptp, form.linear.values())):
+            continue
+        weights = {i // 3: float(np.ravel(value)[0]) for i, value in sorted(form.linear.items())}
+        first = next(iter(weights.values()))
+        key = tuple((k, round(weight / first, 12)) for k, weight in weights.items())
+        found.setdefault(key, {})[axes.pop()] = np.asarray(form.constant / first), row.name
+    for key, parts in found.items():
+        if len(parts) == 3:
+            shift = np.stack(np.broadcast_arrays(*(parts[axis][0] for axis in range(3))), axis=-1)
+            yield dict(key), shift, {name for _, name in parts.values()}
+
+
+def ties(samples: Floats, numbers: npt.NDArray[np.int64]) -> list[Tie]:
+    """The kept distances of particles with these numbers, at samples (S, K, 3)."""
+    if not 0 < len(numbers) <= MOST_TIED:
+        return []
+    found: list[Tie] = []
+    size = float(np.abs(samples - samples.mean(axis=(0, 1))).max()) or 1.0
+    pairs: dict[int, list[tuple[float, int]]] = {}
+    for i in range(len(numbers)):
+        apart = np.linalg.norm(samples - samples[:, i : i + 1], axis=-1)
+        kept = np.flatnonzero((np.ptp(apart, axis=0) <= KEPT * size) & (apart[0] > KEPT * size))
+        pairs[i] = sorted((float(apart[0, j]), int(j)) for j in kept)[:NEAREST_TIED]
+    joined = {(min(i, j), max(i, j)): length for i, near in pairs.items() for length, j in near}
+    found += [Tie(int(numbers[i]), int(numbers[j]), length) for (i, j), length in sorted(joined.items())]
+    for i in range(len(numbers)):
+        pivot = _pivot(samples[:, i], size)
+        if pivot is not None:
+            found.append(Tie(int(numbers[i]), *pivot))
+    return found
+
+
+def _pivot(places: Floats, size: float) -> tuple[Floats, float] | None:
+    """The fixed place nearest to these from which they all have one distance, and the distance."""
+    middle = places.mean(axis=0)
+    offsets = places - middle
+    if np.abs(offsets).max() <= KEPT * size:
+        return None
+    square = (offsets**2).sum(axis=1)
+    # |p|^2 = 2 c . p + d; the mean is taken off, so that the solution of least norm lies in the plane of the places.
+    matrix, right = offsets, (square - square.mean()) / 2
+    centre, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=1e-9)
+    distances = np.linalg.norm(offsets - centre, axis=1)
+    if rank < 2 or np.ptp(distances) > KEPT * size:
+        return None
+    return middle + centre, float(distances.mean())

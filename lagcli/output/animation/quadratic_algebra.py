@@ -14,9 +14,8 @@ from lagcli.expression.operators import Operators
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
 from lagcli.model.resolve import ModelNames, Reference, Resolver
-from lagcli.output.animation import quadratic_form, square_distance
-from lagcli.output.animation.quadratic_form import OTHER, Quadratic
-from lagcli.output.animation.square_distance import SquareDistance
+from lagcli.output.animation import quadratic_form
+from lagcli.output.animation.quadratic_form import OTHER, Quadratic, SquareDistance
 
 Floats = npt.NDArray[np.float64]
 Value = evaluate.Value[Quadratic]
@@ -207,7 +206,7 @@ def summed(model: nouns.Model, t: Floats, row: PicturedRow) -> list[SquareDistan
                 return []
             if form.is_constant:
                 continue
-            distance = square_distance.found(form.under, False) if form.under is not None else None
+            distance = quadratic_form.distance(form.under, False) if form.under is not None else None
             if distance is None or form.linear or form.quadratic or np.any(distance.length):
                 return []
             signs |= set(np.sign(np.ravel(sign * form.factor)).tolist())
@@ -238,7 +237,7 @@ def springs(model: nouns.Model, t: Floats) -> Iterator[SpringLength]:
                 with np.errstate(all="ignore"):
                     form = evaluate.scalar(call, leaves.algebra(variables))
                 if form.known and form.under is not None and _is_finite(form):
-                    found = square_distance.found(form.under, False)
+                    found = quadratic_form.distance(form.under, False)
                     if found is not None:
                         yield SpringLength(force.members.names[k], found)
         left -= force.members.count

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.animation import square_distance
+from lagcli.output.animation import quadratic_form
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import Quadratic
 from lagcli.output.animation.scene import DrawnSurface, steady
@@ -78,7 +78,7 @@ def plane(row: PicturedRow, particle: int) -> HeldPlane | None:
 
 def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> DrawnSurface | None:
     """The sphere, ellipsoid or cylinder of a row of the second degree; track (k, 3) of the particle."""
-    pair = square_distance.squared(row.form, row.kind == "inequality")
+    pair = quadratic_form.squared(row.form, row.kind == "inequality")
     if pair is None or not pair[0].quadratic:
         return None
     form = pair[0]

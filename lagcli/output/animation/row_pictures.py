@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.model import model as nouns
-from lagcli.output.animation import levers, links, quadratic_algebra, rounds, square_distance
+from lagcli.output.animation import links, quadratic_algebra, quadratic_form, rounds
 from lagcli.output.animation.links import PointTable
+from lagcli.output.animation.nets import Function
 from lagcli.output.animation.quadratic_algebra import PicturedRow
+from lagcli.output.animation.quadratic_form import SquareDistance
 from lagcli.output.animation.rounds import HeldPlane
 from lagcli.output.animation.scene import DrawnSurface, Link, Viewpoint
-from lagcli.output.animation.square_distance import SquareDistance
-from lagcli.output.animation.wires import Function
 
 Floats = npt.NDArray[np.float64]
 STILL = 1e-6  # a part of the size: what moves less along a line does not move there
@@ -66,7 +66,7 @@ def pictures(
             else:
                 found.others.append(row)
             continue
-        distance = square_distance.found(row.form, row.kind == "inequality")
+        distance = quadratic_form.distance(row.form, row.kind == "inequality")
         particle = rounds.alone(row.form)
         is_led = particle is not None and counts[particle] > 1
         link = links.of_row(row, distance, points, is_led) if distance is not None else None
@@ -83,7 +83,7 @@ def pictures(
             found.shown.add(row.name)
         else:
             linear.append(row)
-    for bar, names in levers.bars(linear, points):
+    for bar, names in links.bars(linear, points):
         found.links.append(bar)
         found.shown |= names
     found.links += links.of_bodies(model, particles)

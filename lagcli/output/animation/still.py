@@ -7,7 +7,7 @@ import html
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.animation import sheets
+from lagcli.output.animation import nets
 from lagcli.output.animation.scene import DrawnSurface, Scene
 from lagcli.output.figures import labels
 
@@ -58,7 +58,7 @@ def outline(one: DrawnSurface, frame: int) -> Floats:
     """Places (k, 3) of the outline of a surface at an instant."""
     if one.kind in ("line", "net"):
         places = one.places(frame)
-        return sheets.triangles(places) if one.kind == "net" else places[np.isfinite(places).all(axis=-1)]
+        return nets.triangles(places) if one.kind == "net" else places[np.isfinite(places).all(axis=-1)]
     u, v, w, origin = one.frames[min(frame, len(one.frames) - 1)]
     if one.kind == "plane":
         closed = np.concatenate([one.corners, one.corners[:1]])

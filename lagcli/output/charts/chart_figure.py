@@ -5,16 +5,14 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import matplotlib
 import numpy as np
 from matplotlib import axes, collections, ticker
 
 from lagcli.output.charts.chart import ChartData, ChartPanel, decades, squared
-from lagcli.output.figures import incident_marks, labels, sheet
+from lagcli.output.figures import axis_scale, incident_marks, labels, sheet
 from lagcli.output.figures.incident_marks import IncidentMarks
-from lagcli.output.files import endings
 
 GAP = 0.08  # inches above a panel
 SMALL = 7.0  # points: ticks and names beside a bar of colours
@@ -29,10 +27,7 @@ def draw(path: str | os.PathLike[str], chart: ChartData) -> None:
 
     Raises ``endings.UnknownFormat``, OSError.
     """
-    target = Path(path)
-    fmt = endings.of(target, endings.FIGURES)
-    with sheet.style():
-        sheet.write(target, fmt, compose(chart))
+    sheet.draw(path, lambda: compose(chart))
 
 
 def compose(chart: ChartData) -> sheet.NotebookFigure:
@@ -87,7 +82,7 @@ class _Frame:
     """
 
     panel: ChartPanel
-    scale: sheet.Scale
+    scale: axis_scale.Scale
     label: str
     names: Sequence[str]
     named: Sequence[int]
@@ -156,8 +151,8 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> shee
         ratio = (y[1] - y[0]) / (x[1] - x[0]) if x[1] > x[0] else TALLEST
         high = min(TALLEST, max(LOWEST, width * ratio, sheet.text_height(frame.label, 8)))
         limits, values = squared(x, y, width, high)
-        scale = sheet.scale_of(*values, most=max(3, int(2.2 * high)))
-    times = sheet.scale_of(*limits, most=6)
+        scale = axis_scale.scale_of(*values, most=max(3, int(2.2 * high)))
+    times = axis_scale.scale_of(*limits, most=6)
 
     def draw(page: sheet.FigurePage, top: float) -> None:
         page.upright(sheet.MARGIN, top + 0.06 + high / 2, frame.label, 8)
@@ -165,7 +160,7 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> shee
         if panel.is_log:
             plot.set_yscale("log")
             plot.yaxis.set_minor_locator(ticker.NullLocator())
-        sheet.ticks(plot, times, scale, SMALL, times_named=is_named)
+        axis_scale.ticks(plot, times, scale, SMALL, times_named=is_named)
         if panel.shape == "time":
             sheet.put_marks(plot, marks)
         _put_curves(plot, panel)
@@ -198,16 +193,16 @@ def _put_curves(plot: axes.Axes, panel: ChartPanel) -> None:
         )
 
 
-def _values(panel: ChartPanel, most: int) -> sheet.Scale:
+def _values(panel: ChartPanel, most: int) -> axis_scale.Scale:
     """The scale of the values."""
     if not panel.is_log:
-        return sheet.value_scale((curve.y for curve in panel.curves), 0.0, most)
+        return axis_scale.value_scale((curve.y for curve in panel.curves), 0.0, most)
     bottom, top = decades(*panel.extent()[1])
     every = max(1, -(-(top - bottom) // MOST_TICKS))
     powers = [p for p in range(-(-bottom // every) * every, top + 1, every) if SMALLEST <= p <= LARGEST]
-    texts = tuple(sheet.number_text(f"{10.0**p:g}" if -3 <= p <= 4 else f"1e{p}") for p in powers)
+    texts = tuple(axis_scale.number_text(f"{10.0**p:g}" if -3 <= p <= 4 else f"1e{p}") for p in powers)
     limits = 10.0**bottom or np.nextafter(0, 1), 10.0**top if top <= LARGEST else np.finfo(float).max
-    return sheet.Scale(limits, tuple(10.0**p for p in powers), texts)
+    return axis_scale.Scale(limits, tuple(10.0**p for p in powers), texts)
 
 
 def _wide(span: tuple[float, float]) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 import unicodedata
 from collections.abc import Iterator, Sequence
 from typing import Protocol
@@ -12,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
-from lagcli.output.charts import path_thinning, plain_ticks
 from lagcli.output.charts.chart import ChartCurve, ChartData, ChartPanel, decades, squared
-from lagcli.output.figures import incident_marks, panels
+from lagcli.output.figures import decimate, incident_marks
 from lagcli.output.figures.incident_marks import IncidentMarks
 
 Floats = NDArray[np.float64]
@@ -30,6 +30,7 @@ SEQUENCE = (54, 60, 24, 30, 29, 35, 71, 77, 112, 148)
 EMPTY = "\u2800"  # the character of no dots
 MARK, MARK_COLOUR = "┆", 245
 LETTERS = "abcdefghijkl"
+STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
 SPOTS = 3  # letters on a curve where there are no colours
 
 
@@ -143,7 +144,7 @@ class _Area:
         """The texts of ticks on the left by the number of the line from above."""
         low, high = self._y
         found: dict[int, str] = {}
-        pairs = plain_ticks.ticks(low, high, max(3, self.rows // 3))
+        pairs = ticks(low, high, max(3, self.rows // 3))
         if self._panel.is_log:
             every = max(1, -(-round(high - low) // max(1, self.rows // 2)))
             pairs = [(float(p), f"1e{p}") for p in range(round(low), round(high) + 1, every)]
@@ -186,10 +187,10 @@ class _Area:
     def _thin(self, curve: ChartCurve) -> tuple[Floats, Floats]:
         y = np.log10(curve.y) if self._panel.is_log else curve.y
         if self._panel.shape == "time":
-            kept = panels.thinned(y, 4 * self.width)
+            kept = decimate.extrema(y, 4 * self.width)
             x, y = curve.x[kept], y[kept]
         else:
-            x, y = path_thinning.traced(curve.x, y, most=8 * self.width, cells=4 * self.width)
+            x, y = decimate.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
         return _part(x, self.x), _part(y, self._y)
 
     def _put_letters(self, canvas: _Canvas, place: int, curve: ChartCurve) -> None:
@@ -210,7 +211,7 @@ class _Area:
     def _below(self) -> Iterator[str]:
         axis, names = ["─"] * self.width, [" "] * (self.width + 1)
         free = 0
-        for value, text in plain_ticks.ticks(*self.x, max(2, self.width // 12)):
+        for value, text in ticks(*self.x, max(2, self.width // 12)):
             at = min(int((value - self.x[0]) / (self.x[1] - self.x[0]) * self.width), self.width - 1)
             axis[at] = "┬"
             start = min(max(at - len(text) // 2, 0), self.width - len(text))
@@ -277,3 +278,26 @@ def _wrapped(text: str, columns: int) -> Iterator[str]:
             line = ""
         line = f"{line} {word}" if line else _cut(word, columns)
     yield line
+
+
+def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
+    """About `most` round values from low to high, each with a text that tells it from the next."""
+    rough = (high / most) - (low / most)
+    if not (rough > 0 and math.isfinite(rough)):
+        return [(low, f"{low:.6g}")] if math.isfinite(low) else []
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next((part * power for part in STEPS if part * power >= rough * (1 - 1e-9)), 10 * power)
+    if step <= 0.0 or high / step - math.floor(low / step) > 100 * most:
+        return [(low, f"{low:.6g}"), (high, f"{high:.6g}")]
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    values = [number * step for number in range(first, last + 1)]
+    largest = max(map(abs, values), default=0.0)
+    digits = max(1, math.ceil(math.log10(largest / step) + 1e-9) + 2) if largest else 1
+    texts = [f"{value:.{digits}g}" for value in values]
+    if not any("e" in text for text in texts):
+        decimals = max(len(text.partition(".")[2]) for text in texts)
+        texts = [f"{value:.{decimals}f}" for value in values]
+    return [
+        (value, text.replace("e-0", "e-").replace("e+0", "e"))
+        for value, text in zip(values, texts, strict=True)
+    ]

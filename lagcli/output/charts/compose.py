@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
-from lagcli.output.charts import chart_series, overlay_names
+from lagcli.output.charts import chart_table, chart_words
 from lagcli.output.charts.chart import MOST_KEYS, ChartCurve, ChartData, ChartPanel, IncidentDots, LegendKey
-from lagcli.output.charts.chart_series import Series
-from lagcli.output.charts.chart_table import ChartTable
-from lagcli.output.charts.column_words import COMPARABLE, OPEN, ColumnWords
-from lagcli.output.figures import incident_marks, panels
+from lagcli.output.charts.chart_table import ChartTable, Series
+from lagcli.output.charts.chart_words import COMPARABLE, OPEN, ColumnWords
+from lagcli.output.figures import incident_marks, labels, panels
 from lagcli.output.tables import column_choice
 
 Floats = NDArray[np.float64]
@@ -96,7 +95,7 @@ class _Plan:
         self._tables, self._choice = tables, choice
         self._columns = list(dict.fromkeys(name for table in tables for name in table.columns))
         self._words = [ColumnWords(table.columns, table.facts) for table in tables]
-        self._names = overlay_names.distinguishing(
+        self._names = chart_words.distinguishing(
             [table.name for table in tables], [table.origin for table in tables]
         )
         self.x = self._axis()
@@ -150,14 +149,14 @@ class _Plan:
         wanted = list(dict.fromkeys(itertools.chain(*groups)))
         if not wanted:
             return
-        series = chart_series.over(self._tables, self.x, wanted, self._choice.is_log)
+        series = chart_table.over(self._tables, self.x, wanted, self._choice.is_log)
         spans = [table.span for table in series.tables if table.span is not None]
         limits = (min(low for low, _ in spans), max(high for _, high in spans)) if spans else (0.0, 0.0)
         for names in groups:
             for part in self._parts(names, series):
                 yield self._panel(part, series, limits if series.is_time else None)
 
-    def _parts(self, names: list[str], series: chart_series.SeriesSet) -> list[list[str]]:
+    def _parts(self, names: list[str], series: chart_table.SeriesSet) -> list[list[str]]:
         """Columns that share axes: all, or each alone where sizes or runs are too many to be told apart."""
         words = self._words[0]
         kind = words.kind(names[0])
@@ -169,7 +168,7 @@ class _Plan:
         return [[name] for name in names] if (is_apart and not self._choice.is_log) or is_crowded else [names]
 
     def _panel(
-        self, names: list[str], series: chart_series.SeriesSet, limits: tuple[float, float] | None
+        self, names: list[str], series: chart_table.SeriesSet, limits: tuple[float, float] | None
     ) -> ChartPanel:
         words = next(w for w, t in zip(self._words, self._tables, strict=True) if names[0] in t.columns)
         zeros = set() if self._choice.is_log else self._idle(names, words.kind(names[0]), series)
@@ -213,7 +212,7 @@ class _Plan:
         keys = [LegendKey(name, place, 0) for place, name in enumerate(names)]
         return tuple(curves), (*keys, *(LegendKey(name, None, run) for run, name in enumerate(self._names)))
 
-    def _idle(self, names: Sequence[str], kind: str, series: chart_series.SeriesSet) -> set[tuple[int, str]]:
+    def _idle(self, names: Sequence[str], kind: str, series: chart_table.SeriesSet) -> set[tuple[int, str]]:
         """The columns, with their tables, that are zero to rounding, but not exactly zero."""
         floor = panels.ROUND_OFF * max(map(series.largest, names)) if kind in COMPARABLE else 0.0
         return {
@@ -226,7 +225,7 @@ class _Plan:
         }
 
     def _notes(
-        self, names: Sequence[str], kind: str, series: chart_series.SeriesSet, zeros: set[tuple[int, str]]
+        self, names: Sequence[str], kind: str, series: chart_table.SeriesSet, zeros: set[tuple[int, str]]
     ) -> Iterator[str]:
         every = {
             name: [s for run in range(len(self._tables)) if (s := series.find(run, name))] for name in names
@@ -284,7 +283,7 @@ class _Plan:
         for run, table in enumerate(self._tables):
             for place, pair in enumerate(pairs):
                 if set(pair) <= set(table.columns):
-                    x, y = chart_series.path(table, pair)
+                    x, y = chart_table.path(table, pair)
                     label = ", ".join(part for part in (_pair_name(pair), self._names[run]) if part)
                     label = self._names[run] if len(pairs) == 1 and self._names[run] else label
                     number = run * len(pairs) + place
@@ -342,4 +341,4 @@ def _pair_name(pair: tuple[str, str]) -> str:
 def _component(words: ColumnWords, names: Sequence[str]) -> str:
     if len(set(names)) == 1:
         return words.axis(names[:1])
-    return panels.with_unit(names[0].rpartition(".")[2], words.unit(names[0]))
+    return labels.with_unit(names[0].rpartition(".")[2], words.unit(names[0]))

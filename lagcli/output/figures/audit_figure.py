@@ -1,7 +1,6 @@
 """The figure of an audit: every check over time, as a part of its limit."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 from matplotlib import axes, figure
@@ -9,7 +8,6 @@ from matplotlib.backends import backend_agg
 
 from lagcli.auditing.checks.audit_report import Audit, Check
 from lagcli.output.figures import labels, sheet
-from lagcli.output.files import endings
 
 _BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
 _HEIGHT, _FLOOR = 0.62, 1e-9  # inches of one check; what is below that part of its limit is drawn there
@@ -20,10 +18,7 @@ def draw(path: str | os.PathLike[str], found: Audit, unit: str = "s") -> None:
 
     Raises ``endings.UnknownFormat``, OSError.
     """
-    target = Path(path)
-    fmt = endings.of(target, endings.FIGURES)
-    with sheet.style():
-        sheet.write(target, fmt, compose(found, unit))
+    sheet.draw(path, lambda: compose(found, unit))
 
 
 def compose(found: Audit, unit: str = "s") -> figure.Figure:

@@ -1,17 +1,26 @@
-"""Rows for a figure: all of them while they are few, every second, fourth, ... where they are more than it can show."""
+"""Decimation: of rows, curves and paths as many points as a figure can show.
+
+Rows are all there while they are few, and every second, fourth, ... of them where they are more; a curve over time
+keeps the extrema of its stretches; of a path in a plane what goes over the same places again is drawn once.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.simulation.run_state.incident import KINDS
 
+Floats = NDArray[np.float64]
+
 # A figure is some 1 500 pixels wide; this many points on one curve show more than that.
 FEWEST_ROWS = 4096
 NUMBERS = 1 << 22
+# Of a path: points of an orbit that never closes, drawn with a pen of a thousandth of the page, and places that a page
+# tells apart in one direction; coarser than the fewest, it looks like steps.
+PATH_POINTS, CELLS, FEWEST_CELLS = 20_000, 4000, 250
 
 
-class Thinned:
-    """Rows in arrival order, thinned evenly so that their number stays bounded; the last row is always there.
+class DecimatedRows:
+    """Rows in arrival order, decimated evenly so that their number stays bounded; the last row is always there.
 
     marks: times and kinds of incidents among them.
     """
@@ -52,3 +61,82 @@ class Thinned:
     def _keep(self, rows: NDArray[np.float64]) -> None:
         self._blocks.append(rows.copy())
         self._count += len(rows)
+
+
+def extrema(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
+    """Indices of about ``most`` of ``values``, shape (T,): the ends and the extrema of every stretch."""
+    count = len(values)
+    if count <= most:
+        return np.arange(count)
+    stretches = max(1, most // 2)
+    width = -(-count // stretches)
+    first = np.arange(stretches) * width
+    none = np.isnan(values)
+    padded = np.empty((stretches, width))
+    padded.ravel()[:count] = values
+    padded.ravel()[count:] = np.nan
+    has_gaps = count < padded.size or bool(none.any())
+    lowest, highest = (
+        (first + pick(np.where(np.isnan(padded), other, padded) if has_gaps else padded, axis=1)).clip(
+            max=count - 1
+        )
+        for pick, other in ((np.argmin, np.inf), (np.argmax, -np.inf))
+    )
+    # A curve is broken where it has no value; where that is so too often to be seen, it is by stretches of none.
+    breaks = np.flatnonzero(none)
+    breaks = breaks[: len(breaks) if len(breaks) <= most else 0]
+    return np.unique(np.concatenate([lowest, highest, breaks, [0, count - 1]]))
+
+
+def path(x: Floats, y: Floats, most: int = PATH_POINTS, cells: int = CELLS) -> tuple[Floats, Floats]:
+    """About `most` points of the curve through x and y (T,), which looks the same to `cells` places across.
+
+    Pieces that are left are parted by nan, where a curve is broken.
+    """
+    if len(x) <= most:
+        return x, y
+    while True:
+        kept, keys = _moved(x, y, cells)
+        if len(kept) <= most:
+            return x[kept], y[kept]
+        pieces = _new_pieces(keys)
+        if len(pieces) <= most or cells <= FEWEST_CELLS:
+            break
+        cells //= 2
+    # Noise goes to new places for ever: every so many pieces of it look like all of them.
+    return _joined(x[kept], y[kept], pieces[:: -(-len(pieces) // most)])
+
+
+def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """The points at which the curve comes to another cell, and the last one, with their cells; -1 for nan."""
+    keys = np.zeros(len(x), dtype=np.int64)
+    lost = np.zeros(len(x), dtype=bool)
+    for values in (x, y):
+        finite = np.isfinite(values)
+        lost |= ~finite
+        low, high = (values[finite].min(), values[finite].max()) if finite.any() else (0.0, 0.0)
+        span = high / 2 - low / 2 or 1.0  # halves: twice the largest double is none
+        place = np.where(finite, (values / 2 - low / 2) / span * (cells - 1), 0.0)
+        keys = keys * cells + place.astype(np.int64)
+    keys[lost] = -1
+    changes = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
+    kept = np.union1d(changes, [len(x) - 1])
+    return kept, keys[kept]
+
+
+def _new_pieces(keys: NDArray[np.int64]) -> NDArray[np.intp]:
+    """The places of points from which a piece leads to the next that no piece before has led over, either way."""
+    low, high = np.minimum(keys[:-1], keys[1:]), np.maximum(keys[:-1], keys[1:])
+    pairs = low * (CELLS * CELLS) + high
+    _, first = np.unique(pairs, return_index=True)
+    return np.sort(first[low[first] >= 0])
+
+
+def _joined(x: Floats, y: Floats, pieces: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    """The points of pieces, those that follow each other joined, others parted by nan."""
+    starts = np.flatnonzero(np.diff(pieces, prepend=-2) != 1)
+    ends = np.append(starts[1:], len(pieces))
+    index = np.concatenate(
+        [part for s, e in zip(starts, ends, strict=True) for part in (pieces[s:e], [pieces[e - 1] + 1, -1])]
+    ).astype(np.intp)
+    return tuple(np.where(index < 0, np.nan, values[index]) for values in (x, y))  # type: ignore[return-value]

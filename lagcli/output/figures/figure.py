@@ -3,15 +3,13 @@
 import itertools
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import matplotlib
 import numpy as np
 from matplotlib import collections, figure
 from numpy.typing import NDArray
 
-from lagcli.output.figures import incident_marks, labels, panels, sheet
-from lagcli.output.files import endings
+from lagcli.output.figures import axis_scale, incident_marks, labels, panels, sheet
 
 
 def draw(
@@ -20,7 +18,7 @@ def draw(
     rows: NDArray[np.float64],
     *,
     title: str,
-    units: panels.PanelUnits,
+    units: labels.UnitLabels,
     facts: panels.PanelFacts = panels.NOTHING,
 ) -> None:
     """Draw the multipliers and constraint forces of a run to ``path``: png, svg or pdf.
@@ -31,11 +29,7 @@ def draw(
     The file is written aside and moved into place.
     Raises ``endings.UnknownFormat``, OSError, and ValueError where the column ``t`` is missing.
     """
-    target = Path(path)
-    fmt = endings.of(target, endings.FIGURES)
-    with sheet.style():
-        drawn = compose(columns, rows, title=title, units=units, facts=facts)
-        sheet.write(target, fmt, drawn)
+    sheet.draw(path, lambda: compose(columns, rows, title=title, units=units, facts=facts))
 
 
 def compose(
@@ -43,7 +37,7 @@ def compose(
     rows: NDArray[np.float64],
     *,
     title: str,
-    units: panels.PanelUnits,
+    units: labels.UnitLabels,
     facts: panels.PanelFacts = panels.NOTHING,
 ) -> figure.Figure:
     """The figure that ``draw`` writes; arguments and errors are those of ``draw``."""
@@ -52,7 +46,7 @@ def compose(
         *(labels.shortened(u, labels.UNIT) for u in (units.length, units.mass, units.time))
     )
     found = panels.bands(columns, rows, units, facts)
-    time = panels.with_unit("t", units.time.strip())
+    time = labels.with_unit("t", units.time.strip())
     with sheet.style():
         ruler = sheet.Ruler([title, *columns, units.length, units.mass, units.time])
         matplotlib.rcParams["font.family"] = ruler.families
@@ -110,10 +104,10 @@ def _grid(
             break
     heads = [
         max((sheet.text_height(title, size) for title in row if title), default=0.06) + 0.02
-        for row in sheet.batched(titles, across)
+        for row in (titles[k : k + across] for k in range(0, count, across))
     ]
     tops = list(itertools.accumulate((head + high + 0.08 for head in heads), initial=0.0))
-    times = sheet.scale_of(*_time_limits(band), most=6 if across <= 2 else 3)
+    times = axis_scale.scale_of(*_time_limits(band), most=6 if across <= 2 else 3)
 
     def draw(page: sheet.FigurePage, start: float) -> None:
         middle = start + heads[0] + (tops[-1] - heads[0]) / 2
@@ -124,7 +118,7 @@ def _grid(
             bottom = place + across >= count
             page.text(left, top, titles[place], size)
             plot = page.axes(left, top + heads[row], width, high)
-            sheet.ticks(plot, times, scales[place], size - 1, times_named=bottom)
+            axis_scale.ticks(plot, times, scales[place], size - 1, times_named=bottom)
             sheet.put_marks(plot, marks)
             for number, curve in enumerate(panel.curves):
                 marker = "o" if len(curve.t) == 1 else None
@@ -144,7 +138,7 @@ def _family(
     named = sheet.named_places(names, high, size)
     beside = 0.1 + max(ruler.width(line, size) for place in named for line in names[place].split("\n"))
     scale = _value_scale(panel, 0.0, most=5)
-    times = sheet.scale_of(*_time_limits(band), most=6)
+    times = axis_scale.scale_of(*_time_limits(band), most=6)
     label = ruler.wrap(band.label, high, 8)
     left = (
         sheet.MARGIN
@@ -166,7 +160,7 @@ def _family(
             multialignment="center",
         )
         plot = page.axes(left, top, width, high)
-        sheet.ticks(plot, times, scale, size, times_named=True)
+        axis_scale.ticks(plot, times, scale, size, times_named=True)
         sheet.put_marks(plot, marks)
         shade = sheet.shades()(np.linspace(0, 1, count))
         paths = [np.column_stack([curve.t, curve.values]) for curve in panel.curves]
@@ -180,9 +174,9 @@ def _family(
     return sheet.FigureBlock(0.06 + high + 0.22, draw)
 
 
-def _value_scale(panel: panels.Panel, floor: float, most: int) -> sheet.Scale:
+def _value_scale(panel: panels.Panel, floor: float, most: int) -> axis_scale.Scale:
     """The scale of the values of a panel."""
-    return sheet.value_scale((curve.values for curve in panel.curves), floor, most)
+    return axis_scale.value_scale((curve.values for curve in panel.curves), floor, most)
 
 
 def _time_limits(band: panels.Band) -> tuple[float, float]:

@@ -3,7 +3,6 @@
 import dataclasses
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib import axes, axis, figure, ticker
@@ -11,7 +10,6 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.output.figures import labels, sheet
-from lagcli.output.files import endings
 
 _BLUE, _RED, _GREY, _GREEN = "#0072B2", "#D55E00", "#888888", "#009E73"
 
@@ -41,10 +39,7 @@ def draw(path: str | os.PathLike[str], curves: LimitCurves, title: str, unit: st
 
     Raises ``endings.UnknownFormat``, OSError.
     """
-    target = Path(path)
-    fmt = endings.of(target, endings.FIGURES)
-    with sheet.style():
-        sheet.write(target, fmt, compose(curves, title, unit))
+    sheet.draw(path, lambda: compose(curves, title, unit))
 
 
 def compose(curves: LimitCurves, title: str, unit: str = "s") -> figure.Figure:

@@ -2,7 +2,6 @@
 
 import itertools
 import os
-from pathlib import Path
 
 import numpy as np
 from matplotlib import axes, figure
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 
 from lagcli.analysis.holonomy import witness
 from lagcli.output.figures import labels, sheet
-from lagcli.output.files import endings
 
 WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
 NEAR = 0.07  # of the width of a plot: numbers closer than this would overlap
@@ -23,10 +21,7 @@ def draw(path: str | os.PathLike[str], found: witness.Witness) -> None:
 
     Raises ``endings.UnknownFormat``, OSError.
     """
-    target = Path(path)
-    fmt = endings.of(target, endings.FIGURES)
-    with sheet.style():
-        sheet.write(target, fmt, compose(found))
+    sheet.draw(path, lambda: compose(found))
 
 
 def compose(found: witness.Witness) -> figure.Figure:

@@ -1,7 +1,6 @@
 """The figure of modes: each shape over the coordinates, or of particles over the particles."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 from matplotlib import axes, figure
@@ -10,7 +9,6 @@ from numpy.typing import NDArray
 
 from lagcli.linearization.linear_modes import Modes
 from lagcli.output.figures import labels, sheet
-from lagcli.output.files import endings
 
 MOST_PANELS, COLUMNS = 12, 3  # of one page, and in one line of it
 # More bars than these are drawn as a line.
@@ -24,10 +22,7 @@ def draw(path: str | os.PathLike[str], found: Modes, title: str) -> None:
 
     Raises ``endings.UnknownFormat``, OSError.
     """
-    target = Path(path)
-    fmt = endings.of(target, endings.FIGURES)
-    with sheet.style():
-        sheet.write(target, fmt, compose(found, title))
+    sheet.draw(path, lambda: compose(found, title))
 
 
 def compose(found: Modes, title: str) -> figure.Figure:

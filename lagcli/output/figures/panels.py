@@ -7,19 +7,19 @@ panel only while their values are of like size.
 
 import dataclasses
 from collections.abc import Collection, Iterable, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.model import dimension_facts
+from lagcli.output.figures import decimate
+from lagcli.output.figures.labels import UnitLabels, force_unit, multiplier_unit, with_unit
 
 _OVERLAID = 6  # curves in one panel whose colors are told apart
 _LIKE_SIZE = 30.0  # curves with ranges that differ by more have panels of their own
 _MULTIPLIER_PANELS = 50  # of more rows all curves stand in one panel
 _FORCE_PANELS = 12  # of more particles one panel shows the sizes of all; names in a note
 _NUMBERS = 100_000  # of a figure, shared by its curves, which are thinned to 200 points at the least
-_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 _MARK = " (not unique)"
 _NOT_UNIQUE = (
     "not unique: the constraints are dependent, and of all λ with the same R those with the least Σ λᵢ² Bᵢ M⁻¹ Bᵢᵀ are"
@@ -27,17 +27,6 @@ _NOT_UNIQUE = (
 )
 # Below this part of the largest value a curve is round-off.
 ROUND_OFF = 1e-12
-
-
-class PanelUnits(Protocol):
-    """Labels of the units of length, mass and time."""
-
-    @property
-    def length(self) -> str: ...
-    @property
-    def mass(self) -> str: ...
-    @property
-    def time(self) -> str: ...
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -97,14 +86,14 @@ class _Table:
 
     def curve(self, label: str, values: NDArray[np.float64], of: int) -> Curve:
         """The curve, thinned for a figure that shows ``of`` of them."""
-        kept = thinned(values, min(4000, max(200, _NUMBERS // of)))
+        kept = decimate.extrema(values, min(4000, max(200, _NUMBERS // of)))
         return Curve(label, self.column("t")[kept], values[kept])
 
 
 def bands(
     columns: Sequence[str],
     rows: NDArray[np.float64],
-    units: PanelUnits,
+    units: UnitLabels,
     facts: PanelFacts = NOTHING,
 ) -> list[Band]:
     """The bands of the figure of a run, from top to bottom.
@@ -142,59 +131,7 @@ def bands(
     return found
 
 
-def thinned(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
-    """Indices of about ``most`` of ``values``, shape (T,): the ends and the extrema of every stretch."""
-    count = len(values)
-    if count <= most:
-        return np.arange(count)
-    stretches = max(1, most // 2)
-    width = -(-count // stretches)
-    first = np.arange(stretches) * width
-    none = np.isnan(values)
-    padded = np.empty((stretches, width))
-    padded.ravel()[:count] = values
-    padded.ravel()[count:] = np.nan
-    has_gaps = count < padded.size or bool(none.any())
-    lowest, highest = (
-        (first + pick(np.where(np.isnan(padded), other, padded) if has_gaps else padded, axis=1)).clip(
-            max=count - 1
-        )
-        for pick, other in ((np.argmin, np.inf), (np.argmax, -np.inf))
-    )
-    # A curve is broken where it has no value; where that is so too often to be seen, it is by stretches of none.
-    breaks = np.flatnonzero(none)
-    breaks = breaks[: len(breaks) if len(breaks) <= most else 0]
-    return np.unique(np.concatenate([lowest, highest, breaks, [0, count - 1]]))
-
-
-def force_unit(units: PanelUnits, length_power: int = 1) -> str:
-    """The label of mass length^p / time^2: a force for ``length_power`` 1, a force times a length for 2.
-
-    Newton and its multiples where the labels are kg, m, s; empty where all labels are empty or "1".
-    """
-    labels = [units.mass.strip(), units.length.strip(), units.time.strip()]
-    if labels == ["kg", "m", "s"]:
-        more = length_power - 1
-        return f"N·{_power('m', more)}" if more > 0 else f"N/{_power('m', -more)}" if more else "N"
-    # A label of more than one word is one unit here, so a power must not fall on its last letter only.
-    mass, length, time = (label if label.isalnum() or not label else f"({label})" for label in labels)
-    above = [mass] * (mass not in ("", "1"))
-    below = [_power(time, 2)] * (time not in ("", "1"))
-    if length_power and length not in ("", "1"):
-        (above if length_power > 0 else below).append(_power(length, abs(length_power)))
-    return " ".join(above) if not below else "/".join([" ".join(above) or "1", *below])
-
-
-def _power(label: str, exponent: int) -> str:
-    return label if exponent == 1 else label + "".join(_RAISED[int(digit)] for digit in str(exponent))
-
-
-def with_unit(quantity: str, unit: str) -> str:
-    """A label such as ``t  (s)``; the quantity alone where it has no unit."""
-    return f"{quantity}  ({unit})" if unit not in ("", "1") else quantity
-
-
-def _multipliers(table: _Table, names: list[str], units: PanelUnits, facts: PanelFacts) -> Band:
+def _multipliers(table: _Table, names: list[str], units: UnitLabels, facts: PanelFacts) -> Band:
     heading = "Multipliers λᵢ of the constraints"
     indeterminate = facts.indeterminate
     units_of = [multiplier_unit(name, units, facts.dimensions) for name in names]
@@ -221,16 +158,7 @@ def _multipliers(table: _Table, names: list[str], units: PanelUnits, facts: Pane
     return Band(heading, label, panels, note=note)
 
 
-def multiplier_unit(column: str, units: PanelUnits, known: dimension_facts.DimensionFacts) -> str:
-    """The label of the unit of a column `lambda.NAME`: newton where f is a length, N·m where it is an angle or a
-    number, else what its equation says."""
-    power = known.length(column.removeprefix("lambda."))
-    if power is not None and power == int(power):
-        return force_unit(units, length_power=2 - int(power))
-    return f"{force_unit(units, length_power=2) or '1'} / unit of fᵢ"
-
-
-def _particle_forces(table: _Table, particles: list[str], units: PanelUnits) -> Band:
+def _particle_forces(table: _Table, particles: list[str], units: UnitLabels) -> Band:
     heading = "Constraint forces Rₖ on the particles"
     forces = {
         name: np.stack([table.column(f"R.{name}.{axis}") for axis in "xyz"], axis=1) for name in particles
@@ -253,7 +181,7 @@ def _particle_forces(table: _Table, particles: list[str], units: PanelUnits) -> 
     return Band(heading, with_unit("Rₖ", unit), tuple(panels), note=note)
 
 
-def _coordinate_forces(table: _Table, coordinates: list[str], units: PanelUnits, facts: PanelFacts) -> Band:
+def _coordinate_forces(table: _Table, coordinates: list[str], units: UnitLabels, facts: PanelFacts) -> Band:
     heading = "Generalized constraint forces Qʹⱼ on the coordinates"
     unit = force_unit(units, length_power=2)
     are_angles = {dimension_facts.base(name) for name in coordinates} <= facts.dimensions.angles

@@ -3,7 +3,6 @@
 import dataclasses
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib import axes, figure
@@ -11,7 +10,6 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.output.figures import labels, sheet
-from lagcli.output.files import endings
 
 _COLOURS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _BLUE, _RED = "#0072B2", "#D55E00"
@@ -43,10 +41,7 @@ def draw(
 
     The first ``MOST`` columns are drawn. Written aside and moved into place. Raises ``endings.UnknownFormat``, OSError.
     """
-    target = Path(path)
-    fmt = endings.of(target, endings.FIGURES)
-    with sheet.style():
-        sheet.write(target, fmt, compose(motions, shown, title, unit))
+    sheet.draw(path, lambda: compose(motions, shown, title, unit))
 
 
 def compose(

@@ -9,19 +9,19 @@ import bisect
 import contextlib
 import dataclasses
 import io
+import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypedDict, Unpack
 
 import matplotlib
 import numpy as np
-from matplotlib import axes, colors, figure, font_manager, lines, textpath, ticker
+from matplotlib import axes, colors, figure, font_manager, lines, textpath
 from matplotlib.backends import backend_agg
-from numpy.typing import NDArray
 
 from lagcli.output.figures import incident_marks, labels
-from lagcli.output.files import atomic_file
+from lagcli.output.files import atomic_file, endings
 
 Dash = Literal["-"] | tuple[float, tuple[float, ...]]
 
@@ -119,25 +119,23 @@ METADATA: dict[str, dict[str, str | None]] = {
 }
 
 
-def write(target: Path, fmt: str, drawn: figure.Figure) -> None:
-    """A figure in a format of ``endings.FIGURES``, written aside and moved into place. Raises OSError."""
-    place = atomic_file.Aside(target)
-    with atomic_file.undone_by(place.discard):
-        _save(place.path, fmt, drawn)
-        place.commit()
+def draw(path: str | os.PathLike[str], composed: Callable[[], figure.Figure]) -> None:
+    """Write the figure that `composed` makes to ``path``: png, svg or pdf, aside and moved into place.
+
+    Raises ``endings.UnknownFormat``, before anything is drawn, and OSError.
+    """
+    target = Path(path)
+    fmt = endings.of(target, endings.FIGURES)
+    with style():
+        atomic_file.write(target, content(fmt, composed()))
 
 
 def content(fmt: str, drawn: figure.Figure) -> bytes:
     """A figure in a format of ``endings.FIGURES``, as the bytes of a file."""
     made = io.BytesIO()
-    with style():
-        _save(made, fmt, drawn)
+    with style(), any_sign():
+        drawn.savefig(made, format=fmt, metadata=METADATA[fmt])
     return made.getvalue()
-
-
-def _save(file: Path | io.BytesIO, fmt: str, drawn: figure.Figure) -> None:
-    with any_sign():
-        drawn.savefig(file, format=fmt, metadata=METADATA[fmt])
 
 
 @contextlib.contextmanager
@@ -346,67 +344,6 @@ def put_marks(plot: axes.Axes, marks: Sequence[incident_marks.IncidentMarks]) ->
             linewidths=0.3 if mark.is_dense else 0.7,
             zorder=0.5,
         )
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Scale:
-    """The range of an axis with its ticks and their texts."""
-
-    limits: tuple[float, float]
-    values: tuple[float, ...]
-    texts: tuple[str, ...]
-
-
-def value_scale(curves: Iterable[NDArray[np.float64]], floor: float, most: int) -> Scale:
-    """The scale of the values of curves, not so fine that round-off about a constant looks like a motion.
-
-    floor: what is not larger is drawn as zero.
-    """
-    finite = [curve[np.isfinite(curve)] for curve in curves]
-    values = np.concatenate([*finite, np.zeros(0)])
-    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-    largest = max(abs(low), abs(high))
-    if largest <= max(floor, 1e-280):
-        return Scale((-1.0, 1.0), (0.0,), ("0",))
-    half = 1.08 * max(high / 2 - low / 2, 5e-4 * largest)
-    middle = high / 2 + low / 2
-    return scale_of(middle - half, middle + half, most)
-
-
-def scale_of(low: float, high: float, most: int) -> Scale:
-    """A scale with about ``most`` ticks, each told apart from the next by its text."""
-    found = ticker.MaxNLocator(nbins=most, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
-    step = float(found[1] - found[0])
-    values = [0.0 if abs(value) < 1e-9 * step else float(value) for value in found if low <= value <= high]
-    digits = max(6, int(np.log10(max(abs(low), abs(high)) / step)) + 3)
-    texts = [f"{value:.{digits}g}" for value in values]
-    if not any("e" in text for text in texts):
-        decimals = max(len(text.partition(".")[2]) for text in texts)
-        texts = [f"{value:.{decimals}f}" for value in values]
-    texts = [number_text(text) for text in texts]
-    return Scale((low, high), tuple(values), tuple(texts))
-
-
-def number_text(text: str) -> str:
-    """A number as text with a minus sign and a short exponent."""
-    mantissa, _, exponent = text.partition("e")
-    power = f"e{int(exponent)}" if exponent else ""
-    return (mantissa + power).replace("-", "−")
-
-
-def ticks(plot: axes.Axes, times: Scale, scale: Scale, size: float, *, times_named: bool) -> None:
-    """Put two scales on axes, and a line at zero."""
-    plot.set_xlim(*times.limits)
-    plot.set_ylim(*scale.limits)
-    plot.set_xticks(times.values, times.texts if times_named else [""] * len(times.values), fontsize=size)
-    plot.set_yticks(scale.values, scale.texts, fontsize=size)
-    if scale.limits[0] < 0 < scale.limits[1]:
-        plot.axhline(0, color="#cccccc", linewidth=0.6, zorder=0)
-
-
-def batched(items: Sequence[str], size: int) -> list[Sequence[str]]:
-    """The items in groups of a size; the last may be smaller."""
-    return [items[start : start + size] for start in range(0, len(items), size)]
 
 
 def shades() -> colors.ListedColormap:

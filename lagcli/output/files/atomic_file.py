@@ -79,6 +79,14 @@ class Aside:
             _begun.discard(self.path)
 
 
+def write(target: Path, content: bytes, durably: bool = False) -> None:
+    """Write a file as a whole: aside, and moved into place. Raises OSError; the target is as it was then."""
+    file = Aside(target)
+    with undone_by(file.discard):
+        file.path.write_bytes(content)
+        file.commit(durably)
+
+
 @contextlib.contextmanager
 def undone_by(undo: Callable[[], object]) -> Iterator[None]:
     """Call `undo` where the block fails, of an interrupt too; the exception goes on."""

@@ -7,8 +7,15 @@ which `derive` has made and escaped.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from lagcli.output.figures.sheet import SheetFigure
+
+# Bytes of a drawing in lines; one of more is painted in points, which are never so many.
+MOST_DRAWN = 600_000
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -98,3 +105,20 @@ class ReportContents:
     def figures(self) -> tuple[PageFigure, ...]:
         """All pictures, in their order."""
         return tuple(b for section in self.sections for b in section.blocks if isinstance(b, PageFigure))
+
+
+def drawing(name: str, svg: str, words: str, pdf: Callable[[], bytes]) -> PageFigure:
+    """The picture of a drawing that is an element of SVG; pdf: makes it as PDF."""
+    return PageFigure(name, "svg", svg.encode(), words, pdf)
+
+
+def picture(name: str, drawn: SheetFigure, words: str) -> PageFigure:
+    """The picture of a figure; `words`: what it shows."""
+    # A page is written without matplotlib.
+    from lagcli.output.figures import sheet
+
+    lines = sheet.content("svg", drawn)
+    pdf = functools.partial(sheet.content, "pdf", drawn)
+    if len(lines) <= MOST_DRAWN:
+        return PageFigure(name, "svg", lines, words, pdf)
+    return PageFigure(name, "png", sheet.content("png", drawn), words, pdf)

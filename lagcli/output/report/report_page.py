@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import os
 from pathlib import Path
@@ -62,9 +61,5 @@ def figure_folder(target: Path) -> Path:
 
 
 def _written(target: Path, content: bytes) -> Path:
-    place = atomic_file.Aside(target)
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(atomic_file.undone_by(place.discard))
-        place.path.write_bytes(content)
-        place.commit()
+    atomic_file.write(target, content)
     return target

@@ -13,7 +13,7 @@ from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows
 from lagcli.model.model import Model, Units
 from lagcli.output.figures import labels
-from lagcli.output.report import model_listing, model_tables
+from lagcli.output.report import model_on_page
 from lagcli.output.report.report_contents import (
     Block,
     PageEquations,
@@ -122,8 +122,8 @@ def _glance(parts: ReportParts) -> Iterator[tuple[str, str]]:
 
 
 def _model(model: Model) -> Iterator[Block]:
-    yield from model_tables.tables(model)
-    yield model_listing.listing(model.text, model.path)
+    yield from model_on_page.tables(model)
+    yield model_on_page.listing(model.text, model.path)
 
 
 def _verdicts(checked: Report) -> Iterator[Block]:

@@ -1,0 +1,230 @@
+"""Curves and nets on which functions of one place are zero.
+
+A curve, which two rows keep a particle on, or the line of a wall in a planar motion, is followed step by step, at all T
+instants at once where it moves. A surface that is nothing simpler is a net of heights around what moves on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+# Of places (T, k, 3) to values (T, k); T = 1 for what does not move.
+Function = Callable[[Floats], Floats]
+
+STEPS = 1600  # of a curve, each way
+FINE = 240.0  # steps to the size of what is seen
+COARSE = 80.0  # the same of a curve that moves, of which each instant is followed
+CORNERS = 64  # of a curve that moves, at each instant
+REACH = 0.6  # sizes of the scene from its centre at which a curve is broken off
+CORRECTIONS, EXACT = 16, 1e-9  # Newton's steps onto the curve, and how far from it they may end
+DIFFERENCE = 1e-6  # of the size: the step of differences, whose rounding and truncation are both 1e-10
+NODES = 17  # of the net along both directions
+MOVING_NODES = 13  # the same of a net that moves, whose heights at each instant take room in a page
+AROUND = 0.15  # of the size of the scene, by which the net reaches beyond what moves
+NET_STEPS = 30  # Newton's; where they have not ended by then the net is left open
+MOST_SHEETS = 3  # of a surface at rest
+SAME_HEIGHT = 1e-6  # of the size: heights closer than this are one
+
+
+def gradient(function: Function, places: Floats, size: float) -> Floats:
+    """Central differences at places (T, k, 3), as (T, k, 3)."""
+    return _expanded([function], places, size)[1][:, :, 0]
+
+
+def _expanded(functions: Sequence[Function], places: Floats, size: float) -> tuple[Floats, Floats]:
+    """Values (T, k, m) of m functions at places (T, k, 3), and their gradients (T, k, m, 3)."""
+    count, width = places.shape[:2]
+    step = DIFFERENCE * size
+    moves = step * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    around = (places[:, :, None] + moves).reshape(count, -1, 3)
+    found = [np.broadcast_to(one(around), around.shape[:2]).reshape(count, width, 7) for one in functions]
+    values = np.stack(found, axis=2)
+    return values[..., 0], (values[..., 1:4] - values[..., 4:]) / (2 * step)
+
+
+def nearest(functions: Sequence[Function], places: Floats, size: float) -> tuple[Floats, Floats]:
+    """The places (T, k, 3) near these at which all functions are zero, by Newton's steps of least length, nan where
+    there is none; and the gradients there (T, k, m, 3)."""
+    for _ in range(CORRECTIONS):
+        values, rows = _expanded(functions, places, size)
+        lengths = np.linalg.norm(rows, axis=-1)
+        known = (
+            np.isfinite(values).all(axis=-1) & np.isfinite(lengths).all(axis=-1) & (lengths > 0).all(axis=-1)
+        )
+        reached = known & np.all(np.abs(values) <= EXACT * size * lengths, axis=-1)
+        if np.all(reached | ~known):
+            break
+        moving = known & ~reached
+        inverse = np.linalg.pinv(np.where(moving[..., None, None], rows, 0.0))
+        move = -(inverse @ np.where(moving[..., None], values, 0.0)[..., None])[..., 0]
+        move[np.linalg.norm(move, axis=-1) > size] = np.nan
+        places = np.where(known[..., None], places + move, np.nan)
+    return np.where(reached[..., None], places, np.nan), rows
+
+
+def followed(functions: Sequence[Function], starts: Floats, size: float, centre: Floats) -> Floats:
+    """The curve on which two functions are zero, as points (T, k, 3), both ways from starts (T, 3) near it; closed
+    curves end where they begin, others where they leave what is seen. nan where there is none; empty if there is none
+    at any instant."""
+    count = len(starts)
+    step = size / (FINE if count == 1 else COARSE)
+    first, rows = nearest(functions, starts[:, None], size)
+    place, rows = np.repeat(first, 2, axis=1), np.repeat(rows, 2, axis=1)
+    going = np.isfinite(place).all(axis=-1)
+    last = np.cross(rows[:, :, 0], rows[:, :, 1]) * np.array([1.0, -1.0])[:, None]
+    closed = np.zeros(count, dtype=bool)
+    path = []
+    for number in range(STEPS):
+        direction = np.cross(rows[:, :, 0], rows[:, :, 1])
+        length = np.linalg.norm(direction, axis=-1)
+        going &= length > EXACT * np.linalg.norm(rows, axis=-1).prod(axis=-1)
+        turned = np.where((direction * last).sum(axis=-1) < 0, -length, length)
+        last = direction / np.where(going, turned, np.nan)[..., None]
+        there, rows = nearest(functions, place + step * last, size)
+        gap = np.linalg.norm(there - place, axis=-1)
+        going &= (gap > 0.2 * step) & (gap < 3 * step)
+        if number > 2:
+            back = going[:, 0] & (np.linalg.norm(there[:, 0] - first[:, 0], axis=-1) < 0.8 * step)
+            closed |= back
+            going[back] = False
+        place = np.where(going[..., None], there, np.nan)
+        path.append(place)
+        going &= np.linalg.norm(there - centre, axis=-1) <= REACH * size
+        if not going.any():
+            break
+    ways = np.array(path).reshape(-1, count, 2, 3)
+    lines = [_joined(first[k, 0], ways[:, k], bool(closed[k])) for k in range(count)]
+    if not any(map(len, lines)):
+        return np.zeros((count, 0, 3))
+    return lines[0][None] if count == 1 else np.array([_even(one) for one in lines])
+
+
+def _joined(first: Floats, ways: Floats, closed: bool) -> Floats:
+    """The points (k, 3) of a curve from one place both ways (K, 2, 3), which end in nan; none of fewer than three."""
+    ahead, back = (way[np.isfinite(way).all(axis=-1)] for way in (ways[:, 0], ways[:, 1]))
+    middle = first[None]
+    found = np.concatenate([middle, ahead, middle] if closed else [back[::-1], middle, ahead])
+    return found if len(found) > 2 and np.isfinite(first).all() else np.zeros((0, 3))
+
+
+def _even(line: Floats) -> Floats:
+    """`CORNERS` points of a line (k, 3), evenly along it; nan of none."""
+    if not len(line):
+        return np.full((CORNERS, 3), np.nan)
+    along = np.concatenate([[0.0], np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()])
+    wanted = np.linspace(0.0, along[-1], CORNERS)
+    return np.stack([np.interp(wanted, along, line[:, axis]) for axis in range(3)], axis=-1)
+
+
+def nets(function: Function, track: Floats, size: float, moves: bool) -> list[Floats]:
+    """The nodes (1 or T, k * k, 3) of nets on function = 0 around a track (T, 3), by heights over a plane of two axes;
+    nan where the surface has no height. A surface that bends back has several nets, one that moves the nearest."""
+    touched = track
+    if not moves:
+        gap = np.abs(np.broadcast_to(function(track[None]), (1, len(track))))
+        touched = track[[int(np.argmin(np.where(np.isfinite(gap), gap, np.inf)))]]
+    slope = np.abs(gradient(function, touched[:, None], size)).max(axis=(0, 1))
+    if not np.isfinite(slope).all() or not slope.any():
+        return []
+    straight = _straight(function, touched, slope, size)
+    if moves or straight is not None:
+        up = int(np.argmax(slope)) if straight is None else straight
+        found = _sheets(function, track, up, size, touched[:, up])
+        return [found] if np.isfinite(found).any(axis=1).all() else []
+    # Over each plane from below, from above and from the middle; the plane over which most of the track is met.
+    best, most = list[Floats](), 0.0
+    for up in range(3):
+        heights = np.array(
+            [track[:, up].min() - AROUND * size, track[:, up].max() + AROUND * size, touched[0, up]]
+        )
+        found = _apart(_sheets(function, track, up, size, heights), up, size)
+        met = _met(found, track, size)
+        if met > most:
+            best, most = [one[None] for one in found if np.isfinite(one[:, up]).any()], met
+    return best
+
+
+def _sheets(function: Function, track: Floats, up: int, size: float, heights: Floats) -> Floats:
+    """A net (H, k * k, 3) from each of the heights (H,) at which it is begun."""
+    nodes = NODES if len(heights) <= MOST_SHEETS else MOVING_NODES
+    across = [axis for axis in range(3) if axis != up]
+    low, high = track.min(axis=0) - AROUND * size, track.max(axis=0) + AROUND * size
+    lines = [np.linspace(low[axis], high[axis], nodes) for axis in across]
+    start = np.zeros((len(heights), nodes, nodes, 3))
+    start[..., across[0]], start[..., across[1]] = np.meshgrid(*lines, indexing="ij")
+    start[..., up] = heights[:, None, None]
+    places, there = _lifted(function, start.reshape(len(heights), -1, 3), up, size)
+    there &= (places[..., up] > low[up] - AROUND * size) & (places[..., up] < high[up] + AROUND * size)
+    places[~there, up] = np.nan
+    return places
+
+
+def _apart(sheets: Floats, up: int, size: float) -> Floats:
+    """The nets (H, k, 3), without what an earlier one of them holds."""
+    heights = sheets[..., up]
+    for number in range(1, len(sheets)):
+        gaps = np.abs(heights[number] - heights[:number])
+        heights[number, (gaps <= SAME_HEIGHT * size).any(axis=0)] = np.nan
+    return sheets
+
+
+def _met(sheets: Floats, track: Floats, size: float) -> float:
+    """The part of a track (T, 3) that is near a node of the nets."""
+    nodes = sheets.reshape(-1, 3)
+    nodes = nodes[np.isfinite(nodes).all(axis=1)]
+    if not len(nodes):
+        return 0.0
+    some = track[:: max(1, len(track) // 100)]
+    apart = np.linalg.norm(some[:, None] - nodes, axis=-1).min(axis=1)
+    return float(np.mean(apart <= 2 * size / NODES))
+
+
+def triangles(nodes: Floats) -> Floats:
+    """Corners (3 k, 3) of the triangles of a net (n * n, 3), two a square a b c d: a b c and a c d."""
+    side = round(len(nodes) ** 0.5)
+    grid = nodes.reshape(side, side, 3)
+    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+    squares = np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 6, 3)
+    return squares[np.isfinite(squares).all(axis=(1, 2))].reshape(-1, 3)
+
+
+def strings(nodes: Floats) -> Floats:
+    """The lines of a net (n * n, 3) along both directions, as points (k, 3) with nan between them."""
+    side = round(len(nodes) ** 0.5)
+    grid = nodes.reshape(side, side, 3)
+    gap = np.full((side, 1, 3), np.nan)
+    ways = [np.concatenate([lines, gap], axis=1) for lines in (grid, grid.transpose(1, 0, 2))]
+    return np.concatenate(ways).reshape(-1, 3)
+
+
+def _straight(function: Function, places: Floats, slope: Floats, size: float) -> int | None:
+    """An axis along which the function is straight, so that there is one height everywhere; or None."""
+    steps = size * np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
+    for axis in (2, 1, 0):
+        line = np.repeat(places[:, None], len(steps), axis=1)
+        line[..., axis] += steps
+        values = np.broadcast_to(function(line), line.shape[:2])
+        bend = np.abs(np.diff(values, 2, axis=1)).max()
+        if np.isfinite(bend) and slope[axis] > 0 and bend <= EXACT * np.abs(values).max():
+            return axis
+    return None
+
+
+def _lifted(function: Function, places: Floats, up: int, size: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """Places (T, k, 3) moved along one axis onto the surface by Newton's steps, and which of them stand on it."""
+    step = np.zeros(3)
+    step[up] = DIFFERENCE * size
+    places, there = places.copy(), np.zeros(places.shape[:2], dtype=bool)
+    for _ in range(NET_STEPS):
+        values = np.broadcast_to(function(places), there.shape)
+        slope = (function(places + step) - function(places - step)) / (2 * step[up])
+        move = np.where(slope != 0, -values / np.where(slope != 0, slope, 1.0), np.inf)
+        there = np.abs(move) <= EXACT * size
+        if there.all():
+            break
+        places[..., up] += np.where(np.isfinite(move) & ~there, np.clip(move, -0.3 * size, 0.3 * size), 0.0)
+    return places, there
