@@ -481,6 +481,26 @@ def test_a_curve_in_the_terminal_is_where_its_values_are() -> None:
     assert len(set(first)) == len(rows)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("rows", "options"),
+    [
+        ("1e17,1,2", ()),  # 0.5 more or less is the same instant
+        ("1e17,1,2\n100000000000000016,4,2", ("--log",)),
+        ("0,1e17,1\n1,1e17,2", ("--x", "a", "--y", "b")),
+        ("0,0,0\n1,1e-310,1\n2,2e-310,3", ("--xy", "a,b")),  # the ratio of the extents is no double
+        ("0,-1e308,1\n1,1e308,2", ()),  # nor is the difference
+        ("0,-1e308,1\n1,1e308,2", ("--xy", "a,b")),
+    ],
+)
+def test_any_doubles_are_drawn(rows: str, options: tuple[str, ...]) -> None:
+    Path("t.csv").write_text(f"t,a,b\n{rows}\n", encoding="utf-8")
+    for target in (("--show",), ("-o", "t.svg")):
+        _, err, code = in_process.run("plot", "t.csv", *options, *target)
+        assert (code, err.count("bug")) == (0, 0), err
+    assert Path("t.svg").stat().st_size > 5000
+
+
 def test_colours_of_a_terminal_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     data = chart(table(t=T, a=T, b=-T))
     plain = list(chart_terminal.lines(data, chart_terminal.TerminalLook(60)))

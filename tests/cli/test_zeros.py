@@ -92,7 +92,7 @@ simulation: {duration: 2, samples: 21}
 
 
 def test_the_floor_moves_when_its_constant_does(monkeypatch):
-    monkeypatch.setattr(table_columns, "ROUNDING", 1e-19)
+    monkeypatch.setattr(table_columns, "FORCE_ROUNDOFF", 1e-19)
     assert "lambda.roll_x" not in zero_columns(BALL)
 
 

@@ -23,14 +23,18 @@ from lagcli.output.animation.scene import Link
 
 Floats = npt.NDArray[np.float64]
 Weights = dict[int, float]
-HELD = 1e-5  # a part of the length: a rod that is off by more than this in a table is none there
+# A part of the length: a rod that is off by more than this in a table is none there.
+# `tests/unit/test_drawing_thresholds.py::test_a_rod_that_is_off_its_length_is_not_drawn` fails at 1e-4 and 1e-6.
+HELD = 1e-5
 # A particle at a fixed distance from a point hangs on a rod or lies on a sphere: the name of the row says which. A
 # second row makes a circle of the sphere; a wire by itself is what the particle hangs on.
 ROUND = re.compile(r"(?i)(sphere|ball|bowl|dome|globe|shell|surface|cylinder|pipe|drum)")
 CIRCULAR = re.compile(r"(?i)(hoop|ring|circle|wire|track)")
 # All pairs of a rigid body of few particles are drawn, of more the nearest ones.
 MOST_WHOLE, NEAREST = 6, 3
-KEPT = 1e-9  # a part of the distance: what varies less at all samples does not vary
+# A part of the distance: what varies less at all samples, which are rounded alone, does not vary.
+# `tests/unit/test_drawing_thresholds.py::test_a_distance_that_varies_is_no_tie` fails at 1e-8 and 1e-10.
+KEPT = 1e-9
 MOST_TIED = 40  # particles whose pairs are looked at
 NEAREST_TIED = 3  # of the particles at a kept distance, so many are joined to each
 SAMPLES = 12  # instants at which a distance is compared

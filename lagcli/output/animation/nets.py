@@ -20,14 +20,20 @@ FINE = 240.0  # steps to the size of what is seen
 COARSE = 80.0  # the same of a curve that moves, of which each instant is followed
 CORNERS = 64  # of a curve that moves, at each instant
 REACH = 0.6  # sizes of the scene from its centre at which a curve is broken off
-CORRECTIONS, EXACT = 16, 1e-9  # Newton's steps onto the curve, and how far from it they may end
-DIFFERENCE = 1e-6  # of the size: the step of differences, whose rounding and truncation are both 1e-10
+# Newton's steps onto the curve, and how far from it, in sizes, they may end.
+# `tests/unit/test_drawing_thresholds.py::test_a_jump_over_zero_that_is_rounding_is_met` fails at 1e-8 and 1e-10.
+CORRECTIONS, EXACT = 16, 1e-9
+# Of the size: the step of differences, whose rounding and truncation are both 1e-10.
+# `tests/unit/test_drawing_thresholds.py::test_gradients_lose_as_little_to_rounding_as_to_bends` fails at 1e-5 and 1e-7.
+DIFFERENCE = 1e-6
 NODES = 17  # of the net along both directions
 MOVING_NODES = 13  # the same of a net that moves, whose heights at each instant take room in a page
 AROUND = 0.15  # of the size of the scene, by which the net reaches beyond what moves
 NET_STEPS = 30  # Newton's; where they have not ended by then the net is left open
 MOST_SHEETS = 3  # of a surface at rest
-SAME_HEIGHT = 1e-6  # of the size: heights closer than this are one
+# Of the size: heights closer than this are one.
+# `tests/unit/test_drawing_thresholds.py::test_heights_that_are_one_are_drawn_once` fails at 1e-5 and 1e-7.
+SAME_HEIGHT = 1e-6
 
 
 def gradient(function: Function, places: Floats, size: float) -> Floats:

@@ -18,7 +18,9 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Coefficient = Floats | np.float64  # (T,) or a number
 ZERO = np.float64(0.0)
-SAME = 1e-9  # a part of the largest coefficient below which two are the same
+# A part of the largest coefficient below which two are the same: they are sums and products of few numbers.
+# `tests/unit/test_drawing_thresholds.py::test_squares_with_other_factors_are_no_distance` fails at 1e-8 and 1e-10.
+SAME = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

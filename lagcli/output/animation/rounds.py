@@ -14,10 +14,15 @@ from lagcli.output.animation.quadratic_form import Quadratic
 from lagcli.output.animation.scene import DrawnSurface, steady
 
 Floats = npt.NDArray[np.float64]
-SAME = 1e-9  # eigenvalues closer than this part of the largest are one
-HELD = 1e-5  # a part of the size of the scene: a particle this far off a surface is not on it
+# Eigenvalues, normals and radii closer than this part of the largest are one.
+# `tests/unit/test_drawing_thresholds.py::test_planes_that_are_one_are_drawn_once` fails at 1e-8 and 1e-10.
+SAME = 1e-9
+# A part of the size of the scene: a particle this far off a surface is not on it. FAR: sizes of the scene; a plane
+# farther than this from all that moves on its side is not drawn.
+# `tests/unit/test_drawing_thresholds.py::test_a_plane_far_from_its_particle_is_not_drawn`
+# fails with either of them ten times larger or smaller.
+HELD, FAR = 1e-5, 1.5
 MARGIN = 0.12  # of the size of the scene, by which a surface reaches beyond what moves on it
-FAR = 1.5  # sizes of the scene: a plane farther than this from all that moves on its side is not drawn
 
 
 @dataclasses.dataclass(slots=True, eq=False)

@@ -16,8 +16,12 @@ Floats = npt.NDArray[np.float64]
 # Seconds on the clock of who watches: a run whose time is in seconds and lasts no longer than `WATCHABLE` keeps its own
 # time if it lasts `SHORT` at least, any other is shown within `SHOWN`.
 SHORT, WATCHABLE, SHOWN = 2.0, 40.0, 10.0
-STEADY_ROUNDOFF = 1e-12  # a part of the largest value: less is no motion
-FLAT = 1e-6  # a part of the extent: points closer than this to a plane lie in it
+# A part of the largest value: less is no motion. What stands still stands in a page once.
+# `tests/unit/test_drawing_thresholds.py::test_less_than_rounding_is_no_motion` fails at 1e-11 and 1e-13.
+STEADY_ROUNDOFF = 1e-12
+# A part of the extent: points closer than this to a plane lie in it, also where positions are those of a table.
+# `tests/unit/test_drawing_thresholds.py::test_points_near_a_plane_are_seen_face_on` fails at 1e-5 and 1e-7.
+FLAT = 1e-6
 ASIDE = np.array([0.45, -1.0, 0.4])  # towards the eye, where z is up
 LEAST = 1e-300  # for what is divided by: no extent at all
 

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.output.figures import panels
+
 Floats = NDArray[np.float64]
 
 # Curves of one panel that a legend can tell apart; more have the colours of a sequence.
@@ -65,12 +67,12 @@ class ChartPanel:
     notes: tuple[str, ...] = ()
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The smallest and largest finite values of x and of y; (0, 0) where there are none."""
+        """The smallest and largest finite values of x and of y, up to `panels.LARGEST`; (0, 0) where there are none."""
         found = []
         for values in ([curve.x for curve in self.curves], [curve.y for curve in self.curves]):
-            whole = np.concatenate([*values, np.zeros(0)])
-            whole = whole[np.isfinite(whole)]
-            found.append((float(whole.min()), float(whole.max())) if whole.size else (0.0, 0.0))
+            shown = np.concatenate([*values, np.zeros(0)])
+            shown = np.clip(shown[np.isfinite(shown)], -panels.LARGEST, panels.LARGEST)
+            found.append((float(shown.min()), float(shown.max())) if shown.size else (0.0, 0.0))
         return found[0], found[1]
 
 
@@ -91,7 +93,10 @@ def squared(
     scale = 1.08 * max(spans[0] / width, spans[1] / height)
     scale = scale or 1.08 * max(abs(x[0]), abs(y[0]), 1.0) / max(width, height)
     middles = x[0] / 2 + x[1] / 2, y[0] / 2 + y[1] / 2
-    halves = scale * width / 2, scale * height / 2
+    halves = (
+        max(scale * size / 2, panels.POINT * abs(middle))
+        for size, middle in zip((width, height), middles, strict=True)
+    )
     (a, b), (c, d) = ((m - h, m + h) for m, h in zip(middles, halves, strict=True))
     return (a, b), (c, d)
 

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import axes, collections, ticker
 
 from lagcli.output.charts.chart import ChartData, ChartPanel, decades, squared
-from lagcli.output.figures import axis_scale, incident_marks, labels, sheet
+from lagcli.output.figures import axis_scale, incident_marks, labels, panels, sheet
 from lagcli.output.figures.incident_marks import IncidentMarks
 
 GAP = 0.08  # inches above a panel
@@ -145,7 +145,7 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> shee
     width = sheet.WIDTH - frame.left - frame.beside - sheet.MARGIN - 0.05
     limits = panel.limits or (0.0, 0.0)
     if panel.limits is None or limits[0] == limits[1]:
-        limits = _wide(panel.extent()[0] if panel.limits is None else limits)
+        limits = panels.widened(panel.extent()[0] if panel.limits is None else limits, 0.03)
     if panel.shape == "equal":
         x, y = panel.extent()
         ratio = (y[1] - y[0]) / (x[1] - x[0]) if x[1] > x[0] else TALLEST
@@ -203,11 +203,3 @@ def _values(panel: ChartPanel, most: int) -> axis_scale.Scale:
     texts = tuple(axis_scale.number_text(f"{10.0**p:g}" if -3 <= p <= 4 else f"1e{p}") for p in powers)
     limits = 10.0**bottom or np.nextafter(0, 1), 10.0**top if top <= LARGEST else np.finfo(float).max
     return axis_scale.Scale(limits, tuple(10.0**p for p in powers), texts)
-
-
-def _wide(span: tuple[float, float]) -> tuple[float, float]:
-    """The limits of an axis that shows all of a span, which may be a point."""
-    low, high = span
-    if low == high:
-        return low - 0.5, high + 0.5
-    return low - 0.03 * (high - low), high + 0.03 * (high - low)

@@ -195,7 +195,7 @@ def _table(
     for common, block_names, block in table.blocks([] if axis is None else [axis], names):
         x = common[:, 0] if axis is not None else np.arange(float(len(block)))
         finite = x[np.isfinite(x)]
-        rises = axis in ("t", None) or bool((np.diff(x) >= 0).all())
+        rises = axis in ("t", None) or bool((x[1:] >= x[:-1]).all())
         found.span = (float(finite.min()), float(finite.max())) if finite.size else None
         for place, name in enumerate(block_names):
             found.curves[name] = _series(x, block[:, place], is_log, most if rises else None)

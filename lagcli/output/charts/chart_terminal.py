@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
 from lagcli.output.charts.chart import ChartCurve, ChartData, ChartPanel, decades, squared
-from lagcli.output.figures import decimate, incident_marks
+from lagcli.output.figures import decimate, incident_marks, panels
 from lagcli.output.figures.incident_marks import IncidentMarks
 
 Floats = NDArray[np.float64]
@@ -132,7 +132,7 @@ class _Area:
         if panel.shape == "equal":
             (low, high), (bottom, top) = panel.extent()
             ratio = (top - bottom) / (high - low) if high > low else 1.0
-            self.rows = int(np.clip(round(self.width * ratio / 2), FEWEST_ROWS, 2 * rows))
+            self.rows = round(min(max(self.width * ratio / 2, FEWEST_ROWS), 2 * rows))
             self.x, self._y = squared(*panel.extent(), 2 * self.width, 4 * self.rows)
             texts = self._texts()
             self.left = max(map(len, texts.values()), default=0)
@@ -229,12 +229,12 @@ def _limits(panel: ChartPanel) -> tuple[Span, Span]:
         x = panel.limits
     if panel.is_log:
         bottom, top = decades(*y)
-        return _room(x, 0.0), (float(bottom), float(top))
+        return panels.widened(x, 0.0), (float(bottom), float(top))
     flat = max(1e-3 * max(abs(y[0]), abs(y[1])), 0.0) or 1.0
     if y[1] - y[0] < flat:  # round-off about a constant is no motion
         middle = y[0] / 2 + y[1] / 2
         y = middle - flat / 2, middle + flat / 2
-    return _room(x, 0.0 if panel.shape == "time" else 0.03), _room(y, 0.04)
+    return panels.widened(x, 0.0 if panel.shape == "time" else 0.03), panels.widened(y, 0.04)
 
 
 def _part(values: Floats, limits: Span) -> Floats:
@@ -244,14 +244,6 @@ def _part(values: Floats, limits: Span) -> Floats:
         return np.where(values == limits[0], 0.0, 1 - 1e-9)
     part = (values / 2 - limits[0] / 2) / half
     return np.where((part >= 0) & (part <= 1), np.minimum(part, 1 - 1e-9), np.nan)
-
-
-def _room(span: Span, part: float) -> Span:
-    low, high = span
-    if low == high:
-        return low - 0.5, high + 0.5
-    more = part * (high / 2 - low / 2) * 2
-    return low - more, high + more
 
 
 def _columns(text: str) -> int:

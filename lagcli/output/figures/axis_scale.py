@@ -7,6 +7,8 @@ import numpy as np
 from matplotlib import axes, ticker
 from numpy.typing import NDArray
 
+from lagcli.output.figures.panels import LARGEST
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Scale:
@@ -35,6 +37,7 @@ def value_scale(curves: Iterable[NDArray[np.float64]], floor: float, most: int) 
 
 def scale_of(low: float, high: float, most: int) -> Scale:
     """A scale with about ``most`` ticks, each told apart from the next by its text."""
+    low, high = max(low, -LARGEST), min(high, LARGEST)
     found = ticker.MaxNLocator(nbins=most, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
     step = float(found[1] - found[0])
     values = [0.0 if abs(value) < 1e-9 * step else float(value) for value in found if low <= value <= high]

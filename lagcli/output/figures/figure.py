@@ -183,8 +183,7 @@ def _time_limits(band: panels.Band) -> tuple[float, float]:
     times = band.panels[0].curves[0].t
     if len(times) == 0:
         return 0.0, 1.0
-    first, last = float(times[0]), float(times[-1])
-    return (first, last) if first < last else (first - 0.5, first + 0.5)
+    return panels.widened((float(times[0]), float(times[-1])))
 
 
 def _size(panel: panels.Panel) -> float:

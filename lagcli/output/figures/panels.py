@@ -16,7 +16,9 @@ from lagcli.output.figures import decimate
 from lagcli.output.figures.labels import UnitLabels, force_unit, multiplier_unit, with_unit
 
 _OVERLAID = 6  # curves in one panel whose colors are told apart
-_LIKE_SIZE = 30.0  # curves with ranges that differ by more have panels of their own
+# Curves with ranges that differ by more have panels of their own.
+# `tests/unit/test_drawing_thresholds.py::test_curves_of_like_size_share_axes` fails at 300 and 3.
+_LIKE_SIZE = 30.0
 _MULTIPLIER_PANELS = 50  # of more rows all curves stand in one panel
 _FORCE_PANELS = 12  # of more particles one panel shows the sizes of all; names in a note
 _NUMBERS = 100_000  # of a figure, shared by its curves, which are thinned to 200 points at the least
@@ -26,7 +28,13 @@ _NOT_UNIQUE = (
     " shown"
 )
 # Below this part of the largest value a curve is round-off.
+# `tests/unit/test_drawing_thresholds.py::test_forces_that_are_rounding_have_no_panel` fails at 1e-11 and 1e-13.
 ROUND_OFF = 1e-12
+# The largest size on an axis: the differences of ticks around it are doubles too.
+LARGEST = 1e307
+# Of a value that is all there is on an axis: half of what the axis shows, where that is more than 0.5.
+# `tests/unit/test_drawing_thresholds.py::test_an_instant_far_from_zero_has_an_axis_around_it` fails at 1e-11 and 1e-13.
+POINT = 1e-12
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -213,6 +221,15 @@ def _listed(idle: list[str]) -> str:
 
 def _of_like_size(curves: Iterable[Curve]) -> bool:
     return are_of_like_size([size for size in (_size(curve.values) for curve in curves) if size > 0])
+
+
+def widened(span: tuple[float, float], part: float = 0.0) -> tuple[float, float]:
+    """The limits of an axis that shows all of a span, and a part of it more at both ends; the span may be a point."""
+    low, high = (min(max(end, -LARGEST), LARGEST) for end in span)
+    if low == high:
+        half = max(0.5, POINT * abs(low))
+        return low - half, high + half
+    return low - part * (high - low), high + part * (high - low)
 
 
 def are_of_like_size(sizes: Sequence[float]) -> bool:
