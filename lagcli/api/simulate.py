@@ -18,7 +18,7 @@ from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.model.model import Model
 from lagcli.output import checkpoint_file
 from lagcli.output.figures import decimate
-from lagcli.output.tables import column_choice, incident_table
+from lagcli.output.tables import incident_table
 from lagcli.output.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation.run_state import run_stop
 
@@ -100,6 +100,9 @@ class _GatheredTable:
     """The rows and the incidents of a run, in the order in which they come."""
 
     def __init__(self, run: SimulationRun, columns: str) -> None:
+        # The command chooses its columns by itself.
+        from lagcli.output.tables import column_choice
+
         self._run = run
         self._picked = column_choice.select(run.columns, columns, run.by_name)
         self._blocks = [np.zeros((0, len(self._picked)))]

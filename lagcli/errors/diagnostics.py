@@ -7,9 +7,7 @@ program prints the same thing; what a code means at length stands in `catalogue`
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import itertools
-import unicodedata
 from collections.abc import Iterable, Iterator
 from typing import Literal
 
@@ -78,39 +76,41 @@ def _shown(sentence: str) -> str:
 
 def _excerpt(at: Location) -> tuple[str, str]:
     """The source line and the caret line, cut to a window around the spot where the line is long."""
-    plain = [c if c.isprintable() else " " for c in at.source_line]
+    plain = "".join(c if c.isprintable() else " " for c in at.source_line)
     spot = min(at.column - 1, len(plain))
-    start, end = _window([_columns(c) for c in plain], spot)
+    start, end = _window(list(map(columns, plain)), spot)
     before, after = ("..." if start else ""), ("..." if end < len(plain) else "")
-    indent = len(before) + sum(map(_columns, plain[start:spot]))
-    carets = sum(map(_columns, plain[spot : min(end, spot + at.length)]))
-    return before + "".join(plain[start:end]) + after, " " * indent + "^" * max(1, carets)
+    indent = len(before) + columns(plain[start:spot])
+    carets = columns(plain[spot : min(end, spot + at.length)])
+    return before + plain[start:end] + after, " " * indent + "^" * max(1, carets)
 
 
-def _window(columns: list[int], spot: int) -> tuple[int, int]:
+def _window(widths: list[int], spot: int) -> tuple[int, int]:
     """The characters to show, those around a spot, of a line with so many columns for each character."""
-    if sum(columns) <= EXCERPT_WIDTH:
-        return 0, len(columns)
+    if sum(widths) <= EXCERPT_WIDTH:
+        return 0, len(widths)
     room = EXCERPT_WIDTH - 2 * len("...")
     start, used = spot, 0
-    while start > 0 and used + columns[start - 1] <= room // 2:
+    while start > 0 and used + widths[start - 1] <= room // 2:
         start -= 1
-        used += columns[start]
+        used += widths[start]
     end = spot
-    while end < len(columns) and used + columns[end] <= room:
-        used += columns[end]
+    while end < len(widths) and used + widths[end] <= room:
+        used += widths[end]
         end += 1
-    while start > 0 and used + columns[start - 1] <= room:
+    while start > 0 and used + widths[start - 1] <= room:
         start -= 1
-        used += columns[start]
+        used += widths[start]
     return start, end
 
 
-def _columns(character: str) -> int:
-    """The number of columns of a terminal that a character takes."""
-    if unicodedata.combining(character):
-        return 0
-    return 2 if unicodedata.east_asian_width(character) in "WF" else 1
+def columns(text: str) -> int:
+    """The number of columns of a terminal that a text takes."""
+    import unicodedata
+
+    return sum(
+        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text
+    )
 
 
 class ModelError(Exception):
@@ -195,5 +195,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     folded = {c.casefold(): c for c in candidates}
     if word.casefold() in folded:
         return f"did you mean `{folded[word.casefold()]}`?"
+    import difflib  # of what is wrong alone
+
     close = difflib.get_close_matches(word[:100], candidates, n=1, cutoff=0.6)
     return f"did you mean `{close[0]}`?" if close else ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -91,6 +90,8 @@ class Trajectory(dict[str, Floats]):
             import xarray
         except ModuleNotFoundError as error:
             raise ImportError("to_xarray() needs xarray: pip install xarray") from error
+        import json
+
         dimension = "t" if "t" in self else "row"
         units = self.units
         found = {name: (dimension, values, {"units": units[name]}) for name, values in self.items()}

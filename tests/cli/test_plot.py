@@ -563,7 +563,7 @@ def test_provenance_brings_units_and_title(here: Path) -> None:
     ],
 )
 def test_a_strangers_provenance_tells_what_it_can(origin: dict[str, object]) -> None:
-    facts = provenance.facts_told_by(origin)
+    facts = provenance.facts_from(origin)
     assert facts.units is None
     assert facts.dimensions.lengths in ({}, {"c": 1.0})
     chart_words.distinguishing(["a", "b"], [origin, origin])

@@ -13,16 +13,17 @@ from lagcli.cli.requests.asked_run import SimulateOptions
 from lagcli.cli.terminal import exits
 from lagcli.output.figures import decimate
 from lagcli.output.files import write_guard
-from lagcli.output.tables import column_choice
 
 Floats = npt.NDArray[np.float64]
 
 
 def picked(names: tuple[str, ...], options: SimulateOptions, by_name: tuple[str, ...] = ()) -> list[int]:
     """The numbers of the columns to write. Raises `exits.UsageError`."""
+    if options.columns is None:
+        return list(range(len(names)))
+    from lagcli.output.tables import column_choice
+
     try:
-        if options.columns is None:
-            return list(range(len(names)))
         return column_choice.select(names, options.columns, by_name)
     except column_choice.UnknownColumn as error:
         raise exits.UsageError(f"--columns: {error}") from None

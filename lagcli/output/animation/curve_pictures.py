@@ -17,7 +17,7 @@ from lagcli.output.animation.scene import DrawnSurface, Viewpoint
 Floats = npt.NDArray[np.float64]
 # A part of a gradient: less of it lies in the plane of the motion by rounding alone.
 # `tests/unit/test_drawing_thresholds.py::test_a_plane_that_is_the_picture_draws_no_line` fails at 1e-5 and 1e-7.
-LEVEL = 1e-6
+LEVEL_ROUNDOFF = 1e-6
 # Rows of models of more particles are not tried one by one for curves.
 MOST_TRIED = 60
 # Shapes that move take room in a page for each instant.
@@ -79,7 +79,7 @@ class CurvePictures:
         places = track[:, None] if one.moves else track[:1, None]
         slope = nets.gradient(one.function, places, 2 * self.view.size)
         across = np.linalg.norm(np.cross(slope, self.view.towards), axis=-1)
-        return bool(np.all(across <= LEVEL * np.linalg.norm(slope, axis=-1)))
+        return bool(np.all(across <= LEVEL_ROUNDOFF * np.linalg.norm(slope, axis=-1)))
 
     def _others(self, number: int, track: Floats) -> Iterator[LoneRow]:
         """The rows not of the second degree that name this particle alone."""

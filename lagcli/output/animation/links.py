@@ -25,16 +25,16 @@ Floats = npt.NDArray[np.float64]
 Weights = dict[int, float]
 # A part of the length: a rod that is off by more than this in a table is none there.
 # `tests/unit/test_drawing_thresholds.py::test_a_rod_that_is_off_its_length_is_not_drawn` fails at 1e-4 and 1e-6.
-HELD = 1e-5
+OFF_LENGTH = 1e-5
 # A particle at a fixed distance from a point hangs on a rod or lies on a sphere: the name of the row says which. A
 # second row makes a circle of the sphere; a wire by itself is what the particle hangs on.
 ROUND = re.compile(r"(?i)(sphere|ball|bowl|dome|globe|shell|surface|cylinder|pipe|drum)")
 CIRCULAR = re.compile(r"(?i)(hoop|ring|circle|wire|track)")
 # All pairs of a rigid body of few particles are drawn, of more the nearest ones.
-MOST_WHOLE, NEAREST = 6, 3
+MOST_JOINED, NEAREST = 6, 3
 # A part of the distance: what varies less at all samples, which are rounded alone, does not vary.
 # `tests/unit/test_drawing_thresholds.py::test_a_distance_that_varies_is_no_tie` fails at 1e-8 and 1e-10.
-KEPT = 1e-9
+TIE_ROUNDOFF = 1e-9
 MOST_TIED = 40  # particles whose pairs are looked at
 NEAREST_TIED = 3  # of the particles at a kept distance, so many are joined to each
 SAMPLES = 12  # instants at which a distance is compared
@@ -125,7 +125,9 @@ def of_row(row: PicturedRow, found: SquareDistance, points: PointTable, is_led: 
     size = float(np.abs(length).max())
     if size == 0.0:
         return None
-    if points.is_run and (off.max() > HELD * size or (not found.at_most and off.min() < -HELD * size)):
+    if points.is_run and (
+        off.max() > OFF_LENGTH * size or (not found.at_most and off.min() < -OFF_LENGTH * size)
+    ):
         points.unheld += 1
         return None
     return Link("string" if found.at_most else "rod", row.name, ends, float(np.ravel(length)[0]))
@@ -152,7 +154,7 @@ def of_bodies(model: nouns.Model, particles: Floats) -> Iterable[Link]:
     for body in model.rigid:
         places = particles[0, list(body.particles)]
         count = len(body.particles)
-        if count <= MOST_WHOLE:
+        if count <= MOST_JOINED:
             pairs = set(itertools.combinations(range(count), 2))
         else:
             base = rigid.geometry(places)
@@ -247,7 +249,9 @@ def ties(samples: Floats, numbers: npt.NDArray[np.int64]) -> list[Tie]:
     pairs: dict[int, list[tuple[float, int]]] = {}
     for i in range(len(numbers)):
         apart = np.linalg.norm(samples - samples[:, i : i + 1], axis=-1)
-        kept = np.flatnonzero((np.ptp(apart, axis=0) <= KEPT * size) & (apart[0] > KEPT * size))
+        kept = np.flatnonzero(
+            (np.ptp(apart, axis=0) <= TIE_ROUNDOFF * size) & (apart[0] > TIE_ROUNDOFF * size)
+        )
         pairs[i] = sorted((float(apart[0, j]), int(j)) for j in kept)[:NEAREST_TIED]
     joined = {(min(i, j), max(i, j)): length for i, near in pairs.items() for length, j in near}
     found += [Tie(int(numbers[i]), int(numbers[j]), length) for (i, j), length in sorted(joined.items())]
@@ -262,13 +266,13 @@ def _pivot(places: Floats, size: float) -> tuple[Floats, float] | None:
     """The fixed place nearest to these from which they all have one distance, and the distance."""
     middle = places.mean(axis=0)
     offsets = places - middle
-    if np.abs(offsets).max() <= KEPT * size:
+    if np.abs(offsets).max() <= TIE_ROUNDOFF * size:
         return None
     square = (offsets**2).sum(axis=1)
     # |p|^2 = 2 c . p + d; the mean is taken off, so that the solution of least norm lies in the plane of the places.
     matrix, right = offsets, (square - square.mean()) / 2
     centre, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=1e-9)
     distances = np.linalg.norm(offsets - centre, axis=1)
-    if rank < 2 or np.ptp(distances) > KEPT * size:
+    if rank < 2 or np.ptp(distances) > TIE_ROUNDOFF * size:
         return None
     return middle + centre, float(distances.mean())

@@ -196,18 +196,18 @@ def distance(form: Quadratic, one_sided: bool) -> SquareDistance | None:
     pair = squared(form, one_sided)
     if pair is None or not pair[0].quadratic:
         return None
-    whole, sign = pair
-    if any(np.ptp(value) for value in whole.quadratic.values()):
+    polynomial, sign = pair
+    if any(np.ptp(value) for value in polynomial.quadratic.values()):
         return None
-    square = {key: float(np.ravel(value)[0]) for key, value in whole.quadratic.items()}
+    square = {key: float(np.ravel(value)[0]) for key, value in polynomial.quadratic.items()}
     rows = _weights(square)
     if rows is None:
         return None
     factor, weights, axes = rows
-    shift = _shift(whole, factor, weights, axes)
+    shift = _shift(polynomial, factor, weights, axes)
     if shift is None:
         return None
-    inside = (shift**2).sum(axis=-1) - whole.constant / factor
+    inside = (shift**2).sum(axis=-1) - polynomial.constant / factor
     if not np.all(inside >= 0):
         return None
     upper = sign * np.sign(factor)
@@ -238,18 +238,18 @@ def _weights(square: dict[tuple[int, int], float]) -> tuple[float, dict[int, flo
 
 
 def _shift(
-    whole: Quadratic, factor: float, weights: dict[int, float], axes: tuple[int, ...]
+    polynomial: Quadratic, factor: float, weights: dict[int, float], axes: tuple[int, ...]
 ) -> Floats | None:
     """The shift (3,) or (T, 3), from the linear terms 2 factor weight_k shift . r_k."""
-    if any(i % 3 not in axes or i // 3 not in weights for i in whole.linear):
+    if any(i % 3 not in axes or i // 3 not in weights for i in polynomial.linear):
         return None
     parts = []
-    size = max((float(np.abs(value).max()) for value in whole.linear.values()), default=0.0)
+    size = max((float(np.abs(value).max()) for value in polynomial.linear.values()), default=0.0)
     for axis in range(3):
         first = next(iter(weights))
-        part = whole.linear.get(3 * first + axis, ZERO) / (2.0 * factor)
+        part = polynomial.linear.get(3 * first + axis, ZERO) / (2.0 * factor)
         for k, weight in weights.items():
-            linear = whole.linear.get(3 * k + axis, ZERO)
+            linear = polynomial.linear.get(3 * k + axis, ZERO)
             if np.any(np.abs(linear - 2.0 * factor * weight * part) > SAME * size):
                 return None
         parts.append(part)

@@ -21,7 +21,7 @@ SAME = 1e-9
 # farther than this from all that moves on its side is not drawn.
 # `tests/unit/test_drawing_thresholds.py::test_a_plane_far_from_its_particle_is_not_drawn`
 # fails with either of them ten times larger or smaller.
-HELD, FAR = 1e-5, 1.5
+OFF_SURFACE, FAR = 1e-5, 1.5
 MARGIN = 0.12  # of the size of the scene, by which a surface reaches beyond what moves on it
 
 
@@ -150,7 +150,7 @@ def polygons(
         tracks = particles[:, sorted(one.particles)]
         gap = (tracks * one.normal[:, None, :]).sum(axis=-1) - one.offset[:, None]
         near = float(np.abs(gap).min())
-        if near > (FAR * size if one.one_sided else HELD * size):
+        if near > (FAR * size if one.one_sided else OFF_SURFACE * size):
             continue
         shift = _radius(one, radii)
         walls = [

@@ -22,7 +22,7 @@ STEADY_ROUNDOFF = 1e-12
 # A part of the extent: points closer than this to a plane lie in it, also where positions are those of a table.
 # `tests/unit/test_drawing_thresholds.py::test_points_near_a_plane_are_seen_face_on` fails at 1e-5 and 1e-7.
 FLAT = 1e-6
-ASIDE = np.array([0.45, -1.0, 0.4])  # towards the eye, where z is up
+TOWARDS_EYE = np.array([0.45, -1.0, 0.4])  # towards the eye, where z is up
 LEAST = 1e-300  # for what is divided by: no extent at all
 
 
@@ -95,7 +95,7 @@ class Mode:
 class Scene:
     """points: places of P points, (1 or T, 3) each, the N particles first, then what rods hang on. radii (N,); R and F
     (N entries, 1 or T, 3) in units of force, or empty. scale: the length of an arrow of the unit of force. notes: what
-    was left out or thinned. modes: where ways to swing are shown in place of a run."""
+    was left out or decimated. modes: where ways to swing are shown in place of a run."""
 
     title: str
     t: Floats
@@ -181,10 +181,10 @@ def _spread(tracks: Sequence[Floats]) -> tuple[Floats, Floats]:
 def _turned(up: Floats) -> Floats:
     """The direction aside, for another direction that is up."""
     if abs(up[2]) > 1 - FLAT:
-        return np.asarray(ASIDE * np.array([1.0, 1.0, np.sign(up[2])]))
+        return np.asarray(TOWARDS_EYE * np.array([1.0, 1.0, np.sign(up[2])]))
     right = np.cross(up, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    return np.asarray(ASIDE[0] * right + ASIDE[1] * np.cross(up, right) + ASIDE[2] * up)
+    return np.asarray(TOWARDS_EYE[0] * right + TOWARDS_EYE[1] * np.cross(up, right) + TOWARDS_EYE[2] * up)
 
 
 def _face(axes: Floats, spread: Floats, up: Floats) -> tuple[Floats, Floats]:

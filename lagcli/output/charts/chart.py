@@ -19,7 +19,7 @@ MOST_KEYS = 12
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ChartCurve:
-    """A curve: x and y (k,), thinned, broken where one is nan; colour and dash by their places in a sequence."""
+    """A curve: x and y (k,), decimated, broken where one is nan; colour and dash by their places in a sequence."""
 
     label: str
     x: Floats

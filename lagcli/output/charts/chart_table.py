@@ -24,7 +24,7 @@ from lagcli.output.tables.table_format import UnreadableTable
 
 Floats = NDArray[np.float64]
 
-MOST_NUMBERS = 40_000_000  # that are read at a time, 320 MB; curves are thinned before the next are read
+MOST_NUMBERS = 40_000_000  # that are read at a time, 320 MB; curves are decimated before the next are read
 BATCH = 24_000_000  # numbers at a time where there are more columns
 POINTS = 200_000  # of all curves of a chart
 FEWEST, MOST = 400, 4000  # points of one curve over an axis that rises
@@ -103,7 +103,7 @@ def of_run(run: RunTable, name: str = "") -> ChartTable:
 def of_file(path: str | os.PathLike[str]) -> ChartTable:
     """A table in a file. Raises what `read_table.opened` raises; take raises `UnreadableTable` and OSError."""
     found = read_table.opened(path, MOST_NUMBERS)
-    facts = provenance.facts_told_by(found.provenance)
+    facts = provenance.facts_from(found.provenance)
     return ChartTable(
         os.fspath(path), found.columns, found.take, found.length, facts, origin=found.provenance
     )
@@ -136,7 +136,7 @@ def of_stream(stream: BinaryIO, name: str) -> Iterator[ChartTable]:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """A curve, thinned: x and y (k,); of all rows the largest size, whether there are negative values, and how many
+    """A curve, decimated: x and y (k,); of all rows the largest size, whether there are negative values, and how many
     zeros."""
 
     x: Floats
@@ -218,6 +218,6 @@ def _series(x: Floats, values: Floats, is_log: bool, most: int | None) -> Series
 
 
 def path(table: ChartTable, pair: tuple[str, str]) -> tuple[Floats, Floats]:
-    """The curve of a column against another, thinned."""
+    """The curve of a column against another, decimated."""
     rows = table.take(list(dict.fromkeys(pair)))
     return decimate.path(rows[:, 0], rows[:, -1])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-import unicodedata
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
@@ -80,7 +79,7 @@ def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
     for place, curve in enumerate(panel.curves):
         name = _name(panel, curve)
         sample = "──" if look.has_colours else LETTERS[place % len(LETTERS)]
-        width = _columns(sample) + 1 + _columns(name) + 3
+        width = diagnostics.columns(sample) + 1 + diagnostics.columns(name) + 3
         if line and used + width > look.columns:
             yield line.rstrip()
             line, used = "", 0
@@ -246,18 +245,12 @@ def _part(values: Floats, limits: Span) -> Floats:
     return np.where((part >= 0) & (part <= 1), np.minimum(part, 1 - 1e-9), np.nan)
 
 
-def _columns(text: str) -> int:
-    return sum(
-        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text
-    )
-
-
 def _cut(text: str, columns: int) -> str:
     """The text as far as it goes in so many columns, without what a terminal would act on."""
     plain = diagnostics.printable(text).replace("\n", " ").replace("  (", " (")
-    if _columns(plain) <= columns:
+    if diagnostics.columns(plain) <= columns:
         return plain
-    while _columns(plain) > columns - 1:
+    while diagnostics.columns(plain) > columns - 1:
         plain = plain[: min(len(plain) - 1, columns)]
     return plain + "…"
 
@@ -265,7 +258,7 @@ def _cut(text: str, columns: int) -> str:
 def _wrapped(text: str, columns: int) -> Iterator[str]:
     line = ""
     for word in diagnostics.printable(text).split():
-        if line and _columns(line) + 1 + _columns(word) > columns:
+        if line and diagnostics.columns(line) + 1 + diagnostics.columns(word) > columns:
             yield line
             line = ""
         line = f"{line} {word}" if line else _cut(word, columns)

@@ -1,4 +1,4 @@
-"""The incidents of a run as marks on the axis of time: one light line at each instant, thinned where they are many."""
+"""The incidents of a run as marks on the axis of time: a light line at each instant, decimated where they are many."""
 
 import dataclasses
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ DENSE = 60  # from so many on lines are thinner
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class IncidentMarks:
-    """The marks of one kind; count: incidents of it; number: the place of the kind in `KINDS`; times: (k,), thinned."""
+    """The marks of one kind; count: incidents of it; number: of the kind in `KINDS`; times: (k,), decimated."""
 
     kind: str
     number: int
@@ -38,13 +38,13 @@ def of(incidents: Iterable[tuple[float, str]], span: tuple[float, float]) -> Seq
     for t, kind in incidents:
         times.setdefault(kind, []).append(t)
     return [
-        IncidentMarks(kind, number, len(times[kind]), _thinned(np.array(times[kind]), span))
+        IncidentMarks(kind, number, len(times[kind]), _decimated(np.array(times[kind]), span))
         for number, kind in enumerate(KINDS)
         if kind in times
     ]
 
 
-def _thinned(times: NDArray[np.float64], span: tuple[float, float]) -> NDArray[np.float64]:
+def _decimated(times: NDArray[np.float64], span: tuple[float, float]) -> NDArray[np.float64]:
     """The first time in each of `MOST` parts of the axis."""
     first, last = span
     _, kept = np.unique(np.floor((times - first) / ((last - first) or 1.0) * MOST), return_index=True)

@@ -21,7 +21,7 @@ _OVERLAID = 6  # curves in one panel whose colors are told apart
 _LIKE_SIZE = 30.0
 _MULTIPLIER_PANELS = 50  # of more rows all curves stand in one panel
 _FORCE_PANELS = 12  # of more particles one panel shows the sizes of all; names in a note
-_NUMBERS = 100_000  # of a figure, shared by its curves, which are thinned to 200 points at the least
+_NUMBERS = 100_000  # of a figure, shared by its curves, which are decimated to 200 points at the least
 _MARK = " (not unique)"
 _NOT_UNIQUE = (
     "not unique: the constraints are dependent, and of all λ with the same R those with the least Σ λᵢ² Bᵢ M⁻¹ Bᵢᵀ are"
@@ -93,7 +93,7 @@ class _Table:
         return self.rows[:, self.places[name]]
 
     def curve(self, label: str, values: NDArray[np.float64], of: int) -> Curve:
-        """The curve, thinned for a figure that shows ``of`` of them."""
+        """The curve, decimated for a figure that shows ``of`` of them."""
         kept = decimate.extrema(values, min(4000, max(200, _NUMBERS // of)))
         return Curve(label, self.column("t")[kept], values[kept])
 

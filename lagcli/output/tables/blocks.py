@@ -1,4 +1,4 @@
-"""Blocks of rows: a file that grows by whole ones, and small ones gathered into large ones."""
+"""Blocks of rows: a file that grows by complete ones, and a buffer that makes large ones of small ones."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lagcli.output.files import atomic_file
 
-_BYTES = 1 << 24  # of a gathered block: large writes, and small beside what a run takes
+_BYTES = 1 << 24  # of a buffered block: large writes, and small beside what a run takes
 
 
 class BlockFile:
@@ -54,7 +54,7 @@ class BlockFile:
         self._torn = False
 
 
-class Gathered:
+class BufferedRows:
     """Copies of the rows of a table of ``width`` columns, stored as blocks of some sixteen megabytes.
 
     A block has the shape (width, k), one contiguous line a column, and is good until ``store`` returns.

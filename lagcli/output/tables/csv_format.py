@@ -135,7 +135,7 @@ class CsvTable:
             if found is not None:
                 return found
         numbers, count = array.array("d"), 0
-        for count, row in self._whole(len(names)):
+        for count, row in self._complete_rows(len(names)):
             numbers.extend([self._number(row[k], count, self.columns[k]) for k in at])
         return np.array(numbers, dtype=np.float64).reshape(count, len(names))
 
@@ -149,9 +149,9 @@ class CsvTable:
     def words(self, name: str) -> list[str]:
         """See `table_format.ReadTable`."""
         place = self.columns.index(name)
-        return [as_text(self._path, row[place], count, name) for count, row in self._whole(1)]
+        return [as_text(self._path, row[place], count, name) for count, row in self._complete_rows(1)]
 
-    def _whole(self, wanted: int) -> Iterator[tuple[int, list[str]]]:
+    def _complete_rows(self, wanted: int) -> Iterator[tuple[int, list[str]]]:
         """The rows, counted from 1, each with all its cells, of which so many are wanted."""
         count, blank = 0, 0
         rows = self._rows()

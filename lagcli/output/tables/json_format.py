@@ -114,16 +114,16 @@ class JsonTable:
         """See `table_format.ReadTable`."""
         at = places(self.columns, names)
         found = np.empty((len(self._rows), len(names)))
-        for number, row in self._whole(len(names)):
+        for number, row in self._complete_rows(len(names)):
             found[number - 1] = [self._number(row[k], number, self.columns[k]) for k in at]
         return found
 
     def words(self, name: str) -> list[str]:
         """See `table_format.ReadTable`."""
         place = self.columns.index(name)
-        return [as_text(self._path, row[place], number, name) for number, row in self._whole(1)]
+        return [as_text(self._path, row[place], number, name) for number, row in self._complete_rows(1)]
 
-    def _whole(self, wanted: int) -> Iterator[tuple[int, list[object]]]:
+    def _complete_rows(self, wanted: int) -> Iterator[tuple[int, list[object]]]:
         """The rows, counted from 1, of which so many columns are wanted."""
         self._check_size(self._path, len(self._rows), wanted)
         for number, row in enumerate(self._rows, 1):

@@ -64,7 +64,7 @@ class NpzWriter:
         self._columns = tuple(columns)
         self._width = len(columns) - len(texts)
         self._texts: dict[str, list[str]] = {name: [] for name in columns if name in texts}
-        self._gathered = blocks.Gathered(self._width, self._store)
+        self._buffer = blocks.BufferedRows(self._width, self._store)
         self._spool = tempfile.SpooledTemporaryFile(  # noqa: SIM115 (closed by finish or abandon)
             max_size=_BYTES_IN_MEMORY, dir=str(path.parent)
         )
@@ -72,13 +72,13 @@ class NpzWriter:
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
         """Append ``rows``, shape (k, columns of numbers), and the texts beside them."""
-        self._gathered.add(rows)
+        self._buffer.add(rows)
         for kept, cells in zip(self._texts.values(), texts, strict=True):
             kept.extend(cells)
 
     def finish(self) -> None:
         """Write the archive; its bytes depend on the table alone."""
-        self._gathered.flush()
+        self._buffer.flush()
         with self._spool, zipfile.ZipFile(self._path, "w") as archive:
             archive.comment = self._comment
             index = 0

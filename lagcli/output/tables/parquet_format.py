@@ -1,4 +1,4 @@
-"""Tables as Parquet, one row group per gathered block; the only file that imports pyarrow, an extra, in functions: the
+"""Tables as Parquet, one row group per buffered block; the only file that imports pyarrow, an extra, in functions: the
 format is told by its file where there is none."""
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ParquetTableWriter:
         metadata = None if provenance is None else {"provenance": json.dumps(provenance, allow_nan=False)}
         self._schema = pyarrow.schema(fields, metadata=metadata)
         self._texts: dict[int, list[str]] = {place: [] for place in cell_text.places(columns, texts)}
-        self._gathered = blocks.Gathered(len(columns) - len(texts), self._store)
+        self._buffer = blocks.BufferedRows(len(columns) - len(texts), self._store)
         # Dictionaries do not shrink columns in which hardly a number comes twice.
         words = list(texts) or False
         self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=words)
@@ -87,11 +87,11 @@ class ParquetTableWriter:
         """Append ``rows``, shape (k, columns of numbers), and the texts beside them."""
         for kept, cells in zip(self._texts.values(), texts, strict=True):
             kept.extend(cells)
-        self._gathered.add(rows)
+        self._buffer.add(rows)
 
     def finish(self) -> None:
         """Complete and close the file."""
-        self._gathered.flush()
+        self._buffer.flush()
         self._writer.close()
 
     def abandon(self) -> None:

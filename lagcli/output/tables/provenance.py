@@ -49,7 +49,7 @@ def facts_of(model: Model) -> TableFacts:
     return TableFacts(model.title, model.units, dimension_facts.of(model))
 
 
-def facts_told_by(origin: Mapping[str, object] | None) -> TableFacts:
+def facts_from(origin: Mapping[str, object] | None) -> TableFacts:
     """The facts that a provenance tells; entries of any other form, a stranger's, tell nothing."""
     if origin is None:
         return NO_FACTS

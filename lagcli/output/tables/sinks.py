@@ -121,24 +121,24 @@ class _Base(abc.ABC):
 class _FileSink(_Base):
     def __init__(self, path: Path, columns: Sequence[str], texts: Sequence[str], make: Make) -> None:
         super().__init__(columns, texts)
-        self._aside = atomic_file.Aside(path)
-        with atomic_file.undone_by(self._aside.discard):
-            self._writer = make(self._aside.path, columns, texts)
+        self._temporary = atomic_file.Aside(path)
+        with atomic_file.undone_by(self._temporary.discard):
+            self._writer = make(self._temporary.path, columns, texts)
 
     def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
         self._writer.write(self._checked(rows, texts), texts)
 
     @property
     def is_file(self) -> bool:
-        return not self._aside.is_in_place
+        return not self._temporary.is_in_place
 
     def commit(self, durably: bool = False) -> None:
         with self._ending():
-            self._aside.commit(durably)
+            self._temporary.commit(durably)
 
     def keep_partial(self) -> Path:
         with self._ending():
-            return self._aside.keep_partial()
+            return self._temporary.keep_partial()
 
     def discard(self) -> None:
         if self._ended:
@@ -149,7 +149,7 @@ class _FileSink(_Base):
             with contextlib.suppress(OSError):
                 self._writer.abandon()
         finally:
-            self._aside.discard()
+            self._temporary.discard()
 
     @contextlib.contextmanager
     def _ending(self) -> Iterator[None]:
