@@ -20,20 +20,34 @@ FINE = 240.0  # steps to the size of what is seen
 COARSE = 80.0  # the same of a curve that moves, of which each instant is followed
 CORNERS = 64  # of a curve that moves, at each instant
 REACH = 0.6  # sizes of the scene from its centre at which a curve is broken off
-# Newton's steps onto the curve, and how far from it, in sizes, they may end.
-# `tests/unit/test_drawing_thresholds.py::test_a_jump_over_zero_that_is_rounding_is_met` fails at 1e-8 and 1e-10.
-CORRECTIONS, EXACT = 16, 1e-9
-# Of the size: the step of differences, whose rounding and truncation are both 1e-10.
-# `tests/unit/test_drawing_thresholds.py::test_gradients_lose_as_little_to_rounding_as_to_bends` fails at 1e-5 and 1e-7.
-DIFFERENCE = 1e-6
 NODES = 17  # of the net along both directions
 MOVING_NODES = 13  # the same of a net that moves, whose heights at each instant take room in a page
 AROUND = 0.15  # of the size of the scene, by which the net reaches beyond what moves
-NET_STEPS = 30  # Newton's; where they have not ended by then the net is left open
 MOST_SHEETS = 3  # of a surface at rest
-# Of the size: heights closer than this are one.
-# `tests/unit/test_drawing_thresholds.py::test_heights_that_are_one_are_drawn_once` fails at 1e-5 and 1e-7.
-SAME_HEIGHT = 1e-6
+
+
+class NetParameters:
+    """The numbers by which zeros of a function are met; lengths are parts of the size of what is seen. The tests are
+    those of `tests/unit/test_drawing_thresholds.py`."""
+
+    __slots__ = ()
+
+    corrections: int = 16
+    """Newton's steps onto a curve: quadratic, from a step of the curve beside it."""
+    net_steps: int = 30
+    """Newton's steps along one axis onto a surface; where they have not ended by then the net is left open."""
+    exact: float = 1e-9
+    """The distance from a zero at which Newton's steps end, well above the rounding of gradients, 1e-10:
+    `test_a_jump_over_zero_that_is_rounding_is_met` fails at 1e-8 and 1e-10."""
+    difference: float = 1e-6
+    """The step of differences, whose rounding and truncation are both 1e-10:
+    `test_gradients_lose_as_little_to_rounding_as_to_bends` fails at 1e-5 and 1e-7."""
+    same_height: float = 1e-6
+    """Heights of one surface closer than this are one: `test_heights_that_are_one_are_drawn_once` fails at 1e-5 and
+    1e-7."""
+
+
+PARAMETERS = NetParameters()
 
 
 def gradient(function: Function, places: Floats, size: float) -> Floats:
@@ -44,7 +58,7 @@ def gradient(function: Function, places: Floats, size: float) -> Floats:
 def _expanded(functions: Sequence[Function], places: Floats, size: float) -> tuple[Floats, Floats]:
     """Values (T, k, m) of m functions at places (T, k, 3), and their gradients (T, k, m, 3)."""
     count, width = places.shape[:2]
-    step = DIFFERENCE * size
+    step = PARAMETERS.difference * size
     moves = step * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
     around = (places[:, :, None] + moves).reshape(count, -1, 3)
     found = [np.broadcast_to(one(around), around.shape[:2]).reshape(count, width, 7) for one in functions]
@@ -55,13 +69,13 @@ def _expanded(functions: Sequence[Function], places: Floats, size: float) -> tup
 def nearest(functions: Sequence[Function], places: Floats, size: float) -> tuple[Floats, Floats]:
     """The places (T, k, 3) near these at which all functions are zero, by Newton's steps of least length, nan where
     there is none; and the gradients there (T, k, m, 3)."""
-    for _ in range(CORRECTIONS):
+    for _ in range(PARAMETERS.corrections):
         values, rows = _expanded(functions, places, size)
         lengths = np.linalg.norm(rows, axis=-1)
         known = (
             np.isfinite(values).all(axis=-1) & np.isfinite(lengths).all(axis=-1) & (lengths > 0).all(axis=-1)
         )
-        reached = known & np.all(np.abs(values) <= EXACT * size * lengths, axis=-1)
+        reached = known & np.all(np.abs(values) <= PARAMETERS.exact * size * lengths, axis=-1)
         if np.all(reached | ~known):
             break
         moving = known & ~reached
@@ -87,7 +101,7 @@ def followed(functions: Sequence[Function], starts: Floats, size: float, centre:
     for number in range(STEPS):
         direction = np.cross(rows[:, :, 0], rows[:, :, 1])
         length = np.linalg.norm(direction, axis=-1)
-        going &= length > EXACT * np.linalg.norm(rows, axis=-1).prod(axis=-1)
+        going &= length > PARAMETERS.exact * np.linalg.norm(rows, axis=-1).prod(axis=-1)
         turned = np.where((direction * last).sum(axis=-1) < 0, -length, length)
         last = direction / np.where(going, turned, np.nan)[..., None]
         there, rows = nearest(functions, place + step * last, size)
@@ -174,7 +188,7 @@ def _apart(sheets: Floats, up: int, size: float) -> Floats:
     heights = sheets[..., up]
     for number in range(1, len(sheets)):
         gaps = np.abs(heights[number] - heights[:number])
-        heights[number, (gaps <= SAME_HEIGHT * size).any(axis=0)] = np.nan
+        heights[number, (gaps <= PARAMETERS.same_height * size).any(axis=0)] = np.nan
     return sheets
 
 
@@ -215,7 +229,7 @@ def _straight(function: Function, places: Floats, slope: Floats, size: float) ->
         line[..., axis] += steps
         values = np.broadcast_to(function(line), line.shape[:2])
         bend = np.abs(np.diff(values, 2, axis=1)).max()
-        if np.isfinite(bend) and slope[axis] > 0 and bend <= EXACT * np.abs(values).max():
+        if np.isfinite(bend) and slope[axis] > 0 and bend <= PARAMETERS.exact * np.abs(values).max():
             return axis
     return None
 
@@ -223,13 +237,13 @@ def _straight(function: Function, places: Floats, slope: Floats, size: float) ->
 def _lifted(function: Function, places: Floats, up: int, size: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Places (T, k, 3) moved along one axis onto the surface by Newton's steps, and which of them stand on it."""
     step = np.zeros(3)
-    step[up] = DIFFERENCE * size
+    step[up] = PARAMETERS.difference * size
     places, there = places.copy(), np.zeros(places.shape[:2], dtype=bool)
-    for _ in range(NET_STEPS):
+    for _ in range(PARAMETERS.net_steps):
         values = np.broadcast_to(function(places), there.shape)
         slope = (function(places + step) - function(places - step)) / (2 * step[up])
         move = np.where(slope != 0, -values / np.where(slope != 0, slope, 1.0), np.inf)
-        there = np.abs(move) <= EXACT * size
+        there = np.abs(move) <= PARAMETERS.exact * size
         if there.all():
             break
         places[..., up] += np.where(np.isfinite(move) & ~there, np.clip(move, -0.3 * size, 0.3 * size), 0.0)
