@@ -35,7 +35,8 @@ Floats = npt.NDArray[np.float64]
 
 # A basis of so many coordinates has some ten million numbers.
 MOST_COORDINATES = 4000
-# A column whose rest is at least this part of the largest may be the pivot; of those the last is.
+# A column whose rest is at least this part of the largest may be the pivot; of those the last is
+# (`test_of_components_that_serve_alike_the_last_depends` fails at 1 - 1e-7 and 1 - 1e-11).
 EQUAL = 1 - 1e-9
 # Entries of T and tau below this part of the largest are rounding.
 ROUNDING = 1e-13

@@ -29,7 +29,8 @@ Whole = npt.NDArray[np.int64]
 # States around the one asked for, and how far, as a part of the size of the configuration.
 AROUND, ASIDE = 3, 0.1
 SEED = 20062
-# What a sum of forces or torques may leave, as a part of the forces.
+# The part of the forces that is left of a sum of forces or torques by rounding
+# (`test_a_force_is_central_to_rounding` fails at 1e-10 and 1e-8).
 ROUNDING = 1e-9
 
 

@@ -22,7 +22,8 @@ from lagcli.start.initial import Residuals, State
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-# A row whose gradient along the coordinates that may move is this part of the whole one has nothing to move.
+# A row whose gradient along the coordinates that may move is this part of the whole one has nothing to move
+# (`test_a_row_that_hardly_acts_on_what_may_move_is_stuck` fails at 1e-4).
 STUCK = 1e-5
 # A start closer to the surface than this part of its size, and than half the radius of curvature, has one nearest
 # point, and Gauss-Newton finds it. Curvature is not computed for many coordinates, whose starts must be closer.

@@ -23,7 +23,8 @@ from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
-# Of rows of length one: what is left of b after the best velocity, above rounding.
+# Of rows of length one: the part of b that is left after the best velocity, above rounding
+# (`test_rows_contradict_each_other_beyond_rounding` fails at 1e-6).
 APART = 1e-7
 # Of many rows what is left is found by sparse factors, with a part of the identity added, in a few passes.
 SHIFT, PASSES, APART_OF_MANY = 1e-8, 4, 1e-5

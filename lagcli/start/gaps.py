@@ -31,7 +31,8 @@ ROUNDS = 30  # changes of the active set
 ASIDE = (0.01, 0.1, 0.3, 1.0)
 # Pulls smaller than this part of the largest push are rounding.
 PULLING = 1e-9
-# Gaps that are this small a part of the size of a configuration are none.
+# Gaps that are this small a part of the size of a configuration are none
+# (`test_a_gap_of_some_digits_is_brought_to_zero` fails at 1e-13).
 ROUNDING = 1e-14
 
 

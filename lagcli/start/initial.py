@@ -19,9 +19,14 @@ from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
 
-# Largest residual of a consistent start, as a part of the size of the coordinates (or speeds) in the row.
+# Largest residual of a consistent start, as a part of the size of the coordinates (or speeds) in the row: what is left
+# of numbers written to ten digits (`test_a_start_is_on_a_row_to_the_digits_of_decimals` fails at 1e-10 and 1e-8).
 CONSISTENT = 1e-9
+# A coordinate near zero is no smaller than this part of the largest one, from which it was computed
+# (`test_a_coordinate_near_zero_has_the_rounding_of_larger_ones` fails at 1e-4 and 1e-2).
 LEAST = 1e-3
+# Speeds are no smaller than this part of the size that they would cross in the duration
+# (`test_a_system_at_rest_has_the_rounding_of_its_speeds` fails at 1e-7 and 1e-5).
 SLOWEST = 1e-6
 # Steps, each a tenth of the one before, at which the curvature of a row is probed; roundings a residual may hold.
 PROBES, ROUNDINGS = 12, 64

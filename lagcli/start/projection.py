@@ -25,7 +25,7 @@ Floats = npt.NDArray[np.float64]
 class ProjectionParameters:
     """The way onto the constraints; lengths are parts of the size of the configuration.
 
-    None was moved to see which test fails: that is not known.
+    Of the others no test is known that fails when they move.
     """
 
     __slots__ = ()
@@ -39,13 +39,16 @@ class ProjectionParameters:
     arrived: float = 1e-14
     """The residual at which a descent ends."""
     rounding: float = 1e-10
-    """The residual at which it may stall by rounding."""
+    """The residual at which it may stall by rounding. `test_a_descent_may_stall_at_rounding` fails at 1e-11 and
+    1e-9."""
     converged: float = 1e-13
-    """The residual at which a few Newton steps have come close enough to tell that they square the residual."""
+    """The residual at which a few Newton steps have come close enough to tell that they square the residual.
+    `test_newton_from_beside_a_double_root_only_halves_the_distance` fails at 1e-12."""
     nearest: float = 1e-12
     """The part of the way along the surface at which a point is the nearest one."""
     nearby_steps: int = 8
-    """If the rows are independent, Newton's steps from nearby square the residual: so many reach rounding."""
+    """If the rows are independent, Newton's steps from nearby square the residual: so many reach rounding.
+    `test_newton_from_beside_a_double_root_only_halves_the_distance` fails at 1 and 80."""
     squared: float = 0.02
     """A step that leaves more than this part of the residual has not squared it."""
     first_damping: float = 1e-3

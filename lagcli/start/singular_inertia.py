@@ -12,12 +12,18 @@ from lagcli.linear.metric_rows import Sparse
 
 Floats = npt.NDArray[np.float64]
 
-# Coordinates of a motion that are named, and the part of the largest from which on one belongs to the motion.
+# Coordinates of a motion that are named, and the part of the largest from which on one belongs to the motion
+# (`test_a_coordinate_belongs_to_a_motion_from_a_millionth` fails at 1e-7 and 1e-5).
 MOST_NAMED, SEEN = 4, 1e-6
 
-# The part of an inertia at the start below which it is told that it has fallen, and the most coordinates of which it is
+# The part of an inertia at the start below which it is told that it has fallen
+# (`test_an_inertia_has_fallen_below_a_thousandth` fails at 1e-4 and 1e-2), and the most coordinates of which it is
 # asked: it takes eigenvalues.
 FALLEN, MOST_ASKED = 1e-3, 300
+
+# A least eigenvalue that is below zero by this part of the largest is negative, and not zero to rounding
+# (`test_an_inertia_is_negative_beyond_rounding` fails at 1e-11 and 1e-6).
+NEGATIVE = 1e-9
 
 _SINGULAR_PLACE = "start away from a singular place (the centre of polar, the pole of spherical coordinates)"
 
@@ -65,7 +71,7 @@ def indefinite(M: Floats, names: Sequence[str]) -> Fault:
     motion = scale * vectors[:, 0]
     along = int(np.argmax(np.abs(vectors[:, 0])))
     shown = _motion(motion, names)
-    if values[0] > -1e-9 * values[-1]:
+    if values[0] > -NEGATIVE * values[-1]:
         message = f"no kinetic energy resists the motion {shown} at the start: the inertia matrix is singular"
         hint = (
             "leave out a coordinate that describes the same motion as others (where a constraint fixes it, insert"

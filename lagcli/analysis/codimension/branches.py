@@ -32,9 +32,9 @@ class BranchParameters:
     halvings: int = 7
     """Halvings of a step; closer to a singular point the rank cannot be seen."""
     newton_steps: int = 8
-    """Newton's steps that may lead back."""
+    """Newton's steps that may lead back. `test_newton_creeps_to_a_place_that_is_not_regular` fails at 1."""
     more_steps: int = 40
-    """Further ones, which show that it creeps."""
+    """Further ones, which show that it creeps. `test_newton_creeps_to_a_place_that_is_not_regular` fails at 4."""
     solved: float = 1e-13
     """The residual at which Newton's method ends."""
     squared: float = 0.02

@@ -37,18 +37,22 @@ class ManifoldParameters:
     solved: float = 1e-12
     """The largest value that Newton's method leaves."""
     vanishes: float = 1e-11
-    """The largest value that is rounding on a manifold that the equations follow; one that does not vanish is of the
-    size of a power of the step."""
+    """The largest value that is rounding on a manifold that the equations follow; one that does not vanish is of
+    the size of a power of the step. `test_a_row_that_follows_vanishes_to_rounding` fails at 1e-10."""
     off: float = 1e-9
-    """The most that counts as rounding where numbers written to some digits leave more, from the begin on."""
+    """The most that counts as rounding where numbers written to some digits leave more, from the begin on.
+    `test_rows_that_are_off_at_the_start_do_not_follow` fails at 1e-10 and 1e-8."""
     roundings: int = 64
-    """Roundings of the coordinates that a value may hold."""
+    """Roundings of the coordinates that a value may hold. `test_values_may_hold_some_roundings` fails at 6 and 640."""
     written: float = 100.0
-    """By which factor values may be larger than those at the begin."""
+    """By which factor values may be larger than those at the begin.
+    `test_a_start_in_decimals_leaves_more_than_rounding` fails at 10."""
     far: tuple[float, ...] = (1e1, 1e2, 1e3, 1e4)
-    """Far steps where the manifold is as flat: what is small over a unit is not over many."""
+    """Far steps where the manifold is as flat: what is small over a unit is not over many.
+    `test_a_row_that_follows_does_so_far_along_a_straight_line` fails without the last."""
     hidden: float = 1e-7
-    """Rounding as large as this hides what does not vanish."""
+    """Rounding as large as this hides what does not vanish. `test_rounding_may_hide_a_row_that_does_not_follow`
+    fails at 1e-6."""
     seed: int = 20061
     """Of random directions: a fixed one, so that the verdict does not change."""
 

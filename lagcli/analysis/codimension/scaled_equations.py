@@ -28,15 +28,17 @@ class ScalingParameters:
 
     flat: float = 1e-7
     """Of a row whose gradient is this part of its second derivatives the gradient vanishes: what is left is how far
-    the start is from where it does."""
+    the start is from where it does. `test_a_gradient_that_is_next_to_nothing_vanishes` fails at 1e-6."""
     curled: float = 1e-4
     """The radius of curvature of rows counts as a unit of length if it is not less than this part of the extent."""
     equilibrations: int = 10
     """Rounds that make generalized coordinates move the rows alike."""
     close: float = 1e-6
-    """The distance from the state, in units, at which the gradient is compared."""
+    """The distance from the state, in units, at which the gradient is compared.
+    `test_a_gradient_that_jumps_is_not_smooth` fails at 1e-7 and 1e-5."""
     bent: float = 1e-3
-    """It changes by second derivatives but for this part of them."""
+    """It changes by second derivatives but for this part of them. `test_a_gradient_that_jumps_is_not_smooth` fails
+    at 1e-4 and 1e-2."""
     roundings: int = 64
     """And but for so many roundings of the coordinates."""
     seed: int = 20061

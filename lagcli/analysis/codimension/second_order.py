@@ -35,14 +35,17 @@ class SecondOrderParameters:
     __slots__ = ()
 
     nothing: float = 1e-6
-    """Second derivatives below this are the square root of the rounding of the start."""
+    """Second derivatives below this are the square root of the rounding of the start.
+    `test_a_second_derivative_is_there_or_not_with_a_gap` fails at 1e-7 and 1e-5."""
     something: float = 1e-5
-    """Above this they are there; between the two nothing is decided."""
+    """Above this they are there; between the two nothing is decided.
+    `test_a_second_derivative_is_there_or_not_with_a_gap` fails at 1e-6 and 1e-4."""
     balanced: float = 1e-13
     """The distance, in units of the scaled coordinates, of the start from where the stress balances: rounding. From
     farther off a small curve through the start, as x**2 + y**2 = 1e-10 x, looks like a point; smaller ones still do."""
     definite: float = 1e-6
-    """Of matrices of norm one: a smallest eigenvalue below this is no proof that it is positive."""
+    """Of matrices of norm one: a smallest eigenvalue below this is no proof that it is positive.
+    `test_a_combination_is_positive_beyond_rounding` fails at 1e-7 and 1e-5."""
     growth: float = 8.0
     """The factor by which the weight of the barrier grows; at the weight w the largest t is known to (m + 1) / w."""
     centerings: int = 60
