@@ -39,7 +39,7 @@ MOST_COORDINATES = 4000
 # (`test_of_components_that_serve_alike_the_last_depends` fails at 1 - 1e-7 and 1 - 1e-11).
 EQUAL = 1 - 1e-9
 # Entries of T and tau below this part of the largest are rounding.
-ROUNDING = 1e-13
+COMPONENT_ROUNDOFF = 1e-13
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -219,7 +219,7 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
     independent = [i for i in range(B.shape[1]) if i not in set(dependent)]
     right = -np.column_stack([B[:, independent] * sizes[independent], b])
     solved = np.linalg.lstsq(B[:, dependent] * sizes[dependent], right, rcond=None)[0]
-    solved = np.where(np.abs(solved) < ROUNDING * np.abs(solved).max(initial=0.0), 0.0, solved)
+    solved = np.where(np.abs(solved) < COMPONENT_ROUNDOFF * np.abs(solved).max(initial=0.0), 0.0, solved)
     solved = solved * sizes[dependent][:, None]
     numbers = _numbers(model)
     return Components(

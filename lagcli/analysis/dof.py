@@ -91,18 +91,18 @@ class DofCount:
 class _Ranks:
     """Ranks of the rows that count as holonomic and of all rows, over points on the surface and beside it."""
 
-    whole: list[rank.Rank]
+    of_holonomic: list[rank.Rank]
     everything: list[rank.Rank]
 
     @property
     def highest(self) -> tuple[int, int]:
         """The ranks at generic points: the highest that are certain."""
-        return max(r.low for r in self.whole), max(r.low for r in self.everything)
+        return max(r.low for r in self.of_holonomic), max(r.low for r in self.everything)
 
     @property
     def possible(self) -> tuple[int, int]:
         """The highest ranks that cannot be excluded."""
-        return max(r.high for r in self.whole), max(r.high for r in self.everything)
+        return max(r.high for r in self.of_holonomic), max(r.high for r in self.everything)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -125,23 +125,23 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     names = [row.name for row in system.rows.rows]
     # Of a row that vanishes identically numbers see its rounding.
     said = [i for i, name in enumerate(names) if name not in found.vanishing]
-    whole = list(range(system.holonomic_count))
+    holonomic_rows = list(range(system.holonomic_count))
     points = [begin]
-    on = _ranks(numeric, points, whole, said)
+    on = _ranks(numeric, points, holonomic_rows, said)
     surface = codimension.examine(system, numeric, begin)
     found = found.doubted(*_beside_deficient(system, surface))
     if on.highest[1] < len(said):  # rows that are independent at the start are so nearby
         from lagcli.start import conflict  # here, as the rows of most models are independent
 
-        has_others = len(whole) < len(names) and surface.kind != "deficient"
+        has_others = len(holonomic_rows) < len(names) and surface.kind != "deficient"
         if (has_others or surface.kind == "singular") and len(names) <= metric_rows.DENSE:
             # The time of the start may be special too (t d(y) = 0 at t = 0).
             later = LATER * (system.model.simulation.duration or 1.0) if found.depends_on_time else 0.0
-            points = _generic(system, numeric, begin, whole, later)
-        on = _ranks(numeric, points, whole, said)
+            points = _generic(system, numeric, begin, holonomic_rows, later)
+        on = _ranks(numeric, points, holonomic_rows, said)
         conflict.require_lasting(system, numeric, begin)
-    doubt = surface.reason or _undecided_tip(numeric, begin, whole)
-    doubt = doubt or _undecided_rank(on, surface, len(whole) == len(names))
+    doubt = surface.reason or _undecided_tip(numeric, begin, holonomic_rows)
+    doubt = doubt or _undecided_rank(on, surface, len(holonomic_rows) == len(names))
     rank_beyond = on.highest[1] - on.highest[0]
     reason = doubt or _undecided_rows(found, rank_beyond)
     n, decided = system.symbols.q.numel(), reason == ""
@@ -160,19 +160,19 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         proof=_proof(found, surface) if decided else "none",
         # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither
         # does the number of rows.
-        bounds=(0, n - on.whole[0].low) if doubt else _bounds(n, surface, total, found),
+        bounds=(0, n - on.of_holonomic[0].low) if doubt else _bounds(n, surface, total, found),
         reason=reason,
         redundant_rows=tuple(names[i] for i in redundant if decided),
         start_rank=on.everything[0].value,
         notes=() if doubt else (*_notes(on, surface, rank_beyond), *found.notes),
-        rows=len(whole),
+        rows=len(holonomic_rows),
         rank=surface.codimension or 0 if surface.kind == "singular" else surface.rank,
     )
     return Examined(counted, surface, points, found)
 
 
 def _generic(
-    system: System, numeric: NumericSystem, begin: State, whole: list[int], later: float
+    system: System, numeric: NumericSystem, begin: State, holonomic_rows: list[int], later: float
 ) -> list[State]:
     """The start, and points of the surface that lie on its side of all branches of the rows."""
     from lagcli.compiled.row_block import RowBlock
@@ -180,7 +180,9 @@ def _generic(
     block = RowBlock(system, range(len(system.rows.rows)))
     for shorter in range(SHORTER):
         part = 0.5 ** (2 * shorter)
-        found = sample_points.along(numeric, begin, whole, part * later, step=part * sample_points.STEP)
+        found = sample_points.along(
+            numeric, begin, holonomic_rows, part * later, step=part * sample_points.STEP
+        )
         places = [np.append(one.q[block.columns], [one.t] if block.has_time else []) for one in found]
         for k, (one, other) in enumerate(itertools.pairwise(places), start=1):
             if block.pieces.end_between(np.linspace(one, other, LOOKS), begin.p):
@@ -255,10 +257,10 @@ def _beside_deficient(system: System, surface: Codimension) -> tuple[frozenset[s
         return frozenset(), ""
     numbers, coordinates = pattern.coordinates(system)
     among = np.isin(coordinates, surface.coordinates) & (numbers >= system.holonomic_count)
-    whole = initial.names_of(system, list(surface.rows))
+    names = initial.names_of(system, list(surface.rows))
     return (
         frozenset(system.rows.rows[int(i)].name for i in numbers[among]),
-        f"it meets coordinates of the rows {whole}, whose gradients leave more directions than there are",
+        f"it meets coordinates of the rows {names}, whose gradients leave more directions than there are",
     )
 
 
@@ -270,18 +272,18 @@ def _notes(on: _Ranks, surface: Codimension, rank_beyond: int) -> tuple[str, ...
     return ((special,) if here is not None and here < total else ()) + surface.notes
 
 
-def _undecided_tip(numeric: NumericSystem, state: State, whole: list[int]) -> str:
+def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[int]) -> str:
     """Say that gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`), or nothing."""
     direction = generic_direction.direction(state.q.size, SEED)
     # Where a gradient vanishes second derivatives have been looked at (`codimension`).
     gradients = metric_rows.LocalRows(numeric.whole(state.t, state.q, state.p)[1])
-    whole = [i for i in whole if gradients.norms[i] > 0]
-    here = _normalized_rows(numeric, state).take(whole)
+    holonomic_rows = [i for i in holonomic_rows if gradients.norms[i] > 0]
+    here = _normalized_rows(numeric, state).take(holonomic_rows)
     for side in (-TIP, TIP):
         there = dataclasses.replace(state, q=state.q + side * initial.size(state.q) * direction)
         if (
             sample_points.is_finite(numeric, there)
-            and _normalized_rows(numeric, there).take(whole).turned_from(here) > TURN
+            and _normalized_rows(numeric, there).take(holonomic_rows).turned_from(here) > TURN
         ):
             return "the gradient of a constraint jumps at the start, so the rank there does not prove the dimension"
     return ""
@@ -298,7 +300,7 @@ def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool) -> str
     return ""
 
 
-def _ranks(numeric: NumericSystem, points: list[State], whole: list[int], said: list[int]) -> _Ranks:
+def _ranks(numeric: NumericSystem, points: list[State], holonomic_rows: list[int], said: list[int]) -> _Ranks:
     """Ranks of the holonomic rows and of all that say something, at the points; the first is known to be finite."""
     found = _Ranks([], [])
     for point in points:
@@ -306,8 +308,10 @@ def _ranks(numeric: NumericSystem, points: list[State], whole: list[int], said: 
             rows = _normalized_rows(numeric, point)
             rows = rows if len(said) == rows.count else rows.take(said)
             found.everything.append(rank.rank(rows))
-            complete = len(whole) == rows.count
-            found.whole.append(found.everything[-1] if complete else rank.rank(rows.take(whole)))
+            complete = len(holonomic_rows) == rows.count
+            found.of_holonomic.append(
+                found.everything[-1] if complete else rank.rank(rows.take(holonomic_rows))
+            )
     return found
 
 

@@ -27,11 +27,11 @@ Floats = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
 # States around the one asked for, and how far, as a part of the size of the configuration.
-AROUND, ASIDE = 3, 0.1
+AROUND, OFFSET = 3, 0.1
 SEED = 20062
 # The part of the forces that is left of a sum of forces or torques by rounding
 # (`test_a_force_is_central_to_rounding` fails at 1e-10 and 1e-8).
-ROUNDING = 1e-9
+FORCE_ROUNDOFF = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Internal:
     @property
     def is_central(self) -> bool:
         """True if F_ij = -F_ji along the line; of more particles, whether they do no work on a rigid body."""
-        return self.unbalanced <= ROUNDING and self.off_line <= ROUNDING
+        return self.unbalanced <= FORCE_ROUNDOFF and self.off_line <= FORCE_ROUNDOFF
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -150,10 +150,10 @@ class _Laws:
         for number in range(1 + AROUND):
             q, q_dot, free = state.q, state.v, np.concatenate([r.T.ravel(), v.T.ravel()])
             if number:
-                q = q + ASIDE * size * random.standard_normal(q.size)
-                q_dot = q_dot + ASIDE * speed * random.standard_normal(q.size)
+                q = q + OFFSET * size * random.standard_normal(q.size)
+                q_dot = q_dot + OFFSET * speed * random.standard_normal(q.size)
                 own = float(np.abs(r).max(initial=0.0)) or 1.0
-                free = free + ASIDE * own * random.standard_normal(free.size)
+                free = free + OFFSET * own * random.standard_normal(free.size)
             places, forces = (np.array(x).ravel() for x in self._function(state.t, q, q_dot, p, free))
             if np.isfinite(forces).all():
                 yield places.reshape(-1, 3), forces

@@ -136,7 +136,7 @@ def _configuration(search: Search) -> Floats:
     _, parts = search.components()
     lengths = _lengths(search, parts, best)
     optima: list[Floats] = []
-    for begin in (best, q0, *_asides(search)):
+    for begin in (best, q0, *_neighbours(search)):
         for q in _minima(search, begin, optima):
             found = _lengths(search, parts, q)
             # What shares no coordinate and no row may be near in one solution, and the rest in another.
@@ -146,10 +146,10 @@ def _configuration(search: Search) -> Floats:
     return _polished(search, surface.refined(best, q0))
 
 
-def _asides(search: Search) -> list[Floats]:
+def _neighbours(search: Search) -> list[Floats]:
     count = int((~search.fixed).sum())
     most = STARTS_OF_FEW if count <= FEW else STARTS_OF_MORE if count <= MANY else STARTS_OF_MANY
-    starts = list(search.asides(search.state.q, range(search.system.holonomic_count)))
+    starts = list(search.neighbours(search.state.q, range(search.system.holonomic_count)))
     return starts[:: max(1, len(starts) // most)][:most] if most < len(starts) else starts
 
 
@@ -223,7 +223,7 @@ def _beside_poles(search: Search) -> Floats:
     q = search.state.q
     B = LocalRows(search.numeric.whole(search.state.t, q, search.state.p)[1])
     poles = np.flatnonzero(~B.are_finite())
-    return next(search.asides(q, poles.tolist())) if poles.size else q
+    return next(search.neighbours(q, poles.tolist())) if poles.size else q
 
 
 def _is_clearly_nearest(search: Search, q: Floats) -> bool:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 # A change below this part of the largest value of its kind is rounding.
-ROUNDING = 1e-13
+MOVE_ROUNDOFF = 1e-13
 MOST_TOLD = 6
 
 
@@ -81,5 +81,5 @@ def moves(model: nouns.Model, found: Assembly) -> Moves:
 
 def _changed(names: Sequence[str], old: Floats, new: Floats) -> Iterator[Move]:
     size = max(np.abs(old).max(initial=0.0), np.abs(new).max(initial=0.0))
-    for i in np.flatnonzero(np.abs(new - old) > ROUNDING * size).tolist():
+    for i in np.flatnonzero(np.abs(new - old) > MOVE_ROUNDOFF * size).tolist():
         yield Move(names[i], float(old[i]), float(new[i]))

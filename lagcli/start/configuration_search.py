@@ -32,7 +32,7 @@ Numbers = npt.NDArray[np.intp]
 
 # How far aside other starts lie, as parts of the size of what is sought, and how many of each there are: fewer of
 # many coordinates, whose searches take longer.
-ASIDE = (0.01, 0.1, 0.3, 1.0, 3.0)
+OFFSETS = (0.01, 0.1, 0.3, 1.0, 3.0)
 FEW, MANY = 60, 400
 EACH_OF_FEW, EACH_OF_MORE, EACH_OF_MANY = 4, 2, 1
 IPOPT_EACH = 5
@@ -99,14 +99,14 @@ class Search:
                 largest = max(largest, float(np.ptp(place)) if place.size else 0.0)
         return largest or float(np.abs(q[touched]).max(initial=0.0)) or initial.size(q)
 
-    def asides(self, q: Floats, rows: Sequence[int]) -> Iterator[Floats]:
+    def neighbours(self, q: Floats, rows: Sequence[int]) -> Iterator[Floats]:
         """Starts beside q, the near ones first; the same for the same question."""
         random = np.random.default_rng(SEED)
         touched = self.touched(rows)
         count = int(touched.sum())
         each = EACH_OF_FEW if count <= FEW else EACH_OF_MORE if count <= MANY else EACH_OF_MANY
         size = self.size(q, touched)
-        for part in ASIDE if count <= MANY else ASIDE[::2]:
+        for part in OFFSETS if count <= MANY else OFFSETS[::2]:
             for _ in range(each):
                 yield q + np.where(touched, part * size, 0.0) * random.standard_normal(q.size)
 
@@ -114,7 +114,7 @@ class Search:
         """A configuration that satisfies some rows, or the best there is: from `begins`, and from beside the first."""
         surface = self.surface(rows)
         best, starts, asked = surface.descend(begins[0]), 1, 0
-        for number, begin in enumerate((*begins, *self.asides(begins[0], rows))):
+        for number, begin in enumerate((*begins, *self.neighbours(begins[0], rows))):
             if number and not best.is_on:
                 best, starts = _better(best, surface.descend(begin)), starts + 1
             # Round long bends IPOPT goes in fewer steps.

@@ -152,7 +152,7 @@ def _follow_each_other(search: Search, rows: list[int]) -> bool:
     if len(rows) < 2 or len(rows) > metric_rows.DENSE:
         return False
     state = search.state
-    for q in search.asides(state.q, rows):
+    for q in search.neighbours(state.q, rows):
         B = search.numeric.whole(state.t, q, state.p)[1][rows, :]
         if LocalRows(B).are_finite().all() and rank.rank(MetricRows(B, search.whole)).high == len(rows):
             return False

@@ -28,12 +28,12 @@ Side = Literal["open", "closed", "violated"]
 
 ROUNDS = 30  # changes of the active set
 # Starts aside of a configuration where a gradient has no value, as parts of its size.
-ASIDE = (0.01, 0.1, 0.3, 1.0)
+OFFSETS = (0.01, 0.1, 0.3, 1.0)
 # Pulls smaller than this part of the largest push are rounding.
 PULLING = 1e-9
 # Gaps that are this small a part of the size of a configuration are none
 # (`test_a_gap_of_some_digits_is_brought_to_zero` fails at 1e-13).
-ROUNDING = 1e-14
+GAP_ROUNDOFF = 1e-14
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -171,7 +171,7 @@ def nearest(search: Search, q: Floats) -> Floats:
 def settled(system: System, numeric: NumericSystem, state: State) -> State:
     """A consistent state with the gaps that decimals have put below zero at zero."""
     found = gaps(system, numeric, state)
-    if found.violated or not (found.g < -ROUNDING * float(np.abs(state.q).max(initial=0.0))).any():
+    if found.violated or not (found.g < -GAP_ROUNDOFF * float(np.abs(state.q).max(initial=0.0))).any():
         return state
     search = Search(system, numeric, state, np.zeros(state.q.size, dtype=bool))
     reached = BoundarySurface(search, np.flatnonzero(found.g <= 0.0).tolist()).descend(state.q)
@@ -203,7 +203,7 @@ def _begins(search: Search, active: list[int], q: Floats) -> Iterator[Floats]:
     touched = np.zeros(q.size, dtype=bool)
     touched[LocalRows(BoundarySurface(search, active).rows(q)[1]).column] = True
     touched &= ~search.fixed
-    for part in ASIDE:
+    for part in OFFSETS:
         yield q + np.where(touched, part * search.size(q0, touched), 0.0) * random.standard_normal(q.size)
 
 

@@ -32,7 +32,7 @@ STEP = 0.2  # of the size of the configuration
 MAX_HALVINGS = 11
 SEED = 20061
 # A gradient that is this part of what it is as far aside, as a part of the size, vanishes: what is left is rounding.
-FLAT, ASIDE = 1e-9, 1e-2
+FLAT, NEIGHBOUR_OFFSET = 1e-9, 1e-2
 
 
 def begin(system: System, numeric: NumericSystem) -> State:
@@ -119,8 +119,8 @@ def rows(numeric: NumericSystem, point: State) -> MetricRows:
     """All rows at a point of the surface; one whose gradient vanishes on it is zero, whatever rounding leaves of it."""
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
     direction = generic_direction.direction(point.q.size, SEED)
-    aside = point.q + ASIDE * initial.size(point.q) * direction
-    off = LocalRows(numeric.rows(point.t, aside, point.v, point.p)[0])
+    neighbour = point.q + NEIGHBOUR_OFFSET * initial.size(point.q) * direction
+    off = LocalRows(numeric.rows(point.t, neighbour, point.v, point.p)[0])
     here = LocalRows(B)
     with np.errstate(invalid="ignore"):  # a row may have no value aside
         flat = here.norms <= FLAT * off.norms

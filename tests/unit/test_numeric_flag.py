@@ -317,7 +317,7 @@ def test_nested_derivatives_in_many_digits(text):
         point = multiprecision.moved(point, [Decimal(1), Decimal(2)], 1)
         point = multiprecision.moved(point, [Decimal(3), Decimal(-1)], 2)
         run = multiprecision.run(
-            program.written_out(ca.Function("value", [z], [value])), [point], multiprecision.spelled
+            program.written_out(ca.Function("value", [z], [value])), [point], multiprecision.decimal_of
         )
         kept, changed = multiprecision.parts(run, 2)
         (number,), (first,) = multiprecision.parts(kept, 1)

@@ -141,8 +141,8 @@ def _judged(case: Case, limit: float) -> Classification:
     # Loaded here and not above: SymPy costs half a second that holonomic models need not spend.
     from lagcli.analysis.classification import classifier
 
-    court = classifier.Classifier(case, time.monotonic() + limit)
-    found = [court.judge(group) for group in case.groups]
+    judging = classifier.Classifier(case, time.monotonic() + limit)
+    found = [judging.judge(group) for group in case.groups]
     verdicts = {v.row: v for rows, _ in found for v in rows}
     names = [row.name for row in case.system.rows.rows[case.system.holonomic_count :]]
     return Classification(

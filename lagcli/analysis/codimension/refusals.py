@@ -87,7 +87,7 @@ def _dependent_beside(numeric: NumericSystem, state: State, rows: list[int]) -> 
     for _ in range(PLACES):
         direction = random.standard_normal(state.q.size)
         there = dataclasses.replace(
-            state, q=state.q + sample_points.ASIDE * initial.size(state.q) * direction
+            state, q=state.q + sample_points.NEIGHBOUR_OFFSET * initial.size(state.q) * direction
         )
         if not sample_points.is_finite(numeric, there):
             continue

@@ -112,11 +112,11 @@ def proved(words: LoopWords, goal: Goal, x: Floats, is_drawn: bool) -> Witness |
     paths = [controls[np.abs(controls).max(axis=1) > PARAMETERS.nothing * goal.size]]
     if words.rest is not None:
         paths.append(words.rest)
-    laid = [_laid(words.frame, goal.start, path) for path in paths]
-    if any(one is None for one in laid):
+    followed = [_followed(words.frame, goal.start, path) for path in paths]
+    if any(one is None for one in followed):
         return None
-    points = [one[0] for one in laid if one is not None]
-    uncertain = np.sum([one[1] for one in laid if one is not None], axis=0)
+    points = [one[0] for one in followed if one is not None]
+    uncertain = np.sum([one[1] for one in followed if one is not None], axis=0)
     end = points[0][-1] - (points[1][-1] if len(points) > 1 else goal.start)
     amount = float(end[goal.along])
     closure = float(np.abs(end[goal.closed]).max(initial=0.0))
@@ -164,7 +164,7 @@ def _crosses(part: LocalPart, goal: Goal, amount: float, is_followed: bool) -> b
     return bool(np.isfinite(rate).all() and ((rate > 0).all() or (rate < 0).all()))
 
 
-def _laid(
+def _followed(
     frame: controlled_paths.ControlledFrame, base: Floats, controls: Floats
 ) -> tuple[Floats, Floats] | None:
     """Points of a path and the error of its end (k + 1,), from steps halved until nothing changes."""

@@ -39,18 +39,18 @@ SEED = 20062
 class BracketValues:
     """Random values of brackets on the independent differential rows of a place.
 
-    is_spelled: as in `Exact`. limits: other ones than those of the digits. Raises `undecided.Undecided`.
+    is_decimal: as in `Exact`. limits: other ones than those of the digits. Raises `undecided.Undecided`.
     """
 
     def __init__(
-        self, place: EvaluationPoint, deadline: float, is_spelled: bool, limits: Limits | None = None
+        self, place: EvaluationPoint, deadline: float, is_decimal: bool, limits: Limits | None = None
     ) -> None:
         if place.all.low != len(place.independent):
             raise undecided.Undecided("which of so many rows depend on others is not known")
-        self.place, self._deadline, self._is_spelled = place, deadline, is_spelled
+        self.place, self._deadline, self._is_decimal = place, deadline, is_decimal
         self.count = len(place.kept)
         self._random = np.random.default_rng(SEED)
-        self.exact = in_digits(place, is_spelled)
+        self.exact = in_digits(place, is_decimal)
         self._length = DOUBLES * place.block.size if self.exact is None else self.exact.length
         self.digits = 16 if self.exact is None else precise_brackets.DIGITS
         usual = (
@@ -62,7 +62,7 @@ class BracketValues:
 
     def at(self, place: EvaluationPoint, limits: Limits) -> BracketValues:
         """These brackets at another place."""
-        return BracketValues(place, self._deadline, self._is_spelled, limits)
+        return BracketValues(place, self._deadline, self._is_decimal, limits)
 
     def span(self) -> Span:
         """An empty span for them."""
@@ -94,8 +94,8 @@ class BracketValues:
     def _rough(self, shape: Shape, U: Floats) -> DigitSample:
         """The values in doubles: at x moved by rounding the size is seen, but where all is rounding."""
         place, function = self.place, self._brackets.values(shape)
-        aside = place.x + NUDGE * place.sizes * self._random.standard_normal(place.x.size)
-        here, there = (np.array(function(x, place.p, U)).ravel() for x in (place.x, aside))
+        neighbour = place.x + NUDGE * place.sizes * self._random.standard_normal(place.x.size)
+        here, there = (np.array(function(x, place.p, U)).ravel() for x in (place.x, neighbour))
         terms = place.terms[place.kept] * (1.0 if lie_brackets.leaves(shape) == 2 else DEEPER)
         sizes = np.maximum(np.maximum(np.abs(here), np.abs(there - here) / NUDGE), terms)
         if not np.isfinite(sizes).all():
@@ -166,10 +166,10 @@ def _beyond(limits: Limits, off: float) -> Limits:
     return Limits(limits.zero, max(limits.sure, Decimal(off)))
 
 
-def in_digits(place: EvaluationPoint, is_spelled: bool) -> Exact | None:
+def in_digits(place: EvaluationPoint, is_decimal: bool) -> Exact | None:
     """The rows in many digits, or None where they are too large for it or a function is not known in them."""
     try:
-        return Exact(place, is_spelled)
+        return Exact(place, is_decimal)
     except (kernel_fields.TooMuchFill, multiprecision.Unknown):
         return None
 

@@ -36,9 +36,9 @@ AT_START = Limits(Decimal("1e-11"), Decimal("1e-11"))
 ROUNDED = Limits(Decimal("1e-10"), Decimal("1e-6"))
 ATTEMPTS: tuple[tuple[bool, Limits | None], ...] = ((True, None), (False, None), (True, ROUNDED))
 # Constants of the rows are doubles: what is smaller is their rounding.
-ROUNDING = Decimal("1e-13")
+WEIGHT_ROUNDOFF = Decimal("1e-13")
 # The same for weights that come from doubles, with all that nearly dependent rows lose.
-ROUGH_ROUNDING, ROUGH_SURE = Decimal("1e-13"), Decimal("1e-5")
+ROUGH_WEIGHT_ROUNDOFF, ROUGH_SURE = Decimal("1e-13"), Decimal("1e-5")
 SEED = 20063
 NEARLY = "whether rows depend on each other or only nearly do is not certain"
 
@@ -122,9 +122,9 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
         return _open(known, start, generic)
     if generic is start and generic.dimension > 1:  # one field has no brackets
         raise undecided.Undecided("no other point of the surface was found, and the start may be special")
-    for is_spelled, limits in ATTEMPTS:
+    for is_decimal, limits in ATTEMPTS:
         try:
-            given = BracketValues(generic, deadline, is_spelled, limits)
+            given = BracketValues(generic, deadline, is_decimal, limits)
             return _on_piece(_searched(known, start, given), points, generic)
         except undecided.AmbiguousRank as why:
             failed = why
@@ -143,7 +143,7 @@ def _on_piece(found: NumericFlag, points: Points, place: EvaluationPoint) -> Num
 def _open(known: NumericFlag, start: EvaluationPoint, place: EvaluationPoint) -> NumericFlag:
     """The flag where brackets of two fields, in doubles, certainly show that no combination stays."""
     m = len(place.kept)
-    whole = None if place.are_independent else bracket_values.in_digits(place, is_spelled=True)
+    whole = None if place.are_independent else bracket_values.in_digits(place, is_decimal=True)
     return dataclasses.replace(
         known,
         extra=(m, 0) if m else (0,),
@@ -224,7 +224,7 @@ def _weights(place: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]
         for k in range(len(kept)):
             along = exact.rows_along([0] * place.block.size, unit(len(kept), k))
             for i in others:
-                weight = Decimal(0) if along.relative[i] <= ROUNDING else along.values[i]
+                weight = Decimal(0) if along.relative[i] <= WEIGHT_ROUNDOFF else along.values[i]
                 if i >= s:
                     found[i - s].append(weight)
                 elif weight:
@@ -238,7 +238,7 @@ def _require_dependence(exact: Exact, others: list[int], place: EvaluationPoint)
     """Raise `undecided.Undecided` where a row does not vanish on the kernel of the independent ones."""
     u = np.random.default_rng(SEED).integers(-(10**6), 10**6, place.block.size).tolist()
     along = exact.rows_along(u, [Decimal(0)] * len(place.kept))
-    if any(along.relative[i] > ROUNDING for i in others):
+    if any(along.relative[i] > WEIGHT_ROUNDOFF for i in others):
         raise undecided.Undecided(NEARLY)
 
 
@@ -251,8 +251,8 @@ def _by_doubles(place: EvaluationPoint, row: int) -> list[Decimal]:
     weights = []
     for k, value in zip(place.independent[-kept:] if kept else [], found[-kept:].tolist(), strict=False):
         weight = Decimal(value)
-        if ROUGH_ROUNDING * scale < abs(weight) < ROUGH_SURE * scale:
+        if ROUGH_WEIGHT_ROUNDOFF * scale < abs(weight) < ROUGH_SURE * scale:
             raise undecided.Undecided(NEARLY)
-        is_zero = abs(weight) <= ROUGH_ROUNDING * scale
+        is_zero = abs(weight) <= ROUGH_WEIGHT_ROUNDOFF * scale
         weights.append(Decimal(0) if is_zero else weight * Decimal(lengths[row] / lengths[k]))
     return weights

@@ -19,7 +19,7 @@ Number = Any  # Decimal or (int, Number, Number)
 
 ZERO, ONE, TWO = Decimal(0), Decimal(1), Decimal(2)
 # Numbers that were computed in doubles may be off by less than this.
-SHAKE = Decimal("1e-13")
+PERTURBATION = Decimal("1e-13")
 
 
 class Unknown(Exception):
@@ -30,22 +30,24 @@ class NotFinite(Exception):
     """A value is not a finite real number."""
 
 
-def spelled(value: float) -> Decimal:
+def decimal_of(value: float) -> Decimal:
     """The shortest decimal that stands for a double: the one a person wrote."""
     return Decimal(repr(value))
 
 
 @lru_cache(maxsize=4096)
-def shaken(value: Decimal, least: Decimal = ZERO) -> Decimal:
-    """A number moved by about SHAKE of its size or of `least`, each another way; a whole number is what it is."""
+def perturbed(value: Decimal, least: Decimal = ZERO) -> Decimal:
+    """A number moved by about PERTURBATION of its size or of `least`, each another way; an integer is unchanged."""
     if value == value.to_integral_value():
         return value
-    return value + SHAKE * max(abs(value), least) * Decimal(random.Random(str(value)).uniform(0.5, 1.5))
+    return value + PERTURBATION * max(abs(value), least) * Decimal(
+        random.Random(str(value)).uniform(0.5, 1.5)
+    )
 
 
-def shaken_constant(value: float) -> Decimal:
-    """A constant of a program, shaken; a small one may be all that is left of ones of size one."""
-    return shaken(spelled(value), ONE)
+def perturbed_constant(value: float) -> Decimal:
+    """A constant of a program, perturbed; a small one may be all that is left of ones of size one."""
+    return perturbed(decimal_of(value), ONE)
 
 
 def require_known(program: Program) -> None:

@@ -36,11 +36,11 @@ Field = list[Number]
 class Exact:
     """The rows at one place as written-out programs.
 
-    is_spelled: a parameter 0.1 is a tenth, as it was written, and not the double next to it.
+    is_decimal: a parameter 0.1 is a tenth, as it was written, and not the double next to it.
     Raises `kernel_fields.TooMuchFill`, `multiprecision.Unknown`, and `undecided.Undecided`.
     """
 
-    def __init__(self, place: EvaluationPoint, is_spelled: bool) -> None:
+    def __init__(self, place: EvaluationPoint, is_decimal: bool) -> None:
         if place.rows.is_large:
             raise kernel_fields.TooMuchFill
         block, self._place = place.block, place
@@ -51,7 +51,7 @@ class Exact:
         self.length = len(self._field.steps) + len(self._curl.steps)
         for one in (self._field, self._curl, self._along, surface):
             multiprecision.require_known(one)
-        self._read = multiprecision.spelled if is_spelled else Decimal
+        self._read = multiprecision.decimal_of if is_decimal else Decimal
         self._p = [self._read(a) for a in place.p.tolist()]
         self._sizes = [Decimal(size) for size in place.sizes.tolist()]
         self._nothing = [Decimal(0)] * len(place.kept)
@@ -72,19 +72,22 @@ class Exact:
         return self._run(self._along, [self._x, self._p, field])
 
     @cached_property
-    def _shaken(self) -> Exact:
+    def _perturbed(self) -> Exact:
         """These brackets with numbers off as those may be that were computed in doubles, the start among them: it
         may stand for a place that no double hits (sin(x) = 0 at pi)."""
         other = copy.copy(self)
-        other._p, other._read = [multiprecision.shaken(a) for a in self._p], multiprecision.shaken_constant
-        other._x = [multiprecision.shaken(a) for a in self._x]
+        other._p, other._read = (
+            [multiprecision.perturbed(a) for a in self._p],
+            multiprecision.perturbed_constant,
+        )
+        other._x = [multiprecision.perturbed(a) for a in self._x]
         return other
 
     def _sampled(self, values: Callable[[Exact], list[Decimal]]) -> DigitSample:
-        """Values in many digits, with the sizes that fewer digits and shaken numbers show."""
+        """Values in many digits, with the sizes that fewer digits and perturbed numbers show."""
         exact = values(self)
         others = [
-            (values(self._shaken), 1 / multiprecision.SHAKE),
+            (values(self._perturbed), 1 / multiprecision.PERTURBATION),
             *_in_contexts(lambda: values(self), CONTEXTS),
         ]
         sample = DigitSample(exact, _sizes(exact, others))
