@@ -134,10 +134,10 @@ def is_number(node: ast.expr) -> bool:
     return isinstance(node, ast.Constant) and type(node.value) in (int, float)
 
 
-def bare_constants(text: str) -> Iterator[str]:
+def bare_constants(text: str, tree: ast.Module) -> Iterator[str]:
     """The lines that give a number a name at the top of a module, with no comment above their block, none beside them
     and no docstring after them."""
-    lines, body = text.splitlines(), ast.parse(text).body
+    lines, body = text.splitlines(), tree.body
     for node, after in zip(body, [*body[1:], None], strict=True):
         if not isinstance(node, ast.Assign) or not is_number(node.value):
             continue
@@ -149,10 +149,10 @@ def bare_constants(text: str) -> Iterator[str]:
             yield lines[node.lineno - 1]
 
 
-def loose_numbers(text: str) -> int:
+def loose_numbers(tree: ast.Module) -> int:
     """How many names for numbers that are no whole ones a module has at its top."""
     count = 0
-    for node in ast.parse(text).body:
+    for node in tree.body:
         if isinstance(node, ast.Assign) and is_number(node.value):
             values = node.value.elts if isinstance(node.targets[0], ast.Tuple) else [node.value]  # type: ignore[attr-defined]
             count += sum("." in ast.unparse(value) or "e-" in ast.unparse(value) for value in values)
@@ -160,10 +160,8 @@ def loose_numbers(text: str) -> int:
 
 
 def test_numbers_of_an_algorithm_stand_in_its_parameter_object() -> None:
-    assert loose_numbers("A, B = 1e-9, 2\nC = (0.5, 1.0)\nD = 2**53\n") == 2
-    more = [
-        name for name, path in FILES.items() if loose_numbers(path.read_text(encoding="utf-8")) > MOST_LOOSE
-    ]
+    assert loose_numbers(ast.parse("A, B = 1e-9, 2\nC = (0.5, 1.0)\nD = 2**53\n")) == 2
+    more = [name for name, tree in trees().items() if loose_numbers(tree) > MOST_LOOSE]
     assert len(more) <= MOST_WITH_MORE, more
 
 
@@ -193,8 +191,12 @@ def test_parameter_objects_are_frozen_and_every_field_says_its_reason() -> None:
 
 def test_a_constant_has_its_reason() -> None:
     text = "# Reason.\nA, B = 1, 2\nC = 3.0\n\nD = 4\n\nE = 5  # reason\nF = 2**3\n"
-    assert list(bare_constants(text)) == ["D = 4", "F = 2**3"]
-    found = [line for path in FILES.values() for line in bare_constants(path.read_text(encoding="utf-8"))]
+    assert list(bare_constants(text, ast.parse(text))) == ["D = 4", "F = 2**3"]
+    found = [
+        line
+        for name, tree in trees().items()
+        for line in bare_constants(FILES[name].read_text(encoding="utf-8"), tree)
+    ]
     assert found == []
 
 

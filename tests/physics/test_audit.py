@@ -546,7 +546,10 @@ for _ in range(3):
     run = lagcli.simulate(model)
     middle = time.process_time()
     assert lagcli.audit(model, run).passed
-    print((time.process_time() - middle) / (middle - began))
+    part = (time.process_time() - middle) / (middle - began)
+    print(part)
+    if part < 1.0:
+        break  # others could only be disturbed more
 """
 
 
