@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from lagcli.derivation.sections.derivation_page import Derivation
     from lagcli.errors.diagnostics import ModelError
     from lagcli.formulations.comparison import Comparison
-    from lagcli.formulations.stiff.ladder import StiffLimit
+    from lagcli.formulations.stiff_ladder import StiffLimit
     from lagcli.input.overrides import OverrideError
     from lagcli.linearization.linear_modes import Modes
     from lagcli.model.model import Model
@@ -97,7 +97,7 @@ _CLASSES = {
     "ReportPage": "output.report.report_page",
     "SimulationStopped": "output.trajectory",
     "StaticReport": "statics.static_report",
-    "StiffLimit": "formulations.stiff.ladder",
+    "StiffLimit": "formulations.stiff_ladder",
     "Trajectory": "output.trajectory",
 }
 # File of `lagcli.api` of each function.

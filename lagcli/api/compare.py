@@ -102,7 +102,6 @@ def _with_principles(
     """The comparison with the vakonomic motion after the others."""
     from lagcli.api import compare_principles
     from lagcli.formulations import comparison, formulation_plan
-    from lagcli.formulations.vakonomic import two_principles
 
     first = found.formulations[0]
     other = compare_principles.beside(run, first, mu, _table)
@@ -110,15 +109,15 @@ def _with_principles(
     shared = {
         name: kind
         for name, kind in kinds.items()
-        if kind in two_principles.COMPARED and name in other.run.columns
+        if kind in comparison.COMPARED and name in other.run.columns
     }
     agreement = comparison.compare(shared, first, other.run, near)
     principles = dataclasses.replace(
         other.principles,
         tolerance=found.tolerance,
-        digits=two_principles.digits(agreement),
+        digits=comparison.digits_of_motion(agreement),
         until=min(first.reached, other.run.reached) if first.stopped or other.run.stopped else None,
-        parting=two_principles.parting(shared, first, other.run, found.tolerance),
+        parting=comparison.parting(shared, first, other.run, found.tolerance),
     )
     stops = [f"the vakonomic motion {other.run.stopped}"] if other.run.stopped else []
     reducible = formulation_plan.is_reducible(run.model, first.rows, first.coordinates)
@@ -197,8 +196,7 @@ def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> It
 
 def _table(name: str, run: SimulationRun) -> Formulation:
     """A run to its end, or as far as it goes."""
-    from lagcli.formulations.comparison import Formulation
-    from lagcli.formulations.event_times import RunEvent
+    from lagcli.formulations.comparison import Formulation, RunEvent
 
     blocks, stopped = [np.zeros((0, len(run.columns)))], ""
     events: list[RunEvent] = []

@@ -76,8 +76,8 @@ def beside(
 
     Raises `ModelError` for forces without a potential, one-sided rows, rows that are too many, and `OverrideError`.
     """
+    from lagcli.formulations import action_forces, vakonomic_system
     from lagcli.formulations.principles import Principles
-    from lagcli.formulations.vakonomic import action_forces, vakonomic_system
 
     built, model = run.built, run.model
     differential = built.rows.rows[built.holonomic_count :]

@@ -11,7 +11,7 @@ from lagcli.api.runs import run_settings
 from lagcli.model.model import Model
 
 if TYPE_CHECKING:
-    from lagcli.formulations.stiff.ladder import StiffLimit
+    from lagcli.formulations.stiff_ladder import StiffLimit
 
 STIFFNESS = "1e3:1e5"
 
@@ -45,7 +45,7 @@ def limit(
     # Other commands make no limit.
     from lagcli.api.stiff import stiff_runs
     from lagcli.api.stiff.constrained_run import LimitPlan
-    from lagcli.formulations.stiff import ladder
+    from lagcli.formulations import stiff_ladder
 
     model = as_model(model)
     changes = {
@@ -59,7 +59,7 @@ def limit(
     chosen = run_settings.chosen(model, changes)
     if not chosen.duration > 0:
         raise ValueError("duration: a stiff run needs some time")
-    rungs = ladder.rungs(stiffness)
+    rungs = stiff_ladder.rungs(stiffness)
     if ramp is not None and len(rungs) < 2:
         raise ValueError("ramp: a range of stiffnesses is needed, LOW:HIGH")
     plan = LimitPlan(constraint, rungs, unprestressed, ramp is not None, told or (lambda sentence: None))

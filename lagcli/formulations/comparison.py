@@ -1,4 +1,4 @@
-"""To how many digits several formulations agree, by the columns that their tables share."""
+"""To how many digits several formulations agree: in the columns that their tables share, and in their incidents."""
 
 from __future__ import annotations
 
@@ -6,17 +6,13 @@ import dataclasses
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.formulations import event_times
-from lagcli.formulations.event_times import RunEvent
+from lagcli.formulations.principles import PartingPoint, Principles
 from lagcli.model.model import Model
-
-if TYPE_CHECKING:
-    from lagcli.formulations.principles import Principles
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,6 +20,11 @@ TOLERANCE = 1e-8  # of the relative difference of two tables, by default
 # More digits than a double has are not told.
 MOST_DIGITS = 16.0
 KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")
+LATE = 1e-6  # of the time both runs last: an incident so near its end may be in one of them alone
+# Of the two principles the forces of constraint can be compared as a whole, and multipliers not: those of differential
+# rows are not there, and those of holonomic ones share the force with them. Motions that agree are one motion.
+COMPARED = ("r", "v", "R", "energy", "outputs")
+MOTION = ("r", "v")
 # A kind of columns that are all below this part of the largest number of the table is rounding, and has no digits.
 ROUNDING = 1e-12
 
@@ -35,6 +36,20 @@ TITLES = {
     "reduced": "reduced by the null space (D.26, Maggi)",
     "vakonomic": "vakonomic, L + Σ μᵢ (Aᵢ v + bᵢ)",
 }
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RunEvent:
+    """An incident of a run: its time, and its kind and name."""
+
+    t: float
+    kind: str
+    name: str
+
+    @property
+    def label(self) -> str:
+        """`impact of floor`."""
+        return f"{self.kind} of {self.name}"
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -180,9 +195,7 @@ def compare(
     count = min(len(first.table), len(other.table))
     t = first.table[:count, 0]
     found = {}
-    paired = (
-        event_times.matched(first.events, other.events, float(t[-1]), float(np.ptp(t))) if count else None
-    )
+    paired = matched(first.events, other.events, float(t[-1]), float(np.ptp(t))) if count else None
     parted = np.zeros(count, dtype=bool) if paired is None else paired.parts(t)
     values = first.table[:, 1:]
     rounding = ROUNDING * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
@@ -212,7 +225,7 @@ def compare(
     return found
 
 
-def _of_events(paired: event_times.Matched, span: float) -> Agreement:
+def _of_events(paired: Matched, span: float) -> Agreement:
     """The agreement of the times of incidents, as a part of the time both runs last; none where one is alone."""
     count = len(paired.t)
     if paired.alone is not None:
@@ -224,3 +237,79 @@ def _of_events(paired: event_times.Matched, span: float) -> Agreement:
     return Agreement(
         count, float(apart[worst]) / (span or 1.0), paired.labels[worst], float(paired.t[worst, 0])
     )
+
+
+def digits_of_motion(agreements: Mapping[str, Agreement]) -> float | None:
+    """The fewest digits of positions and velocities."""
+    return min((one.digits for kind, one in agreements.items() if kind in MOTION), default=None)
+
+
+def parting(
+    of: Mapping[str, str], first: Formulation, other: Formulation, tolerance: float
+) -> PartingPoint | None:
+    """The place where the positions of two tables over one grid part; `of`: columns with their kinds."""
+    shared = [name for name, kind in of.items() if kind == "r" and name in other.columns]
+    count = min(len(first.table), len(other.table))
+    if not shared or not count:
+        return None
+    one, two = (run.table[:count, [run.columns.index(name) for name in shared]] for run in (first, other))
+    gaps = np.abs(one - two)
+    scale = float(np.abs(one).max(initial=0.0)) or 1.0
+    apart = np.flatnonzero((gaps > tolerance * scale).any(axis=1))
+    if not apart.size:
+        return None
+    row, place = np.unravel_index(int(np.argmax(gaps)), gaps.shape)
+    times = first.table[:count, 0]
+    return PartingPoint(
+        float(times[apart[0]]), float(gaps[row, place]), shared[int(place)], float(times[int(row)])
+    )
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Matched:
+    """Times (m, 2) of incidents that belong together, with their labels; alone: the first that has no other."""
+
+    t: Floats
+    labels: tuple[str, ...]
+    alone: RunEvent | None
+
+    def parts(self, rows: Floats) -> npt.NDArray[np.bool_]:
+        """True for the times (k,) at which one run is before an incident and the other behind it."""
+        found = np.zeros(len(rows), dtype=bool)
+        first, last = self.t.min(axis=1, initial=np.inf), self.t.max(axis=1, initial=-np.inf)
+        places = np.searchsorted(rows, first, "left"), np.searchsorted(rows, last, "left")
+        for begin, end in zip(*places, strict=True):
+            found[begin:end] = True
+        return found
+
+
+def matched(one: Sequence[RunEvent], other: Sequence[RunEvent], end: float, span: float) -> Matched:
+    """The incidents of two runs that both last to `end`, each kind and name in its order.
+
+    Rebounds before an accumulation that both runs have may be told to different ends.
+    """
+    sides = [_by_label([event for event in side if event.t <= end]) for side in (one, other)]
+    times, labels = [], []
+    alone: list[RunEvent] = []
+    for label in dict.fromkeys([*sides[0], *sides[1]]):
+        first, second = (side.get(label, []) for side in sides)
+        count = min(len(first), len(second))
+        times += [(a.t, b.t) for a, b in zip(first, second, strict=False)]
+        labels += [label] * count
+        rest = [*first[count:], *second[count:]]
+        if rest and not _is_settled(rest, sides):
+            alone += [event for event in rest if event.t < end - LATE * span]
+    t = np.array(times, dtype=float).reshape(-1, 2)
+    return Matched(t, tuple(labels), min(alone, key=lambda event: event.t, default=None))
+
+
+def _by_label(events: Sequence[RunEvent]) -> dict[str, list[RunEvent]]:
+    found: dict[str, list[RunEvent]] = {}
+    for event in events:
+        found.setdefault(event.label, []).append(event)
+    return found
+
+
+def _is_settled(rest: Sequence[RunEvent], sides: Sequence[dict[str, list[RunEvent]]]) -> bool:
+    """True for impacts of a contact whose rebounds end in both runs."""
+    return rest[0].kind == "impact" and all(f"accumulation of {rest[0].name}" in side for side in sides)

@@ -50,7 +50,7 @@ class ReducedMotion:
 
 
 class Chart:
-    """Independent quantities y = (xi, u) around a reference t, q, v. Raises `Lost`."""
+    """Independent quantities y = (xi, u) around a reference t, q, v. Raises `ChartError`."""
 
     def __init__(self, functions: DenseFunctions, t: float, q: Floats, v: Floats) -> None:
         self._functions, self._q_ref = functions, q
@@ -77,7 +77,7 @@ class Chart:
         self._guess = q
 
     def at(self, t: float, y: Floats) -> ReducedMotion:
-        """The motion at y (n - s + n - rank,). Raises `Lost`."""
+        """The motion at y (n - s + n - rank,). Raises `ChartError`."""
         d = len(self._G_h)
         q, here = self._position(t, y[:d])
         functions, r = self._functions, self.rank

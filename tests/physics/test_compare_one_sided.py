@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.formulations import event_times
-from lagcli.formulations.event_times import RunEvent
+from lagcli.formulations import comparison
+from lagcli.formulations.comparison import RunEvent
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.simulation.global_error.incident_sides import ImpactGrowth, IncidentSides
@@ -96,20 +96,20 @@ def test_no_reduction_with_contacts() -> None:
 def test_rows_between_the_times_of_an_incident_and_incidents_that_are_alone() -> None:
     one = (RunEvent(1.0, "impact", "floor"), RunEvent(2.0, "impact", "floor"))
     other = (RunEvent(1.1, "impact", "floor"), RunEvent(1.9, "impact", "floor"))
-    found = event_times.matched(one, other, 3.0, 3.0)
+    found = comparison.matched(one, other, 3.0, 3.0)
     assert found.alone is None
     assert found.parts(np.array([0.9, 1.0, 1.05, 1.1, 1.89, 1.95, 2.0, 2.1])).tolist() == [
         False, True, True, False, False, True, False, False,
     ]  # fmt: skip
-    alone = event_times.matched(one, other[:1], 3.0, 3.0).alone
+    alone = comparison.matched(one, other[:1], 3.0, 3.0).alone
     assert alone is not None
     assert (alone.t, alone.label) == (2.0, "impact of floor")
-    assert event_times.matched(one, other[:1], 2.0, 2.0).alone is None  # at the very end of both
+    assert comparison.matched(one, other[:1], 2.0, 2.0).alone is None  # at the very end of both
     ended = (
         (*one, RunEvent(2.5, "accumulation", "floor")),
         (*other[:1], RunEvent(2.5, "accumulation", "floor")),
     )
-    assert event_times.matched(*ended, 3.0, 3.0).alone is None
+    assert comparison.matched(*ended, 3.0, 3.0).alone is None
 
 
 def incident(t: float, kind: Kind = "impact", name: str = "floor") -> Incident:

@@ -13,7 +13,7 @@ import lagcli
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.runs import prepare_run
-from lagcli.formulations.stiff import ladder, slow_start, stiff_system
+from lagcli.formulations import stiff_ladder, stiff_start, stiff_system
 from tests.helpers import in_process
 
 Floats = npt.NDArray[np.float64]
@@ -156,7 +156,7 @@ def test_slow_start_is_stretched_by_lambda_over_k_and_keeps_the_rest() -> None:
     assert lam == pytest.approx(near[0], rel=1e-12)
     assert rate == pytest.approx((-3 * near[0] + 4 * near[1] - near[2]) / 1e-3, rel=1e-4)
     k = 1e4
-    q, v = slow_start.stretched(run.numeric, begin, slow_start.StiffRow(0, lam, rate), k)
+    q, v = stiff_start.stretched(run.numeric, begin, stiff_start.StiffRow(0, lam, rate), k)
     f = np.array(run.numeric.whole(begin.t, q, begin.p)[0]).ravel()
     assert f[0] == pytest.approx(-lam / k, rel=1e-12)
     B, b = run.numeric.rows(begin.t, q, v, begin.p)
@@ -252,8 +252,8 @@ def test_names_and_stiffnesses_that_there_are_not() -> None:
     for wrong in ("1e5:1e3", "0:1", "a:b", "1:2:3:4", "1:nan", "1e3:1e5:1000"):
         with pytest.raises(ValueError, match="stiffness"):
             lagcli.limit(lagcli.loads(STICK), "rod", stiffness=wrong)
-    assert ladder.rungs("1e3:1e5:3") == pytest.approx((1e3, 1e4, 1e5))
-    assert ladder.rungs([5.0, 2.0]) == (2.0, 5.0)
+    assert stiff_ladder.rungs("1e3:1e5:3") == pytest.approx((1e3, 1e4, 1e5))
+    assert stiff_ladder.rungs([5.0, 2.0]) == (2.0, 5.0)
 
 
 def test_a_spring_at_rest_is_said_to_be_the_rod(tmp_path: pathlib.Path) -> None:
@@ -267,11 +267,11 @@ def test_a_spring_at_rest_is_said_to_be_the_rod(tmp_path: pathlib.Path) -> None:
 
 def test_means_are_over_whole_swings() -> None:
     t = np.linspace(0, 3.37, 2001)
-    mean, apart = ladder.mean_of_swings(t, 0.25 + np.cos(40 * t + 0.3))
+    mean, apart = stiff_ladder.mean_of_swings(t, 0.25 + np.cos(40 * t + 0.3))
     assert mean == pytest.approx(0.25, abs=1e-5)
     assert apart is not None
     assert apart < 1e-5
-    assert ladder.mean_of_swings(t, t)[1] is None
+    assert stiff_ladder.mean_of_swings(t, t)[1] is None
 
 
 def test_a_stop_event_ends_the_limit() -> None:

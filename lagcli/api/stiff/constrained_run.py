@@ -12,8 +12,8 @@ import numpy.typing as npt
 from lagcli.api.runs import prepare_run
 from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.errors import diagnostics
-from lagcli.formulations.stiff import slow_start, stiff_system
-from lagcli.formulations.stiff.slow_start import StiffRow
+from lagcli.formulations import stiff_start, stiff_system
+from lagcli.formulations.stiff_start import StiffRow
 from lagcli.model.model import Model, Simulation
 from lagcli.simulation.run_state import run_stop
 from lagcli.start.initial import State
@@ -150,7 +150,7 @@ def _constrained(model: Model, chosen: Simulation, place: int, plan: LimitPlan) 
     start, numeric = run.begin, run.numeric
     solved = numeric.keeping(run.selection).solved
     lam, rate = stiff_system.multiplier_rate(solved, (start.t, start.q, start.v, start.p), place)
-    frequency = slow_start.frequency(numeric, start, place)
+    frequency = stiff_start.frequency(numeric, start, place)
     swings = frequency * math.sqrt(plan.stiffness[-1]) * chosen.duration / (2 * math.pi)
     refined = refinement(run.grid.count - 1, swings)
     if refined > 1:

@@ -14,9 +14,9 @@ from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.runs import prepare_run
 from lagcli.api.stiff import constrained_run
 from lagcli.api.stiff.constrained_run import IN_A_SWING, Constrained, LimitPlan
-from lagcli.formulations.stiff import ladder, slow_start, stiff_system
-from lagcli.formulations.stiff.ladder import Rung, StiffLimit
-from lagcli.formulations.stiff.stiff_system import Stiffness
+from lagcli.formulations import stiff_ladder, stiff_start, stiff_system
+from lagcli.formulations.stiff_ladder import Rung, StiffLimit
+from lagcli.formulations.stiff_system import Stiffness
 from lagcli.model.model import Model, Simulation
 from lagcli.output import table_columns
 from lagcli.simulation.run_state import run_stop
@@ -85,7 +85,7 @@ class _StiffRuns:
                 plan.told(self._forecast(k, paced))
             try:
                 followed = self._follow(Stiffness(k))
-            except slow_start.NoSlowStartError:
+            except stiff_start.NoSlowStartError:
                 soft.append(f"k = {k:.4g}")
                 continue
             except run_stop.RunStop as stop:
@@ -102,7 +102,9 @@ class _StiffRuns:
         said = f"no configuration near the start is stretched by -lambda/k at {', '.join(soft)}: too soft a spring"
         errors = [one.mean_error if plan.unprestressed else one.max_error for one in rungs]
         known = [error for error in errors if error is not None]
-        rate = ladder.fitted([one.stiffness for one in rungs], known) if len(known) == len(rungs) else None
+        rate = (
+            stiff_ladder.fitted([one.stiffness for one in rungs], known) if len(known) == len(rungs) else None
+        )
         return StiffLimit(
             held.run.model.path, self._row, kind, t, multiplier, tuple(rungs), rate, rate_of, ended,
             steps=sum(one.steps or 0 for one in rungs), notes=(said,) if soft else (), stopped=stopped,
@@ -126,7 +128,7 @@ class _StiffRuns:
             near = (stiffness[rows] >= least) & (stiffness[rows] <= most)
             if inside.sum() < 2:
                 continue
-            mean, apart = ladder.mean_of_swings(t[inside], error[inside])
+            mean, apart = stiff_ladder.mean_of_swings(t[inside], error[inside])
             own = float(followed.uncertainty[near].max(initial=0.0))
             middle = math.sqrt(least * most)
             largest = float(np.abs(error[inside]).max())
@@ -146,7 +148,7 @@ class _StiffRuns:
         mean: tuple[float | None, float | None] = (None, None)
         swings = self._swings(k)
         if len(t) - 1 >= IN_A_SWING / 2 * swings:
-            value, apart = ladder.mean_of_swings(t, error)
+            value, apart = stiff_ladder.mean_of_swings(t, error)
             mean = abs(value), apart
         largest = float(np.abs(error[rows]).max())
         doubt = float(followed.uncertainty.max(initial=0.0))
@@ -169,7 +171,7 @@ class _StiffRuns:
         if not plan.unprestressed:
             rate = held.row.rate - held.row.multiplier * k.growth
             row = dataclasses.replace(held.row, rate=rate)
-            q, v = slow_start.stretched(held.run.numeric, held.start, row, k.least)
+            q, v = stiff_start.stretched(held.run.numeric, held.start, row, k.least)
         settings = constrained_run.finer(held.settings, refined)
         force, steps, seconds = self._force(k, (q, v), settings)
         loose = dataclasses.replace(
@@ -212,7 +214,7 @@ class _StiffRuns:
         error = rung.max_error if rate_of == "max_error" else rung.mean_error
         if error is None:
             return f"at k = {rung.stiffness:.4g} the swings are too many for a mean"
-        if rung.uncertainty <= ladder.UNCERTAIN * error:
+        if rung.uncertainty <= stiff_ladder.UNCERTAIN * error:
             return ""
         return (
             f"at k = {rung.stiffness:.4g} tolerance and rounding make the force uncertain by {rung.uncertainty:.2g},"

@@ -14,7 +14,7 @@ from lagcli.cli.files.table_plan import TablePlan
 from lagcli.cli.requests import preflight
 from lagcli.cli.requests.preflight import RepeatedRuns
 from lagcli.cli.terminal import console, exits, json_output
-from lagcli.formulations.stiff.ladder import StiffLimit
+from lagcli.formulations.stiff_ladder import StiffLimit
 from lagcli.model.model import Model
 from lagcli.output.files import write_guard
 from lagcli.output.tables import provenance

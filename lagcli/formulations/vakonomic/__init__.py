@@ -1,1 +1,0 @@
-"""The motion that makes the action stationary among the motions that satisfy the rows, beside d'Alembert's."""
