@@ -116,7 +116,7 @@ def _of_start(
     ready: CompiledModel, functions: LinearizedFunctions, here: Reference, about: str, wanted: int
 ) -> Modes | None:
     """The modes about the start, where that is what is wanted and it goes on as it is or comes back."""
-    from lagcli.linearization import assembled_modes, floquet, period, reference
+    from lagcli.linearization import assembled_modes, floquet, reference
 
     closed = functions.closed
     found = reference.classified(functions, ready.numeric, here, _duration(ready))
@@ -136,7 +136,7 @@ def _of_start(
     path = orbit.path(length)
     if path is None:
         return None
-    T = period.of(functools.partial(orbit.signature, path), length)
+    T = floquet.period(functools.partial(orbit.signature, path), length)
     if T is None:
         return None
     return assembled_modes.of_cycle(orbit, T, ("about the motion from the declared start, which comes back",))
@@ -146,12 +146,12 @@ def _varying(
     ready: CompiledModel, functions: LinearizedFunctions, found: Steady, told: tuple[str, ...]
 ) -> Modes | None:
     """The multipliers where the linear equations have a period in t, or None."""
-    from lagcli.linearization import assembled_modes, floquet, period, reference
+    from lagcli.linearization import assembled_modes, floquet, reference
 
     size = float(np.abs(found.linear.values).max(initial=0.0)) or 1.0
     if functions.closed or found.here.q.size > MOST_FOLLOWED:
         return None
-    T = period.of(
+    T = floquet.period(
         lambda s: functions.values(reference.moved(found.here, s)) / size, LONGEST * _duration(ready)
     )
     if T is None:

@@ -1,4 +1,4 @@
-"""From a reference motion to its modes."""
+"""From a reference motion to its modes: in order, each shape as one reads it, its largest entry 1, no rounding."""
 
 from __future__ import annotations
 
@@ -7,15 +7,21 @@ import numpy.typing as npt
 
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.linearization import floquet, freedoms, lowest, ordered_modes, spectrum, stability
+from lagcli.linearization import floquet, freedoms, lowest, spectrum, stability
 from lagcli.linearization.linear_modes import Modes
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.reference import Steady
+from lagcli.linearization.spectrum import Spectrum
 
+Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 # Models of more coordinates have their lowest modes looked for, and how many of them where nobody says.
 DENSE, WANTED = 600, 20
+# Entries of a shape that are this small are none; those this near to the largest are as large.
+NOTHING, EQUAL, ROUNDED = 1e-11, 1e-9, 1e-13
+# Frequencies that differ by this part belong to one space of shapes.
+TOGETHER = 1e-9
 
 
 def modes(
@@ -31,14 +37,14 @@ def modes(
     free = _free(built, found)
     every = spectrum.spectrum(free)
     judged = stability.verdict(functions, found.here, every, found.kind == "equilibrium")
-    values = ordered_modes.eigenvalues(every)
+    values = _eigenvalues(every)
     return Modes(
         "equilibrium" if found.kind == "equilibrium" else "steady",
         state_columns(built, found.here),
         built.model.coordinate_names,
-        ordered_modes.frequencies(every),
+        _frequencies(every),
         values,
-        ordered_modes.shapes(every),
+        _shapes(every),
         judged.stable,
         judged.growth,
         judged.reason,
@@ -56,7 +62,7 @@ def _of_lowest(functions: LinearizedFunctions, found: Steady, wanted: int, notes
     judged = stability.of_lowest(functions, found.here, some, found.kind == "equilibrium")
     values = some.values
     both = [z for s in values for z in ((s, s.conjugate()) if s.imag else (s, -s) if some.is_whole else (s,))]
-    rows = [ordered_modes.normalized(shape) for shape in some.shapes.T]
+    rows = [_normalized(shape) for shape in some.shapes.T]
     told = f"the lowest {values.size} modes of a model with {some.count} eigenvalues"
     if some.is_whole and not some.is_complete:
         told += "; some occur more often than they are given"
@@ -98,7 +104,7 @@ def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) ->
         built.model.coordinate_names,
         None,
         (np.log(found.multipliers) / T).astype(complex),
-        np.array([ordered_modes.normalized(shape) for shape in found.shapes]).reshape(found.shapes.shape),
+        np.array([_normalized(shape) for shape in found.shapes]).reshape(found.shapes.shape),
         judged.stable,
         judged.growth,
         judged.reason,
@@ -134,3 +140,78 @@ def state_columns(built: System, here: Reference) -> dict[str, float]:
         speeds = [f"rate({name})" if name in generalized else f"{name[:-1]}v{name[-1]}" for name in names]
         columns |= {name: float(x) for name, x in zip(speeds, here.v, strict=True)}
     return columns
+
+
+def _eigenvalues(found: Spectrum) -> Complex:
+    """All eigenvalues, zeros first, then by imaginary and real parts, conjugates side by side."""
+    order = _order(found.values)
+    return np.concatenate([np.zeros(found.zeros, dtype=complex), found.values[order]])
+
+
+def _order(values: Complex) -> list[int]:
+    size = float(np.abs(values).max(initial=0.0)) or 1.0
+    near = np.round(values / size, 12)
+    return sorted(range(values.size), key=lambda i: (abs(near[i].imag), near[i].real, -near[i].imag))
+
+
+def _frequencies(found: Spectrum) -> Floats | None:
+    """Angular frequencies, ascending, one for each freedom of positions; None where some eigenvalue has a real part."""
+    if found.values.real.any():
+        return None
+    positive = np.sort(found.values.imag[found.values.imag > 0])
+    return np.concatenate([np.zeros(max(0, found.freedoms - positive.size)), positive])
+
+
+def _shapes(found: Spectrum) -> Complex:
+    """Shapes (j, n): where there are frequencies in their order, else of all eigenvalues in theirs."""
+    n, values = found.shapes.shape[0], found.values
+    if values.real.any():
+        still = _tidy_basis(_independent(found.still).T.astype(complex))
+        # A displacement and a drift along it are two zero eigenvalues with one shape.
+        zeros = still[[k % len(still) for k in range(found.zeros)]] if len(still) else np.zeros((0, n))
+        rows = found.shapes[:, _order(values)].T
+        return np.vstack([zeros, *(_normalized(row)[None] for row in rows)])
+    forward = np.flatnonzero(values.imag > 0)
+    forward = forward[np.argsort(values.imag[forward], kind="stable")]
+    count = max(0, found.freedoms - forward.size)
+    parts = [_tidy_basis(_independent(found.still)[:, :count].T.astype(complex))]
+    w = values.imag[forward]
+    breaks = np.flatnonzero(np.diff(w) > TOGETHER * w[1:]) + 1
+    parts += [_tidy_basis(found.shapes[:, group].T) for group in np.split(forward, breaks) if group.size]
+    return np.vstack([np.zeros((0, n)), *parts])
+
+
+def _independent(columns: Floats) -> Floats:
+    """A basis of the space of columns (n, k)."""
+    if not columns.size:
+        return columns
+    U, sigma, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(U[:, sigma > 1e-9 * sigma.max()])
+
+
+def _tidy_basis(rows: Complex) -> Complex:
+    """A basis (k, n) of the same space in which each row is alone at the place of its largest entry."""
+    rows = rows.copy()
+    if len(rows) > 1:
+        for k in range(len(rows)):
+            lengths = np.linalg.norm(rows[k:], axis=0)
+            place = int(np.argmax(lengths >= (1 - 1e-6) * lengths.max()))
+            best = k + int(np.argmax(np.abs(rows[k:, place])))
+            rows[[k, best]] = rows[[best, k]]
+            rows[k] /= rows[k, place]
+            others = np.arange(len(rows)) != k
+            rows[others] -= rows[others, place][:, None] * rows[k]
+    found = [_normalized(row) for row in rows]
+    found.sort(key=lambda row: int(np.argmax(np.abs(row) >= 1 - EQUAL)))
+    return np.array(found).reshape(rows.shape)
+
+
+def _normalized(row: Complex) -> Complex:
+    """A shape (n,) with its largest entry, the first of them, 1."""
+    size = np.abs(row)
+    if not size.any():
+        return row
+    row = row / row[int(np.argmax(size >= (1 - EQUAL) * size.max()))]
+    real, imag = (np.where(np.abs(part) <= NOTHING, 0.0, part) for part in (row.real, row.imag))
+    real, imag = (np.where(np.abs(np.abs(x) - 1) <= ROUNDED, np.sign(x), x) for x in (real, imag))
+    return np.asarray(real + 1j * imag)

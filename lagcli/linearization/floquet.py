@@ -1,4 +1,7 @@
-"""Multipliers of deviations over one period of a motion (Floquet).
+"""The period of a motion, and the multipliers of deviations over it (Floquet).
+
+Two instants are the same where velocities and all entries of the linear equations are: places may have moved on, as an
+angle does that has turned once.
 
 Deviations are carried along by the equations of motion and their exact derivatives, integrated together; the rows
 hold them at the start and, as the equations keep the rows, ever after.
@@ -15,17 +18,26 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.linearization import freedoms, zero_chains
+from lagcli.linearization import freedoms, spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
+from lagcli.linearization.reference import PLACES
 
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
+Signature = Callable[[float], Floats]
 
 RTOL, ATOL = 1e-12, 1e-14  # as tight as DOP853 goes: over a period errors grow
 # What the integration leaves in a matrix over one period, as a part of its size.
 LEFT = 1e-9
 # A kinetic energy and multipliers that change by less than this part are constant.
 CONSTANT = 1e-9
+# Times that are looked at in a span, and spans as parts of the time allowed, the shortest first.
+TIMES = 400
+SPANS = (1e-3, 1e-2, 1e-1, 1.0)
+# A return is one that comes this near, as a part of the way between.
+CLOSED = 1e-7
+# Roundings of the time at which a return is found.
+REFINEMENTS = 60
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +145,7 @@ def cycle(orbit: FollowedMotion, T: float) -> Cycle:
     linear = orbit.functions.at(orbit.here)
     deviations = _tangent(linear, T)
     carried = deviations.T @ orbit.monodromy(deviations, T)
-    found = zero_chains.deflate(carried - np.eye(len(carried)), LEFT * float(np.linalg.norm(carried, 2)))
+    found = spectrum.deflate(carried - np.eye(len(carried)), LEFT * float(np.linalg.norm(carried, 2)))
     values, vectors = np.linalg.eig(found.rest)
     others = 1 + values
     order = np.lexsort((-np.round(others.imag, 9), -np.round(np.abs(others), 9)))
@@ -158,3 +170,47 @@ def _tangent(linear: Linear, T: float) -> Floats:
     basis[n:] /= T
     basis, _ = np.linalg.qr(basis)
     return np.asarray(basis)
+
+
+def period(signature: Signature, longest: float) -> float | None:
+    """The period T of a function of time, T <= longest / (1 + the last of PLACES), or None where it has none.
+
+    A return of its value is looked for by its way through the plane across its first direction, and what comes back
+    must do so at other instants too.
+    """
+    for span in SPANS:
+        times = np.linspace(0.0, span * longest / 2, TIMES)
+        values = np.array([signature(t) for t in times])
+        size = np.abs(values - values[0]).max(axis=0)
+        if not size.any() or not np.isfinite(values).all():
+            continue
+        found = _first_return(signature, times, values, float(size.max()))
+        if found is not None:
+            return found
+    return None
+
+
+def _first_return(signature: Signature, times: Floats, values: Floats, size: float) -> float | None:
+    """The first return among sampled values."""
+    # A generic instant: at the first one a derivative may vanish.
+    begin = int(PLACES[1] * len(times))
+    here, ahead = values[begin], values[begin + 1] - values[begin - 1]
+    along = (values - here) @ ahead
+    for k in range(begin + 1, len(times) - 1):
+        if along[k] < 0 <= along[k + 1]:
+            at = _root(lambda t: float((signature(t) - here) @ ahead), times[k], times[k + 1])
+            T = at - times[begin]
+            again = (times[int(part * (len(times) - 1))] for part in PLACES[:3])
+            if np.abs(signature(at) - here).max() <= CLOSED * size and all(
+                np.abs(signature(t + T) - signature(t)).max() <= CLOSED * size for t in again
+            ):
+                return float(T)
+    return None
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    from scipy import optimize
+
+    if function(low) == 0:
+        return low
+    return float(optimize.brentq(function, low, high, xtol=1e-300, rtol=4e-15, maxiter=REFINEMENTS))

@@ -2,7 +2,8 @@
 
 Where energy is kept and nothing turns, w^2 are eigenvalues of a symmetric matrix; where a gyroscopic term is added to
 a minimum, i w are those of a skew one. Both are imaginary whatever rounding does. Else the eigenvalues are those of
-the state matrix, less its zeros; a real part that rounding may have made is taken as none.
+the state matrix, less its zeros; a real part that rounding may have made is taken as none. Zeros are taken out by rank:
+chains at zero blur an eigenvalue to the square root of rounding, the ranks that they are made of stay clear.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linearization import zero_chains
 from lagcli.linearization.freedoms import Freedoms
 
 Floats = npt.NDArray[np.float64]
@@ -22,6 +22,9 @@ Complex = npt.NDArray[np.complex128]
 ASYMMETRY = 1e-11
 # The rounding of an eigenvalue is no more than this part of the largest, however ill-conditioned it is.
 MOST_ROUNDING = 1e-7
+# A singular value that is this many roundings a row of the largest is zero.
+ROUNDINGS = 64.0
+EPS = float(np.finfo(float).eps)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +51,7 @@ def spectrum(free: Freedoms) -> Spectrum:
     is_skew = _near(C + C.T, C, _size(K) ** 0.5)
     is_conservative = free.is_holonomic and is_symmetric and is_skew
     squares = np.linalg.eigvalsh((K + K.T) / 2) if K.size else np.zeros(0)
-    least = max(zero_chains.floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
+    least = max(floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
     is_definite = not c and bool((squares > least).all())
     if is_conservative and _size(C) <= ASYMMETRY * _size(K) ** 0.5:
         values, shapes, still = _at_rest(free)
@@ -73,7 +76,7 @@ def _at_rest(free: Freedoms) -> tuple[Complex, Complex, Floats]:
     c = free.cyclic
     K = free.K[c:, c:]
     squares, modes = np.linalg.eigh((K + K.T) / 2)
-    least = max(zero_chains.floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
+    least = max(floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
     moving = np.abs(squares) > least
     roots = np.sqrt(-squares[moving].astype(complex))
     own = free.Z[:, c:] @ modes
@@ -99,12 +102,12 @@ def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
     from scipy import linalg
 
     S, rate = free.state_matrix()
-    found = zero_chains.deflate(S, free.noise / rate)
+    found = deflate(S, free.noise / rate)
     values, left, right = linalg.eig(found.rest, left=True, right=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = 1 / np.abs(np.einsum("ij,ij->j", left.conj(), right))
     scale = float(np.linalg.norm(found.rest, 2)) if found.rest.size else 0.0
-    blur = scale * np.fmin(zero_chains.floor(len(S)) * condition, MOST_ROUNDING)
+    blur = scale * np.fmin(floor(len(S)) * condition, MOST_ROUNDING)
     blur = np.where(np.isfinite(blur), blur, scale * MOST_ROUNDING)
     values = np.where(np.abs(values.real) <= blur, 1j * values.imag, values)
     values = np.where(np.abs(values.imag) <= 0, values.real + 0j, values)
@@ -124,3 +127,44 @@ def _size(matrix: Floats) -> float:
 
 def _near(difference: Floats, matrix: Floats, beside: float = 0.0) -> bool:
     return _size(difference) <= ASYMMETRY * max(_size(matrix), beside)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class WithoutZeros:
+    """S x = 0 for x in `null` (n, k), bases of the generalized null space; `rest` (m, m) has the other eigenvalues,
+    in the orthonormal basis `others` (n, m); `coupling` (k, m): S others = others rest + null coupling, step by step
+    in `steps`."""
+
+    zeros: int
+    null: Floats
+    rest: Floats
+    steps: tuple[tuple[Floats, Floats, Floats], ...]
+
+    def whole(self, values: Complex, vectors: Complex) -> Complex:
+        """Eigenvectors of S (n, m) from those (m, m) of `rest` with their values, none of which is zero."""
+        for null, others, coupling in reversed(self.steps):
+            vectors = null @ (coupling @ vectors / values) + others @ vectors
+        return vectors
+
+
+def floor(n: int) -> float:
+    """The part of its largest singular value that is zero in a matrix of n rows."""
+    return ROUNDINGS * EPS * max(n, 8)
+
+
+def deflate(S: Floats, noise: float = 0.0) -> WithoutZeros:
+    """S (n, n) without its zero eigenvalues; noise: singular values that are none."""
+    rest, steps, found, into = S, [], [], np.eye(len(S))
+    least = max(floor(len(S)) * float(np.linalg.norm(S, 2)), noise) if S.size else 0.0
+    while len(rest):
+        _, sigma, Vt = np.linalg.svd(rest)
+        nullity = int((sigma <= least).sum())
+        if not nullity:
+            break
+        null, others = Vt[len(rest) - nullity :].T, Vt[: len(rest) - nullity].T
+        steps.append((null, others, null.T @ rest @ others))
+        found.append(into @ null)
+        into = into @ others
+        rest = others.T @ rest @ others
+    null_space = np.hstack(found) if found else np.zeros((len(S), 0))
+    return WithoutZeros(null_space.shape[1], null_space, rest, tuple(steps))
