@@ -17,15 +17,19 @@ from lagcli.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-8  # of the relative difference of two tables, by default
-# More digits than a double has are not told.
+# More digits than a double has are not told: at 1.6 and at 160 `test_no_more_digits_are_told_than_a_double_has` of
+# `tests/unit/test_numbers_of_formulations.py` fails.
 MOST_DIGITS = 16.0
 KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")
-LATE = 1e-6  # of the time both runs last: an incident so near its end may be in one of them alone
+# Of the time both runs last: an incident so near its end may be in one of them alone. At 1e-5
+# `test_an_incident_at_the_very_end_may_be_of_one_run_alone` fails.
+LATE = 1e-6
 # Of the two principles the forces of constraint can be compared as a whole, and multipliers not: those of differential
 # rows are not there, and those of holonomic ones share the force with them. Motions that agree are one motion.
 COMPARED = ("r", "v", "R", "energy", "outputs")
 MOTION = ("r", "v")
-# A kind of columns that are all below this part of the largest number of the table is rounding, and has no digits.
+# A kind of columns that are all below this part of the largest number of the table is rounding, and has no digits: at
+# 1e-11 `test_columns_that_are_rounding_beside_the_table_have_no_error` fails.
 ROUNDING = 1e-12
 
 TITLES = {

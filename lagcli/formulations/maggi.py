@@ -25,7 +25,9 @@ from lagcli.formulations.dense_functions import DenseFunctions, DensePoint
 
 Floats = npt.NDArray[np.float64]
 
-# Rows of length one in the mass metric are dependent where a singular value is below this.
+# Rows of length one in the mass metric are dependent where a singular value is below this: at 1e-6
+# `test_rows_are_dependent_in_the_metric_of_the_masses_below_seven_digits` of
+# `tests/unit/test_numbers_of_formulations.py` fails.
 DEPENDENT = 1e-7
 # Newton's iterations for q, and the change, as a part of the size, that ends them.
 ITERATIONS, ARRIVED = 16, 4e-16

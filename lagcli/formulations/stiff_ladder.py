@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-RUNGS = 2  # a decade
-MOST_RUNGS = 200  # runs of one comparison
+# Runs a decade, and of one comparison: with a tenth or ten times as many
+# `test_a_ladder_has_two_rungs_a_decade_and_two_hundred_at_most` of `tests/unit/test_numbers_of_formulations.py` fails.
+RUNGS, MOST_RUNGS = 2, 200
 # A ladder ends where what its run is uncertain by is more than this part of its error.
 UNCERTAIN = 0.1
 

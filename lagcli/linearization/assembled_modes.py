@@ -18,7 +18,9 @@ Complex = npt.NDArray[np.complex128]
 
 # Models of more coordinates have their lowest modes looked for, and how many of them where nobody says.
 DENSE, WANTED = 600, 20
-# Entries of a shape that are this small are none; those this near to the largest are as large.
+# Entries of a shape that are this small are none; those this near to the largest are as large. NOTHING at 1e-10:
+# `test_an_entry_of_a_shape_is_rounding_below_eleven_digits`, EQUAL at 1e-8:
+# `test_the_first_of_entries_as_large_as_the_largest_is_one` of `tests/unit/test_numbers_of_linear_equations.py` fails.
 NOTHING, EQUAL, ROUNDED = 1e-11, 1e-9, 1e-13
 # Frequencies that differ by this part belong to one space of shapes.
 TOGETHER = 1e-9

@@ -22,7 +22,8 @@ Complex = npt.NDArray[np.complex128]
 ASYMMETRY = 1e-11
 # The rounding of an eigenvalue is no more than this part of the largest, however ill-conditioned it is.
 MOST_ROUNDING = 1e-7
-# A singular value that is this many roundings a row of the largest is zero.
+# A singular value that is this many roundings a row of the largest is zero: at 6.4 and at 640
+# `test_a_singular_value_of_some_roundings_is_a_zero` of `tests/unit/test_numbers_of_linear_equations.py` fails.
 ROUNDINGS = 64.0
 EPS = float(np.finfo(float).eps)
 

@@ -18,7 +18,9 @@ from lagcli.linearization.spectrum import Spectrum
 Complex = npt.NDArray[np.complex128]
 Floats = npt.NDArray[np.float64]
 
-# The rounding of multipliers.
+# The rounding of multipliers: the integration leaves 1e-9 of them over a period. At 1e-7
+# `test_a_multiplier_leaves_the_unit_circle_by_more_than_the_rounding_of_a_period` of
+# `tests/unit/test_numbers_of_linear_equations.py` fails.
 UNIT = 1e-8
 NO_FREEDOM = "no freedom is left: nothing can swing, and there are no modes"
 MINIMUM = "the potential has a strict minimum there (Lagrange and Dirichlet)"

@@ -20,7 +20,8 @@ from lagcli.model.family import Whole
 
 SPOT = tree.Node(0, 0)
 # Turns of all angles but one that are tried where a row has several: what no motion satisfies stays above its limit,
-# as no more than some thousand values are compared.
+# as no more than some thousand values are compared. With 100 or 10 000 for two angles
+# `test_turns_of_two_angles_are_taken_out_up_to_a_thousand` of `tests/unit/test_numbers_of_the_audit.py` fails.
 MOST_TURNS = {1: 0, 2: 1000, 3: 20}
 
 Laid = list[tuple[Scalar, Whole]]

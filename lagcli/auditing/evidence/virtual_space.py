@@ -6,8 +6,13 @@ import numpy as np
 
 from lagcli.auditing.evidence.autodiff import Array
 
-RANK = 1e-9  # a singular value below that part of the largest is none
-NEAR = 1e-6  # a configuration with one between is too near to a singular one
+# A singular value below that part of the largest is none: at 1e-8
+# `test_rows_are_dependent_where_a_singular_value_is_a_thousand_millionth` of `tests/unit/test_numbers_of_the_audit.py`
+# fails.
+RANK = 1e-9
+# A configuration with one between is too near to a singular one: at 1e-5
+# `test_a_configuration_is_singular_within_a_millionth` fails.
+NEAR = 1e-6
 
 
 class VirtualSpace:
