@@ -216,12 +216,12 @@ def forces(model: Model, table: Table) -> Floats | None:
     if state is None:
         return None
     laws = ModelLaws(model)
-    cast, own = laws.cast, laws.cast.first_generalized
+    index, own = laws.index, laws.index.first_generalized
     with np.errstate(all="ignore"):
         values = laws.values(*state, np.zeros((len(state[0]), laws.C)))
     found = values.F.copy()
-    found[:, cast.cartesian] -= values.V_q[:, :own].reshape(len(found), -1, 3)
-    found[:, cast.dependent] -= values.V_x.reshape(len(found), -1, 3)
+    found[:, index.cartesian] -= values.V_q[:, :own].reshape(len(found), -1, 3)
+    found[:, index.dependent] -= values.V_x.reshape(len(found), -1, 3)
     return np.nan_to_num(found, posinf=0.0, neginf=0.0)
 
 
@@ -229,15 +229,15 @@ def positions(model: Model, t: Floats, q: Floats) -> Floats:
     """The places of all particles (T, N, 3) at t (T,) and q (T, n)."""
     from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 
-    cast = ModelIndex(model)
-    found = np.zeros((len(t), len(cast.particles), 3))
-    found[:, cast.cartesian] = q[:, : cast.first_generalized].reshape(len(t), -1, 3)
-    if cast.dependent.size:
-        scene = ModelOnTable(cast, t[:, None], q, np.zeros_like(q))
+    index = ModelIndex(model)
+    found = np.zeros((len(t), len(index.particles), 3))
+    found[:, index.cartesian] = q[:, : index.first_generalized].reshape(len(t), -1, 3)
+    if index.dependent.size:
+        scene = ModelOnTable(index, t[:, None], q, np.zeros_like(q))
         with np.errstate(all="ignore"):
-            parts = scene.position(cast.dependent)
+            parts = scene.position(index.dependent)
             for axis, part in enumerate(parts):
-                found[:, cast.dependent, axis] = scene.wide(part, cast.dependent.size)
+                found[:, index.dependent, axis] = scene.wide(part, index.dependent.size)
     return found
 
 
@@ -245,14 +245,14 @@ def ties(model: Model) -> list[links.Tie]:
     """Distances that are kept whatever the coordinates are, of particles whose places are functions of them."""
     from lagcli.auditing.evidence.model_values import ModelIndex
 
-    cast = ModelIndex(model)
-    if not 0 < cast.dependent.size <= links.MOST_TIED:
+    index = ModelIndex(model)
+    if not 0 < index.dependent.size <= links.MOST_TIED:
         return []
     random = np.random.default_rng(0)
     values = np.concatenate([np.ravel(one.value) for one in model.coordinates])
-    q = np.zeros((links.SAMPLES, cast.n))
-    q[:, cast.first_generalized :] = values + random.normal(0.0, 1.0, (links.SAMPLES, values.size))
+    q = np.zeros((links.SAMPLES, index.n))
+    q[:, index.first_generalized :] = values + random.normal(0.0, 1.0, (links.SAMPLES, values.size))
     chosen = model.simulation
     t = chosen.start + (chosen.duration or 1.0) * random.random(links.SAMPLES)
-    samples = positions(model, t, q)[:, cast.dependent]
-    return links.ties(samples, cast.dependent) if np.isfinite(samples).all() else []
+    samples = positions(model, t, q)[:, index.dependent]
+    return links.ties(samples, index.dependent) if np.isfinite(samples).all() else []

@@ -77,7 +77,7 @@ def uniqueness(e: Evidence) -> tuple[str, ...]:
     """Existence and uniqueness: rank, condition, consistency, and which multipliers are determined."""
     laws, d = e.laws, e.displacements
     times = e.record.t[e.looked_at]
-    n = laws.cast.n
+    n = laws.index.n
     if not laws.C:
         return (f"there are no rows: all {n} coordinates are free, R = 0, and the motion is unique",)
     found = [_rank(laws.C, d.usual, n)]

@@ -125,9 +125,9 @@ class _RestValues:
         here = self._here
         own = here.pull - R_q
         size = np.abs(here.pull).max(axis=1, initial=0.0, keepdims=True)
-        F = self._onto(here.F, self._laws.cast.dependent) - here.V_x
+        F = self._onto(here.F, self._laws.index.dependent) - here.V_x
         other = self._inertial(self._q) - F - R_x
-        beside = self._onto(self._there.F, self._laws.cast.dependent) - self._there.V_x
+        beside = self._onto(self._there.F, self._laws.index.dependent) - self._there.V_x
         largest = np.abs(F).max(axis=1, initial=0.0, keepdims=True)
         residual = np.concatenate([own, other], axis=1)
         limits = [
@@ -156,13 +156,13 @@ class _RestValues:
 
     def _total(self, q: Array, values: LawValues) -> tuple[Array, Array]:
         """F + B^T lambda (T, n), and the sum of the sizes of its terms, a row at a time."""
-        cast, laws = self._laws.cast, self._laws
+        index, laws = self._laws.index, self._laws
         direct = np.zeros(q.shape)
-        own = self._onto(values.F, cast.cartesian)
+        own = self._onto(values.F, index.cartesian)
         direct[:, : own.shape[1]] = own
         terms = [direct, values.Q, -values.V_q, values.L_q, values.pull]
-        if cast.dependent.size:
-            onto = self._onto(values.F, cast.dependent) - values.V_x + values.L_x - self._inertial(q)
+        if index.dependent.size:
+            onto = self._onto(values.F, index.dependent) - values.V_x + values.L_x - self._inertial(q)
             terms.append(laws.pushed(self._t, q, self._still, onto))
         terms.append(-self._explicit(q))
         sizes = sum(
@@ -178,8 +178,8 @@ class _RestValues:
 
     def _inertial(self, q: Array) -> Array:
         """m d2x/dt2 of the dependent particles at rest, (T, 3 Nd)."""
-        cast = self._laws.cast
-        masses = np.repeat(cast.masses[cast.dependent], 3)
+        index = self._laws.index
+        masses = np.repeat(index.masses[index.dependent], 3)
         return np.asarray(masses * self._rate(q, "u"))
 
     def _explicit(self, q: Array) -> Array:

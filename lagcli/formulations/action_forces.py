@@ -13,7 +13,7 @@ from lagcli.model import model as nouns
 Floats = npt.NDArray[np.float64]
 
 # The curl of a force is looked for at this many places around the start, and is zero below this part of its slopes.
-PLACES, ROUNDING = 12, 1e-10
+SAMPLES, CURL_ROUNDOFF = 12, 1e-10
 WIDTH = 0.3  # of the size of the start: how far these places are from it
 
 
@@ -86,9 +86,9 @@ def _has_curl(built: system.System, t: float, q: Floats, p: Floats) -> bool:
     both = [ca.mmax(ca.fabs(ca.densify(part))) for part in (slope - slope.T, slope)]
     values = ca.Function("curl", [symbols.t, symbols.q, built.p], both)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
-    draws = np.random.default_rng(0).uniform(-1.0, 1.0, (PLACES, q.size))
+    draws = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, q.size))
     for number, draw in enumerate(draws):
         curl, whole = (float(part) for part in values(t + 0.1 * number, q + WIDTH * size * draw, p))
-        if np.isfinite(whole) and curl > ROUNDING * whole:
+        if np.isfinite(whole) and curl > CURL_ROUNDOFF * whole:
             return True
     return False

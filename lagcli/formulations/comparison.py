@@ -30,7 +30,7 @@ COMPARED = ("r", "v", "R", "energy", "outputs")
 MOTION = ("r", "v")
 # A kind of columns that are all below this part of the largest number of the table is rounding, and has no digits: at
 # 1e-11 `test_columns_that_are_rounding_beside_the_table_have_no_error` fails.
-ROUNDING = 1e-12
+COLUMN_ROUNDOFF = 1e-12
 
 TITLES = {
     "newton": "Newton with multipliers (D.24)",
@@ -199,10 +199,10 @@ def compare(
     count = min(len(first.table), len(other.table))
     t = first.table[:count, 0]
     found = {}
-    paired = matched(first.events, other.events, float(t[-1]), float(np.ptp(t))) if count else None
-    parted = np.zeros(count, dtype=bool) if paired is None else paired.parts(t)
+    matches = matched(first.events, other.events, float(t[-1]), float(np.ptp(t))) if count else None
+    parted = np.zeros(count, dtype=bool) if matches is None else matches.parts(t)
     values = first.table[:, 1:]
-    rounding = ROUNDING * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+    rounding = COLUMN_ROUNDOFF * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
     for kind in KINDS:
         shared = [name for name, own in of.items() if own == kind and name in other.columns]
         if not shared or not count:
@@ -224,22 +224,22 @@ def compare(
         error = 0.0 if max(scale, worst) <= rounding else worst / (scale or 1.0)
         error = min(error, sys.float_info.max)
         found[kind] = Agreement(len(shared), error, shared[int(place)], float(t[row]))
-    if paired is not None and (first.events or other.events):
-        found["events"] = _of_events(paired, float(np.ptp(t)))
+    if matches is not None and (first.events or other.events):
+        found["events"] = _of_events(matches, float(np.ptp(t)))
     return found
 
 
-def _of_events(paired: Matched, span: float) -> Agreement:
+def _of_events(matches: Matched, span: float) -> Agreement:
     """The agreement of the times of incidents, as a part of the time both runs last; none where one is alone."""
-    count = len(paired.t)
-    if paired.alone is not None:
-        return Agreement(count, 1.0, paired.alone.label, paired.alone.t)
+    count = len(matches.t)
+    if matches.alone is not None:
+        return Agreement(count, 1.0, matches.alone.label, matches.alone.t)
     if not count:
         return Agreement(0, 0.0, "", 0.0)
-    apart = np.abs(paired.t[:, 1] - paired.t[:, 0])
+    apart = np.abs(matches.t[:, 1] - matches.t[:, 0])
     worst = int(np.argmax(apart))
     return Agreement(
-        count, float(apart[worst]) / (span or 1.0), paired.labels[worst], float(paired.t[worst, 0])
+        count, float(apart[worst]) / (span or 1.0), matches.labels[worst], float(matches.t[worst, 0])
     )
 
 

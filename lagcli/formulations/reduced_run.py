@@ -94,12 +94,12 @@ def _rows(
     try:
         chart = Chart(functions, t, *begin)
         motion = chart.at(t, chart.y)
-    except ChartError as lost:
-        raise ReducedStop(t, str(lost)) from None
+    except ChartError as ended:
+        raise ReducedStop(t, str(ended)) from None
     account.charts += 1
     functions.settle(t, motion.q)
     y = chart.y
-    held_to = step_tolerance.of_steps(settings)
+    tolerance = step_tolerance.of_steps(settings)
     h = _first(motion, grid)
     timetable = Timetable(functions.timed, t, grid.step, settings.max_step or np.inf)
     account.seconds += time.perf_counter() - began
@@ -119,7 +119,7 @@ def _rows(
             taken = min(timetable.shortened(t, h), goal - t)
             last = taken == goal - t or goal - t - taken < 1e-12 * taken
             taken = goal - t if last else taken
-            error, found = _step(chart, t, taken, (y, motion), held_to)
+            error, found = _step(chart, t, taken, (y, motion), tolerance)
             if found is None or not error < 1.0:
                 account.rejected += 1
                 h = taken * (
@@ -155,16 +155,16 @@ def _renewed(
     try:
         chart = Chart(functions, t, motion.q, motion.v)
         return chart, chart.y, chart.at(t, chart.y)
-    except ChartError as lost:
-        raise ReducedStop(t, str(lost)) from None
+    except ChartError as ended:
+        raise ReducedStop(t, str(ended)) from None
 
 
 def _again(chart: Chart, t: float, y: Floats) -> ReducedMotion:
     """The motion at another time with the same y."""
     try:
         return chart.at(t, y)
-    except ChartError as lost:
-        raise ReducedStop(t, str(lost)) from None
+    except ChartError as ended:
+        raise ReducedStop(t, str(ended)) from None
 
 
 def _first(motion: ReducedMotion, grid: Grid) -> float:
@@ -176,7 +176,7 @@ def _first(motion: ReducedMotion, grid: Grid) -> float:
 
 
 def _step(
-    chart: Chart, t: float, h: float, begin: tuple[Floats, ReducedMotion], held_to: Floats
+    chart: Chart, t: float, h: float, begin: tuple[Floats, ReducedMotion], tolerance: Floats
 ) -> tuple[float, tuple[Floats, ReducedMotion] | None]:
     """A step from y and the motion there: its error as a part of the tolerance, and where it leads; infinite where the
     chart ends.
@@ -200,7 +200,7 @@ def _step(
     for part in (slice(0, d), slice(d, None)):
         moved = max(np.abs(values[part]).max(initial=0.0) for values in (y, new, h * rate))
         sizes[part] = np.maximum(sizes[part], moved)
-    scale = held_to[1] + held_to[0] * sizes + step_tolerance.PARAMETERS.tiny
+    scale = tolerance[1] + tolerance[0] * sizes + step_tolerance.PARAMETERS.tiny
     e5 = float(np.abs((E5 @ stages) / scale).max(initial=0.0))
     e3 = float(np.abs((E3 @ stages) / scale).max(initial=0.0))
     # Hypotenuse: squares of large estimates overflow.

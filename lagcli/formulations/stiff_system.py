@@ -60,16 +60,16 @@ def build(stiff: nouns.Model, row: str, grows: bool) -> system.System:
     """The system of a model that `model` made for this row; `grows`: with a stiffness that depends on time."""
 
     def restated(
-        env: Environment, laid: ConstraintRows, dynamics: energy.Dynamics
+        env: Environment, constraints: ConstraintRows, dynamics: energy.Dynamics
     ) -> tuple[ConstraintRows, energy.Dynamics]:
-        place = [one.name for one in laid.rows].index(row)
+        place = [one.name for one in constraints.rows].index(row)
         k, growth, since = (_parameter(env, name) for name in (STIFFNESS, GROWTH, SINCE))
         if grows:
             k = k * ca.exp(growth * (env.t - since))
-        f, B, f_t = laid.f[place], laid.B[place, :], laid.b[place]
+        f, B, f_t = constraints.f[place], constraints.B[place, :], constraints.b[place]
         V = k * f**2 / 2
         by_time = k * f * f_t + (growth * V if grows else 0)
-        return _without(laid, place), dataclasses.replace(
+        return _without(constraints, place), dataclasses.replace(
             dynamics,
             h=ca.densify(dynamics.h - k * f * B.T),
             potential=dynamics.potential + V,
@@ -88,16 +88,18 @@ def _parameter(env: Environment, name: str) -> ca.SX:
     return value
 
 
-def _without(laid: ConstraintRows, place: int) -> ConstraintRows:
+def _without(constraints: ConstraintRows, place: int) -> ConstraintRows:
     """The rows but one, a holonomic one."""
-    rest = [i for i in range(len(laid.rows)) if i != place]
-    whole = [i for i in rest if i < laid.f.numel()]
-    rows = tuple(laid.rows[i] for i in rest)
+    rest = [i for i in range(len(constraints.rows)) if i != place]
+    holonomic = [i for i in rest if i < constraints.f.numel()]
+    rows = tuple(constraints.rows[i] for i in rest)
     if not rest:
-        n = laid.B.shape[1]
+        n = constraints.B.shape[1]
         return ConstraintRows((), ca.SX(0, 1), ca.SX(0, n), ca.SX(0, 1), ca.SX(0, 1))
-    f = laid.f[whole] if whole else ca.SX(0, 1)
-    return ConstraintRows(rows, f, ca.sparsify(laid.B[rest, :]), laid.b[rest], laid.gamma[rest])
+    f = constraints.f[holonomic] if holonomic else ca.SX(0, 1)
+    return ConstraintRows(
+        rows, f, ca.sparsify(constraints.B[rest, :]), constraints.b[rest], constraints.gamma[rest]
+    )
 
 
 def has_cut(built: system.System, place: int) -> bool:

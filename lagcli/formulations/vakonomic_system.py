@@ -84,31 +84,31 @@ def build(built: system.System, extended: nouns.Model, start: VakonomicStart) ->
     further: list[ca.SX] = []
 
     def restated(
-        env: Environment, laid: ConstraintRows, dynamics: energy.Dynamics
+        env: Environment, constraints: ConstraintRows, dynamics: energy.Dynamics
     ) -> tuple[ConstraintRows, energy.Dynamics]:
-        G = _force(env, laid, start.kept, n)
+        G = _force(env, constraints, start.kept, n)
         further.append(G)
-        S, mu_rate = _mu_rate(laid, dynamics, G, start.kept)
+        S, mu_rate = _mu_rate(constraints, dynamics, G, start.kept)
         if solvers.operations(S) > MOST_OPERATIONS:
             raise TooLargeError
         inertia = _inertia(built, start)
         M = ca.sparsify(dynamics.M + ca.diagcat(ca.SX(n, n), ca.diag(ca.SX(ca.DM(inertia)))))
         h = ca.densify(dynamics.h + G + ca.vertcat(ca.SX.zeros(n), ca.DM(inertia) * mu_rate))
         power = dynamics.power + ca.dot(env.v[:n], G[:n])
-        return laid, dataclasses.replace(dynamics, M=M, h=h, power=power)
+        return constraints, dataclasses.replace(dynamics, M=M, h=h, power=power)
 
     assert count > 0
     found = system.build(extended, restated)
     return _with_whole_reaction(dataclasses.replace(found, bodies=built.bodies), further[0])
 
 
-def _force(env: Environment, laid: ConstraintRows, kept: Sequence[int], n: int) -> ca.SX:
+def _force(env: Environment, constraints: ConstraintRows, kept: Sequence[int], n: int) -> ca.SX:
     """G (n + k,), zero at the further coordinates; the rows that follow from others have no part in it."""
-    s, q, v, t = laid.f.numel(), env.q, env.v, env.t
-    own = np.zeros(len(laid.rows) - s)
+    s, q, v, t = constraints.f.numel(), env.q, env.v, env.t
+    own = np.zeros(len(constraints.rows) - s)
     own[[i - s for i in kept if i >= s]] = 1.0
     mu = env.v[n:] * ca.DM(own)
-    A, b = laid.B[s:, :], laid.b[s:]
+    A, b = constraints.B[s:, :], constraints.b[s:]
     momentum = A.T @ mu
     # d/dt of A^T mu with mu held: mu is a part of v, which is held here too.
     turned = ca.jtimes(momentum, q, v) + ca.jacobian(momentum, t)
@@ -116,17 +116,17 @@ def _force(env: Environment, laid: ConstraintRows, kept: Sequence[int], n: int) 
 
 
 def _mu_rate(
-    laid: ConstraintRows, dynamics: energy.Dynamics, G: ca.SX, kept: Sequence[int]
+    constraints: ConstraintRows, dynamics: energy.Dynamics, G: ca.SX, kept: Sequence[int]
 ) -> tuple[ca.SX, ca.SX]:
     """S = B M^-1 B^T of the independent rows, and mu' (k,) = -lambda of the differential ones."""
-    s, n = laid.f.numel(), laid.B.shape[1] - (len(laid.rows) - laid.f.numel())
+    s, n = constraints.f.numel(), constraints.B.shape[1] - (len(constraints.rows) - constraints.f.numel())
     chosen = list(kept)
-    B, gamma = laid.B[chosen, :n], laid.gamma[chosen, :]
+    B, gamma = constraints.B[chosen, :n], constraints.gamma[chosen, :]
     inertia = solvers.solver(dynamics.M[:n, :n])
     S = B @ inertia(B.T)
     right = gamma - B @ inertia((dynamics.h + G)[:n])
     lam = solvers.solver(S)(ca.densify(right))
-    mu_rate = ca.SX.zeros(len(laid.rows) - s)
+    mu_rate = ca.SX.zeros(len(constraints.rows) - s)
     for place, row in enumerate(chosen):
         if row >= s:
             mu_rate[row - s] = -lam[place]

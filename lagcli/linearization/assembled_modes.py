@@ -63,14 +63,20 @@ def _of_lowest(functions: LinearizedFunctions, found: Steady, wanted: int, notes
     some = lowest.lowest(found.linear, wanted)
     judged = stability.of_lowest(functions, found.here, some, found.kind == "equilibrium")
     values = some.values
-    both = [z for s in values for z in ((s, s.conjugate()) if s.imag else (s, -s) if some.is_whole else (s,))]
+    both = [
+        z
+        for s in values
+        for z in ((s, s.conjugate()) if s.imag else (s, -s) if some.has_all_growing else (s,))
+    ]
     rows = [_normalized(shape) for shape in some.shapes.T]
     told = f"the lowest {values.size} modes of a model with {some.count} eigenvalues"
-    if some.is_whole and not some.is_complete:
+    if some.has_all_growing and not some.is_complete:
         told += "; some occur more often than they are given"
     is_swinging = not values.real.any()
     if not is_swinging:
-        rows = [row for s, row in zip(values, rows, strict=True) for row in _both(s, row, some.is_whole)]
+        rows = [
+            row for s, row in zip(values, rows, strict=True) for row in _both(s, row, some.has_all_growing)
+        ]
     return Modes(
         "equilibrium" if found.kind == "equilibrium" else "steady",
         state_columns(built, found.here),

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.linearization import freedoms, spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
-from lagcli.linearization.reference import PLACES
+from lagcli.linearization.reference import PATH_PARTS
 
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -162,11 +162,11 @@ def cycle(orbit: FollowedMotion, T: float) -> Cycle:
 
 def _tangent(linear: Linear, T: float) -> Floats:
     """An orthonormal basis (2n, k) of the deviations of (q, v) that the rows allow; T: a time of the motion."""
-    B, A, D, D_whole = (part.toarray() for part in (linear.B, linear.A, linear.D, linear.D_whole))
-    h, n = D_whole.shape
+    B, A, D, D_holonomic = (part.toarray() for part in (linear.B, linear.A, linear.D, linear.D_holonomic))
+    h, n = D_holonomic.shape
     nothing = np.zeros_like(B)
     places = np.hstack([B, nothing])
-    speeds = np.hstack([np.vstack([D_whole, D]), np.vstack([B[:h], A]) / T])
+    speeds = np.hstack([np.vstack([D_holonomic, D]), np.vstack([B[:h], A]) / T])
     basis = freedoms.null_basis(freedoms.unit(np.vstack([places, speeds])))
     # In units of T speeds are of the size of places.
     basis[n:] /= T
@@ -175,7 +175,7 @@ def _tangent(linear: Linear, T: float) -> Floats:
 
 
 def period(signature: Signature, longest: float) -> float | None:
-    """The period T of a function of time, T <= longest / (1 + the last of PLACES), or None where it has none.
+    """The period T of a function of time, T <= longest / (1 + the last of PATH_PARTS), or None where it has none.
 
     A return of its value is looked for by its way through the plane across its first direction, and what comes back
     must do so at other instants too.
@@ -195,14 +195,14 @@ def period(signature: Signature, longest: float) -> float | None:
 def _first_return(signature: Signature, times: Floats, values: Floats, size: float) -> float | None:
     """The first return among sampled values."""
     # A generic instant: at the first one a derivative may vanish.
-    begin = int(PLACES[1] * len(times))
+    begin = int(PATH_PARTS[1] * len(times))
     here, ahead = values[begin], values[begin + 1] - values[begin - 1]
     along = (values - here) @ ahead
     for k in range(begin + 1, len(times) - 1):
         if along[k] < 0 <= along[k + 1]:
             at = _root(lambda t: float((signature(t) - here) @ ahead), times[k], times[k + 1])
             T = at - times[begin]
-            again = (times[int(part * (len(times) - 1))] for part in PLACES[:3])
+            again = (times[int(part * (len(times) - 1))] for part in PATH_PARTS[:3])
             if np.abs(signature(at) - here).max() <= CLOSED * size and all(
                 np.abs(signature(t + T) - signature(t)).max() <= CLOSED * size for t in again
             ):

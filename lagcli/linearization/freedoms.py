@@ -21,7 +21,7 @@ DEPENDENT = 1e-9
 # Rows that are dependent, and their rates: what is left of them, as a part of their size.
 HIDDEN = 1e-8
 # Of the forces, in what is left of them: a change by this part over the whole configuration is none.
-ROUNDING = 2e-13
+STIFFNESS_ROUNDOFF = 2e-13
 
 
 class HiddenConditionError(Exception):
@@ -98,7 +98,9 @@ def freedoms(linear: Linear, q: Floats) -> Freedoms:
     A_Z, D_Z = A_Z / lengths[:, None], D_Z / lengths[:, None]
     N, G = _differential(A_Z, D_Z)
     size = float(np.linalg.norm(L.T @ q))
-    noise = ROUNDING * float(np.linalg.norm(np.linalg.solve(L, linear.load))) / size if size else 0.0
+    noise = (
+        STIFFNESS_ROUNDOFF * float(np.linalg.norm(np.linalg.solve(L, linear.load))) / size if size else 0.0
+    )
     if np.abs(K_Z).max(initial=0.0) <= noise:
         K_Z[:] = 0.0
     return Freedoms(Z, N, G, K_Z, C_Z, c, noise)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 # Points at which a function is looked at, how far they are spread, and what is zero of one.
-POINTS, SPREAD, KEPT = 4, 0.1, 1e-11
+POINTS, SPREAD, ENERGY_ROUNDOFF = 4, 0.1, 1e-11
 # Of linear equations, by sparse factors.
 SOLVER = "qr"
 
@@ -55,12 +55,12 @@ class LinearMatrices(NamedTuple):
     B: ca.DM
     A: ca.DM
     D: ca.DM
-    D_whole: ca.DM
+    D_holonomic: ca.DM
 
 
 class Linear:
-    """M, C, K (n, n), B (h, n) with B dq = 0, A, D (d, n) with A dq' + D dq = 0, sparse; D_whole
-    (h, n): d(B v + b)/dq of the rows of whole coordinates but for leaves; `residual` (n,) is
+    """M, C, K (n, n), B (h, n) with B dq = 0, A, D (d, n) with A dq' + D dq = 0, sparse; D_holonomic
+    (h, n): d(B v + b)/dq of the holonomic rows but for leaves; `residual` (n,) is
     M a - h - B^T lambda, `load` (n,) the sizes of its terms; cyclic (n,): coordinates that occur nowhere in them.
 
     Matrices of SciPy, which loads slowly, are made where they are asked for.
@@ -89,7 +89,7 @@ class Linear:
 
     @cached_property
     def B(self) -> sparse.csc_array:
-        """The rows of whole coordinates."""
+        """The holonomic rows."""
         return _sparse(self.matrices.B)
 
     @cached_property
@@ -103,9 +103,9 @@ class Linear:
         return _sparse(self.matrices.D)
 
     @cached_property
-    def D_whole(self) -> sparse.csc_array:
-        """The gradient of the rates of the rows of whole coordinates by the places."""
-        return _sparse(self.matrices.D_whole)
+    def D_holonomic(self) -> sparse.csc_array:
+        """The gradient of the rates of the holonomic rows by the places."""
+        return _sparse(self.matrices.D_holonomic)
 
     @cached_property
     def values(self) -> Floats:
@@ -117,7 +117,7 @@ class LinearizedFunctions:
     """The matrices of one system as functions of a reference.
 
     closed: the contacts that count as rows, by their numbers among contacts; integrals: of differential rows, whose
-    leaf through the reference counts as rows of whole coordinates.
+    leaf through the reference counts as holonomic rows.
     """
 
     def __init__(
@@ -134,13 +134,13 @@ class LinearizedFunctions:
         M, h = built.dynamics.M, built.dynamics.h
         inertial = ca.densify(M @ a) - h
         residual = inertial - reaction
-        whole = built.holonomic_count
-        A, b = built.rows.B[whole:, :], built.rows.b[whole:, :]
+        holonomic = built.holonomic_count
+        A, b = built.rows.B[holonomic:, :], built.rows.b[holonomic:, :]
         rates = ca.densify(A @ v) + b
         K, damping, D = ca.jacobian(residual, q), ca.jacobian(inertial, v), ca.jacobian(rates, q)
-        B = ca.sparsify(ca.vertcat(built.rows.B[:whole, :], G))
-        b_whole = ca.vertcat(built.rows.b[:whole, :], built.contacts.g_t[numbers, :])
-        D_whole = ca.jacobian(ca.densify(B @ v) + b_whole, q)
+        B = ca.sparsify(ca.vertcat(built.rows.B[:holonomic, :], G))
+        b_holonomic = ca.vertcat(built.rows.b[:holonomic, :], built.contacts.g_t[numbers, :])
+        D_holonomic = ca.jacobian(ca.densify(B @ v) + b_holonomic, q)
         self.system, self.closed = built, tuple(numbers)
         self._charts = [
             _chart_slopes(built, level_functions.charts(built, each.charts).charts) for each in integrals
@@ -150,7 +150,7 @@ class LinearizedFunctions:
         terms = cancelling_terms.term_sizes(h, [s.t, q, v, built.p])
         load = ca.fabs(ca.densify(M @ a)) + terms + ca.mtimes(ca.fabs(every).T, ca.fabs(lam))
         self._at = ca.Function(
-            "linearized", self._inputs, [M, damping, K, B, A, D, D_whole, ca.densify(residual), load]
+            "linearized", self._inputs, [M, damping, K, B, A, D, D_holonomic, ca.densify(residual), load]
         )
         occurring = {int(j) for part in (K, D) for j in part.sparsity().get_col()}
         self.cyclic = np.array([j not in occurring for j in range(int(q.numel()))], dtype=bool)
@@ -162,10 +162,10 @@ class LinearizedFunctions:
     def at(self, here: Reference) -> Linear:
         """The matrices at a reference."""
         found = self._at(here.t, here.q, here.v, here.a, here.lam, here.p)
-        M, C, K, B, A, D, D_whole = found[:7]
+        M, C, K, B, A, D, D_holonomic = found[:7]
         leaves = [_leaf(each(here.t, here.q, here.p)) for each in self._charts]
         residual, load = (np.array(part).ravel() for part in found[7:])
-        matrices = LinearMatrices(M, C, K, ca.vertcat(B, *leaves), A, D, D_whole)
+        matrices = LinearMatrices(M, C, K, ca.vertcat(B, *leaves), A, D, D_holonomic)
         return Linear(matrices, residual, load, self.cyclic)
 
     def values(self, here: Reference) -> Floats:
@@ -187,9 +187,9 @@ class LinearizedFunctions:
             )
             v = random.standard_normal(here.q.size)
             power, driving, moving, h = (np.array(part).ravel() for part in self._powers(t, q, v, here.p))
-            if driving.any() or np.abs(moving).max(initial=0.0) > KEPT:
+            if driving.any() or np.abs(moving).max(initial=0.0) > ENERGY_ROUNDOFF:
                 return False
-            if not abs(power[0]) <= KEPT * float(np.abs(h) @ np.abs(v)):
+            if not abs(power[0]) <= ENERGY_ROUNDOFF * float(np.abs(h) @ np.abs(v)):
                 return False
         return True
 

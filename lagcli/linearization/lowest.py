@@ -38,13 +38,13 @@ LOOSE = 1e-13
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Lowest:
     """Eigenvalues s with Im s >= 0 (k,) next to zero and their deviations dq (n, k); count: of all eigenvalues;
-    is_whole: no eigenvalue to the right of the imaginary axis is missing; is_definite: all w^2 are positive;
+    has_all_growing: no eigenvalue to the right of the imaginary axis is missing; is_definite: all w^2 are positive;
     is_complete: each is given as often as it occurs."""
 
     values: Complex
     shapes: Complex
     count: int
-    is_whole: bool
+    has_all_growing: bool
     is_definite: bool
     is_complete: bool
 

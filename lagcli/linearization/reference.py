@@ -22,12 +22,12 @@ Kind = Literal["equilibrium", "steady", "varying"]
 # `test_forces_balance_where_a_part_of_rounding_is_left` fails.
 BALANCED = 1e-11
 # The same along a path, where places have roundings of their own; entries of matrices that stay the same.
-ALONG, SAME = 1e-9, 1e-9
+PATH_ROUNDOFF, SAME = 1e-9, 1e-9
 # Speeds that would lead no farther than this part of the configuration in the time of the run are none: at 1e-13
 # `test_what_leads_nowhere_in_the_time_of_the_run_is_at_rest` of `tests/unit/test_numbers_of_linear_equations.py` fails.
 RESTING = 1e-12
 # Parts of the duration at which the path is looked at: no common period.
-PLACES = (0.0173, 0.1379, 0.3813, 0.7071, 1.0)
+PATH_PARTS = (0.0173, 0.1379, 0.3813, 0.7071, 1.0)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ def at_rest(
     found = Steady("equilibrium", here, functions.at(here))
     if not numeric.has_time:
         return found
-    later = (functions.at(moved(here, part * duration)).values for part in PLACES)
+    later = (functions.at(moved(here, part * duration)).values for part in PATH_PARTS)
     same = all(_is_same(found.linear.values, values) for values in later)
     return found if same else dataclasses.replace(found, kind="varying")
 
@@ -91,12 +91,12 @@ def _lasting(
     if found.kind == "equilibrium" and not numeric.has_time:
         return found
     same = True
-    for part in PLACES:
+    for part in PATH_PARTS:
         later = moved(here, part * duration)
         if not _on_rows(numeric, later):
             return None
         linear = functions.at(later)
-        if not np.isfinite(linear.values).all() or not is_balanced(linear, ALONG):
+        if not np.isfinite(linear.values).all() or not is_balanced(linear, PATH_ROUNDOFF):
             return None
         same = same and _is_same(values, linear.values)
     return found if same else dataclasses.replace(found, kind="varying")
@@ -110,14 +110,14 @@ def moved(here: Reference, s: float) -> Reference:
 
 def _on_rows(numeric: NumericSystem, here: Reference) -> bool:
     """True if a state satisfies the rows."""
-    f, B_whole = numeric.whole(here.t, here.q, here.p)
+    f, B_holonomic = numeric.whole(here.t, here.q, here.p)
     B, b = numeric.rows(here.t, here.q, here.v, here.p)[:2]
     left = [np.array(f).ravel(), np.array(B @ here.v).ravel() + np.array(b).ravel()]
     terms = [
-        np.abs(np.array(B_whole)) @ (np.abs(here.q) + 1.0),
+        np.abs(np.array(B_holonomic)) @ (np.abs(here.q) + 1.0),
         np.abs(np.array(B)) @ np.abs(here.v) + np.abs(np.array(b).ravel()),
     ]
-    return all(bool((np.abs(x) <= ALONG * size).all()) for x, size in zip(left, terms, strict=True))
+    return all(bool((np.abs(x) <= PATH_ROUNDOFF * size).all()) for x, size in zip(left, terms, strict=True))
 
 
 def _is_same(one: Floats, other: Floats) -> bool:

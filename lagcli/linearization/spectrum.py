@@ -21,7 +21,7 @@ Complex = npt.NDArray[np.complex128]
 # A matrix is symmetric or skew where this part of it is not.
 ASYMMETRY = 1e-11
 # The rounding of an eigenvalue is no more than this part of the largest, however ill-conditioned it is.
-MOST_ROUNDING = 1e-7
+MOST_ROUNDOFF = 1e-7
 # A singular value that is this many roundings a row of the largest is zero: at 6.4 and at 640
 # `test_a_singular_value_of_some_roundings_is_a_zero` of `tests/unit/test_numbers_of_linear_equations.py` fails.
 ROUNDINGS = 64.0
@@ -33,7 +33,7 @@ class Spectrum:
     """Eigenvalues other than zero (k,) with the deviations dq (n, k) that belong to them, of each conjugate pair both;
     zeros: how many eigenvalues are zero; still (n, j): deviations that belong to them; freedoms: m, those of
     positions; is_definite: whether the quadratic form of K is positive; is_conservative: whether K is symmetric, C
-    skew and all rows are of whole coordinates."""
+    skew and all rows are holonomic."""
 
     values: Complex
     shapes: Complex
@@ -108,8 +108,8 @@ def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = 1 / np.abs(np.einsum("ij,ij->j", left.conj(), right))
     scale = float(np.linalg.norm(found.rest, 2)) if found.rest.size else 0.0
-    blur = scale * np.fmin(floor(len(S)) * condition, MOST_ROUNDING)
-    blur = np.where(np.isfinite(blur), blur, scale * MOST_ROUNDING)
+    blur = scale * np.fmin(floor(len(S)) * condition, MOST_ROUNDOFF)
+    blur = np.where(np.isfinite(blur), blur, scale * MOST_ROUNDOFF)
     values = np.where(np.abs(values.real) <= blur, 1j * values.imag, values)
     values = np.where(np.abs(values.imag) <= 0, values.real + 0j, values)
     shapes = free.shapes(values, found.whole(values, right)) if values.size else _nothing(free)

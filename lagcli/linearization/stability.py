@@ -62,7 +62,7 @@ def of_lowest(
         return StabilityVerdict(False, growth, _growing(growth))
     if is_equilibrium and found.is_definite and functions.keeps_energy(here):
         return StabilityVerdict(True, 0.0, MINIMUM)
-    if found.is_whole:
+    if found.has_all_growing:
         return StabilityVerdict(
             None, 0.0, "no eigenvalue is to the right of the imaginary axis: terms left out decide"
         )

@@ -161,8 +161,8 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
     G = point_type.unit(problem.at(problem.t, found.q, found.lam).G[idle]) @ basis
     if not basis.shape[1] or not np.isfinite(G).all():
         return found
-    held = [k for k, is_held in zip(idle, _without_side(G), strict=True) if is_held]
-    closed = tuple(sorted((*carrying, *held)))
+    closed_too = [k for k, is_closed in zip(idle, _without_side(G), strict=True) if is_closed]
+    closed = tuple(sorted((*carrying, *closed_too)))
     if closed == found.closed:
         return found
     bounded = RestEquations(problem, closed, scales)

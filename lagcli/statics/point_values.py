@@ -20,9 +20,9 @@ Floats = npt.NDArray[np.float64]
 Origin = Literal["declared", "integrated", "none"]
 
 # Parts of the forces, and of their gradients, that are rounding; and places that are looked at.
-NOTHING, SYMMETRIC = 1e-11, 1e-10
-PLACES = (0.0, 0.1, 0.5, 1.0, 2.0)
-RANK = 1e-9  # of rows of length one: singular values below it belong to dependent rows
+FORCE_ROUNDOFF, CURL_ROUNDOFF = 1e-11, 1e-10
+SAMPLES = (0.0, 0.1, 0.5, 1.0, 2.0)
+DEPENDENT_ROWS = 1e-9  # of rows of length one: singular values below it belong to dependent rows
 
 
 class PointColumns:
@@ -73,16 +73,16 @@ def potential_origin(problem: StaticProblem) -> Origin:
     random = np.random.default_rng(7)
     size = float(np.abs(problem.begin).max(initial=0.0)) or 1.0
     found: Origin = "declared"
-    for part in PLACES:
+    for part in SAMPLES:
         q = problem.begin + part * size * random.standard_normal(problem.n)
         driving, gradient = problem.driving(q)
         F = problem.at(problem.t, q, problem.nothing).F
         if not np.isfinite(driving).all() or not np.isfinite(gradient).all():
             continue
         largest = np.abs(F).max(initial=0.0)
-        if np.abs(driving).max(initial=0.0) > NOTHING * max(largest, 1e-300):
+        if np.abs(driving).max(initial=0.0) > FORCE_ROUNDOFF * max(largest, 1e-300):
             found = "integrated"
-        if np.abs(gradient - gradient.T).max(initial=0.0) > SYMMETRIC * np.abs(gradient).max(initial=0.0):
+        if np.abs(gradient - gradient.T).max(initial=0.0) > CURL_ROUNDOFF * np.abs(gradient).max(initial=0.0):
             return "none"
     return found
 
@@ -114,7 +114,7 @@ def least_multipliers(rows: Floats, force: Floats, lengths: Floats) -> Floats:
         return np.zeros(0)
     divisors = np.where(lengths > 0, lengths, np.inf)
     unit = rows / divisors[:, None]
-    found: Floats = np.linalg.lstsq(unit.T, force, rcond=RANK)[0] / divisors
+    found: Floats = np.linalg.lstsq(unit.T, force, rcond=DEPENDENT_ROWS)[0] / divisors
     return found
 
 

@@ -108,7 +108,7 @@ def settled(equations: RestEquations, found: NewtonEnd) -> EquilibriumPoint | No
     """The point where a search ended, if it is one."""
     problem = equations.problem
     q, each = equations.split(found.x)
-    lam = equations.whole(each[0])
+    lam = equations.all_multipliers(each[0])
     residual = _largest(problem, q, lam, equations.acting)
     closed = tuple(equations.acting)
     point = EquilibriumPoint(q.copy(), lam, closed, residual)

@@ -42,7 +42,7 @@ class RestEquations:
         self.rows = problem.C + len(self.acting)
         self.size = problem.n + self.rows * len(problem.times)
 
-    def whole(self, multipliers: Floats) -> Floats:
+    def all_multipliers(self, multipliers: Floats) -> Floats:
         """lambda of all rows (C + K,) from those of the rows that act."""
         lam, C = self.problem.nothing, self.problem.C
         lam[:C] = multipliers[:C]
@@ -59,7 +59,7 @@ class RestEquations:
         q, each = self.split(x)
         residuals, gradients = [], []
         for number, (t, lam) in enumerate(zip(self.problem.times, each, strict=True)):
-            values = self.problem.at(t, q, self.whole(lam))
+            values = self.problem.at(t, q, self.all_multipliers(lam))
             G, g = values.G[self.acting], values.g[self.acting]
             if not values.finite or not np.isfinite(G).all() or not np.isfinite(g).all():
                 return None
@@ -114,7 +114,7 @@ class RestEquations:
         q, each = self.split(x)
         worst = 0.0
         for t, lam in zip(self.problem.times, each, strict=True):
-            values = self.problem.at(t, q, self.whole(lam))
+            values = self.problem.at(t, q, self.all_multipliers(lam))
             rows = np.vstack([values.B, values.G[self.acting]])
             parts = np.abs(values.F).max(initial=0.0) + np.abs(rows * lam[:, None]).max(initial=0.0)
             parts = max(parts, self.scales.force * 1e-3)

@@ -107,7 +107,7 @@ def _step(equations: RestEquations, q: Floats, sign: float) -> tuple[Floats | No
     each = equations.multipliers(q)
     if each is None:
         return None, 0.0
-    values: Values = problem.at(problem.t, q, equations.whole(each[0]))
+    values: Values = problem.at(problem.t, q, equations.all_multipliers(each[0]))
     if not values.finite:
         return None, 0.0
     rows = np.vstack([values.B, values.G[equations.acting]])

@@ -413,7 +413,7 @@ def test_the_equations_of_lagrange_agree_with_those_of_the_solver() -> None:
     t, q, v = states(model, 5)
     xi = np.random.default_rng(3).standard_normal(q.shape)
     step = 1e-100j
-    L = laws.whole_lagrangian
+    L = laws.total_lagrangian
     slope = L(t + 0j, q + step * xi, v + 0j).imag / 1e-100
     near = (L(t, q + 1e-5 * xi, v) - L(t, q - 1e-5 * xi, v)) / 2e-5
     np.testing.assert_allclose(slope, near, rtol=1e-7)
@@ -438,18 +438,18 @@ lagcli: 1
 coordinates: {{x: {{value: 0.7}}, y: {{value: 1.3}}}}
 lagrangian: rate(x)**2 + rate(y)**2 + {text}
 """)
-    cast = ModelIndex(model)
+    index = ModelIndex(model)
     q = np.array([[0.7, 1.3], [0.4, 0.9]])
 
     def value(at: npt.NDArray[np.complex128] | Floats) -> tuple[ModelOnTable, object]:
         from lagcli.expression import evaluate
 
-        scene = ModelOnTable(cast, np.zeros((2, 1)), at, np.zeros((2, 2)))
+        scene = ModelOnTable(index, np.zeros((2, 1)), at, np.zeros((2, 2)))
         assert model.lagrangian is not None
         return scene, evaluate.scalar(model.lagrangian.tree, scene.algebra())
 
     scene, node = value(q)
-    gradient = scene.tape.gradient([(node, np.ones((1, 1)))])["q"]
+    gradient = scene.graph.gradient([(node, np.ones((1, 1)))])["q"]
     for j in range(2):
         dq = np.zeros((2, 2))
         dq[:, j] = 1.0

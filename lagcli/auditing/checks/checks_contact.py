@@ -87,7 +87,7 @@ def contacts(e: Evidence) -> list[Check]:
         judge(PUSHES, names, t, np.minimum(np.nan_to_num(s.lam), 0.0), np.full((1, 1), s.lam_limit)),
         judge(COMPLEMENTARY, names, t, s.lam * s.g, (np.abs(s.lam) + s.lam_limit) * s.g_limit),
     ]
-    if not len(e.laws.cast.coordinates) and e.laws.model.lagrangian is None:
+    if not len(e.laws.index.coordinates) and e.laws.model.lagrangian is None:
         found.append(_pressed(e, s))
     return found
 

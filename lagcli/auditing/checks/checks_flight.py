@@ -96,7 +96,7 @@ def flights(e: Evidence) -> list[Check]:
     impact, laws = e.once(checks_impact.impact_evidence), e.laws
     if impact is None or not len(impact.incidents.t):
         return []
-    if e.record.x.size or laws.cast.coordinates.names or laws.model.lagrangian:
+    if e.record.x.size or laws.index.coordinates.names or laws.model.lagrangian:
         return []
     found = _flights(e, e.once(checks_contact.contact_states), impact)
     names = (*e.names.q, *e.names.v)
@@ -181,7 +181,7 @@ class _FreeMotion:
 
     def looked_at(self, flights: Array) -> Array:
         """Of the numbers of flights as many as the size of B allows, evenly."""
-        C, n = self._laws.C, self._laws.cast.n
+        C, n = self._laws.C, self._laws.index.n
         most = max(LEAST, int(COST / max(1, STATES * 4 * C * C * n)))
         if most >= len(flights):
             return flights

@@ -41,9 +41,9 @@ def path(e: Evidence) -> list[Check]:
 
 def impulse(e: Evidence) -> list[Check]:
     """Momenta against the integrals of forces and reactions; of coordinates that carry no dependent particles."""
-    r, values, cast = e.record, e.values, e.laws.cast
-    own, force = cast.first_generalized, e.total_force
-    force_x = r.R_x + e.particle_forces[:, cast.dependent].reshape(len(r.t), -1)
+    r, values, index = e.record, e.values, e.laws.index
+    own, force = index.first_generalized, e.total_force
+    force_x = r.R_x + e.particle_forces[:, index.dependent].reshape(len(r.t), -1)
     p = e.masses * r.v + values.L_v
     off = SAFETY * e.masses * e.off_v + e.noise("L_v").max(axis=0, initial=0.0)
     if r.x.size:  # their inertia belongs to the coordinates
@@ -68,7 +68,7 @@ def _integrated(
     size_x = np.abs(y[1]).max(initial=0.0)
     off_x = SAFETY * (e.tolerance.rtol * size_x + e.tolerance.atol * (1 + e.masses_x))
     largest = np.abs(moving).max(axis=0, initial=0.0)
-    own = e.laws.cast.first_generalized
+    own = e.laws.index.first_generalized
     for part in (largest[:own], largest[y[0].shape[1] :]):  # the components of a particle have one size
         part[:] = np.repeat(part.reshape(-1, 3).max(axis=1, initial=0.0), 3)
     small = SAFETY * e.tolerance.rtol * largest + e.tolerance.atol + off[1]
@@ -91,7 +91,7 @@ def _sum(limit: Array, truncation: Array) -> Array:
 
 def _grouped(size: Array, e: Evidence) -> Array:
     """The largest of the three components of each Cartesian particle, others as they are, (n,)."""
-    own = e.laws.cast.first_generalized
+    own = e.laws.index.first_generalized
     found = size.copy()
     found[:own] = np.repeat(size[:own].reshape(-1, 3).max(axis=1, initial=0.0), 3)
     return found
@@ -111,14 +111,14 @@ class ForceBalance:
 
 def force_balance(e: Evidence) -> ForceBalance:
     """m a - F from the recorded velocities; of generalized coordinates d/dt dL/dq' - dL/dq - Q (D.34)."""
-    r, values, cast = e.record, e.values, e.laws.cast
-    rows, own = len(r.t), cast.first_generalized
+    r, values, index = e.record, e.values, e.laws.index
+    rows, own = len(r.t), index.first_generalized
     noise = e.particle_noise
     a, rate = e.acceleration, e.momentum_rate[0]
     force = e.laws.forces_on_coordinates(values)
     inertia = e.masses * a.value + rate.value - force
     limit = e.masses * a.noise + rate.noise + e.noise("Q") + e.noise("L_q") + e.noise("V_q")
-    limit[:, :own] += noise[:, cast.cartesian].reshape(rows, -1)
+    limit[:, :own] += noise[:, index.cartesian].reshape(rows, -1)
     truncation = np.where(e.masses > 0, e.masses * a.truncation, 0.0)
     truncation = truncation + np.where(np.abs(values.L_v).max(axis=0) > 0, rate.truncation, 0.0)
     truncation = truncation + e.grid.roughness(e.masses * r.v + values.L_v, force + r.R_q)
@@ -149,7 +149,7 @@ def force_balance(e: Evidence) -> ForceBalance:
 
 def _of_dependent(e: Evidence, noise: Array) -> tuple[Array, Array, Array, Array]:
     """m a - F of the dependent particles with limit, truncation and size, (T, 3 Nd) each."""
-    dependent = e.laws.cast.dependent
+    dependent = e.laws.index.dependent
     if not dependent.size:
         nothing = np.zeros(e.record.x.shape)
         return nothing, nothing, nothing, nothing
@@ -204,7 +204,7 @@ def _is_driven(values: LawValues) -> bool:
 
 def energies(e: Evidence) -> Energies:
     """Energy and work along the motion, by the recorded v and R."""
-    r, values, cast = e.record, e.values, e.laws.cast
+    r, values, index = e.record, e.values, e.laws.index
 
     def total(v: Array, u: Array, at: LawValues) -> Array:
         T = (e.masses * v**2).sum(axis=1) / 2 + (e.masses_x * u**2).sum(axis=1) / 2
@@ -215,8 +215,8 @@ def energies(e: Evidence) -> Energies:
     rows = len(r.t)
     F = values.F
     constraint = (r.R_q * r.v).sum(axis=1) + (r.R_x * values.x_t).sum(axis=1)
-    other = (F[:, cast.cartesian].reshape(rows, -1) * r.v[:, : cast.first_generalized]).sum(axis=1)
-    other = other + (F[:, cast.dependent].reshape(rows, -1) * r.u).sum(axis=1)
+    other = (F[:, index.cartesian].reshape(rows, -1) * r.v[:, : index.first_generalized]).sum(axis=1)
+    other = other + (F[:, index.dependent].reshape(rows, -1) * r.u).sum(axis=1)
     other = other + (values.Q * r.v).sum(axis=1) + values.V_t - values.L_t
     size = np.abs(r.R_q * r.v).sum(axis=1) + np.abs(r.R_x * values.x_t).sum(axis=1) + np.abs(other)
     power = np.stack([constraint + other, constraint, size], axis=1)

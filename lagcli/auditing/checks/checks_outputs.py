@@ -61,15 +61,15 @@ def columns(e: Evidence) -> list[Check]:
         )
         results = RecomputedResults(*(beside for _, beside in parts))
         found.append(np.column_stack([energy.E_moved, evaluated(e.laws, *there, results)[0]]))
-    kept = [k for k, name in enumerate(names) if name in at]
-    one, *others = (part[:, kept] for part in found)
-    recorded = table.rows[:, [at[names[k]] for k in kept]]
+    retained = [k for k, name in enumerate(names) if name in at]
+    one, *others = (part[:, retained] for part in found)
+    recorded = table.rows[:, [at[names[k]] for k in retained]]
     limit = np.maximum(e.spread(one, others[0]), e.spread(one, others[1])) + e.tolerance.atol
     alike = (recorded == one) | (np.isnan(recorded) & np.isnan(one))
     apart = np.where(alike, 0.0, recorded - np.where(alike, 0.0, one))
-    judged = np.broadcast_to(np.array([True, *known])[kept], apart.shape)
+    judged = np.broadcast_to(np.array([True, *known])[retained], apart.shape)
     limit = np.where(np.isnan(limit), np.inf, limit)
-    return [judge(COLUMNS, [names[k] for k in kept], r.t, apart, limit, judged)]
+    return [judge(COLUMNS, [names[k] for k in retained], r.t, apart, limit, judged)]
 
 
 def _fields(results: RecomputedResults) -> tuple[Array, Array, Array]:
@@ -91,8 +91,8 @@ def _results(e: Evidence) -> tuple[RecomputedResults, RecomputedResults]:
 
 def _of_all(laws: ModelLaws, own: Array, dependent: Array) -> Array:
     """Components of the particles in their order, (T, 3 N), from those of coordinates and of dependent particles."""
-    found = np.zeros((len(own), 3 * len(laws.cast.particles)))
-    for numbers, part in ((laws.cast.cartesian, own), (laws.cast.dependent, dependent)):
+    found = np.zeros((len(own), 3 * len(laws.index.particles)))
+    for numbers, part in ((laws.index.cartesian, own), (laws.index.dependent, dependent)):
         places = (3 * numbers[:, None] + np.arange(3)).ravel()
         found[:, places] = part[:, : places.size]
     return found
@@ -100,12 +100,12 @@ def _of_all(laws: ModelLaws, own: Array, dependent: Array) -> Array:
 
 def _accelerations(e: Evidence, values: LawValues, R_q: Array, R_x: Array) -> Array:
     """(F_k + R_k)/m_k (D.23), (T, 3 N)."""
-    cast, own = e.laws.cast, e.laws.cast.first_generalized
+    index, own = e.laws.index, e.laws.index.first_generalized
     force = _of_all(e.laws, R_q - values.V_q + values.L_q, R_x - values.V_x) + values.F.reshape(len(R_q), -1)
-    moving = np.zeros(3 * len(cast.particles), dtype=bool)
-    moving[(3 * cast.cartesian[:, None] + np.arange(3)).ravel()] = np.any(values.L_v[:, :own])
+    moving = np.zeros(3 * len(index.particles), dtype=bool)
+    moving[(3 * index.cartesian[:, None] + np.arange(3)).ravel()] = np.any(values.L_v[:, :own])
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(moving, np.nan, force / np.repeat(cast.masses, 3)))
+        return np.asarray(np.where(moving, np.nan, force / np.repeat(index.masses, 3)))
 
 
 def evaluated(
@@ -133,8 +133,8 @@ class _Outputs:
     def __init__(self, laws: ModelLaws, scene: ModelOnTable, results: RecomputedResults) -> None:
         self._laws, self._scene, self._results = laws, scene, results
         self._rows = {name: i for i, name in enumerate(laws.rows)}
-        self._roll = MemberIndex([output.members for output in laws.model.outputs])
-        self._known: list[tuple[Array, ...]] = [()] * len(self._roll)
+        self._member_index = MemberIndex([output.members for output in laws.model.outputs])
+        self._known: list[tuple[Array, ...]] = [()] * len(self._member_index)
         self.known: list[bool] = []
 
     def values(self) -> Array:
@@ -156,7 +156,9 @@ class _Outputs:
             parts = value if isinstance(value, tuple) else (value,)
             wide = [self._scene.wide(part, count) for part in parts]
             for member in range(count):
-                self._known[self._roll.first(entry) + member] = tuple(x[:, member : member + 1] for x in wide)
+                self._known[self._member_index.first(entry) + member] = tuple(
+                    x[:, member : member + 1] for x in wide
+                )
             found.append(np.stack(wide, axis=2).reshape(self._scene.rows, -1))
             self.known += [True] * width
         return np.concatenate(found, axis=1)
@@ -168,29 +170,32 @@ class _Outputs:
         assert isinstance(node, (tree.Name, tree.Member, tree.Index))
         if isinstance(node, tree.Name) and node.name == "kinetic":
             v = np.concatenate([self._wide(part) for part in self._scene.velocity(self._all)], axis=1)
-            energy: Array = (np.tile(self._laws.cast.masses, 3) * v**2 / 2).sum(axis=1, keepdims=True)
+            energy: Array = (np.tile(self._laws.index.masses, 3) * v**2 / 2).sum(axis=1, keepdims=True)
             return energy
         if isinstance(node, tree.Name) and node.name == "potential":
             return self._laws.potential(self._scene)[:, None]
-        if not isinstance(node, tree.Name) and node.owner in self._laws.cast.particles:
+        if not isinstance(node, tree.Name) and node.owner in self._laws.index.particles:
             return self._acceleration(node, node.member[1:], variables)
-        known = [self._known[number] for number in self._laws.cast.names.numbers(node, self._roll, variables)]
+        known = [
+            self._known[number]
+            for number in self._laws.index.names.numbers(node, self._member_index, variables)
+        ]
         if not all(known):
             raise _UnknownError
         parts = tuple(np.concatenate(part, axis=1) for part in zip(*known, strict=True))
         return parts if len(parts) == 3 else parts[0]
 
     def _called(self, node: tree.Call, variables: Mapping[str, Whole]) -> Value:
-        cast, argument = self._laws.cast, node.arguments[0]
+        index, argument = self._laws.index, node.arguments[0]
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         if node.function == "multiplier":
             return self._multipliers(argument, variables)
         if node.function == "rate":
-            if (argument.name if isinstance(argument, tree.Name) else argument.owner) in cast.coordinates:
+            if (argument.name if isinstance(argument, tree.Name) else argument.owner) in index.coordinates:
                 raise _UnknownError  # d/dt of dL/dq' would have to be solved for it
             member = "" if isinstance(argument, tree.Name) else argument.member
             return self._acceleration(argument, member, variables)
-        numbers = self._laws.cast.names.numbers(argument, cast.particles, variables)
+        numbers = self._laws.index.names.numbers(argument, index.particles, variables)
         if len(node.arguments) == 1:
             return _triple(self._results.R, numbers)
         law = node.arguments[1]
@@ -199,7 +204,7 @@ class _Outputs:
 
     def _part(self, numbers: Whole, law: Reference, variables: Mapping[str, Whole]) -> Value:
         """lambda_i B_ik of a constraint on particles (K,), or of one for each of K constraints (D.22)."""
-        names = self._laws.cast.names.names(law, variables)
+        names = self._laws.index.names.names(law, variables)
         member = "" if isinstance(law, tree.Name) else law.member
         parts = []
         for name in names:
@@ -217,7 +222,7 @@ class _Outputs:
 
     def _acceleration(self, node: Reference, member: str, variables: Mapping[str, Whole]) -> Value:
         found = _triple(
-            self._results.a, self._laws.cast.names.numbers(node, self._laws.cast.particles, variables)
+            self._results.a, self._laws.index.names.numbers(node, self._laws.index.particles, variables)
         )
         if np.isnan(found[0]).all():
             raise _UnknownError
@@ -225,15 +230,15 @@ class _Outputs:
 
     @property
     def _all(self) -> Whole:
-        return np.arange(len(self._laws.cast.particles))
+        return np.arange(len(self._laws.index.particles))
 
     def _wide(self, x: Scalar) -> Array:
-        return self._scene.wide(x, len(self._laws.cast.particles))
+        return self._scene.wide(x, len(self._laws.index.particles))
 
     def _multipliers(self, node: Reference, variables: Mapping[str, Whole]) -> Value:
         """lambda of a row, or of the three of a vector equation."""
         member = "" if isinstance(node, tree.Name) else node.member
-        names = self._laws.cast.names.names(node, variables)
+        names = self._laws.index.names.names(node, variables)
         if member:
             return self._lambda(node, [f"{name}.{member}" for name in names])
         if all(name in self._rows for name in names):

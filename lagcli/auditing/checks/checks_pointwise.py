@@ -38,7 +38,7 @@ def demand(e: Evidence) -> list[Check]:
     """The demand of the forces on B v + b, without any difference of rows; of models in Cartesian coordinates alone."""
     laws, rows = e.laws, e.looked_at
     r = e.record.part(rows)
-    if not laws.C or len(laws.cast.coordinates) or laws.model.lagrangian is not None:
+    if not laws.C or len(laws.index.coordinates) or laws.model.lagrangian is not None:
         return []
 
     def second(q: Array, v: Array, forces: Array) -> Array:
@@ -52,8 +52,8 @@ def demand(e: Evidence) -> list[Check]:
     off = off + SAFETY * e.tolerance.rtol * np.abs(r.R_q).max(axis=1, initial=0.0)[:, None]
     random = np.random.default_rng(6)
     for _ in range(2):
-        shaken = forces + (off * random.choice((-1.0, 1.0), size=off.shape)).reshape(forces.shape)
-        limit = limit + np.abs(second(r.q, r.v, shaken) - found)
+        perturbed = forces + (off * random.choice((-1.0, 1.0), size=off.shape)).reshape(forces.shape)
+        limit = limit + np.abs(second(r.q, r.v, perturbed) - found)
     return [
         judge(DEMAND, laws.rows, r.t, found, widest(limit), ~np.any(np.isnan(r.lam), axis=1, keepdims=True))
     ]
@@ -114,7 +114,7 @@ def carried(e: Evidence) -> list[Check]:
     r, values = e.record, e.values
     if not r.x.size:
         return []
-    own = e.laws.cast.first_generalized
+    own = e.laws.index.first_generalized
     rate, rate_x = e.momentum_rate
     acting = (-values.V_q + values.Q + values.L_q - rate.value)[:, own:]
     carriers = e.pushed(r.R_x - values.L_x + rate_x.value)[:, own:]
@@ -131,7 +131,7 @@ def carried(e: Evidence) -> list[Check]:
 
 def _reaction_noise(e: Evidence) -> Array:
     """The noise of R of dependent particles, (T, 3 Nd): by rounding, and as F is."""
-    cast = e.laws.cast
+    index = e.laws.index
     size = np.abs(e.record.R_x)
-    noise = e.particle_noise[:, cast.dependent].reshape(size.shape)
+    noise = e.particle_noise[:, index.dependent].reshape(size.shape)
     return np.asarray(SAFETY * e.tolerance.rtol * (size + size.max(axis=0, initial=0.0)) + noise)

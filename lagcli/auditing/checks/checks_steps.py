@@ -101,7 +101,7 @@ class TableSteps:
 
 def quantities(e: Evidence) -> list[Quantity]:
     """Places with their velocities, momenta with forces and reactions: of particles, then of coordinates."""
-    own, n, r = e.laws.cast.first_generalized, e.laws.cast.n, e.record
+    own, n, r = e.laws.index.first_generalized, e.laws.index.n, e.record
     found = _of_particles(e, _cartesian(e)) if own else []
     if r.x.size:
         found += _of_particles(e, _dependent(e))
@@ -127,7 +127,7 @@ class _Particles:
 
 
 def _cartesian(e: Evidence) -> _Particles:
-    r, values, own = e.record, e.values, e.laws.cast.first_generalized
+    r, values, own = e.record, e.values, e.laws.index.first_generalized
     k = slice(0, own)
     force, noise = _total_force(e)
     off_q, off_v = SAFETY * e.off_q[k], SAFETY * e.off_v[k]
@@ -139,10 +139,10 @@ def _cartesian(e: Evidence) -> _Particles:
 
 
 def _dependent(e: Evidence) -> _Particles:
-    r, cast, m = e.record, e.laws.cast, e.masses_x
+    r, index, m = e.record, e.laws.index, e.masses_x
     inner = SAFETY * e.tolerance.rtol
-    force = r.R_x + e.particle_forces[:, cast.dependent].reshape(r.x.shape)
-    noise = e.particle_noise[:, cast.dependent].reshape(r.x.shape) + inner * np.abs(r.R_x)
+    force = r.R_x + e.particle_forces[:, index.dependent].reshape(r.x.shape)
+    noise = e.particle_noise[:, index.dependent].reshape(r.x.shape) + inner * np.abs(r.R_x)
     noise = noise + inner * np.abs(r.R_x).max(axis=0) + e.tolerance.atol
     off_x, off_u = e.noise("x"), e.noise("u")
     return _Particles(
@@ -152,9 +152,9 @@ def _dependent(e: Evidence) -> _Particles:
 
 def _total_force(e: Evidence) -> tuple[Array, Array]:
     """F + R on the coordinates without what dependent particles carry, (T, n), and by how much it may be off."""
-    r, cast, own = e.record, e.laws.cast, e.laws.cast.first_generalized
+    r, index, own = e.record, e.laws.index, e.laws.index.first_generalized
     noise = e.noise("Q") + e.noise("L_q") + e.noise("V_q") + e.reaction_limit
-    noise[:, :own] += e.particle_noise[:, cast.cartesian].reshape(len(r.t), -1)
+    noise[:, :own] += e.particle_noise[:, index.cartesian].reshape(len(r.t), -1)
     return e.total_force, noise + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.tolerance.atol
 
 
@@ -172,7 +172,7 @@ def _of_particles(e: Evidence, p: _Particles) -> list[Quantity]:
 
 def _of_coordinates(e: Evidence) -> list[Quantity]:
     """Generalized coordinates; their momenta where no particles depend on them."""
-    r, own = e.record, e.laws.cast.first_generalized
+    r, own = e.record, e.laws.index.first_generalized
     k = slice(own, None)
     q, v = r.q[:, k], r.v[:, k]
     coarse = np.full(q.shape[1], bool(e.is_coarse[1].any()))

@@ -115,13 +115,13 @@ def _nothing(e: Evidence, law: CheckedLaw) -> Check:
 def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
     """The integral, its limit, and whether it can be judged."""
     e, r, rows = window.e, window.record, window.rows
-    V, cast = e.values, e.laws.cast
+    V, index = e.values, e.laws.index
     dq = window.path(w)
     dx = e.laws.displaced(r.t, r.q, r.v, dq)
     zero = np.zeros(1)
     dv, du = window.grid.derivative(dq, zero), window.grid.derivative(dx, zero)
     force_q = e.laws.forces_on_coordinates(V)[rows]
-    force_x = V.L_x[rows] + e.particle_forces[rows][:, cast.dependent].reshape(len(r.t), -1)
+    force_x = V.L_x[rows] + e.particle_forces[rows][:, index.dependent].reshape(len(r.t), -1)
     p_q = e.masses * r.v + V.L_v[rows]
     p_x = e.masses_x * r.u + V.L_u[rows]
     terms = [(force_q, dq), (force_x, dx), (p_q, dv.value), (p_x, du.value)]
@@ -147,7 +147,7 @@ def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
 def action(e: Evidence) -> list[Check]:
     """The slope of S(eps) at 0, where all rows are holonomic and all forces have potentials."""
     laws = e.laws
-    if laws.s < laws.C or np.any(e.values.F) or np.any(e.values.Q) or laws.cast.n > 60:
+    if laws.s < laws.C or np.any(e.values.F) or np.any(e.values.Q) or laws.index.n > 60:
         return []
     varied = [(window, w, _slope(window, w)) for window in e.once(windows)[:1] for w in window.basis[:3]]
     known = [(window, w, answer) for window, w, answer in varied if answer is not None]
@@ -166,7 +166,7 @@ def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:
             if q is None:
                 return None
             v = window.grid.derivative(q, np.zeros(1))
-            L = window.e.laws.whole_lagrangian(r.t, q, v.value)
+            L = window.e.laws.total_lagrangian(r.t, q, v.value)
             p = np.abs(_momentum(window, v.value))
             open_ = (p * v.truncation).sum(axis=1)
             total = window.grid.integral(

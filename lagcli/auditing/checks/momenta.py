@@ -28,11 +28,11 @@ class Symmetry:
 
 def candidates(e: Evidence) -> list[Symmetry]:
     """Cyclic coordinates; translations and rotations of all Cartesian particles."""
-    r, cast = e.record, e.laws.cast
-    own = cast.first_generalized
+    r, index = e.record, e.laws.index
+    own = index.first_generalized
     found = []
     nothing = np.zeros(r.q.shape)
-    for j in range(own, cast.n):
+    for j in range(own, index.n):
         xi = nothing.copy()
         xi[:, j] = 1.0
         found.append(Symmetry(f"cyclic {e.names.q[j]}", xi, nothing))
@@ -64,7 +64,7 @@ def symmetries(e: Evidence) -> list[Symmetry]:
     shift = (
         1e-3 * np.abs(r.q[rows]).max(axis=0, initial=0.0) * random.standard_normal((len(rows), r.q.shape[1]))
     )
-    own = e.laws.cast.first_generalized
+    own = e.laws.index.first_generalized
     found = []
     for one in candidates(e):
         axis = "xyz".find(one.name[-1]) if one.name.startswith("rotation") else -1
@@ -80,7 +80,7 @@ def symmetries(e: Evidence) -> list[Symmetry]:
 
 def _felt(e: Evidence, t: Array, q: Array, v: Array, xi: Array, rate: Array) -> tuple[float, float]:
     """The largest change of L along (xi, d xi/dt), and the size of what it is made of."""
-    L = e.laws.whole_lagrangian(t + 0j, q + 1j * TINY * xi, v + 1j * TINY * rate)
+    L = e.laws.total_lagrangian(t + 0j, q + 1j * TINY * xi, v + 1j * TINY * rate)
     size = np.abs(L.real).max() * np.abs(xi).max() / max(float(np.abs(q).max(initial=0.0)), 1e-300)
     return float(np.abs(L.imag / TINY).max(initial=0.0)), float(size)
 
@@ -88,16 +88,16 @@ def _felt(e: Evidence, t: Array, q: Array, v: Array, xi: Array, rate: Array) -> 
 def momenta(e: Evidence) -> list[Check]:
     """J against the impulse of constraints and other forces, of every symmetry that is found; what it does is told of
     the whole of a run."""
-    r, values, cast = e.record, e.values, e.laws.cast
-    own, rows = cast.first_generalized, len(r.t)
+    r, values, index = e.record, e.values, e.laws.index
+    own, rows = index.first_generalized, len(r.t)
     p = e.masses * r.v + values.L_v + e.pushed(e.masses_x * r.u + values.L_u)
     p_off = SAFETY * e.masses * e.off_v + e.noise("L_v")
     p_off = p_off + e.pushed_limit(
         SAFETY * e.masses_x * e.tolerance.rtol * np.abs(r.u).max(initial=0.0) + 0 * r.u
     )
     force = values.Q.copy()
-    force[:, :own] += values.F[:, cast.cartesian].reshape(rows, -1)
-    force = force + e.pushed(values.F[:, cast.dependent].reshape(rows, -1))
+    force[:, :own] += values.F[:, index.cartesian].reshape(rows, -1)
+    force = force + e.pushed(values.F[:, index.dependent].reshape(rows, -1))
     unknown = e.grid.integral(r.R_q + force, np.full(r.q.shape[1], np.inf)).truncation
     names, residuals, limits, judged, words = [], [], [], [], []
     for one in symmetries(e):

@@ -73,7 +73,7 @@ def _pushes(e: Evidence, steps: Array) -> Array:
 
     values = laws.values(between(r.t), between(r.q), between(r.v), np.zeros((s.size, laws.C)))
     force = laws.forces_on_coordinates(values)
-    force_x = laws.particle_forces(values)[:, laws.cast.dependent].reshape(s.size, -1)
+    force_x = laws.particle_forces(values)[:, laws.index.dependent].reshape(s.size, -1)
     roots = np.sqrt(np.where(e.masses > 0, e.masses, 1.0)), np.sqrt(np.where(e.masses_x > 0, e.masses_x, 1.0))
     pushes = np.concatenate([force / roots[0], force_x / roots[1]], axis=1).reshape(
         len(steps), PLACES + 2, -1

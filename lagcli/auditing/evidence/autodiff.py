@@ -1,7 +1,7 @@
-"""Derivatives of the model's expressions over numpy arrays: a tape of operations, read forwards or backwards.
+"""Derivatives of the model's expressions over numpy arrays: a graph of operations, read forwards or backwards.
 
 A value is an array (T, K): T rows of the table, K members of a family, 1 where all share it. What depends on
-parameters alone is a plain array and leaves no trace on the tape. Leaves are of a kind: `q` coordinates, `v` their
+parameters alone is a plain array and leaves no trace on the graph. Leaves are of a kind: `q` coordinates, `v` their
 rates, `t` time, `x` and `u` positions and velocities of dependent particles where these are taken as free.
 """
 
@@ -23,17 +23,17 @@ Directions = Mapping[str, Array]
 class Edge:
     """y[:, into] += partial * parent[:, taken]; the partial of a `rate` is d/dt of the parent instead."""
 
-    parent: TapeNode
+    parent: GraphNode
     partial: Array | float | None
     taken: Whole | None = None
     into: slice | None = None
 
 
 @dataclasses.dataclass(slots=True, eq=False)
-class TapeNode:
+class GraphNode:
     """A value (T, K) with what it was made from. A leaf has the kind and the places of its coordinates, (K,)."""
 
-    tape: Tape
+    graph: AutodiffGraph
     number: int
     value: Array
     links: tuple[Edge, ...]
@@ -47,17 +47,17 @@ class TapeNode:
 
 
 # The second is an array that does not depend on the state.
-Scalar = TapeNode | Array
+Scalar = GraphNode | Array
 Triple = tuple[Scalar, Scalar, Scalar]
 Value = Scalar | Triple
 
 
 def value(x: Scalar) -> Array:
     """The numbers of a scalar."""
-    return x.value if isinstance(x, TapeNode) else np.asarray(x)
+    return x.value if isinstance(x, GraphNode) else np.asarray(x)
 
 
-class Tape:
+class AutodiffGraph:
     """Operations in the order in which they were carried out, over `data`: the arrays (T, width) of each kind.
 
     `motion`: the rates of `q`, `x` and `t` along the recorded motion.
@@ -65,12 +65,12 @@ class Tape:
 
     def __init__(self, data: Directions, motion: Directions) -> None:
         self.data = data
-        self.nodes: list[TapeNode] = []
+        self.nodes: list[GraphNode] = []
         self._motion = motion
-        self._leaves: dict[tuple[str, bytes], TapeNode] = {}
+        self._leaves: dict[tuple[str, bytes], GraphNode] = {}
         self._rates: list[Array | None] = []
 
-    def leaf(self, kind: str, places: Whole) -> TapeNode:
+    def leaf(self, kind: str, places: Whole) -> GraphNode:
         """Coordinates of a kind at these places, (T, K)."""
         key = (kind, places.tobytes())
         if key not in self._leaves:
@@ -79,26 +79,26 @@ class Tape:
             self._leaves[key] = node
         return self._leaves[key]
 
-    def node(self, result: Array, links: Sequence[Edge]) -> TapeNode:
+    def node(self, result: Array, links: Sequence[Edge]) -> GraphNode:
         """The result of an operation."""
-        found = TapeNode(self, len(self.nodes), result, tuple(links))
+        found = GraphNode(self, len(self.nodes), result, tuple(links))
         self.nodes.append(found)
         return found
 
     def result(self, result: Array, *operands: tuple[Scalar, Array | float]) -> Scalar:
         """The result of an operation on operands with their partial derivatives; a constant of constants."""
-        links = [Edge(x, partial) for x, partial in operands if isinstance(x, TapeNode)]
+        links = [Edge(x, partial) for x, partial in operands if isinstance(x, GraphNode)]
         return self.node(result, links) if links else result
 
     def rate(self, x: Scalar) -> Scalar:
         """d/dt along the motion of a function of coordinates and time (D.5)."""
-        if not isinstance(x, TapeNode):
+        if not isinstance(x, GraphNode):
             return np.zeros((1, 1))
         found = self.node(self.moved(x), (Edge(x, None),))
         found.kind = "rate"
         return found
 
-    def moved(self, node: TapeNode) -> Array:
+    def moved(self, node: GraphNode) -> Array:
         """The values (T, K) of d/dt of a function of coordinates and time."""
         for other in self.nodes[len(self._rates) : node.number + 1]:
             self._rates.append(_tangent(other, self._rates, self._motion))
@@ -153,7 +153,7 @@ class Tape:
     def _seeded(self, seeds: Sequence[tuple[Scalar, Array]]) -> list[Array | None]:
         adjoints: list[Array | None] = [None] * len(self.nodes)
         for x, seed in seeds:
-            if isinstance(x, TapeNode):
+            if isinstance(x, GraphNode):
                 _add(adjoints, x, np.broadcast_to(seed, np.broadcast_shapes(np.shape(seed), x.value.shape)))
         return adjoints
 
@@ -170,7 +170,7 @@ class Gradient:
             self._parts[kind] = np.zeros(self._data[kind].shape, dtype=self._data["q"].dtype)
         return self._parts[kind]
 
-    def add(self, node: TapeNode, kind: str, g: Array) -> None:
+    def add(self, node: GraphNode, kind: str, g: Array) -> None:
         """Add the adjoint of a leaf to its coordinates."""
         assert node.places is not None
         scatter(self[kind], node.places, np.broadcast_to(g, node.value.shape))
@@ -190,7 +190,7 @@ def scatter(target: Array, places: Whole, values: Array) -> None:
     target[:, unique] += np.add.reduceat(values[:, order], starts, axis=1)
 
 
-def _tangent(node: TapeNode, known: Sequence[Array | None], directions: Directions) -> Array | None:
+def _tangent(node: GraphNode, known: Sequence[Array | None], directions: Directions) -> Array | None:
     if node.places is not None:
         along = directions.get(node.kind)
         return None if along is None else along[:, node.places]
@@ -225,7 +225,7 @@ def _pass(link: Edge, g: Array, adjoints: list[Array | None]) -> None:
     _add(adjoints, link.parent, g)
 
 
-def _add(adjoints: list[Array | None], node: TapeNode, g: Array) -> None:
+def _add(adjoints: list[Array | None], node: GraphNode, g: Array) -> None:
     """Add to the adjoint of a node, summed over the members that shared its value."""
     rows, members = node.value.shape
     if g.shape[1] != members:

@@ -1,4 +1,4 @@
-"""The operations of the model's expressions on a tape, with the derivative of each.
+"""The operations of the model's expressions on a graph, with the derivative of each.
 
 Numbers may be complex with a tiny imaginary part, which carries one more derivative (the complex step): what is not
 analytic goes by the real part.
@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lagcli.auditing.evidence.autodiff import Array, Scalar, Tape, Value, value
+from lagcli.auditing.evidence.autodiff import Array, AutodiffGraph, Scalar, Value, value
 from lagcli.expression import tree
 from lagcli.model.resolve import Reference
 
@@ -41,15 +41,15 @@ _FUNCTIONS: dict[str, tuple[Callable[[Array], Array], Derivative]] = {
 
 
 class NumberAlgebra:
-    """Scalars are nodes of a tape or plain arrays; see `evaluate.Algebra`. Names come from `atom` and `special`."""
+    """Scalars are nodes of a graph or plain arrays; see `evaluate.Algebra`. Names come from `atom` and `special`."""
 
     def __init__(
         self,
-        tape: Tape,
+        graph: AutodiffGraph,
         atom: Callable[[Reference], Value],
         special: Callable[[tree.Call, NumberAlgebra], Value],
     ) -> None:
-        self._tape, self.atom, self._special = tape, atom, special
+        self._graph, self.atom, self._special = graph, atom, special
 
     def special(self, node: tree.Call) -> Value:
         return self._special(node, self)
@@ -59,19 +59,19 @@ class NumberAlgebra:
 
     def add(self, node: tree.Node, left: Scalar, sign: int, right: Scalar) -> Scalar:
         a, b = value(left), value(right)
-        return self._tape.result(a + b if sign > 0 else a - b, (left, 1.0), (right, float(sign)))
+        return self._graph.result(a + b if sign > 0 else a - b, (left, 1.0), (right, float(sign)))
 
     def negate(self, node: tree.Node, x: Scalar) -> Scalar:
-        return self._tape.result(-value(x), (x, -1.0))
+        return self._graph.result(-value(x), (x, -1.0))
 
     def multiply(self, node: tree.Node, left: Scalar, right: Scalar) -> Scalar:
         a, b = value(left), value(right)
-        return self._tape.result(a * b, (left, b), (right, a))
+        return self._graph.result(a * b, (left, b), (right, a))
 
     def divide(self, node: tree.Node, left: Scalar, right: Scalar) -> Scalar:
         a, b = value(left), value(right)
         quotient = a / b
-        return self._tape.result(quotient, (left, 1 / b), (right, -quotient / b))
+        return self._graph.result(quotient, (left, 1 / b), (right, -quotient / b))
 
     def power(self, node: tree.Node, base: Scalar, exponent: Scalar) -> Scalar:
         x, e = value(base), value(exponent)
@@ -82,7 +82,7 @@ class NumberAlgebra:
         by_exponent: Array | float = 0.0
         if value(exponent) is not exponent:  # it is a node: the base is positive then
             by_exponent = result * np.log(x)
-        return self._tape.result(result, (base, by_base), (exponent, by_exponent))
+        return self._graph.result(result, (base, by_base), (exponent, by_exponent))
 
     def function(self, node: tree.Node, name: str, arguments: tuple[Scalar, ...]) -> Scalar:
         if name in ("min", "max"):
@@ -93,12 +93,12 @@ class NumberAlgebra:
         compute, derivative = _FUNCTIONS[name]
         argument = value(x)
         result = compute(argument)
-        return self._tape.result(result, (x, derivative(argument, result)))
+        return self._graph.result(result, (x, derivative(argument, result)))
 
     def _extreme(self, name: str, left: Scalar, right: Scalar) -> Scalar:
         a, b = value(left), value(right)
         first = a.real <= b.real if name == "min" else a.real >= b.real
-        return self._tape.result(np.where(first, a, b), (left, first * 1.0), (right, ~first * 1.0))
+        return self._graph.result(np.where(first, a, b), (left, first * 1.0), (right, ~first * 1.0))
 
     def _angle(self, left: Scalar, right: Scalar) -> Scalar:
         y, x = value(left), value(right)
@@ -106,7 +106,7 @@ class NumberAlgebra:
         result: Array = np.arctan2(y.real, x.real)
         if np.iscomplexobj(square):
             result = result + 1j * (x.real * y.imag - y.real * x.imag) / square.real
-        return self._tape.result(result, (left, x / square), (right, -y / square))
+        return self._graph.result(result, (left, x / square), (right, -y / square))
 
 
 def _power(x: Array, e: Array) -> Array:

@@ -16,7 +16,7 @@ from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.table_input import Record
 
 # Of the terms that forces are made of, and of places, in which forces are made of terms that are not seen.
-ROUNDING = 64 * differences.EPS
+FORCE_ROUNDOFF = 64 * differences.EPS
 # Rows at which places are moved by their rounding, and how much further: random moves show a part of the largest
 # change.
 SAMPLES, FURTHER = 9, 4
@@ -35,28 +35,28 @@ class ForceRounding:
 
 def rounding(laws: ModelLaws, found: Record, values: LawValues) -> ForceRounding:
     """The rounding of the forces of a record with the values of the laws at its rows."""
-    cast, own = laws.cast, laws.cast.first_generalized
+    index, own = laws.index, laws.index.first_generalized
     if not len(found.t):
         return ForceRounding(*(np.zeros(part.shape[1]) for part in (found.q, found.x, found.q)))
     rows = np.unique(np.linspace(0, len(found.t) - 1, min(SAMPLES, len(found.t))).astype(np.int64))
     random = np.random.default_rng(6)
     part = found.part(rows)
-    moved = part.q * (1 + FURTHER * ROUNDING * random.choice((-1.0, 1.0), size=part.q.shape))
+    moved = part.q * (1 + FURTHER * FORCE_ROUNDOFF * random.choice((-1.0, 1.0), size=part.q.shape))
     there = laws.values(part.t, moved, part.v, part.lam)
 
     def largest(y: Array) -> Array:
         return np.asarray(np.abs(np.nan_to_num(y)).max(axis=0, initial=0.0))
 
-    q = ROUNDING * largest(found.R_q)
+    q = FORCE_ROUNDOFF * largest(found.R_q)
     for name in PARTS:
         whole, aside = getattr(values, name), getattr(there, name)
-        q = q + ROUNDING * largest(whole) + largest(aside - whole[rows])
-    pushed = ROUNDING * largest(values.F) + largest(there.F - values.F[rows])
-    q[:own] += pushed[cast.cartesian].ravel()
-    x = ROUNDING * (largest(found.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
-    x = x + pushed[cast.dependent].ravel()
+        q = q + FORCE_ROUNDOFF * largest(whole) + largest(aside - whole[rows])
+    pushed = FORCE_ROUNDOFF * largest(values.F) + largest(there.F - values.F[rows])
+    q[:own] += pushed[index.cartesian].ravel()
+    x = FORCE_ROUNDOFF * (largest(found.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
+    x = x + pushed[index.dependent].ravel()
     # The multipliers are solved for together: what pushes one coordinate is rounded in all, as far as it moves them.
-    M, M_x = _inertia(laws, part), np.repeat(cast.masses[cast.dependent], 3)
+    M, M_x = _inertia(laws, part), np.repeat(index.masses[index.dependent], 3)
     common = max((_ratio(y, np.sqrt(m)).max(initial=0.0) for y, m in ((q, M), (x, M_x))), default=0.0)
     q, x = np.maximum(q, common * np.sqrt(M)), np.maximum(x, common * np.sqrt(M_x))
     return ForceRounding(q, x, _ratio(q, M))
@@ -69,15 +69,15 @@ def _ratio(y: Array, by: Array) -> Array:
 
 def _inertia(laws: ModelLaws, found: Record) -> Array:
     """The diagonal of the mass matrix (n,) at the first row."""
-    cast, n = laws.cast, laws.cast.n
+    index, n = laws.index, laws.index.n
     M = np.zeros(n)
-    M[: cast.first_generalized] = np.repeat(cast.masses[cast.cartesian], 3)
+    M[: index.first_generalized] = np.repeat(index.masses[index.cartesian], 3)
     t, q, lam = (np.repeat(part[:1], n + 1, axis=0) for part in (found.t, found.q, found.lam))
     unit = np.vstack([np.eye(n), np.zeros((1, n))])
     if laws.model.lagrangian is not None:
         L_v = laws.values(t, q, unit, lam).L_v
         M += np.abs(np.diagonal(L_v[:n] - L_v[n]))
-    if cast.dependent.size:
+    if index.dependent.size:
         moved = laws.displaced(t, q, 0 * unit, unit)[:n]
-        M += (np.repeat(cast.masses[cast.dependent], 3) * moved**2).sum(axis=1)
+        M += (np.repeat(index.masses[index.dependent], 3) * moved**2).sum(axis=1)
     return M

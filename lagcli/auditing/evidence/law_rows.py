@@ -24,20 +24,20 @@ SPOT = tree.Node(0, 0)
 # `test_turns_of_two_angles_are_taken_out_up_to_a_thousand` of `tests/unit/test_numbers_of_the_audit.py` fails.
 MOST_TURNS = {1: 0, 2: 1000, 3: 20}
 
-Laid = list[tuple[Scalar, Whole]]
+RowValues = list[tuple[Scalar, Whole]]
 """Values of rows with their places among all rows."""
 
 
-def laid(
+def build(
     scene: ModelOnTable, bodies: Sequence[rigid.Geometry], closed: Sequence[tuple[nouns.Inequality, Whole]]
-) -> tuple[Laid, Laid]:
+) -> tuple[RowValues, RowValues]:
     """The holonomic and the differential rows; bodies: of `geometries`, closed: of `members`."""
-    model = scene.cast.model
-    surfaces: Laid = []
-    laws: Laid = []
+    model = scene.index.model
+    surfaces: RowValues = []
+    laws: RowValues = []
     first = 0
     for holonomic in model.holonomic:
-        first = _lay(scene, holonomic, surfaces, first)
+        first = _add_rows(scene, holonomic, surfaces, first)
     for body, geometry in zip(model.rigid, bodies, strict=True):
         numbers = np.array(body.particles, dtype=np.int64)
         for x, offsets in _rigid_rows(scene, numbers, geometry):
@@ -51,26 +51,26 @@ def laid(
         )
         first += members.size
     for differential in model.differential:
-        first = _lay(scene, differential, laws, first)
+        first = _add_rows(scene, differential, laws, first)
     return surfaces, laws
 
 
-def geometries(cast: ModelIndex) -> tuple[rigid.Geometry, ...]:
+def geometries(index: ModelIndex) -> tuple[rigid.Geometry, ...]:
     """The geometry of each rigid body at the declared start."""
-    t, q, v = model_values.start(cast.model)
-    scene = ModelOnTable(cast, np.full((1, 1), t), q[None, :], v[None, :])
+    t, q, v = model_values.start(index.model)
+    scene = ModelOnTable(index, np.full((1, 1), t), q[None, :], v[None, :])
     found = []
-    for body in cast.model.rigid:
+    for body in index.model.rigid:
         numbers = np.array(body.particles, dtype=np.int64)
         parts = scene.position(numbers)
         found.append(rigid.geometry(np.stack([scene.wide(p, numbers.size)[0] for p in parts], axis=1)))
     return tuple(found)
 
 
-def _lay(
+def _add_rows(
     scene: ModelOnTable,
     law: nouns.Holonomic | nouns.Differential,
-    into: Laid,
+    into: RowValues,
     first: int,
 ) -> int:
     """Add the rows of a law, left - right; those of one member stand together. The number of rows so far."""

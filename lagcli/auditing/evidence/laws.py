@@ -16,15 +16,15 @@ from lagcli.auditing.evidence.autodiff import (
     Array,
     Directions,
     Gradient,
+    GraphNode,
     Scalar,
-    TapeNode,
     Triple,
     Value,
     scatter,
     value,
 )
 from lagcli.auditing.evidence.autodiff_algebra import NumberAlgebra
-from lagcli.auditing.evidence.law_rows import SPOT, Laid
+from lagcli.auditing.evidence.law_rows import SPOT, RowValues
 from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 from lagcli.expression import evaluate
 from lagcli.model import model as nouns
@@ -78,8 +78,8 @@ class ModelLaws:
         jumps: Mapping[int, tuple[float, ...]] = NOTHING,
         closed: Sequence[int] = (),
     ) -> None:
-        self.model, self.cast = model, ModelIndex(model)
-        self.bodies = law_rows.geometries(self.cast) if model.rigid else ()
+        self.model, self.index = model, ModelIndex(model)
+        self.bodies = law_rows.geometries(self.index) if model.rigid else ()
         self.holonomic = [name for law in model.holonomic for name in law.rows]
         for body, geometry in zip(model.rigid, self.bodies, strict=True):
             count = len(geometry.pairs) + 3 * len(geometry.further)
@@ -102,23 +102,23 @@ class ModelLaws:
 
     def pushed(self, t: Array, q: Array, v: Array, F: Array) -> Array:
         """sum_k F_k . dr_k/dq_j over the dependent particles (D.30): F (T, 3 Nd) to (T, n)."""
-        if not self.cast.dependent.size:
+        if not self.index.dependent.size:
             return np.zeros(q.shape)
         found = []
         for k in self.chunks(len(t)):
-            scene = ModelOnTable(self.cast, t[k][:, None], q[k], v[k])
-            parts = scene.position(self.cast.dependent)
-            found.append(scene.tape.gradient([(p, F[k][:, axis::3]) for axis, p in enumerate(parts)])["q"])
+            scene = ModelOnTable(self.index, t[k][:, None], q[k], v[k])
+            parts = scene.position(self.index.dependent)
+            found.append(scene.graph.gradient([(p, F[k][:, axis::3]) for axis, p in enumerate(parts)])["q"])
         return np.concatenate(found)
 
     def displaced(self, t: Array, q: Array, v: Array, dq: Array) -> Array:
         """dr_k = sum_j dr_k/dq_j dq_j of the dependent particles (D.28): (T, n) to (T, 3 Nd)."""
-        if not self.cast.dependent.size:
+        if not self.index.dependent.size:
             return np.zeros((len(t), 0))
         found = []
         for k in self.chunks(len(t)):
-            scene = ModelOnTable(self.cast, t[k][:, None], q[k], v[k])
-            parts = scene.position(self.cast.dependent)
+            scene = ModelOnTable(self.index, t[k][:, None], q[k], v[k])
+            parts = scene.position(self.index.dependent)
             found.append(_changed(scene, parts, {"q": dq[k]}))
         return np.concatenate(found)
 
@@ -139,7 +139,7 @@ class ModelLaws:
     def combined(self, t: Array, q: Array, v: Array, lam: Array) -> Array:
         """sum_i lam_i B_i, (T, C) to (T, n)."""
         true, free = self._scenes(t[:, None], q, v)
-        return self._pull(true, free, *law_rows.laid(free, self.bodies, self._closed), lam)
+        return self._pull(true, free, *law_rows.build(free, self.bodies, self._closed), lam)
 
     def pattern(self, t: Array, q: Array, v: Array) -> Array:
         """True for the coordinates that stand in a row, bool (C, n): whatever a rate that is no number spoils."""
@@ -149,14 +149,14 @@ class ModelLaws:
             np.fill_diagonal(moving, np.nan)
             place = np.tile(q[:1], (n, 1))
             _, free = self._scenes(np.full((n, 1), t[0]), place, moving)
-            _, w = self._residuals(free, *law_rows.laid(free, self.bodies, self._closed))
+            _, w = self._residuals(free, *law_rows.build(free, self.bodies, self._closed))
             self._pattern = np.isnan(w).T
         return self._pattern
 
     def residuals(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """f (T, s) and w = B v + b (T, C); the numbers may be complex."""
         _, free = self._scenes(t[:, None], q, v)
-        return self._residuals(free, *law_rows.laid(free, self.bodies, self._closed))
+        return self._residuals(free, *law_rows.build(free, self.bodies, self._closed))
 
     def demanded(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """d/dt (B v + b) (T, C) along accelerations a (T, n), of coordinates alone, by a complex step."""
@@ -165,26 +165,28 @@ class ModelLaws:
 
     def particle_forces(self, values: LawValues) -> Array:
         """F_k of all forces and potentials declared, (T, N, 3)."""
-        cast, found = self.cast, values.F.copy()
-        found[:, cast.cartesian] -= values.V_q[:, : cast.first_generalized].reshape(len(found), -1, 3)
-        found[:, cast.dependent] -= values.V_x.reshape(len(found), -1, 3)
+        index, found = self.index, values.F.copy()
+        found[:, index.cartesian] -= values.V_q[:, : index.first_generalized].reshape(len(found), -1, 3)
+        found[:, index.dependent] -= values.V_x.reshape(len(found), -1, 3)
         return found
 
     def forces_on_coordinates(self, values: LawValues, reactions: Array | float = 0.0) -> Array:
         """`reactions` with all that forces, potentials and the `lagrangian` do on coordinates themselves, (T, n): not
         what dependent particles hand on, nor -d/dt dL/dv."""
-        cast, found = self.cast, reactions - values.V_q + values.Q + values.L_q
-        found[:, : cast.first_generalized] += values.F[:, cast.cartesian].reshape(len(found), -1)
+        index, found = self.index, reactions - values.V_q + values.Q + values.L_q
+        found[:, : index.first_generalized] += values.F[:, index.cartesian].reshape(len(found), -1)
         return np.asarray(found)
 
-    def whole_lagrangian(self, t: Array, q: Array, v: Array) -> Array:
+    def total_lagrangian(self, t: Array, q: Array, v: Array) -> Array:
         """L = T - V + `lagrangian` (T,) of the whole system (D.36); the numbers may be complex."""
         _, free = self._scenes(t[:, None], q, v)
-        cast = self.cast
-        own = np.repeat(cast.masses[cast.cartesian], 3)
+        index = self.index
+        own = np.repeat(index.masses[index.cartesian], 3)
         total = (own * v[:, : own.size] ** 2 / 2).sum(axis=1)
-        if cast.dependent.size:
-            total = total + (np.repeat(cast.masses[cast.dependent], 3) * free.data["u"] ** 2 / 2).sum(axis=1)
+        if index.dependent.size:
+            total = total + (np.repeat(index.masses[index.dependent], 3) * free.data["u"] ** 2 / 2).sum(
+                axis=1
+            )
         for part, count in self._potentials(free):
             total = total - free.wide(part, count).sum(axis=1)
         for part in self._lagrangian(free):
@@ -197,9 +199,9 @@ class ModelLaws:
 
     def parts_of_reactions(self, scene: ModelOnTable, lam: Array) -> Array:
         """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); scene: as of `free`."""
-        onto = _reactions(scene, law_rows.laid(scene, self.bodies, self._closed), lam)
-        found = np.zeros((scene.rows, 3 * len(self.cast.particles)))
-        for numbers, kind in ((self.cast.cartesian, "q"), (self.cast.dependent, "x")):
+        onto = _reactions(scene, law_rows.build(scene, self.bodies, self._closed), lam)
+        found = np.zeros((scene.rows, 3 * len(self.index.particles)))
+        for numbers, kind in ((self.index.cartesian, "q"), (self.index.dependent, "x")):
             if numbers.size:
                 places = (3 * numbers[:, None] + np.arange(3)).ravel()
                 found[:, places] = onto[kind][:, : places.size]
@@ -211,41 +213,41 @@ class ModelLaws:
 
     def chunks(self, rows: int) -> Iterator[slice]:
         """Parts of T rows that a cache holds."""
-        step = max(8, CHUNK // max(1, self.cast.n, self.C))
+        step = max(8, CHUNK // max(1, self.index.n, self.C))
         return (slice(start, start + step) for start in range(0, max(rows, 1), step))
 
     def _scenes(self, t: Array, q: Array, v: Array) -> tuple[ModelOnTable, ModelOnTable]:
         """The true one, and the one in which dependent particles are leaves."""
-        true = ModelOnTable(self.cast, t, q, v)
-        dependent = self.cast.dependent
+        true = ModelOnTable(self.index, t, q, v)
+        dependent = self.index.dependent
         if not dependent.size:
             return true, true
         parts = true.position(dependent)
         x = _interleaved(true, parts, value)
         u = _interleaved(true, parts, lambda p: _moved(true, p))
-        return true, ModelOnTable(self.cast, t, q, v, (x, u))
+        return true, ModelOnTable(self.index, t, q, v, (x, u))
 
     def _values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
         true, free = self._scenes(t, q, v)
-        dependent = self.cast.dependent
+        dependent = self.index.dependent
         nothing = np.zeros((len(q), 0))
         x, u, x_t = nothing, nothing, nothing
         if dependent.size:
             x, u = free.data["x"], free.data["u"]
             x_t = _changed(true, true.position(dependent), {"t": np.ones_like(t)})
-        laid = law_rows.laid(free, self.bodies, self._closed)
-        f, w = self._residuals(free, *laid)
+        rows = law_rows.build(free, self.bodies, self._closed)
+        f, w = self._residuals(free, *rows)
         potentials = list(self._potentials(free))
         V = _sum_of(free, potentials)
-        slope = free.tape.gradient([(p, np.ones((1, c))) for p, c in potentials])
+        slope = free.graph.gradient([(p, np.ones((1, c))) for p, c in potentials])
         extra = self._lagrangian(free)
         L = sum((free.wide(p, 1)[:, 0] for p in extra), np.zeros(len(q)))
-        pull_of_L = free.tape.gradient([(p, np.ones((1, 1))) for p in extra])
+        pull_of_L = free.graph.gradient([(p, np.ones((1, 1))) for p in extra])
         F, Q = self._forces(free)
         kinds = dependent.size > 0
         return LawValues(
             x=x, u=u, x_t=x_t, f=f, w=w, b=self._still(t, q, v, x, x_t),
-            pull=self._pull(true, free, *laid, lam),
+            pull=self._pull(true, free, *rows, lam),
             V=V, V_t=slope["t"][:, 0], V_q=slope["q"], V_x=slope["x"] if kinds else nothing,
             L=L, L_t=pull_of_L["t"][:, 0], L_q=pull_of_L["q"], L_v=pull_of_L["v"],
             L_x=pull_of_L["x"] if kinds else nothing, L_u=pull_of_L["u"] if kinds else nothing,
@@ -257,10 +259,10 @@ class ModelLaws:
         if not self.C:
             return np.zeros((len(q), 0))
         rest = np.zeros_like(v)
-        free = ModelOnTable(self.cast, t, q, rest, (x, x_t) if x.shape[1] else None)
-        return self._residuals(free, *law_rows.laid(free, self.bodies, self._closed))[1]
+        free = ModelOnTable(self.index, t, q, rest, (x, x_t) if x.shape[1] else None)
+        return self._residuals(free, *law_rows.build(free, self.bodies, self._closed))[1]
 
-    def _residuals(self, scene: ModelOnTable, surfaces: Laid, laws: Laid) -> tuple[Array, Array]:
+    def _residuals(self, scene: ModelOnTable, surfaces: RowValues, laws: RowValues) -> tuple[Array, Array]:
         kind = scene.data["q"].dtype
         f, w = np.zeros((scene.rows, self.s), dtype=kind), np.zeros((scene.rows, self.C), dtype=kind)
         for x, places in surfaces:
@@ -275,15 +277,15 @@ class ModelLaws:
         self,
         true: ModelOnTable,
         free: ModelOnTable,
-        surfaces: Laid,
-        laws: Laid,
+        surfaces: RowValues,
+        laws: RowValues,
         lam: Array,
     ) -> Array:
         found = _reactions(free, (surfaces, laws), lam)
         if true is free:
             return found["q"]
-        parts, onto = true.position(self.cast.dependent), found["x"]
-        return found["q"] + true.tape.gradient([(p, onto[:, axis::3]) for axis, p in enumerate(parts)])["q"]
+        parts, onto = true.position(self.index.dependent), found["x"]
+        return found["q"] + true.graph.gradient([(p, onto[:, axis::3]) for axis, p in enumerate(parts)])["q"]
 
     def _potentials(self, scene: ModelOnTable) -> Iterator[tuple[Scalar, int]]:
         """V in parts with the number of members to sum over: declared ones, and -F . r of constant forces."""
@@ -310,7 +312,7 @@ class ModelLaws:
             if targets.size == 0:
                 continue
             own: dict[str, Value] = {
-                "m": self.cast.masses[targets][None, :],
+                "m": self.index.masses[targets][None, :],
                 "r": scene.position(targets),
                 "v": scene.velocity(targets),
             }
@@ -319,8 +321,8 @@ class ModelLaws:
 
     def _forces(self, scene: ModelOnTable) -> tuple[Array, Array]:
         """F (T, N, 3) without potential on particles and Q (T, n) on coordinates."""
-        cast = self.cast
-        F, Q = np.zeros((scene.rows, 3 * len(cast.particles))), np.zeros((scene.rows, cast.n))
+        index = self.index
+        F, Q = np.zeros((scene.rows, 3 * len(index.particles))), np.zeros((scene.rows, index.n))
         for targets, parts, _ in self._on_particles(scene, constant=False):
             for axis, part in enumerate(parts):
                 scatter(F, 3 * targets + axis, scene.wide(part, targets.size))
@@ -328,8 +330,8 @@ class ModelLaws:
             if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
                 algebra = scene.algebra(force.action.variables(force.members))
                 found = scene.wide(evaluate.scalar(force.force.tree, algebra), force.action.targets.size)
-                scatter(Q, cast.first_generalized + force.action.targets, found)
-        return F.reshape(scene.rows, len(cast.particles), 3), Q
+                scatter(Q, index.first_generalized + force.action.targets, found)
+        return F.reshape(scene.rows, len(index.particles), 3), Q
 
 
 def _colours(pattern: Array) -> list[list[int]]:
@@ -348,10 +350,10 @@ def _colours(pattern: Array) -> list[list[int]]:
     return groups
 
 
-def _reactions(scene: ModelOnTable, rows: tuple[Laid, Laid], lam: Array) -> Gradient:
+def _reactions(scene: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> Gradient:
     """sum_i lambda_i B_i by the leaves of a scene."""
-    surfaces, laws = ([(x, lam[:, places]) for x, places in laid] for laid in rows)
-    return scene.tape.virtual(laws, surfaces)
+    surfaces, laws = ([(x, lam[:, places]) for x, places in each] for each in rows)
+    return scene.graph.virtual(laws, surfaces)
 
 
 def _sum_of(scene: ModelOnTable, parts: Iterable[tuple[Scalar, int]]) -> Array:
@@ -360,15 +362,15 @@ def _sum_of(scene: ModelOnTable, parts: Iterable[tuple[Scalar, int]]) -> Array:
 
 
 def _moved(scene: ModelOnTable, x: Scalar) -> Array:
-    return scene.tape.moved(x) if isinstance(x, TapeNode) else np.zeros((1, 1))
+    return scene.graph.moved(x) if isinstance(x, GraphNode) else np.zeros((1, 1))
 
 
 def _changed(scene: ModelOnTable, parts: Sequence[Scalar], directions: Directions) -> Array:
     """The change of vectors along directions of the leaves, (T, 3 K)."""
-    changes = scene.tape.forward(directions)
+    changes = scene.graph.forward(directions)
 
     def take(x: Scalar) -> Array:
-        found = changes[x.number] if isinstance(x, TapeNode) else None
+        found = changes[x.number] if isinstance(x, GraphNode) else None
         return np.zeros((1, 1)) if found is None else found
 
     return _interleaved(scene, parts, take)
@@ -376,6 +378,6 @@ def _changed(scene: ModelOnTable, parts: Sequence[Scalar], directions: Direction
 
 def _interleaved(scene: ModelOnTable, parts: Sequence[Scalar], take: Callable[[Scalar], Array]) -> Array:
     """x1, y1, z1, x2, ... of vectors of K members, (T, 3 K)."""
-    count = scene.cast.dependent.size
+    count = scene.index.dependent.size
     found = [np.broadcast_to(take(part), (scene.rows, count)) for part in parts]
     return np.stack(found, axis=2).reshape(scene.rows, 3 * count)

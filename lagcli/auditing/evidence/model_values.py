@@ -1,4 +1,4 @@
-"""The values of the names of a model at the rows of a table: arrays (T, K) on a tape."""
+"""The values of the names of a model at the rows of a table: arrays (T, K) on a graph."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from lagcli.auditing.evidence.autodiff import (
     Array,
+    AutodiffGraph,
     Directions,
     Edge,
+    GraphNode,
     Scalar,
-    Tape,
-    TapeNode,
     Triple,
     Value,
     value,
@@ -62,32 +62,32 @@ class ModelOnTable:
     """
 
     def __init__(
-        self, cast: ModelIndex, t: Array, q: Array, v: Array, free: tuple[Array, Array] | None = None
+        self, index: ModelIndex, t: Array, q: Array, v: Array, free: tuple[Array, Array] | None = None
     ) -> None:
-        self.cast, self.rows = cast, q.shape[0]
+        self.index, self.rows = index, q.shape[0]
         data: dict[str, Array] = {"t": t, "q": q, "v": v}
         motion: dict[str, Array] = {"t": np.ones_like(t), "q": v}
         if free is not None:
             data |= {"x": free[0], "u": free[1]}
             motion["x"] = free[1]
-        self.tape = Tape(data, motion)
+        self.graph = AutodiffGraph(data, motion)
         self._free = free is not None
         self._positions: dict[int, tuple[Triple, Whole]] = {}
-        self._batch: Whole = np.full(len(cast.particles), -1, dtype=np.int64)
-        self._row: Whole = np.zeros(len(cast.particles), dtype=np.int64)
+        self._batch: Whole = np.full(len(index.particles), -1, dtype=np.int64)
+        self._row: Whole = np.zeros(len(index.particles), dtype=np.int64)
         self._values: dict[str, Value] = {}
         self._fill()
 
     @property
     def data(self) -> Directions:
         """The arrays of each kind."""
-        return self.tape.data
+        return self.graph.data
 
     def constant(self, name: str) -> Value | None:
         """t, dt, a constant or a parameter; None for another name."""
         if name == "t":
-            return self.tape.leaf("t", np.zeros(1, dtype=np.int64))
-        known = self.cast.constants.get(name)
+            return self.graph.leaf("t", np.zeros(1, dtype=np.int64))
+        known = self.index.constants.get(name)
         if isinstance(known, tuple):
             x, y, z = (np.full((1, 1), part) for part in known)
             return x, y, z
@@ -99,7 +99,7 @@ class ModelOnTable:
 
     def differential(self, x: Scalar) -> Scalar:
         """The rate of change with the motion."""
-        return self.tape.rate(x)
+        return self.graph.rate(x)
 
     def position(self, numbers: Whole) -> Triple:
         """r of particles."""
@@ -111,7 +111,7 @@ class ModelOnTable:
 
     def generalized(self, numbers: Whole, rates: bool) -> Scalar:
         """Generalized coordinates, or their rates."""
-        return self.tape.leaf("v" if rates else "q", self.cast.first_generalized + numbers)
+        return self.graph.leaf("v" if rates else "q", self.index.first_generalized + numbers)
 
     def algebra(
         self,
@@ -120,8 +120,8 @@ class ModelOnTable:
         results: Results[Scalar] | None = None,
     ) -> NumberAlgebra:
         """An algebra with index vectors (K,) of a family, `m`, `r`, `v` of a particle, and results of the run."""
-        found = Resolver(self.cast.names, self, variables or {}, own or {}, results)
-        return NumberAlgebra(self.tape, found.atom, found.special)
+        found = Resolver(self.index.names, self, variables or {}, own or {}, results)
+        return NumberAlgebra(self.graph, found.atom, found.special)
 
     def vector(self, vector: nouns.VectorExpression, algebra: NumberAlgebra) -> Triple:
         """The components of a vector expression."""
@@ -133,7 +133,7 @@ class ModelOnTable:
     def definition(self, name: str) -> Value:
         """The value of a definition."""
         if name not in self._values:
-            self._values[name] = evaluate.evaluate(self.cast.names.definitions[name], self.algebra())
+            self._values[name] = evaluate.evaluate(self.index.names.definitions[name], self.algebra())
         return self._values[name]
 
     def wide(self, x: Scalar, count: int) -> Array:
@@ -142,25 +142,25 @@ class ModelOnTable:
 
     def _fill(self) -> None:
         """Definitions and positions in an order in which each finds what it uses, without recursion."""
-        for number, step in enumerate(self.cast.model.order):
+        for number, step in enumerate(self.index.model.order):
             if isinstance(step, str):
                 self.definition(step)
                 continue
-            particle = self.cast.model.particles[step.entry]
+            particle = self.index.model.particles[step.entry]
             if self._free or not particle.is_dependent:
                 continue
-            numbers = step.places + self.cast.particles.first(step.entry)
+            numbers = step.places + self.index.particles.first(step.entry)
             algebra = self.algebra(particle.members.taken(step.places))
             self._positions[number] = (self.vector(particle.position, algebra), numbers)
             self._batch[numbers], self._row[numbers] = number, np.arange(numbers.size)
 
     def _vector(self, numbers: Whole, rates: bool) -> Triple:
-        cast = self.cast
-        dependent = cast.is_dependent[numbers]
+        index = self.index
+        dependent = index.is_dependent[numbers]
         if not dependent.any() or (self._free and dependent.all()):
             kind = ("v" if rates else "q") if not dependent.any() else ("u" if rates else "x")
-            first = 3 * cast.rank[numbers]
-            a, b, c = (self.tape.leaf(kind, first + axis) for axis in range(3))
+            first = 3 * index.rank[numbers]
+            a, b, c = (self.graph.leaf(kind, first + axis) for axis in range(3))
             return a, b, c
         groups = np.where(dependent, -2 if self._free else self._batch[numbers], -1)
         if np.unique(groups).size == 1:
@@ -182,7 +182,7 @@ class ModelOnTable:
         rows = self._row[numbers]
         found = []
         for part in triple:
-            scalar = self.tape.rate(part) if rates else part
+            scalar = self.graph.rate(part) if rates else part
             same = rows.size == members.size and bool((rows == np.arange(rows.size)).all())
             found.append(scalar if same else self._taken(scalar, rows))
         return found[0], found[1], found[2]
@@ -192,8 +192,8 @@ class ModelOnTable:
         if numbers.ndim < 2 or numbers.shape[1] == 1:
             return x
         return (
-            self.tape.node(numbers[:, rows], (Edge(x, 1.0, rows),))
-            if isinstance(x, TapeNode)
+            self.graph.node(numbers[:, rows], (Edge(x, 1.0, rows),))
+            if isinstance(x, GraphNode)
             else numbers[:, rows]
         )
 
@@ -204,10 +204,10 @@ class ModelOnTable:
         together = np.concatenate([piece for _, piece in pieces], axis=1)
         links, start = [], 0
         for x, piece in pieces:
-            if isinstance(x, TapeNode):
+            if isinstance(x, GraphNode):
                 column = np.zeros(piece.shape[1], dtype=np.int64)
                 taken = column if x.value.shape[1] == 1 else np.arange(piece.shape[1])
                 links.append(Edge(x, 1.0, taken, slice(start, start + piece.shape[1])))
             start += piece.shape[1]
-        joined = self.tape.node(together, links)
-        return self.tape.node(together[:, order], (Edge(joined, 1.0, order),))
+        joined = self.graph.node(together, links)
+        return self.graph.node(together[:, order], (Edge(joined, 1.0, order),))

@@ -118,9 +118,9 @@ class TableNames:
 
 def names(laws: ModelLaws) -> TableNames:
     """The columns that the audit of a model needs."""
-    model, cast = laws.model, laws.cast
-    cartesian = [cast.particles.names[k] for k in cast.cartesian]
-    dependent = [cast.particles.names[k] for k in cast.dependent]
+    model, index = laws.model, laws.index
+    cartesian = [index.particles.names[k] for k in index.cartesian]
+    dependent = [index.particles.names[k] for k in index.dependent]
     generalized = model.generalized_names
 
     def places(of: Sequence[str], head: str = "", word: str = "") -> tuple[str, ...]:

@@ -28,7 +28,7 @@ SAFETY = 30.0
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
 COARSE = 1.0  # a row to the next may change a velocity by that part of itself
 LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
-ROUNDING = balanced_forces.ROUNDING
+FORCE_ROUNDOFF = balanced_forces.FORCE_ROUNDOFF
 OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
 FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
 NEARLY = 2.0  # times a limit is no certain fault where a fast motion may be sampled slowly
@@ -74,10 +74,10 @@ class Evidence:
         self.names: TableNames = table_input.names(laws)
         self.grid = DifferenceGrid(found.t)
         self.values: LawValues = laws.values(found.t, found.q, found.v, found.lam)
-        cast = laws.cast
-        self.masses = np.zeros(cast.n)
-        self.masses[: cast.first_generalized] = np.repeat(cast.masses[cast.cartesian], 3)
-        self.masses_x = np.repeat(cast.masses[cast.dependent], 3)
+        index = laws.index
+        self.masses = np.zeros(index.n)
+        self.masses[: index.first_generalized] = np.repeat(index.masses[index.cartesian], 3)
+        self.masses_x = np.repeat(index.masses[index.dependent], 3)
         self.hidden = np.zeros(max(0, len(found.t) - 1), dtype=bool)  # steps with a push that no row shows
         self._random = np.random.default_rng(6)
         self._made: dict[object, object] = {}
@@ -121,7 +121,7 @@ class Evidence:
     def _off(self, y: Array, beside: Array) -> Array:
         """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""
         size = np.abs(y).max(axis=0)
-        first = self.laws.cast.first_generalized
+        first = self.laws.index.first_generalized
         size[:first] = max(size[:first].max(initial=0.0), np.abs(beside).max(initial=0.0))
         return np.asarray(self.tolerance.rtol * size + self.tolerance.atol)
 
@@ -154,7 +154,7 @@ class Evidence:
         usual = _usual(flat)
         found = np.maximum(widest(np.nan_to_num(flat)), usual)
         size = np.nan_to_num(np.abs(one).reshape(flat.shape))
-        return np.asarray((SAFETY * found + ROUNDING * size).reshape(one.shape))
+        return np.asarray((SAFETY * found + FORCE_ROUNDOFF * size).reshape(one.shape))
 
     @functools.cached_property
     def acceleration(self) -> Estimate:
@@ -172,10 +172,10 @@ class Evidence:
 
         The recorded rates say so, or the forces and reactions: an error in one of them leaves the others smooth.
         """
-        r, cast = self.record, self.laws.cast
-        rows, own = len(r.t), cast.first_generalized
+        r, index = self.record, self.laws.index
+        rows, own = len(r.t), index.first_generalized
         force = self.total_force
-        force_x = r.R_x + self.particle_forces[:, cast.dependent].reshape(rows, -1)
+        force_x = r.R_x + self.particle_forces[:, index.dependent].reshape(rows, -1)
         slow = self.grid.resolved(r.v, SAFETY * self.off_v) | self.grid.resolved(
             force, SAFETY * self.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
         )
@@ -196,7 +196,7 @@ class Evidence:
         lambda included, change so much with the positions that (step)^2 dF/dr > m. Sampled so far apart, a swing
         looks slow."""
         found = np.zeros(self.record.q.shape, dtype=bool)
-        own = self.laws.cast.first_generalized
+        own = self.laws.index.first_generalized
         if own and len(found) > 1:
             found[:, :own] = np.repeat(widest(self._swing) > COARSE, 3, axis=1)
         return found
@@ -205,9 +205,9 @@ class Evidence:
     def _swing(self) -> Array:
         """(step)^2 dF/dr / m of Cartesian particles, (T, K)."""
         r, one, other = self.record, self.values, self.moved_values
-        own, rows = self.laws.cast.first_generalized, len(r.t)
+        own, rows = self.laws.index.first_generalized, len(r.t)
         change = np.abs(one.pull - other.pull - one.V_q + other.V_q)[:, :own]
-        change = change + np.abs(one.F - other.F)[:, self.laws.cast.cartesian].reshape(rows, -1)
+        change = change + np.abs(one.F - other.F)[:, self.laws.index.cartesian].reshape(rows, -1)
         stiffness = np.nan_to_num(change) / self.off_q[:own] / self.masses[:own]
         step = float(np.median(np.diff(r.t)))
         return np.asarray(step * step * stiffness.reshape(rows, -1, 3).max(axis=2))
@@ -246,15 +246,15 @@ class Evidence:
     def is_coarse(self) -> tuple[Array, Array]:
         """True where a step of the table changes a velocity by more than itself, (n,) and (3 Nd,): no row speaks for
         its neighbourhood there, whatever the differences say."""
-        cast, r = self.laws.cast, self.record
+        index, r = self.laws.index, self.record
         if len(r.t) < 2:
-            return np.ones(cast.n, dtype=bool), np.ones(r.x.shape[1], dtype=bool)
+            return np.ones(index.n, dtype=bool), np.ones(r.x.shape[1], dtype=bool)
         step = float(np.median(np.diff(r.t)))
         forces = self.particle_forces
-        own = cast.first_generalized
-        a = (forces[:, cast.cartesian].reshape(len(r.t), -1) + r.R_q[:, :own]) / self.masses[:own]
-        a_x = (forces[:, cast.dependent].reshape(len(r.t), -1) + r.R_x) / self.masses_x
-        found = np.zeros(cast.n, dtype=bool)
+        own = index.first_generalized
+        a = (forces[:, index.cartesian].reshape(len(r.t), -1) + r.R_q[:, :own]) / self.masses[:own]
+        a_x = (forces[:, index.dependent].reshape(len(r.t), -1) + r.R_x) / self.masses_x
+        found = np.zeros(index.n, dtype=bool)
         size = max(float(np.abs(r.q[:, :own]).max(initial=0.0)), float(np.abs(r.x).max(initial=0.0)))
         coarse = _coarse(r.v[:, :own], a, step, size)
         if own and not np.any(self.values.b):
@@ -276,16 +276,16 @@ class Evidence:
     @functools.cached_property
     def particle_noise(self) -> Array:
         """The noise of F_k, (T, N, 3)."""
-        cast, found = self.laws.cast, self.noise("F")
-        own = cast.first_generalized
-        found[:, cast.cartesian] += self.noise("V_q")[:, :own].reshape(len(found), -1, 3)
-        found[:, cast.dependent] += self.noise("V_x").reshape(len(found), -1, 3)
+        index, found = self.laws.index, self.noise("F")
+        own = index.first_generalized
+        found[:, index.cartesian] += self.noise("V_q")[:, :own].reshape(len(found), -1, 3)
+        found[:, index.dependent] += self.noise("V_x").reshape(len(found), -1, 3)
         return found
 
     @functools.cached_property
     def looked_at(self) -> Array:
         """Rows whose B is taken apart: all, or as many as the size of B allows, evenly, and the first doubtful ones."""
-        T, C, n = len(self.record.t), self.laws.C, self.laws.cast.n
+        T, C, n = len(self.record.t), self.laws.C, self.laws.index.n
         most = max(24, int(COST / max(1.0, 4.0 * C * C * n)))
         if most >= T:
             return np.arange(T)
@@ -299,7 +299,9 @@ class Evidence:
     def _reaction_noise(self) -> Array:
         """The noise of B^T lambda against R in a regular configuration, (T, n)."""
         R = np.abs(self.record.R_q)
-        return np.asarray(self.noise("pull") + ROUNDING * (R + R.max(initial=0.0)) + self.tolerance.atol)
+        return np.asarray(
+            self.noise("pull") + FORCE_ROUNDOFF * (R + R.max(initial=0.0)) + self.tolerance.atol
+        )
 
     @functools.cached_property
     def reaction_limit(self) -> Array:
@@ -312,7 +314,7 @@ class Evidence:
         )
         noise = self._reaction_noise
         near = (factor > 2)[:, None]
-        own = self.laws.cast.first_generalized
+        own = self.laws.index.first_generalized
         shared = noise.copy()
         shared[:, :own] = np.maximum(noise[:, :own], noise[:, :own].max(axis=1, initial=0.0)[:, None])
         return np.asarray(np.where(near, shared * factor[:, None], noise))

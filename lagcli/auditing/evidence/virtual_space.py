@@ -34,14 +34,18 @@ class VirtualSpace:
         if least:
             self._left, self.sigma, self._across = np.linalg.svd(scaled, full_matrices=False)
         top = self.sigma.max(axis=1, initial=0.0)[:, None]
-        self._kept = self.sigma > RANK * top
+        self._independent = self.sigma > RANK * top
         self._judge()
 
     def part(self, rows: slice) -> VirtualSpace:
         """Some of the rows."""
         found = object.__new__(VirtualSpace)
         found.B, found.lengths, found.sigma = self.B[rows], self.lengths[rows], self.sigma[rows]
-        found._left, found._across, found._kept = self._left[rows], self._across[rows], self._kept[rows]
+        found._left, found._across, found._independent = (
+            self._left[rows],
+            self._across[rows],
+            self._independent[rows],
+        )
         found._has_none = self._has_none[rows]
         found._judge()
         return found
@@ -49,14 +53,14 @@ class VirtualSpace:
     def _judge(self) -> None:
         M = len(self.sigma)
         top = self.sigma.max(axis=1, initial=0.0)[:, None]
-        self.rank = self._kept.sum(axis=1)
+        self.rank = self._independent.sum(axis=1)
         self.usual = int(self.rank.max(initial=0))
         smallest = self.sigma[:, self.usual - 1] if self.usual else np.ones(M)
         largest = top[:, 0] if self.usual else np.ones(M)
         self.is_singular = (smallest < NEAR * largest) | self._has_none
         with np.errstate(divide="ignore"):
             self.condition = largest / smallest
-        shares = np.where(self._kept[:, None, :], self._left**2, 0.0).sum(axis=2)
+        shares = np.where(self._independent[:, None, :], self._left**2, 0.0).sum(axis=2)
         self.is_unique = (shares > 1 - 1e-6) & (self.lengths > 0)
 
     def virtual(self, w: Array) -> Array:
@@ -64,13 +68,13 @@ class VirtualSpace:
         return np.asarray(w - self._constrained(w))
 
     def _constrained(self, w: Array) -> Array:
-        along = np.where(self._kept, np.einsum("mkn,mn->mk", self._across, w), 0.0)
+        along = np.where(self._independent, np.einsum("mkn,mn->mk", self._across, w), 0.0)
         return np.asarray(np.einsum("mkn,mk->mn", self._across, along))
 
     def step(self, f: Array) -> Array:
         """The shortest dq (M, n) with B dq = f (M, C)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.where(self._kept, 1 / self.sigma, 0.0)
+            inverse = np.where(self._independent, 1 / self.sigma, 0.0)
             scaled = np.where(self.lengths > 0, f / self.lengths, 0.0)
         return np.asarray(
             np.einsum("mkn,mk->mn", self._across, inverse * np.einsum("mck,mc->mk", self._left, scaled))
@@ -79,14 +83,14 @@ class VirtualSpace:
     def basis(self, row: int) -> Array:
         """An orthonormal basis (n - rank, n) of the virtual displacements at one row."""
         n = self.B.shape[2]
-        across = self._across[row][self._kept[row]]
+        across = self._across[row][self._independent[row]]
         full = np.linalg.svd(across, full_matrices=True)[2] if len(across) else np.eye(n)
         return np.asarray(full[len(across) :])
 
     def multipliers(self, R: Array, limit: Array) -> tuple[Array, Array]:
         """lambda (M, C) whose forces come nearest to R (M, n), and how far they may be off where R is by `limit`."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.where(self._kept, 1 / self.sigma, 0.0)
+            inverse = np.where(self._independent, 1 / self.sigma, 0.0)
             along = inverse * np.einsum("mkn,mn->mk", self._across, R)
             found = np.einsum("mck,mk->mc", self._left, along) / self.lengths
             spread = np.sqrt(np.einsum("mck,mk->mc", self._left**2, inverse**2)) / self.lengths
