@@ -19,12 +19,26 @@ from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
 
-# A coordinate stands still where it differs by less than this part of its size; a value that is so near to a multiple
-# of pi/12 is one.
-STILL, NEAR = 1e-9, 1e-12
+
+class PlaceParameters:
+    """Round-off of points and values. The tests named here are those of `tests/unit/test_special_places.py`."""
+
+    __slots__ = ()
+
+    still: float = 1e-9
+    """A coordinate stands still where it differs by less than this part of its size, at least 1: a start is declared in
+    decimals. `test_a_coordinate_that_differs_in_the_ninth_place_stands_still` fails at 1e-10 and at 1e-8."""
+    near: float = 1e-12
+    """A value is a multiple of pi/12 where it differs by less than this part of its size: the doubles of pi/3 do by
+    1e-16. `test_values_near_parts_of_pi_are_spelled_so` fails at 1e-13 and at 1e-11."""
+    zero: float = 1e-9
+    """An expression is zero below this part of what its value would change by with its coordinates:
+    `test_an_expression_vanishes_below_the_round_off_of_its_point` fails at 1e-10 and at 1e-8."""
+
+
+PARAMETERS = PlaceParameters()
+# Angles are declared in such parts of pi: 15 degrees.
 PARTS_OF_PI = 12
-# In parts of the size of a value: a start is declared in decimals, and carries what they were rounded from.
-ROUNDING = 1e-9
 Point = Mapping[sympy.Symbol, float]
 Expression: TypeAlias = sympy.Expr  # as an equation: where it is zero
 _SLOPES: dict[type[sympy.Basic], tuple[Callable[[float], float], Callable[[float], float]]] = {
@@ -67,7 +81,7 @@ def _is_small(expression: sympy.Expr, place: Point, otherwise: bool) -> bool:
         return otherwise
     if not math.isfinite(value) or math.isnan(size):
         return otherwise
-    return abs(value) <= ROUNDING * size
+    return abs(value) <= PARAMETERS.zero * size
 
 
 def product(factors: Iterable[sympy.Expr]) -> sympy.Expr:
@@ -101,7 +115,9 @@ def still(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
     found = []
     for x in block.variables:
         values = [one[x] for one in points]
-        if x.name != elimination.TIME and max(values) - min(values) <= STILL * max(1.0, *map(abs, values)):
+        if x.name != elimination.TIME and max(values) - min(values) <= PARAMETERS.still * max(
+            1.0, *map(abs, values)
+        ):
             found.append(x - _spelled(values[0]))
     return found
 
@@ -129,9 +145,9 @@ def told(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: Point) -> 
 def _spelled(value: float) -> sympy.Expr:
     """The number that is meant by a double: a multiple of pi/12, or the shortest decimal."""
     twelfths = round(value / math.pi * PARTS_OF_PI)
-    if abs(value) <= STILL:
+    if abs(value) <= PARAMETERS.still:
         return sympy.Integer(0)
-    if twelfths and abs(twelfths * math.pi / PARTS_OF_PI - value) <= NEAR * abs(value):
+    if twelfths and abs(twelfths * math.pi / PARTS_OF_PI - value) <= PARAMETERS.near * abs(value):
         return sympy.Rational(twelfths, PARTS_OF_PI) * sympy.pi
     return sympy.Rational(repr(value))
 
