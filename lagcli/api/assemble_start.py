@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lagcli.analysis.classification import classify
 from lagcli.api.models import cache
-from lagcli.equations import restart
+from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.start import consistent_start
@@ -22,4 +22,4 @@ def assembled(model: Model) -> tuple[Model, Assembly]:
             raise
         case = classify.classified(built, numeric).case
         found = consistent_start.nearest(case.system, case.numeric)
-    return restart.at(model, found.state.q, found.state.v), found
+    return system.started_at(model, found.state.q, found.state.v), found

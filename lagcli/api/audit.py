@@ -13,7 +13,7 @@ from lagcli import progress
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.api.simulate import simulate
-from lagcli.equations import row_jumps
+from lagcli.equations import system
 from lagcli.model.model import Model, Simulation
 from lagcli.output import table_columns
 from lagcli.output.tables import incident_table
@@ -88,7 +88,7 @@ def audit(
     tolerance = tolerances.Tolerance(
         chosen.rtol,
         step_tolerance.absolute(chosen, table_columns.size(model, columns, rows)),
-        row_jumps.jumps(model),
+        system.row_jumps(model),
     )
     given = table_input.AuditedTable(columns, rows, unread, _event_table(events))
     found = all_checks.audit(model, given, tolerance, notes)

@@ -12,7 +12,7 @@ from lagcli.api.models import cache
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
-from lagcli.equations import cut_warnings, energy_jumps, jump_warnings, system
+from lagcli.equations import jump_warnings
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.start import assembly_moves, gaps, initial, lipschitz
@@ -75,19 +75,11 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
         warnings=(
             *model.warnings,
             *built.warnings,
-            *cut_warnings.warnings(built),
-            *_jumps(built),
             *jump_warnings.warnings(built),
             *lipschitz.warnings(built, numeric, case.begin),
             *(dataclasses.replace(d, severity="warning") for d in faults),
         ),
     )
-
-
-def _jumps(built: system.System) -> tuple[diagnostics.Diagnostic, ...]:
-    """Warnings of potentials, Lagrangians and places that jump."""
-    place = built.model.simulation.start, *system.start(built.model)
-    return energy_jumps.warnings(built.jumps, place, system.values(built))
 
 
 def _inertia(ready: CompiledModel) -> tuple[diagnostics.Diagnostic, ...]:

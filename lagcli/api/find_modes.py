@@ -14,7 +14,7 @@ from lagcli.api import linear_point
 from lagcli.api.models import cache
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
-from lagcli.equations import cut_warnings
+from lagcli.equations import jump_warnings
 from lagcli.model.model import Model
 from lagcli.start import initial
 
@@ -178,7 +178,7 @@ def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:
         raise NoEquilibriumError(
             "the start is no equilibrium and no steady motion, and no equilibrium is found from it: the forces that"
             f" are left are {point.residual:.3g} of their size at best"
-            + "".join(f"; {told}" for told in cut_warnings.out_of_sight(ready.system))
+            + "".join(f"; {told}" for told in jump_warnings.out_of_sight(ready.system))
         )
     start, rows = initial.declared(ready.system), len(ready.system.rows.rows)
     nothing = np.zeros_like(point.q)

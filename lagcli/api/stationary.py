@@ -7,7 +7,7 @@ from lagcli.api.models import cache
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.points import rest_point, static_points
 from lagcli.api.points.static_points import SEED, STARTS, StaticQuestion
-from lagcli.equations import quantity_value
+from lagcli.equations import level_functions
 from lagcli.input import quantity
 from lagcli.model.model import Model
 from lagcli.statics import static_laws
@@ -30,7 +30,7 @@ def stationary(
     written = quantity.read(model, of, "--of")
     ready = cache.compiled(model)
     start = rest_point.begin(ready, limit)
-    laws = static_laws.of_function(ready.system, quantity_value.value(ready.system, written), start.levels)
+    laws = static_laws.of_function(ready.system, level_functions.value(ready.system, written), start.levels)
     problem = rest_point.problem(ready, laws, start)
     system = ready.system
     names = [row.name for row in system.rows.rows]

@@ -23,7 +23,6 @@ from lagcli.compiled import parts as shared
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.factored import Factored
 from lagcli.compiled.selection import Selection
-from lagcli.equations import cancelling_terms
 from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
@@ -233,7 +232,9 @@ class NumericSystem:
     def term_sizes(self) -> ca.Function:
         """term_sizes(t, q, v, p) -> what `sizes` gives with the terms of h in its place, which may cancel."""
         parts = self._parts
-        terms = cancelling_terms.term_sizes(ca.densify(parts.h), self._inputs)
+        from lagcli.equations import operation_rules
+
+        terms = operation_rules.term_sizes(ca.densify(parts.h), self._inputs)
         packed = shared.sizes(parts, parts.v, terms, parts.M).packed
         return ca.Function("terms", self._inputs, [packed])
 
@@ -241,7 +242,9 @@ class NumericSystem:
     def force_roundings(self) -> ca.Function:
         """force_roundings(t, q, v, p) -> what `sizes` gives with the rounding of h in its place, in units of it."""
         parts = self._parts
-        units = cancelling_terms.roundings(ca.densify(parts.h), self._inputs)
+        from lagcli.equations import operation_rules
+
+        units = operation_rules.roundings(ca.densify(parts.h), self._inputs)
         packed = shared.sizes(parts, parts.v, units, parts.M).packed
         return ca.Function("roundings", self._inputs, [ca.densify(packed)])
 

@@ -13,8 +13,8 @@ from lagcli.compiled import selection as choice
 from lagcli.compiled import solvers
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics
-from lagcli.equations.contact_rows import ContactRows
 from lagcli.equations.level_functions import LevelExpression
+from lagcli.equations.rows import ContactRows
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
 

@@ -7,7 +7,6 @@ k times this constant, after k turns, is the same law beyond the cut. Elsewhere 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -16,15 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import operation_graph
-from lagcli.equations.rows import ConstraintRows
 from lagcli.equations.symbols import Symbols
 from lagcli.frozen import frozen
-from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
 T = TypeVar("T", npt.NDArray[np.float64], ca.SX)
 
-_WORDS = re.compile(r"\batan2?\s*\(")
 PERIODS = {ca.OP_ATAN2: 2 * np.pi, ca.OP_ATAN: np.pi}
 # What one turn changes f by is a constant where its slopes are below this part of it: the rounding of its terms.
 CONSTANT = 1e-9
@@ -32,6 +28,8 @@ CONSTANT = 1e-9
 PLACES, BESIDE = 3, 0.3
 # An angle this close to its cut, in radians, lies on either side of it by rounding.
 ON_CUT = 1e-9
+# Jumps that are whole multiples of another, to rounding, are no jumps of their own.
+MULTIPLE = 1e-9
 SAME, PASSED, JUMPS = range(3)
 
 
@@ -92,18 +90,27 @@ class Cuts:
         """The rows that are continued across the cut of angle j."""
         return [self.rows[k] for k in self.passing if self.nodes[k] == j]
 
+    def jumps(self, t: float, q: Floats, p: Floats) -> dict[int, tuple[float, ...]]:
+        """The constants by which rows that are continued jump in what the file says, ascending, by their numbers."""
+        by = np.array(self.change(t, q, p[: self.first], np.zeros(self.change.size1_in(3))))[:, 0]
+        found: dict[int, list[float]] = {}
+        for k in self.passing:
+            sizes = found.setdefault(self.rows[k], [])
+            size = abs(float(by[k]))
+            if size and not any(abs(size / other - round(size / other)) < MULTIPLE for other in sizes):
+                sizes.append(size)
+        return {row: tuple(sorted(sizes)) for row, sizes in found.items() if sizes}
+
     def hold_for(self, t: float, q: Floats, p: Floats) -> bool:
         """True if the verdicts are the same with other parameters and another start."""
         return _verdicts(self.change, t, q, p[: self.first]) == self.verdicts
 
 
-def find(
-    model: nouns.Model, s: Symbols, p: ca.SX, laid: ConstraintRows, start: tuple[float, Floats, Floats]
-) -> Cuts | None:
-    """The cuts of the holonomic rows of a model, judged at its start t, q, p; None where they have none."""
-    if not laid.f.numel() or not _speaks_of_angles(model):
+def find(f: ca.SX, s: Symbols, p: ca.SX, start: tuple[float, Floats, Floats]) -> Cuts | None:
+    """The cuts of holonomic rows f (s,), judged at a start t, q, p; None where they have none."""
+    if not f.numel():
         return None
-    judged = _judged(laid.f, s, p)
+    judged = _judged(f, s, p)
     if judged is None:
         return None
     angles, periods, rows, nodes, by, change = judged
@@ -111,7 +118,7 @@ def find(
     passed = [k for k, verdict in enumerate(verdicts) if verdict == PASSED]
     references = ca.SX.sym("reference", len(periods))
     turns = _turns(angles, references, ca.SX(ca.DM(periods)), ca.ceil)
-    continued = ca.SX(laid.f)
+    continued = ca.SX(f)
     for k in passed:
         continued[rows[k]] -= turns[nodes[k]] * by[k]
     inputs = [s.t, s.q, ca.vertcat(p, references)]
@@ -231,11 +238,3 @@ def _verdicts(change: ca.Function, t: float, q: Floats, p: Floats) -> tuple[int,
     scale = np.maximum(by, slope)
     same, steady = by <= CONSTANT * scale, along <= CONSTANT * scale
     return tuple(SAME if a else PASSED if b else JUMPS for a, b in zip(same, steady, strict=True))
-
-
-def _speaks_of_angles(model: nouns.Model) -> bool:
-    """True if an expression that holonomic rows are made of has `atan2` or `atan`."""
-    texts = [law.equation.text for law in model.holonomic]
-    texts += [definition.expression.text for definition in model.definitions]
-    texts += [part.text for p in model.particles if p.is_dependent for part in p.position.parts]
-    return any(_WORDS.search(text) for text in texts)

@@ -7,7 +7,6 @@ of motion (D.24) see slopes only, so that a run would go over the jump as if the
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Protocol
@@ -16,7 +15,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import jump_search, jump_switches
+from lagcli.equations import jump_search
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import column
 from lagcli.equations.symbols import Symbols
@@ -28,16 +27,14 @@ from lagcli.model.family import Whole
 Floats = npt.NDArray[np.float64]
 Place = jump_search.Place
 
-_WORDS = re.compile(r"\b(sign|atan2?|abs|sqrt|tanh)\s*\(")
 PHRASES = {
     "sign": "`sign` switches",
     "atan2": "`atan2` crosses its cut",
     "atan": "the argument of `atan` goes through infinity",
-    jump_switches.QUOTIENT: "the divisor of a quotient goes through zero",
+    jump_search.QUOTIENT: "the divisor of a quotient goes through zero",
 }
 # A check looks at so many members of a family, evenly spread, and in each subject at so many switches of each word.
 MEMBERS, SWITCHES = 16, 32
-HINT = "write a force that is steep but finite, as from `tanh(x/w)`, or the torque of an angle as a force"
 
 
 @frozen
@@ -131,10 +128,10 @@ class EnergyJumps:
         """The switches of all members, for a run; None where nothing can change its sign."""
         kept: list[Subject] = []
         values: list[ca.SX] = []
-        found: list[tuple[int, jump_switches.Switch]] = []
+        found: list[tuple[int, jump_search.Switch]] = []
         for subject in self._subjects:
             value = subject.value(np.arange(subject.count))
-            switches = jump_switches.of(value, self._inputs)
+            switches = jump_search.switches(value, self._inputs)
             if switches:
                 found += [(len(kept), switch) for switch in switches]
                 kept.append(subject)
@@ -160,7 +157,7 @@ class EnergyJumps:
         for subject in self._subjects:
             spread = np.linspace(0, subject.count - 1, min(subject.count, MEMBERS))
             value = subject.value(np.unique(spread.round().astype(np.int64)))
-            switches = jump_switches.examples(jump_switches.of(value, self._inputs), SWITCHES)
+            switches = jump_search.examples(jump_search.switches(value, self._inputs), SWITCHES)
             whole = jump_search.Local(value, self._inputs) if switches else None
             for switch in switches:
                 if whole is not None and jump_search.jumps(whole, switch.argument, self._inputs, begin):
@@ -168,28 +165,9 @@ class EnergyJumps:
                     break
 
 
-def find(model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> EnergyJumps | None:
-    """The things in a model that may jump; None where nothing speaks of it. `p`: all parameters."""
-    if not any(_WORDS.search(text) for text in _texts(model)):
-        return None
+def find(model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> EnergyJumps:
+    """The things in a model that may jump. `p`: all parameters."""
     return EnergyJumps(tuple(_subjects(model, env)), [s.t, s.q, s.v, p])
-
-
-def warnings(jumps: EnergyJumps | None, place: Place, p: Floats) -> tuple[diagnostics.Diagnostic, ...]:
-    """One warning for each potential, Lagrangian or place with a jump."""
-    if jumps is None:
-        return ()
-    return tuple(
-        diagnostics.Diagnostic(
-            "energy-jump",
-            f"{subject.told} jumps where {PHRASES[word]}: the force there is an impulse, and a run that gets there"
-            " stops",
-            subject.location,
-            HINT,
-            "warning",
-        )
-        for subject, word in jumps.anywhere(place, p)
-    )
 
 
 def _subjects(model: nouns.Model, env: Environment) -> Iterator[Subject]:
@@ -227,11 +205,3 @@ def _position(first: int, env: Environment) -> Callable[[Whole], ca.SX]:
         return sum((factor * ca.sum1(part) for factor, part in parts), ca.SX(0))
 
     return value
-
-
-def _texts(model: nouns.Model) -> Iterator[str]:
-    yield from (force.expression.text for force in model.forces if isinstance(force, nouns.Potential))
-    if model.lagrangian is not None:
-        yield model.lagrangian.text
-    yield from (definition.expression.text for definition in model.definitions)
-    yield from (part.text for p in model.particles if p.is_dependent for part in p.position.parts)

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from lagcli.equations.casadi_algebra import SymbolicAlgebra
 from lagcli.equations.family_columns import Columns, Triple, Value, column, interleaved, rate, taken
-from lagcli.equations.symbols import FixedExponents, Symbols
+from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra, Symbols
 from lagcli.expression import evaluate, tree
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole

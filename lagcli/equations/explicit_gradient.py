@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import rigid, rows
+from lagcli.equations import rows
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Triple
 from lagcli.equations.symbols import FixedExponents
@@ -23,6 +24,9 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 from lagcli.model.family import Whole
+
+if TYPE_CHECKING:
+    from lagcli.equations.rigid import Geometry
 
 Truths = npt.NDArray[np.bool_]
 
@@ -55,7 +59,7 @@ class DependentForces:
         self,
         model: nouns.Model,
         env: Environment,
-        bodies: Sequence[rigid.Geometry],
+        bodies: Sequence[Geometry],
         constants: Sequence[ca.SX],
     ) -> None:
         self._model, self._environment = model, env

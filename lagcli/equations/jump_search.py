@@ -1,18 +1,22 @@
-"""Places near a start at which a value jumps: where its switches change their sign, found by Newton's method."""
+"""Functions in an expression that may jump, and places near a start at which they do: found by Newton's method."""
 
 from __future__ import annotations
+
+import collections
+import math
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.equations import operation_graph
 from lagcli.equations.family_columns import taken
 from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
 # t, q and v.
 Place = tuple[float, Floats, Floats]
-
 # Bisections: an interval of the size of its ends has 53 bits.
 HALVINGS = 60
 # A value jumps where it differs across a switch by so many times what it changes by in the same distance, ASIDE of the
@@ -20,6 +24,88 @@ HALVINGS = 60
 ASIDE, ABRUPT, ROUNDED = 1e-9, 10.0, 1e-10
 # Places of a switch are sought from so many points, of the size of the start, by so many steps of Newton's method.
 POINTS, NEWTON, ON_SWITCH = 12, 30, 1e-9
+# The numbers between which a value lies, whatever state and parameters are.
+Bounds = tuple[float, float]
+
+ANY: Bounds = (-math.inf, math.inf)
+_RANGES: dict[int, Bounds] = {
+    ca.OP_EXP: (0.0, math.inf),
+    ca.OP_SQRT: (0.0, math.inf),
+    ca.OP_COSH: (1.0, math.inf),
+    ca.OP_SIN: (-1.0, 1.0),
+    ca.OP_COS: (-1.0, 1.0),
+    ca.OP_TANH: (-1.0, 1.0),
+    ca.OP_SIGN: (-1.0, 1.0),
+}
+QUOTIENT = "a quotient"
+# The operation, with the operand that changes its sign.
+_WORDS = {
+    ca.OP_SIGN: ("sign", 0),
+    ca.OP_ATAN2: ("atan2", 0),
+    ca.OP_ATAN: ("atan", 0),
+    ca.OP_DIV: (QUOTIENT, 1),
+    ca.OP_INV: (QUOTIENT, 0),
+}
+
+
+@frozen
+class Switch:
+    """A function that may jump where its `argument`, an SX (1, 1), changes its sign.
+
+    watched: the same for a run, which passes the places where the sign does no harm; shape: a number, the same where
+    arguments differ in their numbers and variables only, as those of siblings.
+    """
+
+    word: str
+    argument: ca.SX
+    watched: ca.SX
+    shape: int
+
+
+# Of a result its shape, its bounds, and whether coordinates stand in it.
+_Known = tuple[int, Bounds, bool]
+
+
+def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
+    """The switches of a column of `inputs`, the second of them q, in the order of its operations: those that depend on
+    q and are not known to keep their sign. Those within the argument of another come first."""
+    shapes: dict[tuple[object, ...], int] = {}
+    found: dict[tuple[str, int], Switch] = {}
+
+    def known(key: tuple[object, ...], bounds: Bounds, is_moving: bool) -> _Known:
+        return shapes.setdefault(key, len(shapes)), bounds, is_moving
+
+    def visit(op: int, parts: list[_Known], expression: operation_graph.Expression) -> _Known:
+        if op in _WORDS:
+            word, place = _WORDS[op]
+            shape, bounds, is_moving = parts[place]
+            if is_moving and not is_one_sided(bounds):
+                call = expression()
+                argument = call.dep(place)
+                # The cut of `atan2` is on one side alone.
+                watched = ca.if_else(call.dep(1) > 0, 1, argument) if op == ca.OP_ATAN2 else argument
+                found.setdefault((word, watched.element_hash()), Switch(word, argument, watched, shape))
+        key = (op, *(part[0] for part in parts))
+        return known(key, bounds_of(op, [part[1] for part in parts]), any(part[2] for part in parts))
+
+    def leaf(given: int | None, number: float) -> _Known:
+        bounds = ANY if given is not None else (number, number)
+        return known(("input", given), bounds, given == 1)
+
+    operation_graph.folded(value, inputs, leaf, visit)
+    return list(found.values())
+
+
+def examples(found: Sequence[Switch], most: int) -> list[Switch]:
+    """At most so many of each word: of every shape the first, then of every shape the second, and so on."""
+    seen: collections.Counter[tuple[str, int]] = collections.Counter()
+    ranked: dict[str, list[tuple[int, int]]] = {}
+    for place, switch in enumerate(found):
+        key = switch.word, switch.shape
+        ranked.setdefault(switch.word, []).append((seen[key], place))
+        seen[key] += 1
+    chosen = sorted(place for ranks in ranked.values() for _, place in sorted(ranks)[:most])
+    return [found[place] for place in chosen]
 
 
 def is_abrupt(values: Floats) -> npt.NDArray[np.bool_]:
@@ -115,3 +201,71 @@ def _places(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], Floats,
             break
     numbers = np.flatnonzero(is_there)
     return numbers, x[:, numbers], begin.size * ASIDE**0.5 * slopes[:, numbers]
+
+
+def bounds_of(op: int, parts: Sequence[Bounds]) -> Bounds:
+    """The bounds of a result from those of its operands."""
+    known = _RANGES.get(op)
+    if known is not None:
+        return known
+    rule = _RULES.get(op)
+    return ANY if rule is None else rule(*parts)
+
+
+def is_one_sided(bounds: Bounds) -> bool:
+    """True for what changes its sign nowhere, though it may touch zero."""
+    return bounds[0] >= 0.0 or bounds[1] <= 0.0
+
+
+def _plus(a: Bounds, b: Bounds) -> Bounds:
+    return a[0] + b[0], a[1] + b[1]
+
+
+def _minus(a: Bounds) -> Bounds:
+    return -a[1], -a[0]
+
+
+def _times(a: Bounds, b: Bounds) -> Bounds:
+    # Bounds are infinite where there are none: nothing is infinite itself, and zero times it is zero.
+    corners = [x * y if x and y else 0.0 for x in a for y in b]
+    return min(corners), max(corners)
+
+
+def _over(a: Bounds, b: Bounds) -> Bounds:
+    if b[1] <= 0.0:
+        a, b = _minus(a), _minus(b)
+    if b[0] < 0.0:
+        return ANY
+    return _times(a, (1.0 / b[1] if b[1] else math.inf, 1.0 / b[0] if b[0] else math.inf))
+
+
+def _size(a: Bounds) -> Bounds:
+    low, high = sorted((abs(a[0]), abs(a[1])))
+    return (low if is_one_sided(a) else 0.0), high
+
+
+def _square(a: Bounds) -> Bounds:
+    size = _size(a)
+    return _times(size, size)
+
+
+def _power(a: Bounds, b: Bounds) -> Bounds:
+    is_even = b[0] == b[1] and b[0] % 2.0 == 0.0
+    return (0.0, math.inf) if is_even or a[0] >= 0.0 else ANY
+
+
+_RULES: dict[int, Callable[..., Bounds]] = {
+    ca.OP_ADD: _plus,
+    ca.OP_SUB: lambda a, b: _plus(a, _minus(b)),
+    ca.OP_NEG: _minus,
+    ca.OP_MUL: _times,
+    ca.OP_TWICE: lambda a: _times((2.0, 2.0), a),
+    ca.OP_DIV: _over,
+    ca.OP_INV: lambda a: _over((1.0, 1.0), a),
+    ca.OP_FABS: _size,
+    ca.OP_SQ: _square,
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_FMIN: lambda a, b: (min(a[0], b[0]), min(a[1], b[1])),
+    ca.OP_FMAX: lambda a, b: (max(a[0], b[0]), max(a[1], b[1])),
+}

@@ -1,4 +1,4 @@
-"""Warnings of holonomic rows and of gaps that jump: by `sign`, or where a divisor goes through zero."""
+"""Warnings of rows, gaps, forces and potentials that jump: where they do, and what a run does there."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import casadi as ca
 import numpy as np
 
-from lagcli.equations import energy_jumps, jump_search, jump_switches
+from lagcli.equations import branch_cuts, energy_jumps, jump_search, named_functions
 from lagcli.equations import system as mechanics
 from lagcli.equations.rows import Row
 from lagcli.equations.system import System
@@ -15,18 +15,124 @@ from lagcli.errors import diagnostics
 
 # Angles have a warning of their own, `branch-cut`.
 _ANGLES = ("atan", "atan2")
-HINT = "write each surface as a condition of its own, or a step of finite width, as `tanh(x/w)`"
+CUT_HINT = (
+    "write the law with `cos` and `sin` of the angle, or with the angle as a coordinate: those have no cut"
+)
+ENERGY_HINT = (
+    "write a force that is steep but finite, as from `tanh(x/w)`, or the torque of an angle as a force"
+)
+ROW_HINT = "write each surface as a condition of its own, or a step of finite width, as `tanh(x/w)`"
 
 
 def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
+    """The warnings of angles at their cuts, of energies, and of other rows and gaps, in this order."""
+    return (*_of_cuts(built), *_of_energies(built), *_of_rows(built))
+
+
+def _of_cuts(built: System) -> tuple[diagnostics.Diagnostic, ...]:
+    """One warning for each constraint with an angle that jumps, and one for the forces."""
+    if not any(named_functions.ANGLES.search(text) for text in named_functions.texts(built.model)):
+        return ()
+    found: dict[diagnostics.Location, diagnostics.Diagnostic] = {}
+    for i, told in _cut_rows(built):
+        row = built.rows.rows[i]
+        found.setdefault(row.location, _warning(f"the row `{row.name}` {told}", row.location))
+    for j in _at_cuts(built, ca.densify(built.contacts.g)):
+        row = built.contacts.rows[j]
+        message = f"the one-sided constraint `{row.name}` jumps where `atan2` or `atan` crosses its cut"
+        found.setdefault(row.location, _warning(message, row.location))
+    return (*found.values(), *_cut_forces(built))
+
+
+def out_of_sight(built: System) -> tuple[str, ...]:
+    """A sentence on rows that go on smoothly beyond a cut, where searches for points do not follow them."""
+    cut = built.cuts
+    passed = zip(cut.rows, cut.verdicts, strict=True) if cut else ()
+    names = dict.fromkeys(
+        f"`{built.rows.rows[i].name}`" for i, verdict in passed if verdict == branch_cuts.PASSED
+    )
+    if not names:
+        return ()
+    return (
+        f"points beyond the cut of `atan2` or `atan` in {', '.join(names)} are not looked for: {CUT_HINT}",
+    )
+
+
+def _cut_rows(built: System) -> Iterator[tuple[int, str]]:
+    cut = built.cuts
+    jumps = "jumps where `atan2` or `atan` crosses its cut; a run that gets there stops"
+    for i, verdict in zip(cut.rows, cut.verdicts, strict=True) if cut else ():
+        if verdict == branch_cuts.PASSED:
+            yield (
+                i,
+                "jumps by a constant where `atan2` or `atan` crosses its cut; a run goes on smoothly there and"
+                " counts the turns",
+            )
+        elif verdict == branch_cuts.JUMPS:
+            yield i, jumps
+    first, v = built.holonomic_count, built.symbols.v
+    rows = built.rows.B[first:, :] @ v + built.rows.b[first:, :]
+    for i in _at_cuts(built, ca.densify(rows)):
+        yield first + i, jumps
+
+
+def _cut_forces(built: System) -> Iterator[diagnostics.Diagnostic]:
+    model = built.model
+    hit = _at_cuts(built, ca.densify(ca.vertcat(built.dynamics.h, ca.vec(built.dynamics.M.nz[:]))))
+    if not hit:
+        return
+    names = model.coordinate_names
+    along = f"along `{names[hit[0]]}`" if hit[0] < len(names) else "of inertia"
+    places = [*model.force_expressions(), *([] if model.lagrangian is None else [model.lagrangian])]
+    places += [definition.expression for definition in model.definitions]
+    location = next(
+        (e.location for e in places if named_functions.ANGLES.search(e.text)),
+        diagnostics.Location(model.path, 1, 1),
+    )
+    message = (
+        f"the force {along} jumps where `atan2` or `atan` crosses its cut; a run goes on with the force on the other"
+        " side"
+    )
+    yield _warning(message, location)
+
+
+def _at_cuts(built: System, value: ca.SX) -> list[int]:
+    state = mechanics.start(built.model)[0]
+    p = mechanics.values(built)
+    return branch_cuts.jumping(
+        value, built.symbols, built.p, (built.model.simulation.start, state, np.asarray(p))
+    )
+
+
+def _warning(message: str, location: diagnostics.Location) -> diagnostics.Diagnostic:
+    return diagnostics.Diagnostic("branch-cut", message, location, CUT_HINT, "warning")
+
+
+def _of_energies(built: System) -> Iterator[diagnostics.Diagnostic]:
+    """One warning for each potential, Lagrangian or place with a jump."""
+    if built.jumps is None:
+        return
+    place = built.model.simulation.start, *mechanics.start(built.model)
+    for subject, word in built.jumps.anywhere(place, mechanics.values(built)):
+        yield diagnostics.Diagnostic(
+            "energy-jump",
+            f"{subject.told} jumps where {energy_jumps.PHRASES[word]}: the force there is an impulse, and a run that"
+            " gets there stops",
+            subject.location,
+            ENERGY_HINT,
+            "warning",
+        )
+
+
+def _of_rows(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     """One warning for each condition of `inequality` and each holonomic row that is found to jump near the start."""
     found = []
     for row, word in _jumping(built, built.contacts.rows, built.contacts.g):
         told = f"the one-sided constraint `{row.name}` jumps where {energy_jumps.PHRASES[word]}"
-        found.append(diagnostics.Diagnostic("condition-jumps", told, row.location, HINT, "warning"))
+        found.append(diagnostics.Diagnostic("condition-jumps", told, row.location, ROW_HINT, "warning"))
     for row, word in _jumping(built, built.rows.rows[: built.holonomic_count], built.rows.f):
         told = f"the row `{row.name}` jumps where {energy_jumps.PHRASES[word]}; a run that gets there stops"
-        found.append(diagnostics.Diagnostic("row-jumps", told, row.location, HINT, "warning"))
+        found.append(diagnostics.Diagnostic("row-jumps", told, row.location, ROW_HINT, "warning"))
     return tuple(found)
 
 
@@ -49,11 +155,11 @@ def _words(built: System, value: ca.SX) -> Iterator[str]:
     """The functions by which a gap or f (1, 1) jumps, as far as places where they do are come upon."""
     s = built.symbols
     inputs = [s.t, s.q, s.v, built.p]
-    switches = [one for one in jump_switches.of(value, inputs) if one.word not in _ANGLES]
+    switches = [one for one in jump_search.switches(value, inputs) if one.word not in _ANGLES]
     if not switches:
         return
     place = built.model.simulation.start, *mechanics.start(built.model)
     begin, whole = jump_search.starts(place, mechanics.values(built)), jump_search.Local(value, inputs)
-    for switch in jump_switches.examples(switches, energy_jumps.SWITCHES):
+    for switch in jump_search.examples(switches, energy_jumps.SWITCHES):
         if jump_search.jumps(whole, switch.argument, inputs, begin):
             yield switch.word

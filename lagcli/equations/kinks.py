@@ -6,7 +6,6 @@ of a motion that goes over the edge would have to jump: an impact, which the equ
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import casadi as ca
@@ -18,11 +17,9 @@ from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
-from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
 
-_WORDS = re.compile(r"\b(abs|sign|min|max)\s*\(")
 # How far off a switch its two sides are looked at, as a part of the size of the coordinates or of the way taken, and
 # the part of a gradient by which these must differ: a change that is only steep is no jump.
 ASIDE, FURTHER, JUMP = 1e-9, 1e-5, 1e-6
@@ -56,6 +53,19 @@ class Kinks:
             jumps = np.isfinite(here).all(axis=1) & (near > JUMP * scale) & (near > 0.1 * far)
         return self.rows[int(np.argmax(jumps))] if jumps.any() else None
 
+    def require_smooth(self, t: float, q: Floats, p: Floats) -> None:
+        """Raise `diagnostics.ModelError` where the gradient of a row jumps at the start."""
+        row = self.at(t, q, p)
+        if row is not None:
+            message = (
+                f"the gradient of the constraint `{row.name}` jumps at the start: `abs`, `sign`, `min` or `max`"
+                " switches there, and the constraint force has no direction"
+            )
+            hint = "start clear of that place, or state the branch that is meant as an equation without the switch"
+            raise diagnostics.ModelError(
+                [diagnostics.Diagnostic("kink-at-start", message, row.location, hint)]
+            )
+
     def crossed(self, before: tuple[float, Floats], after: tuple[float, Floats], p: Floats) -> Row | None:
         """A row whose gradient jumps on the way between two configurations (t, q), or None."""
         old, new = (np.array(self.switches(t, q, p)).ravel() for t, q in (before, after))
@@ -87,15 +97,13 @@ class Kinks:
         return np.array(self.slopes(t, q, p)).reshape(len(self.rows), -1)
 
 
-def find(model: nouns.Model, s: Symbols, p: ca.SX, laid: ConstraintRows) -> Kinks | None:
-    """The switches of the constraints of a model; None where they have none. `p`: all parameters."""
-    if not _speaks_of_switches(model):
-        return None
-    holonomic = laid.f.numel()
+def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
+    """The switches of constraints; None where they have none. `p`: all parameters."""
+    holonomic = equalities.f.numel()
     rows, arguments, slopes = [], [], []
-    for i, row in enumerate(laid.rows):
-        f = laid.f[i] if i < holonomic else ca.SX(0)
-        slope = ca.horzcat(ca.densify(laid.B[i, :]), laid.b[i], f)
+    for i, row in enumerate(equalities.rows):
+        f = equalities.f[i] if i < holonomic else ca.SX(0)
+        slope = ca.horzcat(ca.densify(equalities.B[i, :]), equalities.b[i], f)
         value = f if i < holonomic else slope
         for argument in _arguments(value, [s.t, s.q, s.v, p]):
             if ca.depends_on(argument, ca.vertcat(s.t, s.q)):
@@ -112,40 +120,6 @@ def find(model: nouns.Model, s: Symbols, p: ca.SX, laid: ConstraintRows) -> Kink
     return Kinks(
         tuple(rows), ca.Function("switches", inputs, free[:1]), ca.Function("slopes", inputs, free[1:])
     )
-
-
-def require_smooth(kinks: Kinks | None, t: float, q: Floats, p: Floats) -> None:
-    """Raise `diagnostics.ModelError` where the gradient of a row jumps at the start."""
-    row = kinks.at(t, q, p) if kinks is not None else None
-    if row is not None:
-        message = (
-            f"the gradient of the constraint `{row.name}` jumps at the start: `abs`, `sign`, `min` or `max` switches"
-            " there, and the constraint force has no direction"
-        )
-        hint = (
-            "start clear of that place, or state the branch that is meant as an equation without the switch"
-        )
-        raise diagnostics.ModelError([diagnostics.Diagnostic("kink-at-start", message, row.location, hint)])
-
-
-def _speaks_of_switches(model: nouns.Model) -> bool:
-    """True if an expression that constraints are made of has a function that switches."""
-    laws: tuple[nouns.Holonomic | nouns.Differential, ...] = (*model.holonomic, *model.differential)
-    texts = [*(law.equation.text for law in laws), *_shared(model)]
-    return any(_WORDS.search(text) for text in texts)
-
-
-def _shared(model: nouns.Model) -> list[str]:
-    """The expressions that may stand in those of rows."""
-    texts = [definition.expression.text for definition in model.definitions]
-    return texts + [part.text for p in model.particles if p.is_dependent for part in p.position.parts]
-
-
-def of_contacts(model: nouns.Model) -> npt.NDArray[np.bool_]:
-    """True for inequalities (K,) in whose expressions a function switches, or in what all may be made of."""
-    shared = any(_WORDS.search(text) for text in _shared(model))
-    found = [shared or bool(_WORDS.search(law.equation.text)) for law in model.inequality]
-    return np.repeat(np.array(found, dtype=bool), [law.members.count for law in model.inequality])
 
 
 def _arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:

@@ -1,4 +1,5 @@
-"""First integrals of differential rows (D.3) as expressions in t, q and the parameters of a system."""
+"""Expressions that stand in no file, over the symbols of a system: first integrals of differential rows (D.3), and
+quantities somebody asks for."""
 
 from __future__ import annotations
 
@@ -7,13 +8,14 @@ from typing import NoReturn
 
 import casadi as ca
 
-from lagcli.equations.casadi_algebra import SymbolicAlgebra
+from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Value
-from lagcli.equations.symbols import FixedExponents
+from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra
 from lagcli.equations.system import System
 from lagcli.expression import evaluate, integers, parser, tree
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import family, invariant
+from lagcli.model import model as nouns
 
 
 @frozen
@@ -59,6 +61,13 @@ def charts(system: System, written: Sequence[invariant.LevelFunction]) -> Charts
         for c in written
     )
     return Charts(found, fixed.used())
+
+
+def value(system: System, expression: nouns.Expression) -> ca.SX:
+    """The SX of a scalar of t, q, v and p; exponents of parameters are built in."""
+    model = system.model
+    environment = Environment(model, system.symbols, FixedExponents(model))
+    return environment.scalar(expression)
 
 
 def events_have_time(system: System) -> bool:

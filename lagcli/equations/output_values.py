@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 
 from lagcli.equations import energy, explicit_gradient, family_columns, rows
-from lagcli.equations.casadi_algebra import SymbolicAlgebra
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Columns, Triple, Value
+from lagcli.equations.symbols import SymbolicAlgebra
 from lagcli.errors import diagnostics
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError

@@ -1,17 +1,21 @@
-"""The constraint rows in their order: holonomic, rigid, differential (D.5, D.6, D.7)."""
+"""The constraint rows in their order: holonomic, rigid, differential (D.5, D.6, D.7); those of contacts after them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
-from lagcli.equations import family_rows, rigid
+from lagcli.equations import family_rows
 from lagcli.equations.environment import Environment
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
+
+if TYPE_CHECKING:
+    from lagcli.equations.rigid import Geometry
 
 
 @frozen_value
@@ -34,10 +38,26 @@ class ConstraintRows:
     gamma: ca.SX
 
 
-def lay_down(
-    model: nouns.Model, environment: Environment, bodies: Sequence[tuple[rigid.Geometry, Sequence[ca.SX]]]
+@frozen
+class ContactRows:
+    """g (K,) with its gradient G (K, n), dg/dt = G v + g_t and d2g/dt2 = G a - gamma; g_t, gamma (K,)."""
+
+    rows: tuple[Row, ...]
+    g: ca.SX
+    G: ca.SX
+    g_t: ca.SX
+    gamma: ca.SX
+
+    @property
+    def count(self) -> int:
+        """K."""
+        return len(self.rows)
+
+
+def equalities(
+    model: nouns.Model, environment: Environment, bodies: Sequence[tuple[Geometry, Sequence[ca.SX]]]
 ) -> ConstraintRows:
-    """All rows. `bodies`: for each rigid body its geometry and the symbols of its constants.
+    """The rows of all equations. `bodies`: for each rigid body its geometry and the symbols of its constants.
 
     B (C, n), b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b').
     Raises `diagnostics.ModelError` for a row without coordinates.
@@ -51,28 +71,45 @@ def lay_down(
         holonomic.add_plain(values, [Row(f"{body.name}.{i}", body.name, body.location) for i in numbered])
     for rule in model.differential:
         differential.add(rule)
-    names = (*holonomic.names, *differential.names)
     blocks = [*holonomic.blocks(family_rows.holonomic), *differential.blocks(family_rows.differential)]
-    n = environment.symbols.q.numel()
-    f = _stack([block.f for block in blocks])
-    B = ca.sparsify(ca.vertcat(ca.SX(0, n), *(block.B for block in blocks)))
-    b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("b", "gamma"))
-    _refuse_empty(names, B, f, b[f.numel() :], environment.symbols.q)
-    return ConstraintRows(names, f, B, b, gamma)
+    return _joined((*holonomic.names, *differential.names), blocks, environment.q)
 
 
-def of_inequalities(model: nouns.Model, environment: Environment) -> ConstraintRows:
-    """The rows g >= 0, with their gradients: f is g. Raises `diagnostics.ModelError` for a row without coordinates."""
+def contacts(model: nouns.Model, environment: Environment) -> ContactRows:
+    """The rows of all inequalities. Raises `diagnostics.ModelError` for one without coordinates."""
     pile = _Pile(environment)
     for law in model.inequality:
         pile.add(law)
-    blocks = pile.blocks(family_rows.holonomic)
-    n = environment.symbols.q.numel()
-    B = ca.sparsify(ca.vertcat(ca.SX(0, n), *(block.B for block in blocks)))
+    found = _joined(tuple(pile.names), pile.blocks(family_rows.holonomic), environment.q)
+    return ContactRows(found.rows, found.f, found.B, found.b, found.gamma)
+
+
+def _joined(names: tuple[Row, ...], blocks: Sequence[family_rows.FamilyBlock], q: ca.SX) -> ConstraintRows:
+    """The rows of all blocks. Raises `diagnostics.ModelError` for one without coordinates."""
     f, b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("f", "b", "gamma"))
-    names = tuple(pile.names)
-    _refuse_empty(names, B, f, ca.SX(0, 1), environment.symbols.q)
+    B = ca.sparsify(ca.vertcat(ca.SX(0, q.numel()), *(block.B for block in blocks)))
+    _refuse_empty(names, B, f, b[f.numel() :], q)
     return ConstraintRows(names, f, B, b, gamma)
+
+
+def with_contacts(rows: ConstraintRows, contacts: ContactRows, lam: ca.SX) -> ConstraintRows:
+    """All rows in the order of the multipliers lam (C + K,): the equality rows, then the contacts that act.
+
+    f is that of the former. The row of an open contact is 0: its gradient may have no value where it is open, as that
+    of a distance between particles that pass each other at one place.
+    """
+    if not contacts.count:
+        return rows
+    G = contacts.G
+    acting = lam[(np.asarray(G.sparsity().row(), dtype=np.int64) + len(rows.rows)).tolist()]
+    G = ca.SX(G.sparsity(), ca.if_else(ca.vec(acting) == 0, 0, ca.vec(G.nz[:])))
+    return ConstraintRows(
+        (*rows.rows, *contacts.rows),
+        rows.f,
+        ca.sparsify(ca.vertcat(rows.B, G)),
+        ca.vertcat(rows.b, contacts.g_t),
+        ca.vertcat(rows.gamma, contacts.gamma),
+    )
 
 
 class _Pile:
@@ -124,7 +161,7 @@ def _stack(values: list[ca.SX]) -> ca.SX:
 
 
 def of_body(
-    body: nouns.RigidBody, environment: Environment, geometry: rigid.Geometry, constants: Sequence[ca.SX]
+    body: nouns.RigidBody, environment: Environment, geometry: Geometry, constants: Sequence[ca.SX]
 ) -> ca.SX:
     """The rows f of a rigid body, (k, 1)."""
     columns = environment.position(np.array(body.particles))
@@ -133,7 +170,7 @@ def of_body(
 
 
 def _rigid_rows(
-    positions: Sequence[tuple[ca.SX, ca.SX, ca.SX]], geometry: rigid.Geometry, constants: Sequence[ca.SX]
+    positions: Sequence[tuple[ca.SX, ca.SX, ca.SX]], geometry: Geometry, constants: Sequence[ca.SX]
 ) -> list[ca.SX]:
     base = [positions[k] for k in geometry.base]
     rows = []

@@ -9,31 +9,35 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import (
-    branch_cuts,
-    contact_rows,
     energy,
-    energy_jumps,
     explicit_gradient,
     family_columns,
-    kinks,
+    named_functions,
     output_values,
-    rigid,
     rows,
     symbols,
 )
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Columns
+from lagcli.equations.rows import ConstraintRows, ContactRows
 from lagcli.equations.rows import Row as ConstraintRow
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
+
+if TYPE_CHECKING:  # loaded where the model names a function that they look for
+    from lagcli.equations.branch_cuts import Cuts
+    from lagcli.equations.energy_jumps import EnergyJumps
+    from lagcli.equations.kinks import Kinks
+    from lagcli.equations.rigid import Geometry
 
 Floats = npt.NDArray[np.float64]
 
@@ -58,19 +62,19 @@ class System:
     lam: ca.SX
     a: ca.SX
     dynamics: energy.Dynamics
-    rows: rows.ConstraintRows
-    contacts: contact_rows.ContactRows
+    rows: ConstraintRows
+    contacts: ContactRows
     Q_R: ca.SX
     R: ca.SX
     r: ca.SX
     r_dot: ca.SX
     outputs: ca.SX
     event_values: ca.SX
-    bodies: tuple[rigid.Geometry, ...]
+    bodies: tuple[Geometry, ...]
     built_in: tuple[tuple[str, float], ...]
-    kinks: kinks.Kinks | None
-    cuts: branch_cuts.Cuts | None
-    jumps: energy_jumps.EnergyJumps | None
+    kinks: Kinks | None
+    cuts: Cuts | None
+    jumps: EnergyJumps | None
     warnings: tuple[diagnostics.Diagnostic, ...]
 
     @property
@@ -117,13 +121,15 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     constants = [
         ca.SX.sym(f"body {body.name}", g.row_constants) for body, g in zip(model.rigid, bodies, strict=True)
     ]
-    laid = rows.lay_down(model, env, [(g, ca.vertsplit(c)) for g, c in zip(bodies, constants, strict=True)])
+    equalities = rows.equalities(
+        model, env, [(g, ca.vertsplit(c)) for g, c in zip(bodies, constants, strict=True)]
+    )
     dynamics = energy.dynamics(model, env, fixed)
     if restated is not None:
-        laid, dynamics = restated(env, laid, dynamics)
-    contacts = contact_rows.lay_down(model, env)
-    lam, a = ca.SX.sym("lam", len(laid.rows) + contacts.count), ca.SX.sym("a", s.q.numel())
-    everything = contact_rows.with_equalities(laid, contacts, lam)
+        equalities, dynamics = restated(env, equalities, dynamics)
+    contacts = rows.contacts(model, env)
+    lam, a = ca.SX.sym("lam", len(equalities.rows) + contacts.count), ca.SX.sym("a", s.q.numel())
+    everything = rows.with_contacts(equalities, contacts, lam)
     Q_R = reaction(everything.B, lam)
     everyone = np.arange(len(env.particles))
     accelerations = _accelerations(env, a)
@@ -133,11 +139,12 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
         env, dynamics, solved, explicit_gradient.DependentForces(model, env, bodies, constants)
     )
     p = ca.vertcat(s.p, *constants)
-    switching = kinks.find(model, s, p, laid)
-    start_place = _place(model, bodies)
-    kinks.require_smooth(switching, *start_place)
-    cut = branch_cuts.find(model, s, p, laid, start_place)
-    numbers = p if cut is None else ca.vertcat(p, cut.references)
+    begin = _begin(model, bodies)
+    kinks = _kinks(model, s, p, equalities)
+    if kinks is not None:
+        kinks.require_smooth(*begin)
+    cuts = _cuts(model, s, p, equalities.f, begin)
+    numbers = p if cuts is None else ca.vertcat(p, cuts.references)
     recorded = output_values.outputs(model, env, named)
     return System(
         model=model,
@@ -146,7 +153,7 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
         lam=lam,
         a=a,
         dynamics=dynamics,
-        rows=laid,
+        rows=equalities,
         contacts=contacts,
         Q_R=Q_R,
         R=_flat(R.take(everyone)),
@@ -156,11 +163,37 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
         event_values=output_values.events(model, env, named),
         bodies=bodies,
         built_in=fixed.used(),
-        kinks=switching,
-        cuts=cut,
-        jumps=energy_jumps.find(model, s, numbers, env),
+        kinks=kinks,
+        cuts=cuts,
+        jumps=_jumps(model, s, numbers, env),
         warnings=_reaction_warnings(model, s, env, dynamics),
     )
+
+
+def _kinks(model: nouns.Model, s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
+    if not named_functions.have_switches(model):
+        return None
+    from lagcli.equations import kinks
+
+    return kinks.find(s, p, equalities)
+
+
+def _cuts(
+    model: nouns.Model, s: Symbols, p: ca.SX, f: ca.SX, begin: tuple[float, Floats, Floats]
+) -> Cuts | None:
+    if not named_functions.have_angles(model):
+        return None
+    from lagcli.equations import branch_cuts
+
+    return branch_cuts.find(f, s, p, begin)
+
+
+def _jumps(model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> EnergyJumps | None:
+    if not named_functions.may_jump(model):
+        return None
+    from lagcli.equations import energy_jumps
+
+    return energy_jumps.find(model, s, p, env)
 
 
 def reaction(B: ca.SX, lam: ca.SX) -> ca.SX:
@@ -184,14 +217,15 @@ def with_values(built: System, model: nouns.Model) -> System | None:
     bodies = geometries(model, built.symbols, env) if env else ()
     if [body.shape for body in bodies] != [body.shape for body in built.bodies]:
         return None
-    place = _place(model, bodies)
-    kinks.require_smooth(built.kinks, *place)
-    if built.cuts is not None and not built.cuts.hold_for(*place):
+    begin = _begin(model, bodies)
+    if built.kinks is not None:
+        built.kinks.require_smooth(*begin)
+    if built.cuts is not None and not built.cuts.hold_for(*begin):
         return None
     return dataclasses.replace(built, model=model, bodies=bodies)
 
 
-def _place(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> tuple[float, Floats, Floats]:
+def _begin(model: nouns.Model, bodies: Sequence[Geometry]) -> tuple[float, Floats, Floats]:
     """t, q and p of the declared start."""
     return model.simulation.start, start(model)[0], parameter_values(model, bodies)
 
@@ -210,6 +244,26 @@ def start(model: nouns.Model) -> tuple[Floats, Floats]:
     return np.concatenate([nothing, *q]), np.concatenate([nothing, *v])
 
 
+def started_at(declared: nouns.Model, q: Floats, v: Floats) -> nouns.Model:
+    """The model with the initial values q and v (n,), inverse of `start`."""
+    particles, coordinates, first = [], [], 0
+    for particle in declared.particles:
+        if particle.start is None:
+            particles.append(particle)
+            continue
+        places = slice(first, first + 3 * particle.members.count)
+        start, velocity = q[places].reshape(-1, 3), v[places].reshape(-1, 3)
+        particles.append(dataclasses.replace(particle, start=start, start_velocity=velocity))
+        first = places.stop
+    for coordinate in declared.coordinates:
+        places = slice(first, first + coordinate.members.count)
+        coordinates.append(dataclasses.replace(coordinate, value=q[places], rate=v[places]))
+        first = places.stop
+    return dataclasses.replace(
+        declared, particles=tuple(particles), coordinates=tuple(coordinates), origin=None
+    )
+
+
 def values(built: System) -> Floats:
     """Numbers for `System.p` at the declared start."""
     p = parameter_values(built.model, built.bodies)
@@ -220,7 +274,17 @@ def values(built: System) -> Floats:
     )
 
 
-def parameter_values(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> Floats:
+def row_jumps(model: nouns.Model) -> dict[int, tuple[float, ...]]:
+    """For each row that goes on beyond the cuts of its angles, by its number, the constants by which it jumps there."""
+    if not named_functions.have_angles(model):
+        return {}
+    built = build(model)
+    if built.cuts is None:
+        return {}
+    return built.cuts.jumps(model.simulation.start, start(model)[0], values(built))
+
+
+def parameter_values(model: nouns.Model, bodies: Sequence[Geometry]) -> Floats:
     """Numbers for parameters and constants of rigid bodies."""
     numbers = symbols.parameter_values(model)
     for body in bodies:
@@ -228,10 +292,12 @@ def parameter_values(model: nouns.Model, bodies: Sequence[rigid.Geometry]) -> Fl
     return np.array(numbers, dtype=float)
 
 
-def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[rigid.Geometry, ...]:
+def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[Geometry, ...]:
     """The geometry of each rigid body at the declared start."""
     if not model.rigid:
         return ()
+    from lagcli.equations import rigid
+
     numbers = np.unique([number for body in model.rigid for number in body.particles])
     where = ca.Function("where", [s.t, s.q, s.p], [_flat(env.position(numbers))])
     q, _ = start(model)

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import energy, restart, system
+from lagcli.equations import energy, system
 from lagcli.equations.environment import Environment
 from lagcli.equations.rows import ConstraintRows
 from lagcli.model import model as nouns
@@ -46,7 +46,7 @@ def model(declared: nouns.Model, row: str, start: tuple[float, Floats, Floats], 
         for name, value in ((STIFFNESS, k.least), (GROWTH, k.growth), (SINCE, k.since))
     )
     return dataclasses.replace(
-        restart.at(declared, q, v),
+        system.started_at(declared, q, v),
         fingerprint=f"{declared.fingerprint} stiff {row}",
         parameters=(*declared.parameters, *further),
         outputs=(),

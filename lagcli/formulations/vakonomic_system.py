@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import solvers
-from lagcli.equations import energy, restart, rows, system
+from lagcli.equations import energy, rows, system
 from lagcli.equations.environment import Environment
 from lagcli.equations.rows import ConstraintRows
 from lagcli.expression import tree
@@ -58,7 +58,7 @@ def column(row: str) -> str:
 
 def model(built: system.System, start: VakonomicStart) -> tuple[nouns.Model, tuple[str, ...]]:
     """The model with a further coordinate for each differential row, and the outputs and events that are left out."""
-    declared = restart.at(built.model, start.q, start.v)
+    declared = system.started_at(built.model, start.q, start.v)
     names = tuple(column(row.name) for row in built.rows.rows[built.holonomic_count :])
     places = np.arange(len(names), dtype=np.int64)
     members = family.Family(FURTHER, names, tuple((i,) for i in places.tolist()), {"i": places})

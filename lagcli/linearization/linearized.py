@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import cancelling_terms, level_functions, system
+from lagcli.equations import level_functions, operation_rules, system
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral
 
@@ -147,7 +147,7 @@ class LinearizedFunctions:
         ]
         self._inputs = [s.t, q, v, a, built.lam, built.p]
         # Where forces cancel within h, or reactions within their sum, what is left does not tell how large they are.
-        terms = cancelling_terms.term_sizes(h, [s.t, q, v, built.p])
+        terms = operation_rules.term_sizes(h, [s.t, q, v, built.p])
         load = ca.fabs(ca.densify(M @ a)) + terms + ca.mtimes(ca.fabs(every).T, ca.fabs(lam))
         self._at = ca.Function(
             "linearized", self._inputs, [M, damping, K, B, A, D, D_holonomic, ca.densify(residual), load]

@@ -427,16 +427,20 @@ class Model:
             yield definition.expression
         if self.lagrangian is not None:
             yield self.lagrangian
-        for force in self.forces:
-            if isinstance(force, ParticleForce):
-                yield from force.force.parts
-            else:
-                yield force.force if isinstance(force, GeneralizedForce) else force.expression
+        yield from self.force_expressions()
         yield from (law.equation for law in self.holonomic)
         yield from (law.equation for law in self.differential)
         yield from (law.equation for law in self.inequality)
         yield from (output.expression for output in self.outputs)
         yield from (event.when for event in self.events)
+
+    def force_expressions(self) -> Iterator[Expression]:
+        """The expressions of all that is declared under `forces`."""
+        for force in self.forces:
+            if isinstance(force, ParticleForce):
+                yield from force.force.parts
+            else:
+                yield force.force if isinstance(force, GeneralizedForce) else force.expression
 
     def constraints(self) -> Iterator[Holonomic | RigidBody | Differential | Inequality]:
         """All constraints in the order of the multipliers: holonomic, rigid, differential, inequality."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
-from lagcli.equations import level_functions, size_limits, time_functions, total_columns
+from lagcli.equations import level_functions, size_limits, time_functions
 from lagcli.equations.system import System
 from lagcli.expression.tree import ExpressionError
 from lagcli.model.invariant import FirstIntegral
@@ -54,9 +54,11 @@ class KeptFunctions:
         return known
 
     def has_total_columns(self, system: System) -> bool:
-        """See `total_columns.are_all`."""
+        """See `operation_rules.has_total_columns`."""
         if system.built_in not in self._totals:
-            self._totals[system.built_in] = total_columns.are_all(system)
+            from lagcli.equations import operation_rules
+
+            self._totals[system.built_in] = operation_rules.has_total_columns(system)
         return self._totals[system.built_in]
 
     def timed(self, model: Model) -> time_functions.TimeFunctions | None:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.equations import cut_warnings
+from lagcli.equations import named_functions
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import generic_direction
@@ -36,7 +36,7 @@ DIRECTIONS, MANY = 3, 100_000
 
 def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diagnostics.Diagnostic, ...]:
     """A warning for the first force, inertia or row whose slope has no bound at a state, or nothing."""
-    if not state.q.size or not any(_WORDS.search(text) for text in cut_warnings.texts(system.model)):
+    if not state.q.size or not any(_WORDS.search(text) for text in named_functions.texts(system.model)):
         return ()
     n = state.q.size
     size = initial.size(state.q)

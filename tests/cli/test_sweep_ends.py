@@ -5,7 +5,7 @@ import pytest
 import lagcli
 from lagcli.api.models import cache
 from lagcli.api.sweeps import reductions
-from lagcli.equations import total_columns
+from lagcli.equations import operation_rules
 from lagcli.simulation.run.row_writer import RowWriter
 
 THROWN = """lagcli: 1
@@ -105,7 +105,7 @@ def test_what_has_a_value_at_any_state_is_known(output, is_total):
     text = THROWN.replace("far: norm(a)", f"far: {output}").replace("EXTRA", "")
     if output == "a.x**k":
         text = text.replace("k: 2", "k: 0.5")
-    assert total_columns.are_all(cache.compiled(lagcli.loads(text)).system) is is_total
+    assert operation_rules.has_total_columns(cache.compiled(lagcli.loads(text)).system) is is_total
 
 
 @pytest.mark.parametrize(

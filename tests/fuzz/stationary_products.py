@@ -69,10 +69,10 @@ def judge_mechanism(seed: int) -> list[str]:
 
 def held_against_a_run(model: lagcli.Model, point: StaticPoint) -> list[str]:
     """lambda and R of a run that starts at a point, at its first row, against those of the point."""
-    from lagcli.equations import restart
+    from lagcli.equations import system
 
     q = np.array([point.at[name] for name in model.coordinate_names])
-    there = restart.at(model, q, np.zeros(q.size))
+    there = system.started_at(model, q, np.zeros(q.size))
     try:
         run = lagcli.simulate(there, duration=1e-3, samples=2, assemble=False)
     except lagcli.SimulationStopped as stopped:  # the first row is there all the same

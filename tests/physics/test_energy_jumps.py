@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.equations import branch_cuts, jump_search, jump_switches, operation_graph, value_bounds
+from lagcli.equations import branch_cuts, jump_search, operation_graph
 from lagcli.equations import system as mechanics
 from lagcli.simulation.events import impulse_event
 
@@ -156,8 +156,8 @@ def test_terms_of_every_shape_are_looked_at_in_a_long_sum():
     x = ca.SX.sym("q", 2)
     inputs = [ca.SX.sym("t"), x, ca.SX.sym("v", 2), ca.SX.sym("p", 0)]
     value = sum(1 / (x[0] - k) for k in range(90)) + 1 / (x[0] * x[1] - 2) + 1 / (ca.sin(x[1]) + x[0])
-    found = jump_switches.of(value, inputs)
-    chosen = jump_switches.examples(found, 8)
+    found = jump_search.switches(value, inputs)
+    chosen = jump_search.examples(found, 8)
     assert len(found) == 92
     assert len(chosen) == 8
     assert {switch.shape for switch in chosen} == {switch.shape for switch in found}
@@ -210,11 +210,11 @@ def test_values_lie_between_their_bounds(seed):
     bounds = []
 
     def look(op, parts, expression):
-        bounds.append((value_bounds.of(op, parts), expression()))
+        bounds.append((jump_search.bounds_of(op, parts), expression()))
         return bounds[-1][0]
 
     operation_graph.folded(
-        value, [x], lambda given, number: value_bounds.ANY if given is not None else (number, number), look
+        value, [x], lambda given, number: jump_search.ANY if given is not None else (number, number), look
     )
     seen = ca.Function("seen", [x], [ca.vertcat(*(expression for _, expression in bounds))])
     for place in random.standard_normal((50, 2)) * 3:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.equations import restart
+from lagcli.equations import system
 from lagcli.output import table_columns
 
 pytestmark = pytest.mark.numeric
@@ -52,7 +52,7 @@ def away(model: lagcli.Model, found: lagcli.Modes, shape: np.ndarray, duration: 
         assemble=False,
         keep=(),
     )
-    run = lagcli.simulate(dataclasses.replace(restart.at(model, q, shape), simulation=settings))
+    run = lagcli.simulate(dataclasses.replace(system.started_at(model, q, shape), simulation=settings))
     _, places, _ = table_columns.States(model, run.columns)(run.rows[-1:])
     return np.asarray(places[0] - q)
 

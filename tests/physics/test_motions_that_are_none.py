@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.equations import cancelling_terms, restart
+from lagcli.equations import operation_rules, system
 from lagcli.model.model import Model
 
 pytestmark = pytest.mark.numeric
@@ -28,7 +28,7 @@ def resting(name: str) -> Model:
     model = lagcli.load(MODELS / f"{name}.yaml")
     at = lagcli.equilibrium(model, starts=2)[0].at
     q = np.array([at[column] for column in model.coordinate_names])
-    there = restart.at(model, q, np.zeros_like(q))
+    there = system.started_at(model, q, np.zeros_like(q))
     return dataclasses.replace(there, simulation=dataclasses.replace(there.simulation, assemble=True))
 
 
@@ -73,7 +73,7 @@ def test_sizes_of_terms_are_those_that_cancel() -> None:
         -2 * (x - y),
         y**2,
     )
-    sizes = ca.Function("sizes", [x, y], [cancelling_terms.term_sizes(value, [x, y])])
+    sizes = ca.Function("sizes", [x, y], [operation_rules.term_sizes(value, [x, y])])
     found = np.array(sizes(3.0, np.pi)).ravel()
     least = [9.81 * 3, 1.0, 3e6, 1.0, 2 * np.pi, np.pi**2]
     assert (found >= np.array(least) * (1 - 1e-12)).all()

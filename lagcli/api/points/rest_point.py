@@ -11,7 +11,7 @@ from lagcli.analysis.classification import classify
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.runs import run_settings
 from lagcli.compiled import invariant_values
-from lagcli.equations import cut_warnings, level_functions
+from lagcli.equations import jump_warnings, level_functions
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.model.invariant import LevelFunction
@@ -58,7 +58,7 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
     known = ready.first_integrals(limit)
     levels: list[HeldLevel] = []
     held: list[str] = []
-    notes = [*known.notes, *cut_warnings.out_of_sight(built)]
+    notes = [*known.notes, *jump_warnings.out_of_sight(built)]
     for integral in known.integrals:
         chart = next((c for c in _charts(built, integral.charts, state)), None)
         if chart is None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.equations import restart, system
+from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.output.files import endings
@@ -70,7 +70,7 @@ def at(model: Model, text: str) -> Model:
         if not np.isfinite(value):
             raise NoSuchRow(f"{path}:{row}: the column `{name}` has no number there")
     changes = (*model.changes, ("from", f"{path}:{row}"))
-    return dataclasses.replace(restart.at(model, q, v), changes=changes)
+    return dataclasses.replace(system.started_at(model, q, v), changes=changes)
 
 
 def _set_aside(model: Model, names: Sequence[str], rates: Sequence[str]) -> dict[str, float]:

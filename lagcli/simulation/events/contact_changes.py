@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
-from lagcli.equations import kinks
+from lagcli.equations import named_functions
 from lagcli.simulation.closed_contacts import contact_change, contact_gradient, contact_mode
 from lagcli.simulation.closed_contacts.contact_change import Blow, ContactsUndecided
 from lagcli.simulation.closed_contacts.contact_instant import (
@@ -55,7 +55,7 @@ class ContactChanges:
         self.events = EventValues(stepper, self.log)
         e = [law.restitution for law in system.model.inequality if law.members.count]
         self._restitution = np.concatenate(e) if e else np.zeros(0)
-        self._kinked = kinks.of_contacts(system.model)
+        self._kinked = named_functions.switching_contacts(system.model)
         # Extents of gaps, as `ContactInstant.lowest`, in the step behind (K,).
         self._lowest = np.full(self._count, np.inf)
 

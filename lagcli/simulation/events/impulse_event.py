@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction, cells
-from lagcli.equations.energy_jumps import Crossings, Way
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.scheme.method import Method
 from lagcli.simulation.stepping.stepper import Stepper
+
+if TYPE_CHECKING:
+    from lagcli.equations.energy_jumps import Crossings, Way
 
 Floats = npt.NDArray[np.float64]
 # A function on arrays, with what it writes.

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.equations.energy_jumps import Jump
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
 from lagcli.simulation.run_state.angle_turns import Turns
@@ -31,6 +30,8 @@ from lagcli.simulation.stepping.timetable import Timetable
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
+    from lagcli.equations.energy_jumps import Jump
+
     # Most runs meet no singular configuration, and in most W needs no integral of its own.
     from lagcli.simulation.scheme.work_integral import Work
     from lagcli.simulation.singularity.singularity_step import SingularStep

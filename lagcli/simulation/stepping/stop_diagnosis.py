@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations import kinks
+from lagcli.equations import named_functions
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.simulation.run_state.run_stop import (
@@ -88,7 +88,7 @@ def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepF
     # Loaded here, with all that decides contacts: few runs stop.
     from lagcli.simulation.closed_contacts import contact_gradient
 
-    kinked, span = kinks.of_contacts(system.model), stop_reasons.time_scale(system, here)
+    kinked, span = named_functions.switching_contacts(system.model), stop_reasons.time_scale(system, here)
     if edges := contact_gradient.edges(numeric, here, kinked, span):
         return StepFailure(
             f"the gradient of the closed contact {_named(system, edges)} jumps there, and so would the velocity: where"

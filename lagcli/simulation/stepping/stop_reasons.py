@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations import edge_functions
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.start.initial import State
@@ -170,7 +169,9 @@ def _rounding(numeric: NumericSystem, place: State) -> Floats:
 def _call(system: System, row: int, places: tuple[State, ...]) -> str:
     """Name the innermost function of a row whose value or slope jumps, ends or grows between the places, or
     nothing."""
-    names, function = edge_functions.of_row(system, row)
+    from lagcli.equations import operation_rules
+
+    names, function = operation_rules.edge_calls(system, row)
     if not names:
         return ""
     values = tuple(np.array(function(x.t, x.q, x.v, x.p)).ravel() for x in places)
@@ -182,5 +183,5 @@ def _call(system: System, row: int, places: tuple[State, ...]) -> str:
     if names[call] == "atan2" and abs(values[2][call] - values[1][call]) < AT_CUT:
         return THROUGH_ZERO
     return PHRASES.get(
-        names[call], names[call] if names[call] == edge_functions.QUOTIENT else f"`{names[call]}`"
+        names[call], names[call] if names[call] == operation_rules.QUOTIENT else f"`{names[call]}`"
     )

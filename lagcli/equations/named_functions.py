@@ -1,0 +1,61 @@
+"""The functions that the texts of a model name: what none of them can bring about is not looked for, nor loaded."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.model import model as nouns
+
+ANGLES = re.compile(r"\b(atan2?)\s*\(")
+_SWITCHES = re.compile(r"\b(abs|sign|min|max)\s*\(")
+_JUMPS = re.compile(r"\b(sign|atan2?|abs|sqrt|tanh)\s*\(")
+
+
+def have_angles(model: nouns.Model) -> bool:
+    """True if an expression that holonomic rows are made of has `atan2` or `atan`."""
+    return _any(ANGLES, _laws(model.holonomic), _shared(model))
+
+
+def have_switches(model: nouns.Model) -> bool:
+    """True if an expression that equations of constraints are made of has `abs`, `sign`, `min` or `max`."""
+    return _any(_SWITCHES, _laws(model.holonomic), _laws(model.differential), _shared(model))
+
+
+def switching_contacts(model: nouns.Model) -> npt.NDArray[np.bool_]:
+    """True for inequalities (K,) in whose expressions a function switches, or in what all may be made of."""
+    found = [_any(_SWITCHES, [law.equation.text], _shared(model)) for law in model.inequality]
+    return np.repeat(np.array(found, dtype=bool), [law.members.count for law in model.inequality])
+
+
+def may_jump(model: nouns.Model) -> bool:
+    """True if a potential, the Lagrangian or a place of a dependent particle has a function that may jump."""
+    energies = [force.expression.text for force in model.forces if isinstance(force, nouns.Potential)]
+    energies += [] if model.lagrangian is None else [model.lagrangian.text]
+    return _any(_JUMPS, energies, _shared(model))
+
+
+def texts(model: nouns.Model) -> Iterator[str]:
+    """The texts that rows, forces and places of dependent particles are made of."""
+    yield from _laws((*model.holonomic, *model.differential, *model.inequality))
+    yield from (expression.text for expression in model.force_expressions())
+    if model.lagrangian is not None:
+        yield model.lagrangian.text
+    yield from _shared(model)
+
+
+def _laws(laws: Iterable[nouns.Law]) -> list[str]:
+    return [law.equation.text for law in laws]
+
+
+def _shared(model: nouns.Model) -> list[str]:
+    """The texts of what may stand in any expression."""
+    found = [definition.expression.text for definition in model.definitions]
+    return found + [part.text for p in model.particles if p.is_dependent for part in p.position.parts]
+
+
+def _any(words: re.Pattern[str], *texts: Iterable[str]) -> bool:
+    return any(words.search(text) for some in texts for text in some)

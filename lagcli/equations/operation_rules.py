@@ -1,0 +1,169 @@
+"""What follows for a value from its operations, one after another: the sizes of its terms, which may cancel; whether it
+is finite wherever the motion is; the functions in it that may jump, end or have a pole.
+
+Where terms cancel, the rounding of their sum is a part of them and not of it: a running error analysis in units of
+rounding (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 3.3), of a sum the sizes of its
+parts, of a product and a quotient what those of its factors make of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import casadi as ca
+
+from lagcli.equations import operation_graph
+from lagcli.equations.operation_graph import Expression
+from lagcli.equations.system import System
+
+# A value and the size of its terms.
+Sized = tuple[ca.SX, ca.SX]
+# A divisor of zero leaves no size.
+TINY = 1e-300
+# Operations that make finite numbers of finite ones, but for overflow; those that make no negative ones.
+TOTAL = frozenset(
+    {
+        ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_TWICE, ca.OP_SQ, ca.OP_SIN, ca.OP_COS,
+        ca.OP_ATAN, ca.OP_TANH, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX, ca.OP_SIGN,
+    }
+)  # fmt: skip
+SQUARES = frozenset({ca.OP_SQ, ca.OP_FABS, ca.OP_SQRT})
+# Those that make no negative numbers of such.
+KEEPING = frozenset({ca.OP_ASSIGN, ca.OP_ADD, ca.OP_MUL, ca.OP_TWICE, ca.OP_FMIN, ca.OP_FMAX})
+QUOTIENT = "a quotient"
+CALLS = {
+    ca.OP_ATAN2: "atan2",
+    ca.OP_ATAN: "atan",
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
+    ca.OP_FABS: "abs",
+    ca.OP_SIGN: "sign",
+    ca.OP_FMIN: "min",
+    ca.OP_FMAX: "max",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_LOG: "log",
+    ca.OP_TAN: "tan",
+    ca.OP_POW: "**",
+    ca.OP_CONSTPOW: "**",
+    ca.OP_DIV: QUOTIENT,
+    ca.OP_INV: QUOTIENT,
+}
+
+
+def term_sizes(value: ca.SX, inputs: Sequence[ca.SX]) -> ca.SX:
+    """The sizes of the terms of a column (k, 1) of the `inputs`, (k, 1), no smaller than its absolute values."""
+    return _sizes(value, inputs, ca.fabs)
+
+
+def roundings(value: ca.SX, inputs: Sequence[ca.SX]) -> ca.SX:
+    """By how many units of rounding a column (k, 1) of the `inputs` may be off, (k, 1), where these are exact."""
+    return _sizes(value, inputs, lambda x: ca.SX(0))
+
+
+def _sizes(value: ca.SX, inputs: Sequence[ca.SX], of_leaf: Callable[[ca.SX], ca.SX]) -> ca.SX:
+    symbols = [each for part in inputs if part.numel() for each in ca.vertsplit(ca.vec(part))]
+
+    def leaf(number: int | None, constant: float) -> Sized:
+        x = ca.SX(constant) if number is None else symbols[number]
+        return x, of_leaf(x)
+
+    def look(op: int, parts: list[Sized], expression: operation_graph.Expression) -> Sized:
+        made, rule = expression(), _RULES.get(op)
+        size = ca.fabs(made)
+        return made, size if rule is None else ca.fmax(size, rule(made, *parts))
+
+    found = operation_graph.folded(value, symbols, leaf, look)
+    return ca.vertcat(ca.SX(0, 1), *(size for _, size in found))
+
+
+def _sum(_: ca.SX, a: Sized, b: Sized) -> ca.SX:
+    return a[1] + b[1]
+
+
+def _product(_: ca.SX, a: Sized, b: Sized) -> ca.SX:
+    return ca.fmax(ca.fabs(a[0]) * b[1], a[1] * ca.fabs(b[0]))
+
+
+def _quotient(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
+    return (a[1] + ca.fabs(made) * b[1]) / (ca.fabs(b[0]) + TINY)
+
+
+def _wave(_: ca.SX, a: Sized) -> ca.SX:
+    # An argument that is large has roundings that are.
+    return ca.fmin(a[1], 1)
+
+
+_RULES: dict[int, Callable[..., ca.SX]] = {
+    ca.OP_ADD: _sum,
+    ca.OP_SUB: _sum,
+    ca.OP_MUL: _product,
+    ca.OP_DIV: _quotient,
+    ca.OP_NEG: lambda _, a: a[1],
+    ca.OP_FABS: lambda _, a: a[1],
+    ca.OP_TWICE: lambda _, a: 2 * a[1],
+    ca.OP_SQ: lambda _, a: ca.fabs(a[0]) * a[1],
+    ca.OP_INV: lambda made, a: made * made * a[1],
+    ca.OP_SQRT: lambda made, a: ca.fmin(a[1] / (made + TINY), ca.sqrt(a[1])),
+    ca.OP_SIN: _wave,
+    ca.OP_COS: lambda _, a: ca.fmin(a[1], 1) * ca.fmin(a[1], 1),
+    ca.OP_TAN: lambda made, a: (1 + made * made) * ca.fmin(a[1], 1),
+}
+
+
+class _Found(NamedTuple):
+    """is_total: finite where the state is; is_fixed: of parameters alone, and so the same in all rows; is_positive:
+    nowhere negative."""
+
+    is_total: bool
+    is_fixed: bool
+    is_positive: bool = False
+
+
+def has_total_columns(system: System) -> bool:
+    """True where energies and outputs are finite at any state, with any accelerations and multipliers.
+
+    The other columns are finite where a step is: they are made of what steps are made of.
+    """
+    symbols = system.symbols
+    value = ca.vertcat(ca.densify(system.dynamics.energy), ca.densify(system.outputs))
+    inputs = [system.p, symbols.t, symbols.q, symbols.v, system.a, system.lam]
+    return all(each.is_total for each in operation_graph.folded(value, inputs, _leaf, _look))
+
+
+def _leaf(number: int | None, constant: float) -> _Found:
+    if number is None:
+        return _Found(math.isfinite(constant), True, constant >= 0)
+    return _Found(True, number == 0)
+
+
+def _look(op: int, parts: list[_Found], _: Expression) -> _Found:
+    is_fixed = all(part.is_fixed for part in parts)
+    is_known = op in TOTAL or is_fixed
+    if op == ca.OP_DIV:
+        is_known = parts[1].is_fixed
+    elif op == ca.OP_SQRT:
+        is_known = is_fixed or parts[0].is_positive
+    is_positive = op in SQUARES or (op in KEEPING and all(part.is_positive for part in parts))
+    return _Found(is_known and all(part.is_total for part in parts), is_fixed, is_positive)
+
+
+def edge_calls(system: System, row: int) -> tuple[list[str], ca.Function]:
+    """Names of K calls in a row, inner ones first; (t, q, v, p) -> their values, and rates at constant v (2 K,)."""
+    s, whole = system.symbols, row < system.holonomic_count
+    value = system.rows.f[row] if whole else system.rows.B[row, :] @ s.v + system.rows.b[row]
+    names: list[str] = []
+    nodes: list[ca.SX] = []
+
+    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
+        if op in CALLS:
+            names.append(CALLS[op])
+            nodes.append(result)
+        return result
+
+    inputs = [s.t, s.q, s.v, system.p]
+    operation_graph.replayed(ca.densify(value), inputs, visit)
+    column, way = ca.vertcat(ca.SX(0, 1), *nodes), ca.vertcat(s.t, s.q)
+    rate = ca.jtimes(column, way, ca.vertcat(1, s.v))
+    return names, ca.Function("calls", inputs, [ca.densify(ca.vertcat(column, rate))])
