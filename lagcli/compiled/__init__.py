@@ -4,7 +4,7 @@ In: `system.System`
 Out: `numeric.NumericSystem`: CasADi functions of t, q, v and parameters
 
 `numeric` offers them, made of the expressions in `parts`: `expanded` where the factorization is small enough to be
-written out, `factored` where it is not, `output_row` for the rows of a table, `selection` for independent rows.
+written out, `factored` where it is not; `selection` holds the independent rows, `row_block` rows that belong together.
 """
 
 from lagcli.compiled.numeric import NumericSystem

@@ -1,6 +1,14 @@
-"""The numbers asked of all contacts at an instant, in one call: gaps, their rates, and what is zero among them."""
+"""The numbers asked of all contacts in one call: at an instant gaps, their rates, and what is zero among them; in a box
+of states the numbers below which no gap is.
+
+The latter is interval arithmetic, written out as a function (R. E. Moore, Interval Analysis, 1966). An operation that
+is not known here says nothing of the gaps made with it.
+"""
 
 from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -8,6 +16,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import parts as shared
 from lagcli.compiled.parts import Parts
+from lagcli.equations import operation_graph
 
 EPS = float(np.finfo(float).eps)
 LARGEST = float(np.finfo(float).max)
@@ -21,6 +30,14 @@ UNSEEN = 4.0
 TOGETHER = 1.0
 # A speed of a gap is none where it is this part of those that it is the difference of.
 SLOW = 1e-11
+
+# Below and above; None where nothing is known.
+Span = tuple[ca.SX, ca.SX]
+Known = Span | None
+
+# Functions that rise everywhere.
+RISING = {ca.OP_EXP, ca.OP_TANH, ca.OP_ATAN, ca.OP_SINH, ca.OP_ASINH, ca.OP_ERF}
+MOST_POWER = 16
 
 # The columns of `function`, in their order.
 COLUMNS = ("g", "g_t", "gamma", "has_gradient", "speeds", "noise", "nearness", "slow", "lowest", "pull")
@@ -79,3 +96,103 @@ def function(parts: Parts) -> ca.Function:
     columns = [g, g_t, gamma, has, speeds, noise, nearness, slow, RESOLVED * EPS * extent, pull]
     packed = ca.densify(ca.vertcat(*columns, entries, size, speed))[order(G.sparsity()).tolist()]
     return ca.Function("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})
+
+
+def floors(parts: Parts) -> ca.Function:
+    """floors(t_low, t_high, q_low, q_high, p) -> (K,); where nothing is known, below zero or not a number."""
+    n = parts.v.numel()
+    t_low, t_high = ca.SX.sym("t_low"), ca.SX.sym("t_high")
+    low, high, p = ca.SX.sym("q_low", n), ca.SX.sym("q_high", n), ca.SX.sym("p", parts.p.numel())
+    below, above = (_scalars(ca.vertcat(*each)) for each in ((t_low, low, p), (t_high, high, p)))
+    given: list[Known] = list(zip(below, above, strict=True))
+
+    def leaf(number: int | None, constant: float) -> Known:
+        return (ca.SX(constant),) * 2 if number is None else given[number]
+
+    inputs = _scalars(ca.vertcat(parts.t, parts.y[:n], parts.p))
+    spans = operation_graph.folded(parts.contacts.g, inputs, leaf, _of)
+    found = [ca.SX(-1) if span is None else span[0] for span in spans]
+    return ca.Function("floors", [t_low, t_high, low, high, p], [ca.vertcat(ca.SX(0, 1), *found)])
+
+
+def _scalars(column: ca.SX) -> list[ca.SX]:
+    return ca.vertsplit(column) if column.numel() else []
+
+
+def _of(op: int, spans: list[Known], _: operation_graph.Expression) -> Known:
+    """The span of an operation on others; of the product of a value with itself, that of its square."""
+    known = [span for span in spans if span is not None]
+    if len(known) < len(spans):
+        return None
+    if op == ca.OP_MUL and spans[0] is spans[-1]:
+        op, known = ca.OP_SQ, known[:1]
+    if op in RISING:
+        (a,) = known
+        return ca.SX.unary(op, a[0]), ca.SX.unary(op, a[1])
+    if op in (ca.OP_POW, ca.OP_CONSTPOW):
+        return _power(*known)
+    rule = _RULES.get(op)
+    return None if rule is None else rule(*known)
+
+
+def _times(a: Span, b: Span) -> Span:
+    if _is_one(b):
+        a, b = b, a
+    if _is_one(a):
+        x, y = a[0] * b[0], a[0] * b[1]
+        return ca.fmin(x, y), ca.fmax(x, y)
+    w, x, y, z = (i * j for i, j in itertools.product(a, b))
+    return ca.fmin(ca.fmin(w, x), ca.fmin(y, z)), ca.fmax(ca.fmax(w, x), ca.fmax(y, z))
+
+
+def _is_one(a: Span) -> bool:
+    """True for one number in place of a span."""
+    return bool(ca.is_equal(a[0], a[1]))
+
+
+def _inverse(b: Span) -> Span:
+    # A divisor that may be zero leaves no number.
+    apart = b[0] * b[1] > 0
+    nothing = ca.SX.nan()
+    return ca.if_else(apart, 1 / b[1], nothing), ca.if_else(apart, 1 / b[0], nothing)
+
+
+def _sizes(a: Span) -> Span:
+    return ca.fmax(ca.fmax(a[0], -a[1]), 0), ca.fmax(-a[0], a[1])
+
+
+def _square(a: Span) -> Span:
+    low, high = _sizes(a)
+    return low * low, high * high
+
+
+def _power(a: Span, b: Span) -> Known:
+    exponent = float(b[0]) if b[0].is_constant() and _is_one(b) else 0.5
+    if exponent != int(exponent) or not 1 <= exponent <= MOST_POWER:
+        return None
+    low, high = a if exponent % 2 else _sizes(a)
+    return low ** int(exponent), high ** int(exponent)
+
+
+def _wave(of: Callable[[ca.SX], ca.SX], a: Span) -> Span:
+    """A sine or cosine: no farther from its value in the middle than the argument is."""
+    value, reach = of((a[0] + a[1]) / 2), (a[1] - a[0]) / 2
+    return ca.fmax(value - reach, -1), ca.fmin(value + reach, 1)
+
+
+_RULES: dict[int, Callable[..., Known]] = {
+    ca.OP_ADD: lambda a, b: (a[0] + b[0], a[1] + b[1]),
+    ca.OP_SUB: lambda a, b: (a[0] - b[1], a[1] - b[0]),
+    ca.OP_NEG: lambda a: (-a[1], -a[0]),
+    ca.OP_MUL: _times,
+    ca.OP_TWICE: lambda a: (2 * a[0], 2 * a[1]),
+    ca.OP_DIV: lambda a, b: _times(a, _inverse(b)),
+    ca.OP_INV: _inverse,
+    ca.OP_SQ: _square,
+    ca.OP_SQRT: lambda a: (ca.sqrt(ca.fmax(a[0], 0)), ca.sqrt(ca.fmax(a[1], 0))),
+    ca.OP_FABS: _sizes,
+    ca.OP_FMIN: lambda a, b: (ca.fmin(a[0], b[0]), ca.fmin(a[1], b[1])),
+    ca.OP_FMAX: lambda a, b: (ca.fmax(a[0], b[0]), ca.fmax(a[1], b[1])),
+    ca.OP_SIN: lambda a: _wave(ca.sin, a),
+    ca.OP_COS: lambda a: _wave(ca.cos, a),
+}

@@ -5,20 +5,32 @@ Values of a bracket need derivatives of values alone:
     omega([Y, Z]) = Y(omega(Z)) - Z(omega(Y)) - d omega(Y, Z)         (H. Cartan)
 
 A shape says how a bracket is nested: `LEAF` is a field of the kernel, a pair (a, b) the bracket of two shapes.
+
+Fields of the kernel D of the independent rows A_I and their brackets are tangent to every f = const. Up to fields
+of D a bracket is known by its values w = omega_I(Y), and brackets with fields of D come in at every level anyway.
+So a field is given by a vector u, the part in D, or by values w. `expanded_field` writes out how it is made of them,
+`factored_field` solves equations at each call.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from typing import TypeVar
 
 import casadi as ca
 
-from lagcli.compiled import kernel_fields
 from lagcli.compiled.row_block import RowBlock
 
 Shape = tuple["Shape", ...]  # () or (Shape, Shape)
 
 LEAF: Shape = ()
+
+# An entry may be a pivot if it is no smaller than this part of the largest of its row.
+PIVOT = 0.1
+SOLVER = "ldl"
+
+T = TypeVar("T", float, ca.SX)
 
 
 def leaves(shape: Shape) -> int:
@@ -30,7 +42,7 @@ class Brackets:
     """Values of nested brackets on the independent differential rows in doubles, each shape built once."""
 
     def __init__(self, block: RowBlock, independent: Sequence[int]) -> None:
-        self._block, self._field = block, kernel_fields.factored(block, independent)
+        self._block, self._field = block, factored_field(block, independent)
         s = len(block.holonomic)
         self._kept = [i - s for i in independent if i >= s]
         self._known: dict[Shape, ca.Function] = {}
@@ -59,3 +71,99 @@ class Brackets:
         if w[0] is not None:
             found -= ca.jtimes(w[0], x, Z)
         return found
+
+
+class TooMuchFill(Exception):
+    """The elimination of the rows would be too large to be written out."""
+
+
+def pivots(A: ca.DM, fill: int) -> list[tuple[int, int]]:
+    """Pivots (row, column) of the elimination of independent rows A (C, N) of numbers, of little fill (Markowitz).
+
+    Raises `TooMuchFill` beyond `fill` operations.
+    """
+    rows: dict[int, dict[int, float]] = {i: {} for i in range(A.shape[0])}
+    for i, j, value in zip(*A.sparsity().get_triplet(), A.nonzeros(), strict=True):
+        rows[i][j] = value
+    found: list[tuple[int, int]] = []
+    while rows:
+        work, i, j = _pivot(rows)
+        fill -= work
+        if fill < 0:
+            raise TooMuchFill
+        found.append((i, j))
+        pivot = rows.pop(i)
+        for row in rows.values():
+            if j in row:
+                _eliminate(row, pivot, j, row.pop(j) / pivot[j], 0.0)
+    return found
+
+
+def _pivot(rows: dict[int, dict[int, float]]) -> tuple[int, int, int]:
+    """The operations that the pivot of least work brings, its row and its column."""
+    counts = Counter(j for row in rows.values() for j in row)
+    found: list[tuple[int, float, int, int]] = []
+    for i, row in rows.items():
+        largest = max((abs(value) for value in row.values()), default=0.0)
+        if largest == 0.0:
+            raise TooMuchFill  # a row that vanishes is not independent
+        work = len(row) - 1
+        found += (
+            (work * (counts[j] - 1), -abs(value) / largest, i, j)
+            for j, value in row.items()
+            if abs(value) >= PIVOT * largest
+        )
+    best = min(found)
+    return best[0], best[2], best[3]
+
+
+def _eliminate(row: dict[int, T], pivot: dict[int, T], j: int, factor: T, nothing: T) -> None:
+    """row - factor pivot beside column j."""
+    for k, value in pivot.items():
+        if k != j:
+            row[k] = row.get(k, nothing) - factor * value
+
+
+def expanded_field(
+    block: RowBlock, independent: Sequence[int], order: Sequence[tuple[int, int]]
+) -> ca.Function:
+    """field(x, p, u, w) -> Y with A_I Y = (0, w) and Y = u beside the pivots: written out, operation by operation.
+
+    independent: the rows I, in their order; order: `pivots` of A_I; u (N,), of which the entries at pivots do not
+    count; w: values of the independent differential rows.
+    """
+    u, s = ca.SX.sym("u", block.size), len(block.holonomic)
+    w = ca.SX.sym("w", sum(i >= s for i in independent))
+    A = block.A[list(independent), :]
+    bound = {j for _, j in order}
+    rows: list[dict[int, ca.SX]] = [{} for _ in independent]
+    right = [ca.SX(0) if i < s else w[k - len(independent) + w.numel()] for k, i in enumerate(independent)]
+    for i, j, value in zip(*A.sparsity().get_triplet(), ca.vertsplit(ca.vec(A.nz[:])), strict=True):
+        if j in bound:
+            rows[i][j] = value
+        else:
+            right[i] = right[i] - value * u[j]
+    for n, (i, j) in enumerate(order):
+        for k, _ in order[n + 1 :]:
+            if j in rows[k]:
+                factor = rows[k].pop(j) / rows[i][j]
+                right[k] = right[k] - factor * right[i]
+                _eliminate(rows[k], rows[i], j, factor, ca.SX(0))
+    Y = ca.vertsplit(u)
+    for i, j in reversed(order):
+        pivot = rows[i].pop(j)
+        Y[j] = (right[i] - sum(value * Y[k] for k, value in rows[i].items())) / pivot
+    return ca.Function("field", [block.x, block.p, u, w], [ca.cse(ca.densify(ca.vertcat(*Y)))])
+
+
+def factored_field(block: RowBlock, independent: Sequence[int]) -> ca.Function:
+    """field(x, p, u, w) -> the Y nearest to u with A_I Y = (0, w), its equations solved numerically at each call."""
+    s = len(block.holonomic)
+    count = sum(i >= s for i in independent)
+    A_I = ca.Function("rows", [block.x, block.p], [block.A[list(independent), :]])
+    sizes = (block.size, block.p.numel(), block.size, count)
+    x, p, u, w = inputs = [ca.MX.sym(name, size) for name, size in zip("xpuw", sizes, strict=True)]
+    A = A_I(x, p)
+    wanted = ca.vertcat(ca.MX.zeros(len(independent) - count), w)
+    weights = ca.solve(ca.mtimes(A, A.T), wanted - ca.mtimes(A, u), SOLVER)
+    return ca.Function("field", inputs, [ca.densify(u + ca.mtimes(A.T, weights))])

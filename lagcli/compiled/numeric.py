@@ -15,16 +15,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from lagcli.compiled import contact_values, gap_floors, output_row, solvers
 from lagcli.compiled import parts as shared
+from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
-from lagcli.compiled.factored import Factored
 from lagcli.compiled.selection import Selection
 from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
+
+if TYPE_CHECKING:  # for large systems alone
+    from lagcli.compiled.factored import Factored
 
 # Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
 # so that two quadratic steps reach rounding.
@@ -75,7 +78,11 @@ class NumericSystem:
     def _way(self) -> Expanded | Factored:
         parts = self._parts
         largest = max(map(solvers.operations, (parts.S, parts.S_held) if parts.g.numel() else (parts.S,)))
-        return Expanded(parts) if largest <= EXPANDED_OPERATIONS else Factored(parts)
+        if largest <= EXPANDED_OPERATIONS:
+            return Expanded(parts)
+        from lagcli.compiled.factored import Factored
+
+        return Factored(parts)
 
     @property
     def rhs(self) -> ca.Function:
@@ -115,7 +122,7 @@ class NumericSystem:
         t, y, p = inputs = _inputs(self._way.landed)
         landed, rate, lam = self._way.landed(t, self._projected(t, y, p), p)
         lam = self._parts.multipliers(t, landed, p, lam)
-        row, account = output_row.table(self._system, self._parts)(t, landed, rate, lam, p)
+        row, account = table(self._system, self._parts)(t, landed, rate, lam, p)
         return ca.Function("record", inputs, [landed, row, account])
 
     @cached_property
@@ -160,6 +167,8 @@ class NumericSystem:
     @cached_property
     def contact_values(self) -> ca.Function:
         """See `contact_values.function`."""
+        from lagcli.compiled import contact_values
+
         return contact_values.function(self._parts)
 
     @property
@@ -176,8 +185,10 @@ class NumericSystem:
 
     @cached_property
     def gap_floors(self) -> ca.Function:
-        """See `gap_floors.function`."""
-        return gap_floors.function(self._parts)
+        """See `contact_values.floors`."""
+        from lagcli.compiled import contact_values
+
+        return contact_values.floors(self._parts)
 
     @cached_property
     def closed_rows(self) -> list[int]:
@@ -273,3 +284,24 @@ class NumericSystem:
 
 def _inputs(function: ca.Function) -> list[ca.MX]:
     return [ca.MX.sym(name, function.size1_in(i)) for i, name in enumerate("typ")]
+
+
+def table(system: System, parts: shared.Parts) -> ca.Function:
+    """table(t, y, y', lambda, p) -> one row of the table without t, and the figures the account is made of."""
+    model, dynamics, symbols = system.model, system.dynamics, system.symbols
+    particles, n = system.r.numel() // 3, symbols.q.numel()
+    first = n - len(model.generalized_names)
+    moving = ca.vertcat(ca.reshape(system.r, 3, particles), ca.reshape(system.r_dot, 3, particles))
+    generalized = ca.horzcat(symbols.q[first:], symbols.v[first:])
+    values = [ca.vec(moving), ca.vec(generalized.T), system.lam, system.R, system.Q_R[first:]]
+    values += [dynamics.energy, system.outputs]
+    account = ca.vertcat(
+        shared.position_residual(parts),
+        shared.velocity_residual(parts),
+        dynamics.jacobi,
+        dynamics.rest,
+    )
+    rate = ca.vertcat(ca.SX.sym("v", n), system.a, ca.SX.sym("power"))
+    inputs = [symbols.t, parts.y, rate, system.lam, parts.p]
+    options = {"cse": parts.is_small}
+    return ca.Function("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)

@@ -1,4 +1,5 @@
-"""Pieces of space on which rows are analytic: what holds at one point of a piece at generic ones holds at nearly all.
+"""Pieces of space on which rows are analytic, and rows as they are on the piece of a point: what holds at one point of
+a piece at generic ones holds at nearly all.
 
 A piece ends where `abs`, `sign`, `min` or `max` switches, where a root or a power has no derivative, where `asin` or
 `acos` comes to the end of its range (asin(sin(x)) turns back there), at the cut of `atan2`, and at poles.
@@ -6,7 +7,7 @@ A piece ends where `abs`, `sign`, `min` or `max` switches, where a root or a pow
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
@@ -39,6 +40,9 @@ ENDS: dict[int, Callable[..., ca.SX]] = {
 TOUCHED = 0.1
 # A start that is this near to an end, as a part of what the values of a path come to, lies on it.
 ON_END = 1e-9
+# In the first round a modulus may come to light, as the root of a square.
+ROUNDS = 2
+SWITCHES = {ca.OP_FABS, ca.OP_SIGN, ca.OP_FMIN, ca.OP_FMAX}
 
 
 class AnalyticPieces:
@@ -88,3 +92,29 @@ def _touched(u: Floats) -> npt.NDArray[np.bool_]:
         least = here - (before - after) ** 2 / (8 * bend)
     is_least = (here <= before) & (here <= after) & (bend > 0)
     return is_least & (least <= TOUCHED * np.minimum(before, after))
+
+
+def on_branch(
+    value: ca.SX, inputs: Sequence[ca.SX], point: Sequence[Floats], near: float, otherwise: float
+) -> ca.SX:
+    """A column on the branch of a point; a switch that is within `near` of it stays, unless a branch that is not taken
+    holds it, or is put on the side that is given `otherwise`, 1 or -1 in place of 0."""
+
+    def sign_of(argument: ca.SX) -> float:
+        found = float(ca.Function("switch", list(inputs), [argument])(*point))
+        return float(np.sign(found)) if abs(found) > near else otherwise
+
+    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
+        if op not in SWITCHES:
+            return result
+        side = sign_of(parts[0] - parts[1] if len(parts) == 2 else parts[0])
+        if not side:
+            return result
+        if len(parts) == 2:
+            return parts[0 if (side > 0) == (op == ca.OP_FMAX) else 1]
+        return side * parts[0] if op == ca.OP_FABS else ca.SX(side)
+
+    # A root of a square that came to light is a modulus.
+    for _ in range(ROUNDS):
+        value = operation_graph.replayed(value, inputs, visit)
+    return value

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+
 import casadi as ca
 
 from lagcli.frozen import frozen_value
 
-NAMES: dict[int, str] = {getattr(ca, name): name[3:].lower() for name in dir(ca) if name.startswith("OP_")}
+
+@functools.cache
+def _names() -> dict[int, str]:
+    """The names of operations by their codes."""
+    return {getattr(ca, name): name[3:].lower() for name in dir(ca) if name.startswith("OP_")}
 
 
 @frozen_value
@@ -27,9 +33,13 @@ def written_out(function: ca.Function) -> Program:
     steps = []
     for k in range(function.n_instructions()):
         code = function.instruction_id(k)
-        name = NAMES[code]
         value = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
         steps.append(
-            (name, tuple(function.instruction_output(k)), tuple(function.instruction_input(k)), value)
+            (
+                _names()[code],
+                tuple(function.instruction_output(k)),
+                tuple(function.instruction_input(k)),
+                value,
+            )
         )
     return Program(tuple(steps), int(function.sz_w()), int(function.numel_out(0)))

@@ -1,4 +1,5 @@
-"""Constraint rows that belong together, and how they turn, as functions of numbers (D.3, D.6).
+"""Constraint rows that belong together, how they turn, and the sizes of their variables, as functions of numbers (D.3,
+D.6).
 
 The rows over (q, t) are A = [B | b], the first s of them df of holonomic rows, the others forms omega_i.
 """
@@ -8,15 +9,23 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import branch, pieces, program
+from lagcli.compiled import program
 from lagcli.equations.system import System
 
+if TYPE_CHECKING:  # a count needs no pieces
+    from lagcli.compiled.pieces import AnalyticPieces
+
 Floats = npt.NDArray[np.float64]
+
+# Rounds in which rows and columns are scaled in turn.
+SCALING_ROUNDS, TINY_ENTRY = 3, 1e-4
+
 
 KINKS = {"fabs", "sign", "fmin", "fmax", "lt", "le", "eq", "ne", "if_else_zero"}
 
@@ -59,12 +68,14 @@ class RowBlock:
         put on one `side` (1 or -1)."""
         if not self.has_kinks:
             return self
+        from lagcli.compiled import pieces
+
         there = copy.copy(self)
         for name in ("rows", "surface", "along", "curl", "has_kinks", "pieces", "_turning"):
             there.__dict__.pop(name, None)
         place = [self.x, self.p], [x, p], near, side
-        entries = branch.of(ca.densify(ca.vec(ca.SX(self.A).nz[:])), *place)
-        there.A, there._f = ca.SX(self.A.sparsity(), entries), branch.of(ca.densify(self._f), *place)
+        entries = pieces.on_branch(ca.densify(ca.vec(ca.SX(self.A).nz[:])), *place)
+        there.A, there._f = ca.SX(self.A.sparsity(), entries), pieces.on_branch(ca.densify(self._f), *place)
         return there
 
     @cached_property
@@ -96,8 +107,10 @@ class RowBlock:
         return any(name in KINKS for name, *_ in steps)
 
     @cached_property
-    def pieces(self) -> pieces.AnalyticPieces:
+    def pieces(self) -> AnalyticPieces:
         """The pieces of space on which the rows are analytic."""
+        from lagcli.compiled import pieces
+
         return pieces.AnalyticPieces(self.A, [self.x, self.p])
 
     @cached_property
@@ -118,3 +131,30 @@ class RowBlock:
             change = ca.densify(ca.jtimes(entries, self.x, along)) * into[columns, 0]
             found.append(ca.SX(omega.sparsity(), change))
         return found
+
+
+def variable_sizes(A: ca.DM, kinds: npt.NDArray[np.intp]) -> Floats:
+    """Sizes (N,) of variables in which the entries of rows A (C, N) are of one size; 1 where none is touched.
+
+    Variables of one of the `kinds` (N,) have one size. Entries that are tiny in their row, as at a special place,
+    say nothing of sizes.
+    """
+    rows, columns = (np.asarray(part, dtype=np.intp) for part in A.sparsity().get_triplet())
+    values = np.abs(np.array(A.nonzeros(), dtype=float))
+    groups = kinds[columns]
+    of_row, of_kind = np.ones(A.shape[0]), np.ones(int(kinds.max(initial=0)) + 1)
+    for _ in range(SCALING_ROUNDS):
+        largest = np.zeros(of_row.size)
+        np.maximum.at(largest, rows, values * of_kind[groups])
+        of_row = 1 / np.where(largest > 0, largest, 1.0)
+        relative = values * of_row[rows] * of_kind[groups]
+        largest = np.zeros(of_kind.size)
+        np.maximum.at(largest, groups, np.where(relative > TINY_ENTRY, relative, 0.0))
+        of_kind /= np.where(largest > 0, largest, 1.0)
+    return of_kind[kinds]
+
+
+def scaled(A: ca.DM, sizes: Floats) -> ca.DM:
+    """Rows A (C, N) with their columns times the sizes (N,)."""
+    columns = np.asarray(A.sparsity().get_col(), dtype=np.intp)
+    return ca.DM(A.sparsity(), ca.DM(np.array(A.nonzeros(), dtype=float) * sizes[columns]))

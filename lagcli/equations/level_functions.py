@@ -80,6 +80,18 @@ def has_time(system: System, chart: LevelExpression) -> bool:
     return any(ca.depends_on(ca.SX(each), system.symbols.t) for each in (chart.above, chart.below))
 
 
+def compiled(system: System, charts: Sequence[LevelExpression]) -> ca.Function:
+    """levels(t, q, p) -> above and below of K charts (K, 2), their gradients by q (K, n) and (K, n), and periods
+    (K,), 0 where there is none."""
+    s = system.symbols
+    above, below = (
+        ca.densify(ca.vertcat(*each)) for each in ([c.above for c in charts], [c.below for c in charts])
+    )
+    periods = [ca.SX(0) if c.period is None else c.period for c in charts]
+    outputs = [ca.horzcat(above, below), ca.jacobian(above, s.q), ca.jacobian(below, s.q)]
+    return ca.Function("levels", [s.t, s.q, system.p], [*outputs, ca.densify(ca.vertcat(*periods))])
+
+
 class _LevelNames:
     """The values of the names in a chart. Dependent particles and definitions do not occur in them."""
 

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import output_row, parts
+from lagcli.compiled import numeric, parts
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations import time_functions
 from lagcli.equations.system import System
@@ -56,7 +56,7 @@ class DenseFunctions:
         inputs = [symbols.t, symbols.q, symbols.v, system.p]
         self._forces = BoundFunction(_function("forces", inputs, forces), [*own, self._v, np.array(p)])
         self._is_diagonal = bool(dynamics.M.sparsity().is_diag())
-        self._record = output_row.table(system, parts.parts(system))
+        self._record = numeric.table(system, parts.parts(system))
         self._p = p
         self.timed = time_functions.functions(system.model)
         self.calls = 0

@@ -301,9 +301,9 @@ def are_many(count: int, coordinates: int) -> bool:
     return count > DENSE and coordinates > DENSE
 
 
-def stacked(first: Sparse, then: Sparse) -> Sparse:
+def stacked(*blocks: Sparse) -> Sparse:
     """Rows, and others below them."""
-    return ca.vertcat(first, then)
+    return ca.vertcat(*blocks)
 
 
 def sparse(

@@ -15,7 +15,7 @@ import pytest
 import lagcli
 from lagcli.analysis import numeric_flag
 from lagcli.analysis.numeric_flag import multiprecision, term_sizes
-from lagcli.compiled import kernel_fields, program, row_block
+from lagcli.compiled import lie_brackets, program, row_block
 from lagcli.equations import system
 from lagcli.start import initial
 from tests.helpers import spent
@@ -81,7 +81,7 @@ def test_published_flags(case):
 def test_published_flags_on_a_surface(case, is_rough, monkeypatch):
     """The coefficients are functions of others that only the surface ties to the coordinates."""
     if is_rough:
-        monkeypatch.setattr(kernel_fields, "pivots", refuse)
+        monkeypatch.setattr(lie_brackets, "pivots", refuse)
     values = start_values(case)
     names = "|".join(values)
 
@@ -94,7 +94,7 @@ def test_published_flags_on_a_surface(case, is_rough, monkeypatch):
 
 
 def refuse(*_):
-    raise kernel_fields.TooMuchFill
+    raise lie_brackets.TooMuchFill
 
 
 @EACH
@@ -396,7 +396,7 @@ CANCELLED = [
 def test_what_cancels_within_an_entry_is_rounding(constant, x, is_rough, monkeypatch):
     """Around the start these functions are constants, whose derivatives doubles may meet exactly or not."""
     if is_rough:
-        monkeypatch.setattr(kernel_fields, "pivots", refuse)
+        monkeypatch.setattr(lie_brackets, "pivots", refuse)
     values = {"x": x, "y": 0.3, "z": 0.2, "w": 0.1}
     for entry in (constant, f"exp({constant})"):
         form = f"d(z) - ({entry})*d(w) = 0"

@@ -18,7 +18,7 @@ from lagcli.analysis.numeric_flag import multiprecision, precise_brackets, undec
 from lagcli.analysis.numeric_flag.evaluation_point import OFF, EvaluationPoint
 from lagcli.analysis.numeric_flag.precise_brackets import Exact
 from lagcli.analysis.numeric_flag.span import DigitSample, Limits, Span
-from lagcli.compiled import kernel_fields, lie_brackets
+from lagcli.compiled import lie_brackets
 from lagcli.compiled.lie_brackets import LEAF, Shape
 
 Floats = npt.NDArray[np.float64]
@@ -170,7 +170,7 @@ def in_digits(place: EvaluationPoint, is_decimal: bool) -> Exact | None:
     """The rows in many digits, or None where they are too large for it or a function is not known in them."""
     try:
         return Exact(place, is_decimal)
-    except (kernel_fields.TooMuchFill, multiprecision.Unknown):
+    except (lie_brackets.TooMuchFill, multiprecision.Unknown):
         return None
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.numeric_flag import term_sizes
-from lagcli.compiled import program, variable_sizes
+from lagcli.compiled import program, row_block
 from lagcli.compiled.row_block import RowBlock
 from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.metric import Metric
@@ -47,8 +47,8 @@ class EvaluationPoint:
         self.is_finite = bool(np.isfinite(A.nonzeros()).all())
         if self.is_finite:
             A = _without_rounding(block, A, x, p)
-            self.sizes = variable_sizes.of(A, block.kinds)
-            self.plain, self.A = A, variable_sizes.applied(A, self.sizes)
+            self.sizes = row_block.variable_sizes(A, block.kinds)
+            self.plain, self.A = A, row_block.scaled(A, self.sizes)
             self.rows = MetricRows(self.A, Metric.unit(block.size))
 
     @cached_property

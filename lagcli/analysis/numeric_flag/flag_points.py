@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from lagcli.analysis.numeric_flag import undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
-from lagcli.compiled import variable_sizes
+from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
 from lagcli.linear.metric import Metric
@@ -159,7 +159,7 @@ class ReachablePlaces:
             A, _ = self._block.rows(x, place.p)
             if not np.isfinite(A.nonzeros()).all():
                 return None
-            return _projected(variable_sizes.applied(A[kept, :], ranges), u)
+            return _projected(row_block.scaled(A[kept, :], ranges), u)
 
         first = along(place.x)
         largest = 0.0 if first is None else float(np.abs(first).max(initial=0.0))

@@ -14,7 +14,7 @@ from lagcli.analysis.numeric_flag import multiprecision, undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.multiprecision import Number
 from lagcli.analysis.numeric_flag.span import DigitSample
-from lagcli.compiled import kernel_fields, lie_brackets, program
+from lagcli.compiled import lie_brackets, program
 from lagcli.compiled.lie_brackets import LEAF, Shape
 from lagcli.compiled.program import Program
 from lagcli.linear.metric import Metric
@@ -37,15 +37,15 @@ class Exact:
     """The rows at one place as written-out programs.
 
     is_decimal: a parameter 0.1 is a tenth, as it was written, and not the double next to it.
-    Raises `kernel_fields.TooMuchFill`, `multiprecision.Unknown`, and `undecided.Undecided`.
+    Raises `lie_brackets.TooMuchFill`, `multiprecision.Unknown`, and `undecided.Undecided`.
     """
 
     def __init__(self, place: EvaluationPoint, is_decimal: bool) -> None:
         if place.rows.is_large:
-            raise kernel_fields.TooMuchFill
+            raise lie_brackets.TooMuchFill
         block, self._place = place.block, place
-        order = kernel_fields.pivots(place.A[place.independent, :], FILL)
-        self._field = program.written_out(kernel_fields.expanded(block, place.independent, order))
+        order = lie_brackets.pivots(place.A[place.independent, :], FILL)
+        self._field = program.written_out(lie_brackets.expanded_field(block, place.independent, order))
         self._curl, self._along = program.written_out(block.curl), program.written_out(block.along)
         surface = program.written_out(block.surface)
         self.length = len(self._field.steps) + len(self._curl.steps)

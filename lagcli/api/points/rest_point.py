@@ -10,7 +10,6 @@ from lagcli import progress
 from lagcli.analysis.classification import classify
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.runs import run_settings
-from lagcli.compiled import invariant_values
 from lagcli.equations import jump_warnings, level_functions
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -105,7 +104,7 @@ def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> 
     """The charts that have finite values and a gradient at a state."""
     found = []
     for chart in level_functions.charts(built, written).charts:
-        value = invariant_values.function(built, [chart])(state.t, state.q, state.p)
+        value = level_functions.compiled(built, [chart])(state.t, state.q, state.p)
         (above, below), period = value[0].full()[0], float(value[3])
         size = 1.0 if period else float(np.hypot(above, below))
         if 1 / MODERATE < size < MODERATE:

@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import NumericSystem, invariant_values
+from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions
 from lagcli.equations.system import System
-from lagcli.linear import generic_direction, independent_rows
+from lagcli.linear import generic_direction, independent_rows, metric_rows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.model.invariant import FirstIntegral
@@ -141,7 +141,7 @@ class Integrals:
 
     @cached_property
     def _evaluate(self) -> Compiled:
-        function: Compiled = invariant_values.function(self._system, self._charts.charts)
+        function: Compiled = level_functions.compiled(self._system, self._charts.charts)
         return function
 
 
@@ -209,7 +209,7 @@ class _Forms:
         """The integrals with a gradient that depends on the holonomic rows and on those before it."""
         numbers, gradients = zip(*((i, self.gradient(i, level)) for i, level in taken), strict=True)
         s = self._whole.shape[0]
-        rows = MetricRows(invariant_values.stacked(self._whole, gradients), self._metric)
+        rows = MetricRows(metric_rows.stacked(self._whole, *gradients), self._metric)
         if rows.are_independent:
             return []
         if not rows.is_large:
