@@ -17,7 +17,7 @@ from lagcli.api.runs import prepare_run
 from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.equations import size_limits
 from lagcli.errors import diagnostics
-from lagcli.input import given_value
+from lagcli.input import given_expression
 from lagcli.input.overrides import OverrideError
 from lagcli.model import settings
 from lagcli.model.model import Model
@@ -52,7 +52,7 @@ def initial_multipliers(
         label = f"--mu {name}"
         if name not in found:
             raise OverrideError(f"{label}: {_unknown(model, name, rows)}")
-        found[name] = given_value.number(model, label, value)
+        found[name] = given_expression.number(model, label, value)
     return found
 
 

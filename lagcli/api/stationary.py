@@ -8,7 +8,7 @@ from lagcli.api.models.load import Path, as_model
 from lagcli.api.points import rest_point, static_points
 from lagcli.api.points.static_points import SEED, STARTS, StaticQuestion
 from lagcli.equations import level_functions
-from lagcli.input import quantity
+from lagcli.input import given_expression
 from lagcli.model.model import Model
 from lagcli.statics import static_laws
 from lagcli.statics.static_report import StaticReport
@@ -27,7 +27,7 @@ def stationary(
     """
     static_points.require(starts, seed)
     model = as_model(model)
-    written = quantity.read(model, of, "--of")
+    written = given_expression.function(model, of, "--of")
     ready = cache.compiled(model)
     start = rest_point.begin(ready, limit)
     laws = static_laws.of_function(ready.system, level_functions.value(ready.system, written), start.levels)

@@ -23,11 +23,11 @@ from lagcli.compiled import parts as shared
 from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.selection import Selection
-from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.system import System
 
-if TYPE_CHECKING:  # for large systems alone
+if TYPE_CHECKING:
     from lagcli.compiled.factored import Factored
+    from lagcli.equations.level_functions import LevelExpression
 
 # Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
 # so that two quadratic steps reach rounding.

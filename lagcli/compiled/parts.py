@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -13,9 +14,11 @@ from lagcli.compiled import selection as choice
 from lagcli.compiled import solvers
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics
-from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.rows import ContactRows
 from lagcli.equations.system import System
+
+if TYPE_CHECKING:
+    from lagcli.equations.level_functions import LevelExpression
 from lagcli.frozen import frozen
 
 # Below this a norm is taken as zero where it divides; B has no row without entries.

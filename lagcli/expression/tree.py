@@ -27,29 +27,44 @@ class ExpressionError(Exception):
         self.place = place
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Node:
-    """Characters `start` to `end` of the expression."""
+    """Characters `start` to `end` of the expression.
+
+    All nodes share its methods but `__init__`: to write them for each class takes most of the time of the import.
+    """
 
     start: int
     end: int
 
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and self._parts() == other._parts()
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+    def __hash__(self) -> int:
+        return hash(self._parts())
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}{self._parts()}"
+
+    def _parts(self) -> tuple[object, ...]:
+        return tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
+
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Number(Node):
     """A decimal number; `text` keeps it exact for exact algebras."""
 
     text: str
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Name(Node):
     """A name that stands alone: parameter, coordinate, particle, definition, `t`, `pi` ..."""
 
     name: str
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Member(Node):
     """`owner.member`, such as `a.x` or `a.v`."""
 
@@ -57,7 +72,7 @@ class Member(Node):
     member: str
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Index(Node):
     """`owner[i][j]` or `owner[i].member`: a member of a family."""
 
@@ -66,7 +81,7 @@ class Index(Node):
     member: str
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Call(Node):
     """`function(arguments)`."""
 
@@ -74,7 +89,7 @@ class Call(Node):
     arguments: tuple[Node, ...]
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Component(Node):
     """`reaction(a).x` or `(a - b).x`: a component of a vector that is not a name."""
 
@@ -82,21 +97,21 @@ class Component(Node):
     member: str
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Sum(Node):
     """Terms added (sign +1) or subtracted (sign -1); a single negative term is a negation."""
 
     terms: tuple[tuple[int, Node], ...]
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Product(Node):
     """Factors multiplied (exponent +1) or divided by (exponent -1), from left to right."""
 
     factors: tuple[tuple[int, Node], ...]
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Power(Node):
     """`base ** exponent`."""
 
@@ -104,14 +119,14 @@ class Power(Node):
     exponent: Node
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Vector(Node):
     """`[x, y, z]`."""
 
     components: tuple[Node, ...]
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Relation(Node):
     """`left relation right`, where relation is `=`, `>=` or `<=`; only at the top of an entry."""
 
@@ -120,7 +135,7 @@ class Relation(Node):
     right: Node
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Range(Node):
     """`name = low .. high`: the values of an index, both bounds included; only at the top of a `for`."""
 
@@ -129,7 +144,7 @@ class Range(Node):
     high: Node
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class ComparisonNode(Node):
     """`a < b <= c`: operands with a relation between each two; only in a filter, as all that follow."""
 
@@ -137,21 +152,21 @@ class ComparisonNode(Node):
     relations: tuple[str, ...]
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Not(Node):
     """`not inner`."""
 
     inner: Node
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class And(Node):
     """Two or more comparisons joined with `and`."""
 
     parts: tuple[Node, ...]
 
 
-@dataclasses.dataclass(slots=True, unsafe_hash=True)
+@dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Or(Node):
     """Two or more comparisons joined with `or`."""
 

@@ -17,8 +17,7 @@ from lagcli.expression import facts, parser, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
 from lagcli.input import (
-    conditions,
-    constraint_equations,
+    constraint_laws,
     degree_notes,
     entries,
     entry_names,
@@ -121,9 +120,9 @@ class _Document:
         definitions = self._definitions()
         lagrangian = self._lagrangian()
         forces = self._forces(particles)
-        holonomic = self._laws("holonomic", constraint_equations.holonomic)
-        differential = self._laws("differential", constraint_equations.differential)
-        inequality = self._laws("inequality", conditions.inequality)
+        holonomic = self._laws("holonomic", constraint_laws.holonomic)
+        differential = self._laws("differential", constraint_laws.differential)
+        inequality = self._laws("inequality", constraint_laws.inequality)
         rigid = self._rigid()
         outputs = self._outputs()
         events = self._named("events", functools.partial(event_entries.event, self._formulas))

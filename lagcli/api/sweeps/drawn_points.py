@@ -15,7 +15,7 @@ from lagcli.api.sweeps.point_sources import BadPoints, TableOfPoints
 from lagcli.errors import diagnostics
 from lagcli.expression import parser, tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.input import given_value
+from lagcli.input import given_expression
 from lagcli.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -81,7 +81,9 @@ def read(model: Model, text: str) -> Uncertain:
     words = DISTRIBUTIONS[node.function]
     if len(node.arguments) != len(words):
         raise BadPoints(f"{label}~{written}: write {node.function}({', '.join(words)})")
-    numbers = tuple(given_value.number(model, label, written[one.start : one.end]) for one in node.arguments)
+    numbers = tuple(
+        given_expression.number(model, label, written[one.start : one.end]) for one in node.arguments
+    )
     found = Uncertain(name, node.function, numbers)
     if fault := _fault(found):
         raise BadPoints(f"{label}~{written}: {fault}")

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lagcli.expression import parser, tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.input import given_value
+from lagcli.input import given_expression
 from lagcli.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -130,7 +130,7 @@ def _range(model: Model, label: str, written: str) -> Floats:
     parts = [part.strip() for part in written.split(":")]
     if len(parts) != 3 or not all(parts):
         raise BadPoints(f"{label}={written}: a range is LOW:HIGH:COUNT, both ends counted, such as 0.5:2:16")
-    low, high, count = (given_value.number(model, label, part) for part in parts)
+    low, high, count = (given_expression.number(model, label, part) for part in parts)
     if count != int(count) or count < 1:
         raise BadPoints(
             f"{label}={written}: the count of a range is a whole number, 1 or more, not {parts[2]}"
@@ -150,7 +150,7 @@ def _listed(model: Model, label: str, written: str) -> Floats:
     items = node.components if isinstance(node, tree.Vector) else (node,)
     if any(isinstance(item, tree.Vector) for item in items):
         raise BadPoints(f"{label}={written}: a point is made of numbers; set the components one by one")
-    values = [given_value.number(model, label, written[item.start : item.end]) for item in items]
+    values = [given_expression.number(model, label, written[item.start : item.end]) for item in items]
     return np.array(values, dtype=float).reshape(-1, 1)
 
 

@@ -1,15 +1,18 @@
-"""An expression that is given beside a model (`--of`), read with the names of the model."""
+"""Expressions that are given beside a model, with an option: a number (`--mu`), or a function of positions (`--of`)."""
 
 from __future__ import annotations
 
 import functools
+import math
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
-from lagcli.expression import facts, parser
+from lagcli.expression import evaluate, facts, parser, tree
 from lagcli.expression.facts import Either, Facts
+from lagcli.expression.tree import ExpressionError
 from lagcli.input import scope
 from lagcli.input.namespace import PLACE, Kind
+from lagcli.input.overrides import OverrideError
 from lagcli.input.scalars import Formulas
 from lagcli.model import model as nouns
 from lagcli.model.family import Family
@@ -17,7 +20,45 @@ from lagcli.model.family import Family
 PLACES = facts.POSITION - {"time"}
 
 
-def read(model: nouns.Model, text: str, label: str) -> nouns.Expression:
+def number(model: nouns.Model, label: str, value: object) -> float:
+    """The number that `value` stands for; `label`: what it was given with, such as `--mu blade`.
+
+    Raises `OverrideError` where it is neither a number nor a text, `ModelError`, located, for an expression that is
+    none of parameters.
+    """
+    if isinstance(value, int | float):
+        if not math.isfinite(value):
+            raise OverrideError(f"{label}: {value} is not a finite number")
+        return float(value)
+    if not isinstance(value, str):
+        raise OverrideError(f"{label}: a number or an expression is needed, not {type(value).__name__}")
+    if not value.strip():
+        raise OverrideError(f"{label}: an expression is missing")
+    known = {p.name: p.value for p in model.parameters} | model.constants
+    origin = yaml_tree.scalar(value, label)
+
+    def lookup(node: tree.Node) -> Either:
+        if isinstance(node, tree.Name) and node.name in known:
+            found = known[node.name]
+            if isinstance(found, tuple):
+                x, y, z = map(Facts, found)
+                return x, y, z
+            return Facts(found)
+        hint = diagnostics.nearest(getattr(node, "name", ""), known)
+        message = f"`{value[node.start : node.end]}` is no parameter of the model"
+        raise ExpressionError("unknown-name", message, node.start, node.end, hint)
+
+    try:
+        algebra = facts.FactsAlgebra(lookup, facts.NOTHING, "a value that is given")
+        return float(facts.constant(evaluate.scalar(parser.parse(value), algebra)))
+    except ExpressionError as error:
+        location = origin.locate(error.start, error.end)
+        raise diagnostics.ModelError(
+            [diagnostics.Diagnostic(error.code, error.message, location, error.hint)]
+        ) from None
+
+
+def function(model: nouns.Model, text: str, label: str) -> nouns.Expression:
     """A scalar of positions, coordinates and parameters.
 
     Raises `diagnostics.ModelError`, located in `label`, and `ValueError` for a constant.
