@@ -78,6 +78,8 @@ def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
     def visit(op: int, parts: list[_Known], expression: operation_graph.Expression) -> _Known:
         if op in _WORDS:
             word, place = _WORDS[op]
+            if op == ca.OP_DIV and parts[1][2] and 0.0 in parts[1][1]:
+                place = 0  # of x/|x|, whose divisor touches zero on one side alone
             shape, bounds, is_moving = parts[place]
             if is_moving and not is_one_sided(bounds):
                 call = expression()

@@ -12,7 +12,8 @@ from lagcli.model import model as nouns
 
 ANGLES = re.compile(r"\b(atan2?)\s*\(")
 _SWITCHES = re.compile(r"\b(abs|sign|min|max)\s*\(")
-_JUMPS = re.compile(r"\b(sign|atan2?|abs|sqrt|tanh)\s*\(")
+# A power whose exponent is not whole may be a root, and so a modulus.
+_JUMPS = re.compile(r"\b(sign|atan2?|abs|sqrt|tanh|min|max)\s*\(|\*\*(?!\s*[-+]?\d+(?![\w.]))")
 
 
 def have_angles(model: nouns.Model) -> bool:
