@@ -3,7 +3,7 @@ start."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagcli.errors import diagnostics
 
@@ -13,6 +13,35 @@ if TYPE_CHECKING:
 
 NOT_UNIQUE = {True: "", False: "not unique", None: "undecided"}
 MOST_NAMED = 40  # redundant rows
+
+
+class ReportLines(NamedTuple):
+    """The lines of a report: cells of the table of constraints by their headers, the rows that share forces, the joint
+    verdict where there are differential rows, the count, the start."""
+
+    cells: list[dict[str, str]]
+    shares: list[str]
+    joint: list[str]
+    counted: list[str]
+    start: str
+
+
+def of(found: Report) -> ReportLines:
+    """All lines of a report."""
+    # A count alone has no rows that share forces.
+    from lagcli.linear import independent_rows
+
+    is_differential = any(one.verdict.declared == "differential" for one in found.constraints)
+    return ReportLines(
+        [cells(constraint) for constraint in found.constraints],
+        [
+            diagnostics.printable(line)
+            for line in independent_rows.shares([vector.rows for vector in found.null_vectors])
+        ],
+        joint(found.joint) if is_differential else [],
+        count(found.dof),
+        start(found),
+    )
 
 
 def joint(joint: JointReport) -> list[str]:

@@ -7,7 +7,7 @@ No physics and no printing here. What several commands need stands in rooms, eac
 before it:
 
 - `models`: reads and compiles; `cache` keeps compiled systems, which changes no answer
-- `runs`: starts and resumes runs, each a `simulation_run.SimulationRun`
+- `runs`: starts and resumes runs, each a `SimulationRun` of `output`
 - `points`: points of rest
 - `stiff`: runs beside a constrained one
 - `sweeps`: many runs

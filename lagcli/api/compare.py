@@ -13,10 +13,10 @@ from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
-from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.equations import particle_form, size_limits
 from lagcli.model.model import Model, Simulation
 from lagcli.output import table_columns
+from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import column_choice
 from lagcli.simulation.run_state import run_stop
 

@@ -14,7 +14,6 @@ from lagcli.analysis.classification import classify
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.runs import prepare_run
-from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.equations import size_limits
 from lagcli.errors import diagnostics
 from lagcli.input import given_expression
@@ -22,6 +21,7 @@ from lagcli.input.overrides import OverrideError
 from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.output import table_columns
+from lagcli.output.runs.simulation_run import SimulationRun
 
 if TYPE_CHECKING:
     from lagcli.formulations.comparison import Formulation

@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-import itertools
 import os
 import time
 from collections.abc import Sequence
 
-import numpy as np
-import numpy.typing as npt
-
 from lagcli import progress
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
-from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.model.model import Model
-from lagcli.output import checkpoint_file
-from lagcli.output.figures import decimate
-from lagcli.output.tables import incident_table
-from lagcli.output.trajectory import SimulationStopped, Trajectory
-from lagcli.simulation.run_state import run_stop
-
-Floats = npt.NDArray[np.float64]
+from lagcli.output.runs import gathered_run
+from lagcli.output.trajectory import Trajectory
 
 
 @progress.phase("simulating")
@@ -77,67 +66,4 @@ def simulate(
     run = prepare_run.prepare(model, run_settings.chosen(model, changes), resume, limit, digits)
     if event_rows:
         run.add_event_rows()
-    table = _GatheredTable(run, columns)
-    keeper = checkpoint_file.Keeper(checkpoint) if checkpoint is not None else None
-    stop: run_stop.Stop | None = None
-    try:
-        for block in run.blocks():
-            table.add(block)
-            if keeper is not None:
-                keeper.take(run.checkpoint())
-    except run_stop.RunStop as stopped:
-        stop = stopped.stop
-    finally:
-        if keeper is not None:
-            keeper.write()
-    result = table.trajectory(began)
-    if stop is not None:
-        raise SimulationStopped(stop.reason, stop.t, result)
-    return result
-
-
-class _GatheredTable:
-    """The rows and the incidents of a run, in the order in which they come."""
-
-    def __init__(self, run: SimulationRun, columns: str) -> None:
-        # The command chooses its columns by itself.
-        from lagcli.output.tables import column_choice
-
-        self._run = run
-        self._picked = column_choice.select(run.columns, columns, run.by_name)
-        self._blocks = [np.zeros((0, len(self._picked)))]
-        self._incidents = [run.incident_columns.table([])]
-        # What is zero to rounding is known from all columns.
-        self._is_whole = self._picked[: len(run.columns)] == list(range(len(run.columns)))
-        self._thinned = decimate.DecimatedRows()
-
-    def add(self, block: Floats) -> None:
-        """A block of rows, and the incidents that came with it."""
-        run = self._run
-        self._blocks.append(run.taken(block, self._picked))
-        if not self._is_whole:
-            self._thinned.add(block)
-        if run.incidents:
-            self._incidents.append(run.incident_columns.table(run.incidents))
-
-    def trajectory(self, began: float) -> Trajectory:
-        """The table of all, made since the time `began`."""
-        run = self._run
-        everything = (*run.columns, *run.by_name)
-        rows = np.concatenate(self._blocks)
-        self._blocks.clear()  # freeing memory takes its time too
-        # What is left of the wall time went into the rows: taken together, chosen, kept.
-        stats = run.stats
-        seconds = time.perf_counter() - began - stats.compile_seconds
-        stats = dataclasses.replace(stats, solve_seconds=seconds)
-        names = tuple(everything[i] for i in self._picked)
-        floors, looked_at = (
-            run.floors(),
-            rows[:, : len(run.columns)] if self._is_whole else self._thinned.rows(),
-        )
-
-        def zeros() -> frozenset[str]:
-            floors.take(looked_at)
-            return frozenset(itertools.compress(run.columns, floors.zeros()))
-
-        return Trajectory(names, rows, stats, run.notes, incident_table.joined(self._incidents), zeros)
+    return gathered_run.gathered(run, columns, checkpoint, began)

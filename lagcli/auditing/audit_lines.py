@@ -3,15 +3,44 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from lagcli.auditing.checks.audit_report import Check, TableLocation
+from lagcli.auditing.checks.audit_report import Audit, Check, TableLocation
 
 if TYPE_CHECKING:
     from lagcli.auditing.evidence.tolerances import Evidence
 
 UNREAD = 12  # names of columns that no check looks at
 SHOWN = 6  # names of rows in a sentence
+MOST_FAULTS_TOLD = 6  # entries of a check that fails
+
+
+class AuditLines(NamedTuple):
+    """The lines of an audit. rows: the table of checks, its headers first; failures: of each check that fails the head,
+    entries that are beyond their limits, and the number of others; sentences: those below, the verdict last."""
+
+    rows: list[tuple[str, ...]]
+    failures: list[tuple[str, list[str], int]]
+    sentences: list[str]
+
+
+def of(found: Audit) -> AuditLines:
+    """All lines of an audit."""
+    failures = [
+        (
+            failure(check),
+            [fault(place) for place in check.failing[:MOST_FAULTS_TOLD]],
+            max(0, check.failures - MOST_FAULTS_TOLD),
+        )
+        for check in found.checks
+        if check.verdict == "fail"
+    ]
+    sentences = [sentence[0].upper() + sentence[1:] + "." for sentence in found.sentences]
+    if found.figures:
+        sentences.append(work(dict(found.figures)))
+    if found.unread:
+        sentences.append(unread(found.unread))
+    return AuditLines(wide_rows(found.checks), failures, [*sentences, found.conclusion])
 
 
 def failure(check: Check) -> str:

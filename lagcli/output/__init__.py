@@ -3,6 +3,7 @@
 In: rows of numbers with names
 Out: files, or a refusal before the run
 
-`trajectory` is the result of a run, `tables` writes and reads tables, `figures` draws, `atomic_file` puts a file in
-place as a whole, `table_columns` says what can be read off the rows.
+`runs` writes runs as they come, `trajectory` is the result of one, `tables` writes and reads tables, `figures` draws,
+`atomic_file` puts a file in place as a whole, `interrupts` holds signals back meanwhile, `table_columns` says what can
+be read off the rows.
 """

@@ -30,12 +30,11 @@ import lagcli as package
 from lagcli import __main__ as entry
 from lagcli.api.models import cache
 from lagcli.api.runs import prepare_run
-from lagcli.cli.files import run_figure
-from lagcli.cli.requests import asked_run
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import catalogue, diagnostics
 from lagcli.output.figures import figure
 from lagcli.output.files import endings, interrupts
+from lagcli.output.runs import run_request
 from lagcli.output.tables import sinks
 from tests.helpers import pendulum
 
@@ -837,8 +836,8 @@ def test_columns_choose_by_name_where_brackets_are_letters(
     wrong = lagcli("simulate", "model.yaml", "--columns", "lambda.rodd")
     assert "lambda.rod" in wrong.err
     # Names with brackets, as of families: the whole contract of the patterns is tested with the export.
-    options = asked_run.SimulateOptions(columns="p[1].*")
-    assert run_figure.picked(("t", "p[1].x", "p1.x"), options) == [1]
+    options = run_request.RunRequest(columns="p[1].*")
+    assert options.picked(("t", "p[1].x", "p1.x")) == [1]
 
 
 STATS_KEYS = [

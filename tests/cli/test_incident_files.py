@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.cli.files import table_output
 from lagcli.output import checkpoint_file
 from lagcli.output.files import atomic_file
+from lagcli.output.runs import run_tables
 from lagcli.output.tables import incident_table, read_table, sinks
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state.incident import Incident
@@ -255,7 +255,7 @@ def kill(command, monkeypatch, files):
         patch.setattr(atomic_file, "sweep", lambda: None)
         patch.setattr(sinks._FileSink, "discard", lambda sink: None)
         taken = []
-        take = table_output.TableOutput.take
+        take = run_tables.RunTables.take
 
         def counted(self, *arguments):
             take(self, *arguments)
@@ -263,7 +263,7 @@ def kill(command, monkeypatch, files):
             if len(taken) == 8:
                 raise Killed
 
-        patch.setattr(table_output.TableOutput, "take", counted)
+        patch.setattr(run_tables.RunTables, "take", counted)
         with pytest.raises(Killed):
             command("simulate", "m.yaml", *files)
 

@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lagcli.cli.requests import file_conflicts
-from lagcli.cli.terminal import exits
-from lagcli.output.files import atomic_file
+from lagcli.output.files import atomic_file, file_requests, write_guard
 from lagcli.output.tables import sinks
 from tests.helpers import pendulum
 from tests.helpers.in_process import command
@@ -118,9 +116,9 @@ def test_a_model_on_standard_input_is_a_file_too(here, option, monkeypatch, comm
 def test_standard_output_is_a_file_too(here, monkeypatch):
     with open("all.json", "w") as out:
         monkeypatch.setattr(sys, "stdout", out)
-        told = [file_conflicts.File("--stats", "all.json", is_written=True), *file_conflicts.stdout()]
-        with pytest.raises(exits.UsageError, match="that is the file of --stats"):
-            file_conflicts.require_separate(told)
+        told = [file_requests.File("--stats", "all.json", is_written=True), *file_requests.stdout()]
+        with pytest.raises(write_guard.BadRequest, match="that is the file of --stats"):
+            file_requests.require_separate(told)
 
 
 @pytest.mark.parametrize(("platform", "refused"), [("linux", False), ("darwin", True), ("win32", True)])
@@ -129,14 +127,14 @@ def test_names_that_differ_in_case_are_one_file_where_the_system_takes_them_so(
 ):
     monkeypatch.setattr(sys, "platform", platform)
     pair = [
-        file_conflicts.File("--stats", "new.json", True),
-        file_conflicts.File("--checkpoint", "NEW.json", True),
+        file_requests.File("--stats", "new.json", True),
+        file_requests.File("--checkpoint", "NEW.json", True),
     ]
     if refused:
-        with pytest.raises(exits.UsageError):
-            file_conflicts.require_separate(pair)
+        with pytest.raises(write_guard.BadRequest):
+            file_requests.require_separate(pair)
     else:
-        file_conflicts.require_separate(pair)
+        file_requests.require_separate(pair)
 
 
 def test_two_models_may_be_one_file(command, here):

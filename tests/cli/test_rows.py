@@ -15,10 +15,10 @@ import pyarrow.parquet
 import pytest
 
 import lagcli
-from lagcli.api.runs import prepare_run, simulation_run
-from lagcli.cli.files import table_output
+from lagcli.api.runs import prepare_run
 from lagcli.output import checkpoint_file
 from lagcli.output.files import atomic_file, interrupts
+from lagcli.output.runs import run_tables, simulation_run
 from lagcli.output.tables import parquet_format, read_table, row_file, sinks
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint
@@ -101,7 +101,7 @@ def killed(monkeypatch):
         monkeypatch.setattr(checkpoint_file, "EVERY", 0.0)
         monkeypatch.setattr(atomic_file, "sweep", lambda: None)
         kill, taken = killer(monkeypatch), []
-        take = table_output.TableOutput.take
+        take = run_tables.RunTables.take
 
         def counted(self, *arguments):
             take(self, *arguments)
@@ -109,7 +109,7 @@ def killed(monkeypatch):
             if len(taken) == after:
                 kill()
 
-        monkeypatch.setattr(table_output.TableOutput, "take", counted)
+        monkeypatch.setattr(run_tables.RunTables, "take", counted)
 
     return arm
 
@@ -410,7 +410,7 @@ def test_signals_while_the_rows_are_being_written_lose_none(command, here, endin
     monkeypatch.setattr(loop, "PAUSE", 0.0)
     monkeypatch.setattr(loop, "BLOCK_VALUES", 200)
     taken = []
-    take, keep = table_output.TableOutput.take, table_output.TableOutput.keep
+    take, keep = run_tables.RunTables.take, run_tables.RunTables.keep
     rename = os.replace
 
     def raising(*arguments):
@@ -432,8 +432,8 @@ def test_signals_while_the_rows_are_being_written_lose_none(command, here, endin
             interrupts._handle(number, None)
         rename(*arguments)
 
-    monkeypatch.setattr(table_output.TableOutput, "take", raising)
-    monkeypatch.setattr(table_output.TableOutput, "keep", more_of_them)
+    monkeypatch.setattr(run_tables.RunTables, "take", raising)
+    monkeypatch.setattr(run_tables.RunTables, "keep", more_of_them)
     monkeypatch.setattr(os, "replace", moved)
     _, err, code = command("simulate", "m.yaml", "-q", "-o", f"run.{ending}")
     assert code == 130

@@ -29,9 +29,10 @@ from hypothesis import HealthCheck, Phase, configuration, event, given, seed, se
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli.api.runs import prepare_run, run_settings, simulation_run
+from lagcli.api.runs import prepare_run, run_settings
 from lagcli.errors import catalogue, diagnostics
 from lagcli.expression import evaluate, facts, integers, parser, tree
+from lagcli.output.runs import simulation_run
 from lagcli.simulation.run_state import checkpoint, run_stop
 from tests.helpers import documents, jets, systems
 

@@ -91,7 +91,7 @@ def test_a_plain_command_loads_nothing_of_checkpoints_and_random_numbers(
         "lagcli.output.tables.row_file",
         "lagcli.output.checkpoint_file",
         "lagcli.simulation.run_state.saved_form",
-        "lagcli.cli.files.rows_before",
+        "lagcli.output.runs.rows_before",
     }
     # With JSON come the numbers of a table.
     assert ("lagcli.simulation.run.loop" in loaded) == ("json" in loaded) == (arguments[0] == "simulate")

@@ -1,4 +1,4 @@
-"""The way of a model through `lagcli simulate`: each stage is entered once or twice, and little calls back up.
+"""The way of a model through a command: each package is entered once or twice, and little calls back up.
 
 What is counted are calls while it runs, properties and generators among them; data that is handed on is none.
 """
@@ -12,6 +12,7 @@ import pytest
 import lagcli
 from lagcli.api.models import cache
 from tests.helpers import calls_between
+from tests.helpers.calls_between import Places
 from tests.helpers.in_process import run
 from tests.house.test_architecture import ROOMS
 
@@ -30,17 +31,35 @@ CLIMBS = {
 MOST_CLIMBS = 4  # of them in one run
 
 
-# A holonomic model, one whose first integrals are searched, one with impacts, one with a rope that goes slack.
-@pytest.mark.parametrize("name", ["pendulum", "rolling-disk", "zeno-ball", "rope-slack-and-taut"])
-def test_each_stage_is_entered_once_or_twice(name: str, tmp_path: Path) -> None:
+def walked(*arguments: object) -> Places:
+    """The places by which packages enter one another while a command runs."""
     lagcli.simulate(MODELS / "pendulum.yaml", samples=2)  # loads what the recorder would slow down
     cache.forget()
     with calls_between.recorded() as places:
-        _, err, code = run("simulate", MODELS / f"{name}.yaml", "--samples", "5", "-o", tmp_path / "run.csv")
+        _, err, code = run(*arguments)
     assert code == 0, err
-    entered = {called: found for (caller, called), found in places.items() if caller == "api"}
-    assert {"input", "equations", "compiled", "analysis", "simulation", "output"} <= entered.keys()
-    assert not {called: found for called, found in entered.items() if len(found) > MOST_ENTRIES}
+    return places
+
+
+def entered(places: Places, caller: str) -> dict[str, set[str]]:
+    """The places of a package by the package that is entered there."""
+    return {called: found for (one, called), found in places.items() if one == caller}
+
+
+def too_many(places: Places, caller: str) -> dict[str, set[str]]:
+    return {called: found for called, found in entered(places, caller).items() if len(found) > MOST_ENTRIES}
+
+
+# A holonomic model, one whose first integrals are searched, one with impacts, one with a rope that goes slack.
+@pytest.mark.parametrize("name", ["pendulum", "rolling-disk", "zeno-ball", "rope-slack-and-taut"])
+def test_each_stage_is_entered_once_or_twice(name: str, tmp_path: Path) -> None:
+    places = walked("simulate", MODELS / f"{name}.yaml", "--samples", "5", "-o", tmp_path / "run.csv")
+    assert {"input", "equations", "compiled", "analysis", "simulation", "output"} <= entered(
+        places, "api"
+    ).keys()
+    assert {"api", "output", "errors", "progress"} == entered(places, "cli").keys()
+    assert not too_many(places, "api")
+    assert not too_many(places, "cli")
     up = {
         place.partition(":")[0]
         for (caller, called), found in places.items()
@@ -49,3 +68,52 @@ def test_each_stage_is_entered_once_or_twice(name: str, tmp_path: Path) -> None:
     }
     assert up <= CLIMBS.keys()
     assert len(up) <= MOST_CLIMBS
+
+
+def test_all_files_of_a_run_take_no_more_entries(tmp_path: Path) -> None:
+    files = [
+        ("-o", "run.csv"),
+        ("--events", "e.csv"),
+        ("--plot", "p.svg"),
+        ("--stats", "s.json"),
+        ("--checkpoint", "c"),
+    ]
+    options = [part for option, name in files for part in (option, tmp_path / name)]
+    places = walked(
+        "simulate", MODELS / "zeno-ball.yaml", "--event-rows", "--digits", "--columns", "t,lambda.*", *options
+    )
+    assert len(list(tmp_path.iterdir())) == len(files)
+    assert not too_many(places, "api")
+    assert not too_many(places, "cli")
+
+
+def test_a_run_that_is_resumed_takes_no_more_entries(tmp_path: Path) -> None:
+    model, point = MODELS / "pendulum.yaml", tmp_path / "point"
+    assert (
+        run("simulate", model, "--duration", "1", "-o", tmp_path / "run.csv", "--checkpoint", point)[2] == 0
+    )
+    places = walked("simulate", model, "--resume", point, "-o", tmp_path / "more.csv", "--checkpoint", point)
+    # A checkpoint is read, refused before anything is built where it is of another run, and gone on from.
+    assert too_many(places, "api").keys() <= {"simulation"}
+    assert len(entered(places, "api")["simulation"]) == 3
+    assert not too_many(places, "cli")
+
+
+def test_a_run_in_memory_enters_each_stage_once_or_twice() -> None:
+    model = lagcli.load(MODELS / "pendulum.yaml")
+    lagcli.simulate(model, samples=2)
+    cache.forget()
+    with calls_between.recorded() as places:
+        lagcli.simulate(model, samples=5)
+    assert "output" in entered(places, "api")
+    assert not too_many(places, "api")
+
+
+# The answer is a frozen object, and what is told of it is another one.
+@pytest.mark.parametrize(
+    ("command", "name"), [("dof", "pendulum"), ("check", "rolling-disk"), ("audit", "pendulum")]
+)
+def test_other_commands_enter_each_package_once_or_twice(command: str, name: str) -> None:
+    places = walked(command, MODELS / f"{name}.yaml")
+    assert "api" in entered(places, "cli")
+    assert not too_many(places, "cli")

@@ -13,12 +13,12 @@ import lagcli
 from lagcli.analysis.classification import integral_searches, known_integrals
 from lagcli.analysis.classification.case import Case
 from lagcli.api.models import cache
-from lagcli.api.runs import prepare_run, run_settings, simulation_run
+from lagcli.api.runs import prepare_run, run_settings
 from lagcli.cli.actions import simulate_command as telling
-from lagcli.cli.requests import asked_run
 from lagcli.compiled import NumericSystem, numeric
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral, LevelFunction
+from lagcli.output.runs import run_request, simulation_run, written_run
 from lagcli.pfaffian import level_charts
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import invariants
@@ -506,7 +506,8 @@ def test_notes_stand_in_the_account(capsys: pytest.CaptureFixture[str]) -> None:
     found = held("y/x", ENDING["log"], ENDING["good"])
     for quiet in (False, True):
         going = ready(LINE % (-1, 1, -0.5, 0.5), found, duration=1, samples=3)
-        telling.run(going, asked_run.SimulateOptions(quiet=quiet))
+        request = run_request.RunRequest(quiet=quiet)
+        telling.run(written_run.WrittenRun(going, request), request)
         told = capsys.readouterr().err
         assert ("note: from t = 0." in told) == (not quiet)
         assert ("the integral y/x is held in another form\n" in told) == (not quiet)

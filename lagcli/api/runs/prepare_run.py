@@ -13,9 +13,9 @@ from lagcli.api.models import cache
 from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.api.models.load import Path
 from lagcli.api.runs import run_settings
-from lagcli.api.runs.simulation_run import PreparedRun, SimulationRun
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation
+from lagcli.output.runs.simulation_run import PreparedRun, SimulationRun
 from lagcli.simulation import run_entry
 from lagcli.simulation.run_entry import RunPlan
 from lagcli.simulation.run_state import checkpoint as checkpoints
@@ -91,7 +91,15 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
     run = run_entry.resume(ready.system, ready.kept, point)
     state = initial.declared(ready.system)
     return SimulationRun(
-        PreparedRun(ready, state, run, point.integrals, time.perf_counter() - began, resumed=point)
+        PreparedRun(
+            ready.system,
+            ready.numeric,
+            state,
+            run,
+            point.integrals,
+            time.perf_counter() - began,
+            resumed=point,
+        )
     )
 
 
@@ -111,7 +119,8 @@ def _started(
     plan = RunPlan(start.state, start.selection, start.is_singular, found.integrals, found.notes, *rows)
     run = run_entry.begin(ready.system, ready.kept, plan)
     return PreparedRun(
-        ready,
+        ready.system,
+        ready.numeric,
         start.state,
         run,
         found.integrals,

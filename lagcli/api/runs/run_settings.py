@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypedDict
 
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation
 
 REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol", "max_step"))
+
+
+class RepeatedRuns(TypedDict):
+    """The settings of the runs of `compare` and `limit`, None where the file's stays."""
+
+    duration: float | None
+    output_step: float | None
+    samples: int | None
+    rtol: float | None
+    atol: float | None
+    max_step: float | None
+    assemble: bool | None
 
 
 class BadSetting(ValueError):

@@ -13,6 +13,7 @@ from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.output.files import endings
+from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.tables import read_table
 from lagcli.output.tables.table_format import MissingExtra
 
@@ -30,10 +31,6 @@ class NoSuchRow(ValueError):
     """A row, or a column of it, is not there."""
 
 
-# What `at` raises beside OSError; the messages name the file.
-REFUSALS = (NoSuchRow, endings.UnknownFormat, MissingExtra, read_table.UnreadableTable)
-
-
 def split(text: str) -> tuple[str, int]:
     """FILE and the number of its row, -1 where none is given; a drive letter is no file."""
     found = _ROW.fullmatch(text)
@@ -46,7 +43,7 @@ def at(model: Model, text: str) -> Model:
     """The model with the positions of a row, `FILE` or `FILE:ROW`, and its velocities, zero where there are none.
 
     Initial values that were set by name are put on top of the row: a push to a point of rest.
-    Raises `NoSuchRow`, and what `read_table.opened` raises.
+    Raises `NoSuchRow`, and what `read_table.opened` raises; the messages name the file.
     """
     path, row = split(text)
     table = read_table.opened(path)
@@ -71,6 +68,18 @@ def at(model: Model, text: str) -> Model:
             raise NoSuchRow(f"{path}:{row}: the column `{name}` has no number there")
     changes = (*model.changes, ("from", f"{path}:{row}"))
     return dataclasses.replace(system.started_at(model, q, v), changes=changes)
+
+
+def of_option(model: Model, text: str) -> Model:
+    """The model as `at` gives it. Raises `BadRequest`, worded for `--from`, in place of what `at` raises."""
+    try:
+        return at(model, text)
+    except FileNotFoundError as error:
+        raise BadRequest(f"--from: there is no file {error.filename}") from None
+    except OSError as error:
+        raise BadRequest(f"--from: cannot read {text}: {error.strerror}") from None
+    except (NoSuchRow, endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
+        raise BadRequest(f"--from {error}") from None
 
 
 def _set_aside(model: Model, names: Sequence[str], rates: Sequence[str]) -> dict[str, float]:

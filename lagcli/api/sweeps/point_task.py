@@ -19,7 +19,6 @@ import numpy.typing as npt
 from lagcli import progress
 from lagcli.api.models import cache
 from lagcli.api.runs import prepare_run, run_settings
-from lagcli.api.runs.simulation_run import SimulationRun
 from lagcli.api.sweeps import reductions
 from lagcli.api.sweeps.point_sources import Point
 from lagcli.api.sweeps.reductions import Reduction
@@ -28,6 +27,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.input import document
 from lagcli.input.overrides import OverrideError
 from lagcli.model.model import Model
+from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import sinks
 from lagcli.simulation.run_state import run_stop
 from lagcli.start import assembly

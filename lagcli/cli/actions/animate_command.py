@@ -10,14 +10,13 @@ from collections.abc import Callable
 from typing import TypedDict
 
 from lagcli.api import animate
-from lagcli.api.runs import run_settings
-from lagcli.cli.actions import simulate_command
-from lagcli.cli.requests import file_conflicts, model_reading, preflight
+from lagcli.api.runs import run_settings, start_row
+from lagcli.cli.requests import model_reading
 from lagcli.cli.terminal import exits
 from lagcli.output.animation import page
 from lagcli.output.animation.places import NothingToShow
 from lagcli.output.animation.scene import Scene
-from lagcli.output.files import atomic_file, endings, write_guard
+from lagcli.output.files import atomic_file, endings, file_requests, write_guard
 from lagcli.output.tables.table_format import MissingExtra, UnreadableTable
 from lagcli.output.trajectory import SimulationStopped
 
@@ -68,16 +67,18 @@ class AnimateOptions:
                 raise exits.UsageError(f"{option} is of a run, and {self.source} is the table of one")
             if self.changes and self.model is None:
                 raise exits.UsageError("--set is of a model; give that of the table with --model")
-        preflight.require_models([self.source, *([self.model] if self.model else [])])
-        preflight.require_ending(self.file, endings.ANIMATIONS)
+        model_reading.require_models([self.source, *([self.model] if self.model else [])])
+        file_requests.require_endings((self.file, endings.ANIMATIONS))
         if self.file is None and sys.stdout.isatty():
             raise exits.UsageError("a page is not for a terminal: give -o FILE.html, or send it on")
         if self.file is not None:
             known = [
-                *file_conflicts.model(self.source),
-                *(file_conflicts.model(self.model) if self.model else ()),
+                *file_requests.model_file(self.source),
+                *(file_requests.model_file(self.model) if self.model else ()),
             ]
-            preflight.require_writable(known, [file_conflicts.File("--output", self.file, is_written=True)])
+            file_requests.require_writable(
+                known, [file_requests.File("--output", self.file, is_written=True)]
+            )
 
 
 def run(options: AnimateOptions, given: AnimatedRun) -> None:
@@ -157,7 +158,7 @@ def _of_model(options: AnimateOptions, given: AnimatedRun) -> tuple[Scene, Simul
     if options.verbose:
         exits.say_all(warning.render() for warning in model.warnings)
     if given["begin"] is not None:
-        model = simulate_command.from_row(model, given["begin"], None)
+        model = start_row.of_option(model, given["begin"])
     settings = {key: value for key, value in given.items() if key != "begin"}
     try:
         run_settings.chosen(model, settings)

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, TypedDict
 from lagcli.api import audit
 from lagcli.auditing import audit_lines
 from lagcli.auditing.evidence.table_input import TableError
-from lagcli.cli.requests import file_conflicts, preflight
-from lagcli.cli.terminal import console, exits, json_output
+from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.output.figures import labels
-from lagcli.output.files import endings, write_guard
+from lagcli.output.files import endings, file_requests, json_text, write_guard
 from lagcli.output.tables import incident_table, read_table
 from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.table_format import MissingExtra
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit, Check
     from lagcli.model.model import Model
 
-SHOWN = 6  # names of a check that fails
 LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
 
 
@@ -44,20 +42,20 @@ class AuditOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL."""
-        preflight.require_ending(self.plot, endings.FIGURES)
-        preflight.require_ending(self.table, endings.TABLES)
+        file_requests.require_endings((self.plot, endings.FIGURES), (self.table, endings.TABLES))
         if self.table is not None and not os.path.exists(self.table):
             raise exits.UsageError(f"--run: there is no file {self.table}")
-        preflight.require_ending(self.events, endings.TABLES)
-        if self.events is not None and self.table is None:
-            raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
-        if self.events is not None and not os.path.exists(self.events):
-            raise exits.UsageError(f"--events: there is no file {self.events}")
+        if self.events is not None:
+            file_requests.require_endings((self.events, endings.TABLES))
+            if self.table is None:
+                raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
+            if not os.path.exists(self.events):
+                raise exits.UsageError(f"--events: there is no file {self.events}")
         if self.plot is not None:
             given = (("--run", self.table), ("--events", self.events))
-            read = [file_conflicts.File(option, file) for option, file in given if file is not None]
-            figure = file_conflicts.File("--plot", self.plot, is_written=True)
-            preflight.require_writable(file_conflicts.model(model), [*read, figure])
+            read = [file_requests.File(option, file) for option, file in given if file is not None]
+            figure = file_requests.File("--plot", self.plot, is_written=True)
+            file_requests.require_writable(file_requests.model_file(model), [*read, figure])
         if self.table is not None and self.has_rows:
             raise exits.UsageError(
                 "--run: the table has its own rows; --duration and --samples are of a new run"
@@ -84,7 +82,7 @@ def run(model: Model, given: AuditedRun, options: AuditOptions) -> None:
 
             audit_figure.draw(pathlib.Path(options.plot), found, model.units.time)
     if options.as_json:
-        print(json_output.text(found.as_json()))
+        print(json_text.text(found.as_json()))
     else:
         _tell(found, options)
     if not options.quiet:
@@ -127,7 +125,7 @@ def _events(options: AuditOptions) -> IncidentTable | None:
 
 def _tell(found: Audit, options: AuditOptions) -> None:
     """The report: a table of checks, what fails by name, and what the rows say about uniqueness."""
-    name = labels.shortened(found.title or found.path, labels.TITLE)
+    name, told = labels.shortened(found.title or found.path, labels.TITLE), audit_lines.of(found)
     console.paragraph(
         f"Audit of {name}: {found.rows} rows from t = {found.start:g} to {found.end:g},"
         f" run to rtol {found.rtol:g}, atol {found.atol:g}",
@@ -135,28 +133,23 @@ def _tell(found: Audit, options: AuditOptions) -> None:
     )
     print(
         "\n"
-        + "\n".join(diagnostics.printable(line) for line in _table_of(found.checks, options.verbose))
+        + "\n".join(
+            diagnostics.printable(line) for line in _table_of(found.checks, told.rows, options.verbose)
+        )
         + "\n"
     )
-    for check in found.checks:
-        if check.verdict == "fail":
-            console.paragraph(audit_lines.failure(check), "  ")
-            for place in check.failing[:SHOWN]:
-                console.paragraph(f"  {audit_lines.fault(place)}", "    ")
-            if check.failures > SHOWN:
-                print(f"  and {check.failures - SHOWN} others")
-    for sentence in found.sentences:
-        console.paragraph(sentence[0].upper() + sentence[1:] + ".", "")
-    if found.figures:
-        console.paragraph(audit_lines.work(dict(found.figures)), "")
-    if found.unread:
-        console.paragraph(audit_lines.unread(found.unread), "")
-    console.paragraph(found.conclusion, "")
+    for head, faults, others in told.failures:
+        console.paragraph(head, "  ")
+        for fault in faults:
+            console.paragraph(f"  {fault}", "    ")
+        if others:
+            print(f"  and {others} others")
+    for sentence in told.sentences:
+        console.paragraph(sentence, "")
 
 
-def _table_of(checks: tuple[Check, ...], verbose: bool) -> list[str]:
+def _table_of(checks: tuple[Check, ...], lines: list[tuple[str, ...]], verbose: bool) -> list[str]:
     """The lines of the table; on a narrow terminal laws are named by their numbers alone."""
-    lines = audit_lines.wide_rows(checks)
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     if sum(widths) + 2 * (len(widths) - 1) > console.width():
         lines = [

@@ -8,8 +8,9 @@ from lagcli.api import check as checking
 from lagcli.cli.actions import check_text, witness_command
 from lagcli.cli.requests import model_reading
 from lagcli.cli.requests.asked_check import CheckOptions
-from lagcli.cli.terminal import exits, json_output
+from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
+from lagcli.output.files import json_text
 
 
 def run(models: list[str], changes: list[str] | None, options: CheckOptions) -> None:
@@ -24,14 +25,16 @@ def run(models: list[str], changes: list[str] | None, options: CheckOptions) -> 
             shown = witness_command.shown(read, report, options) if options.witness is not None else None
         except diagnostics.ModelError as error:
             codes.append(exits.of(error))
-            answers.append({**({"path": path} if len(models) > 1 else {}), **json_output.errors(error)})
-            if not options.as_json:
+            if options.as_json:
+                answers.append({**({"path": path} if len(models) > 1 else {}), **model_reading.errors(error)})
+            else:
                 exits.say(str(error))
             continue
         # Several objects in a list say which model each is of.
         heading = {"path": report.path, "title": report.title} if len(models) > 1 else {}
         witnessed = {} if shown is None else {"witness": shown.as_json()}
-        answers.append({**heading, **report.as_json(), **witnessed})
+        if options.as_json:
+            answers.append({**heading, **report.as_json(), **witnessed})
         warned = any(found.severity == "warning" for found in report.warnings)
         codes.append(exits.INVALID if options.strict and warned else exits.DONE)
         if not options.as_json:
@@ -45,5 +48,5 @@ def run(models: list[str], changes: list[str] | None, options: CheckOptions) -> 
         if options.verbose:
             exits.say(f"{report.path}: checked in {time.perf_counter() - began:.3f} s")
     if options.as_json:
-        print(json_output.text(answers[0] if len(answers) == 1 else answers))
+        print(json_text.text(answers[0] if len(answers) == 1 else answers))
     raise exits.Exit(max(codes))

@@ -7,8 +7,6 @@ import sys
 from lagcli.analysis import check_lines
 from lagcli.analysis.check_report import ConstraintReport, Report
 from lagcli.cli.terminal import console
-from lagcli.errors import diagnostics
-from lagcli.linear import independent_rows
 from lagcli.output.figures import labels
 
 ALWAYS, FORMULAS = ("constraint", "declared", "verdict"), ("integral", "factor")
@@ -21,30 +19,24 @@ def report(found: Report, heading: bool) -> None:
     title = labels.shortened(found.title or found.path, labels.TITLE)
     console.paragraph(f"{found.path}: {title}" if heading and found.title else title, "")
     print()
+    lines = check_lines.of(found)
     if found.constraints:
-        _constraints(found.constraints)
+        _constraints(found.constraints, lines.cells)
         print()
-        if found.null_vectors:
-            for line in independent_rows.shares([vector.rows for vector in found.null_vectors]):
-                console.paragraph(diagnostics.printable(line), "    ")
+    for part in (lines.shares, lines.joint, lines.counted):
+        for line in part:
+            console.paragraph(line, "    ")
+        if part:
             print()
-        if any(one.verdict.declared == "differential" for one in found.constraints):
-            for line in check_lines.joint(found.joint):
-                console.paragraph(line, "    ")
-            print()
-    for line in check_lines.count(found.dof):
-        console.paragraph(line, "    ")
-    print()
-    console.paragraph(check_lines.start(found), "    ")
+    console.paragraph(lines.start, "    ")
     if heading:
         print()
     # A long list of models is read as it comes.
     sys.stdout.flush()
 
 
-def _constraints(constraints: tuple[ConstraintReport, ...]) -> None:
+def _constraints(constraints: tuple[ConstraintReport, ...], rows: list[dict[str, str]]) -> None:
     """The table, and below it what needs a whole line: reasons, and formulas too long for the terminal."""
-    rows = [check_lines.cells(constraint) for constraint in constraints]
     shown = [name for name in rows[0] if name in ALWAYS or any(row[name] for row in rows)]
     narrow = console.width() < NARROW
     formulas = narrow or not console.fits(shown, _picked(rows, shown))

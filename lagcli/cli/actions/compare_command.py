@@ -6,13 +6,14 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from lagcli.api import compare
+from lagcli.api.runs.run_settings import RepeatedRuns
 from lagcli.cli.files import principles_output
 from lagcli.cli.files.principles_output import PrinciplesOptions
-from lagcli.cli.requests.preflight import RepeatedRuns
-from lagcli.cli.terminal import console, exits, json_output
+from lagcli.cli.terminal import console, exits
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import KINDS, TITLES, Agreement, Comparison
 from lagcli.model.model import Model
+from lagcli.output.files import json_text
 
 LABELS = {"lambda": "λ"}
 COLOURS = {"stopped": "red"}
@@ -45,7 +46,7 @@ def run(model: Model, other: Model | None, settings: RepeatedRuns, options: Comp
         raise exits.UsageError(str(error)) from None
     principles_output.write(model, found, options.principles)
     if options.as_json:
-        print(json_output.text(found.as_json()))
+        print(json_text.text(found.as_json()))
     elif options.principles.output == "-":
         if found.principles is not None:
             exits.say(found.principles.sentence)

@@ -7,9 +7,10 @@ import shutil
 import sys
 
 from lagcli.api import derive
-from lagcli.cli.terminal import exits, json_output
+from lagcli.cli.terminal import exits
 from lagcli.derivation import Derivation
 from lagcli.model.model import Model
+from lagcli.output.files import json_text
 
 # Text is at least and at most so wide on a terminal, and WIDTH where there is none.
 NARROW, WIDE, WIDTH = 60, 140, 100
@@ -59,7 +60,7 @@ def write(page: Derivation, chosen: str, fragment: bool) -> None:
         case "html":
             print(page.html())
         case "json":
-            print(json_output.text(page.as_json()))
+            print(json_text.text(page.as_json()))
         case _:
             print(page.text(_width()))
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from lagcli.analysis.displacement_set import Components, Displacements
 from lagcli.analysis.internal_forces import Internal
 from lagcli.api import find_displacements
-from lagcli.cli.terminal import console, exits, json_output
+from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
+from lagcli.output.files import json_text
 from lagcli.output.trajectory import SimulationStopped
 
 MOST_COLUMNS, MOST_LINES = 8, 40  # of a basis, as fit a terminal; and its lines
@@ -27,7 +28,7 @@ def run(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bo
         exits.say(f"lagcli: {stop}")
         raise exits.Exit(exits.STOPPED) from None
     if as_json:
-        print(json_output.text(found.as_json()))
+        print(json_text.text(found.as_json()))
     else:
         _tell(found)
     if quiet:

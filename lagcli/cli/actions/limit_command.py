@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagcli.api import limit
-from lagcli.cli.files import safe_table
-from lagcli.cli.files.table_plan import TablePlan
-from lagcli.cli.requests import preflight
-from lagcli.cli.requests.preflight import RepeatedRuns
-from lagcli.cli.terminal import console, exits, json_output
+from lagcli.api.runs.run_settings import RepeatedRuns
+from lagcli.cli.terminal import console, exits
 from lagcli.formulations.stiff_ladder import StiffLimit
 from lagcli.model.model import Model
-from lagcli.output.files import write_guard
+from lagcli.output.files import file_requests, json_text, write_guard
+from lagcli.output.runs import safe_table
+from lagcli.output.runs.safe_table import TablePlan
 from lagcli.output.tables import provenance
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ class LimitOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL."""
-        preflight.require_outputs(model, self.output, self.plot, self.as_json)
+        file_requests.require_outputs(model, self.output, self.plot, self.as_json)
 
 
 def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
@@ -57,7 +56,7 @@ def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
         raise exits.UsageError(f"--{error}" if str(error).startswith("constraint") else str(error)) from None
     _write(model, found, options)
     if options.as_json:
-        print(json_output.text(found.as_json()))
+        print(json_text.text(found.as_json()))
     elif options.output != "-":
         _tell(found)
     if not options.quiet:

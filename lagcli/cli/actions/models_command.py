@@ -6,11 +6,12 @@ import os
 import textwrap
 
 from lagcli.cli.files import new_files
-from lagcli.cli.terminal import console, exits, json_output
+from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.input import format_schema
 from lagcli.input.starting import gallery_models
 from lagcli.input.starting.gallery_models import GalleryModel
+from lagcli.output.files import json_text
 
 INDENT = 2  # spaces
 
@@ -19,7 +20,7 @@ def listed(as_json: bool, quiet: bool) -> None:
     """Print all models by subject. Raises `exits.UsageError` where there is no gallery."""
     models = _models()
     if as_json:
-        print(json_output.text({"models": [_described(model) for model in models]}))
+        print(json_text.text({"models": [_described(model) for model in models]}))
         return
     width = max(len(model.name) for model in models) + 2 * INDENT
     subject = ""
@@ -46,7 +47,7 @@ def found(name: str) -> GalleryModel:
 def printed(model: GalleryModel, as_json: bool) -> None:
     """Print the text of a model."""
     if as_json:
-        print(json_output.text({**_described(model), "text": model.text()}))
+        print(json_text.text({**_described(model), "text": model.text()}))
     else:
         print(model.text(), end="")
 

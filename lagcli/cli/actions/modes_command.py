@@ -8,12 +8,12 @@ import pathlib
 import numpy as np
 
 from lagcli.api import find_modes
-from lagcli.cli.requests import file_conflicts, preflight
-from lagcli.cli.terminal import console, exits, json_output
+from lagcli.cli.requests import model_reading
+from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.linearization.linear_modes import Modes
 from lagcli.model.model import Model
-from lagcli.output.files import endings, write_guard
+from lagcli.output.files import endings, file_requests, json_text, write_guard
 from lagcli.output.trajectory import SimulationStopped
 
 MOST_MODES, MOST_COORDINATES = 60, 8  # what fits a screen; --json has all
@@ -32,15 +32,14 @@ class ModesOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done for this MODEL."""
-        preflight.require_models([model])
-        preflight.require_ending(self.animate, ("html",))
-        preflight.require_ending(self.plot, endings.FIGURES)
+        model_reading.require_models([model])
+        file_requests.require_endings((self.animate, ("html",)), (self.plot, endings.FIGURES))
         named = (("--plot", self.plot), ("--animate", self.animate))
         files = [
-            file_conflicts.File(option, name, is_written=True) for option, name in named if name is not None
+            file_requests.File(option, name, is_written=True) for option, name in named if name is not None
         ]
         if files:
-            preflight.require_writable(file_conflicts.model(model), files)
+            file_requests.require_writable(file_requests.model_file(model), files)
 
 
 def run(model: Model, settings: find_modes.ModesSettings, options: ModesOptions) -> None:
@@ -60,7 +59,7 @@ def run(model: Model, settings: find_modes.ModesSettings, options: ModesOptions)
     if options.animate is not None:
         _animate(found, model, options.animate)
     if options.as_json:
-        print(json_output.text(found.as_json()))
+        print(json_text.text(found.as_json()))
     elif options.plot is None and options.animate is None:
         _tell(found)
     if not options.quiet:

@@ -8,9 +8,10 @@ import shlex
 import sys
 
 from lagcli.cli.files import new_files
-from lagcli.cli.terminal import exits, json_output
+from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
 from lagcli.input.starting import model_templates
+from lagcli.output.files import json_text
 
 FIRST = next(iter(model_templates.TEMPLATES))
 ENDINGS = (".yaml", ".yml")
@@ -56,7 +57,7 @@ def _write(name: str, template: str, options: NewOptions) -> None:
     is_new = new_files.write(path, text, force=options.force)
     told = new_files.schema_beside(path) if options.with_schema else ""
     if options.as_json:
-        print(json_output.text({"path": path, "template": template, "written": is_new}))
+        print(json_text.text({"path": path, "template": template, "written": is_new}))
     if options.quiet:
         return
     exits.say(

@@ -79,13 +79,12 @@ def _simulated(name: str, options: PlotOptions, stopped: list[str]) -> Trajector
     """The run of a model with the settings of the options. Raises `exits.UsageError`, `diagnostics.ModelError`."""
     # Tables are drawn without the integrator.
     from lagcli.api import simulate
-    from lagcli.api.runs import run_settings
-    from lagcli.cli.actions import simulate_command
+    from lagcli.api.runs import run_settings, start_row
     from lagcli.output.trajectory import SimulationStopped
 
     model = model_reading.load(name, list(options.changes))
     if options.begin is not None:
-        model = simulate_command.from_row(model, options.begin, None)
+        model = start_row.of_option(model, options.begin)
     try:
         run_settings.chosen(model, options.run)
     except ValueError as error:

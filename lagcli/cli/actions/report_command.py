@@ -8,10 +8,10 @@ import pathlib
 from typing import TypedDict
 
 from lagcli.api import report
-from lagcli.cli.requests import file_conflicts, preflight
+from lagcli.cli.requests import model_reading
 from lagcli.cli.terminal import exits
 from lagcli.model.model import Model
-from lagcli.output.files import write_guard
+from lagcli.output.files import file_requests, write_guard
 from lagcli.output.report import pdf_programs, report_page
 
 
@@ -39,16 +39,16 @@ class ReportOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL, before any work."""
-        preflight.require_models([model])
+        model_reading.require_models([model])
         is_pdf = pathlib.Path(self.output).suffix.lower() == ".pdf"
         if self.pdf is not None and not is_pdf:
             raise exits.UsageError(f"--pdf {self.pdf}: the page is no PDF; write -o report.pdf")
         if self.output == "-":
             return
-        preflight.require_ending(self.output, report_page.FORMATS)
+        file_requests.require_endings((self.output, report_page.FORMATS))
         target = pathlib.Path(self.output)
-        files = [file_conflicts.File("--output", self.output, is_written=True)]
-        preflight.require_writable(file_conflicts.model(model), files)
+        files = [file_requests.File("--output", self.output, is_written=True)]
+        file_requests.require_writable(file_requests.model_file(model), files)
         if target.suffix.lower() == ".md":
             folder = report_page.figure_folder(target)
             if folder.exists() and not folder.is_dir():

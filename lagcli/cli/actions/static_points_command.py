@@ -5,11 +5,10 @@ from __future__ import annotations
 import dataclasses
 import sys
 
-from lagcli.cli.requests import preflight
-from lagcli.cli.terminal import console, exits, json_output
+from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.output.files import write_guard
+from lagcli.output.files import file_requests, json_text, write_guard
 from lagcli.output.tables import provenance, sinks
 from lagcli.statics.static_report import StaticReport
 
@@ -29,7 +28,7 @@ class PointOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL."""
-        preflight.require_outputs(model, self.output, None, self.as_json)
+        file_requests.require_outputs(model, self.output, None, self.as_json)
 
 
 def tell(model: Model, found: StaticReport, options: PointOptions) -> None:
@@ -37,7 +36,7 @@ def tell(model: Model, found: StaticReport, options: PointOptions) -> None:
     if options.output is not None and found.points:
         _write(model, found, options)
     if options.as_json:
-        print(json_output.text(found.as_json()))
+        print(json_text.text(found.as_json()))
     elif options.output != "-":
         _tell(found)
     if not options.quiet:

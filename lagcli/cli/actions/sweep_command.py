@@ -29,9 +29,9 @@ from lagcli.api.sweeps.sweep_plan import SweepPlan
 from lagcli.api.sweeps.sweep_table import SweepTable
 from lagcli.cli.requests.asked_points import UNREADABLE, AskedPoints
 from lagcli.cli.requests.asked_sweep import SweepFiles
-from lagcli.cli.terminal import console, exits, json_output
+from lagcli.cli.terminal import console, exits
 from lagcli.model.model import Model
-from lagcli.output.files import atomic_file, endings, interrupts, write_guard
+from lagcli.output.files import atomic_file, endings, interrupts, json_text, write_guard
 from lagcli.output.tables import table_format
 
 # Points above which a sweep is asked for with --yes: days of computing, which a slip of the finger has asked for.
@@ -239,7 +239,7 @@ def _keep(plan: SweepPlan, journal: sweep_journal.SweepJournal, target: pathlib.
 
 def _tell(plan: SweepPlan, account: SweepAccount, files: SweepFiles, seconds: float) -> None:
     if files.as_json:
-        print(json_output.text({**account.as_json(), "sweep": plan.identity}))
+        print(json_text.text({**account.as_json(), "sweep": plan.identity}))
     if files.quiet:
         return
     exits.say(account.sentence())

@@ -76,16 +76,16 @@ def compare(
     makes the action stationary among those that satisfy the rows, which in general is another one. Exit 1 where
     formulations disagree, 3 where a run stops before its end.
     """
+    from lagcli.api.runs import run_settings
     from lagcli.cli.actions import compare_command
     from lagcli.cli.files import principles_output
-    from lagcli.cli.requests import preflight
 
     paths = [model] if other is None else [model, other]
-    preflight.require_models(paths)
+    model_reading.require_models(paths)
     principles = principles_output.PrinciplesOptions(vakonomic, tuple(mu or ()), output, plot)
     principles.require(paths, as_json)
     read = model_reading.reported(lambda: [model_reading.load(path, changes) for path in paths], as_json)
-    given: preflight.RepeatedRuns = {
+    given: run_settings.RepeatedRuns = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip

@@ -8,8 +8,9 @@ import typer
 
 from lagcli.cli.commands import options
 from lagcli.cli.requests import model_reading
-from lagcli.cli.terminal import exits, json_output
+from lagcli.cli.terminal import exits
 from lagcli.model import settings
+from lagcli.output.files import json_text
 
 if TYPE_CHECKING:
     from lagcli.analysis.dof import DofCount
@@ -35,7 +36,7 @@ def dof(
     read = model_reading.read(model, changes, as_json)
     counted = model_reading.reported(lambda: count_dof.dof(read, limit=limit), as_json)
     if as_json:
-        print(json_output.text(counted.as_json()))
+        print(json_text.text(counted.as_json()))
     elif explain:
         print("\n".join(_lines(counted)))
     elif counted.configuration_dof is not None:

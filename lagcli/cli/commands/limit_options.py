@@ -58,16 +58,16 @@ def limit(
     Runs start on the slow motion, where the spring pulls as the row does, and the error goes as 1/k. Exit 3 where a run
     stops before its end.
     """
+    from lagcli.api.runs import run_settings
     from lagcli.cli.actions import limit_command
-    from lagcli.cli.requests import preflight
 
-    preflight.require_models([model])
+    model_reading.require_models([model])
     asked = limit_command.LimitOptions(
         constraint, stiffness, unprestressed, ramp, output, plot, as_json, quiet
     )
     asked.require(model)
     read = model_reading.read(model, changes, as_json, verbose)
-    given: preflight.RepeatedRuns = {
+    given: run_settings.RepeatedRuns = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip

@@ -58,26 +58,19 @@ def simulate(
     CSV on standard output without -o and --plot. Exit 3 where the integration stops before its end: the rows
     so far are in FILE.partial, and FILE is as it was.
     """
-    from lagcli.api.runs import run_settings
+    from lagcli.api import simulate_to_files
     from lagcli.cli.actions import simulate_command
-    from lagcli.cli.requests import asked_run
+    from lagcli.output.runs import run_request
 
-    asked = asked_run.SimulateOptions(
+    asked = run_request.RunRequest(
         output, plot, stats, columns, as_json, quiet, verbose,
         checkpoint, resume, limit, digits, events, event_rows,
     )  # fmt: skip
     asked.require(model)
     read = model_reading.read(model, changes, as_json)
-    if begin is not None:
-        read = simulate_command.from_row(read, begin, resume)
     given = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "method": method, "assemble": True if assemble else None,
     }  # fmt: skip
-    try:
-        chosen = run_settings.chosen(read, given)
-    except ValueError as error:
-        raise exits.UsageError(str(error)) from None
-    simulate_command.run(
-        model_reading.reported(lambda: simulate_command.ready(read, chosen, asked), as_json), asked
-    )
+    written = model_reading.reported(lambda: simulate_to_files.begin(read, given, asked, begin), as_json)
+    simulate_command.run(written, asked)

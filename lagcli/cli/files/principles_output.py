@@ -8,14 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.cli.files import safe_table
-from lagcli.cli.files.table_plan import TablePlan
-from lagcli.cli.requests import preflight
 from lagcli.cli.terminal import exits
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import Comparison, Formulation
 from lagcli.model.model import Model
-from lagcli.output.files import write_guard
+from lagcli.output.files import file_requests, write_guard
+from lagcli.output.runs import safe_table
+from lagcli.output.runs.safe_table import TablePlan
 from lagcli.output.tables import provenance
 
 
@@ -37,7 +36,7 @@ class PrinciplesOptions:
             return
         if len(models) > 1:
             raise exits.UsageError("--vakonomic compares the two principles of one MODEL")
-        preflight.require_outputs(models[0], self.output, self.plot, as_json)
+        file_requests.require_outputs(models[0], self.output, self.plot, as_json)
 
 
 def initial_multipliers(given: Sequence[str]) -> dict[str, str]:

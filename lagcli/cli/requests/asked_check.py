@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 
-from lagcli.cli.requests import preflight
+from lagcli.cli.requests import model_reading
 from lagcli.cli.terminal import exits
+from lagcli.output.files import file_requests
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -23,11 +24,11 @@ class CheckOptions:
 
     def require(self, models: list[str]) -> None:
         """Refuse what cannot be done for these MODELs."""
-        preflight.require_models(models)
+        model_reading.require_models(models)
         if self.witness is None:
             if self.plot is not None:
                 raise exits.UsageError("--plot draws the loop of --witness NAME; give that too")
             return
         if len(models) > 1:
             raise exits.UsageError("--witness takes one MODEL")
-        preflight.require_outputs(models[0], None, self.plot, as_json=False)
+        file_requests.require_outputs(models[0], None, self.plot, as_json=False)

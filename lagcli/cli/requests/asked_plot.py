@@ -8,9 +8,9 @@ import pathlib
 import sys
 from collections.abc import Mapping
 
-from lagcli.cli.requests import file_conflicts, preflight
+from lagcli.cli.requests import model_reading
 from lagcli.cli.terminal import exits
-from lagcli.output.files import endings
+from lagcli.output.files import endings, file_requests
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -48,12 +48,12 @@ class PlotOptions:
 
     def require(self) -> None:
         """Refuse what cannot be done for these files."""
-        preflight.require_models(list(self.files))
-        preflight.require_ending(self.output, endings.FIGURES)
+        model_reading.require_models(list(self.files))
+        file_requests.require_endings((self.output, endings.FIGURES))
         if self.output is None and not self.show and not sys.stdout.isatty():
             raise exits.UsageError("nothing to draw on: give -o FILE.png (svg, pdf), or --show for text")
         if self.events is not None:
-            preflight.require_ending(self.events, endings.TABLES)
+            file_requests.require_endings((self.events, endings.TABLES))
             if not os.path.exists(self.events):
                 raise exits.UsageError(f"--events: there is no file {self.events}")
         given = {**self.run, "from": self.begin, "set": self.changes or None}
@@ -63,9 +63,11 @@ class PlotOptions:
                 f"{options[0]} is for a MODEL that is simulated, and there are tables alone"
             )
         if self.output is not None:
-            read = [file for name in self.files for file in file_conflicts.model(name)]
-            read += [file_conflicts.File("--events", self.events)] if self.events is not None else []
-            preflight.require_writable(read, [file_conflicts.File("--output", self.output, is_written=True)])
+            read = [file for name in self.files for file in file_requests.model_file(name)]
+            read += [file_requests.File("--events", self.events)] if self.events is not None else []
+            file_requests.require_writable(
+                read, [file_requests.File("--output", self.output, is_written=True)]
+            )
 
 
 def is_table(name: str) -> bool:

@@ -7,9 +7,8 @@ import os
 import pathlib
 from collections.abc import Iterable
 
-from lagcli.cli.requests import file_conflicts, preflight
 from lagcli.cli.terminal import exits
-from lagcli.output.files import endings
+from lagcli.output.files import endings, file_requests
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -62,11 +61,11 @@ class SweepFiles:
             if self.as_json:
                 raise exits.UsageError("--json has standard output: give a file for the rows with -o FILE")
         elif not self.is_dataset:
-            preflight.require_outputs(model, self.output, None, self.as_json)
+            file_requests.require_outputs(model, self.output, None, self.as_json)
             if points not in (None, "-"):
-                given = file_conflicts.File("--points", str(points))
-                preflight.require_writable(
-                    [given], [file_conflicts.File("--output", self.target, is_written=True)]
+                given = file_requests.File("--points", str(points))
+                file_requests.require_writable(
+                    [given], [file_requests.File("--output", self.target, is_written=True)]
                 )
 
     def require_merge(self, paths: Iterable[str]) -> None:
@@ -79,6 +78,6 @@ class SweepFiles:
             raise exits.UsageError(
                 f"--merge: {self.target} is a folder; the parts of a dataset need no merging"
             )
-        preflight.require_ending(self.target, endings.TABLES)
-        read = [file_conflicts.File("--merge", path) for path in paths]
-        preflight.require_writable(read, [file_conflicts.File("--output", self.target, is_written=True)])
+        file_requests.require_endings((self.target, endings.TABLES))
+        read = [file_requests.File("--merge", path) for path in paths]
+        file_requests.require_writable(read, [file_requests.File("--output", self.target, is_written=True)])

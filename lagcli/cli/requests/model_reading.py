@@ -6,8 +6,9 @@ import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from lagcli.cli.terminal import exits, json_output
+from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
+from lagcli.output.files import json_text
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
@@ -27,6 +28,15 @@ def missing(path: str) -> exits.UsageError:
         return exits.UsageError(f"there is no file {path}")
     copy = f"lagcli models {found.name} -o {found.name}.yaml"
     return exits.UsageError(f"there is no file {path}; the gallery has a model of this name: `{copy}`")
+
+
+def require_models(paths: list[str]) -> None:
+    """One MODEL that does not exist is told before the others are worked on. Raises `exits.UsageError`."""
+    for path in paths:
+        if path != "-" and not os.path.exists(path):
+            raise missing(path)
+    if paths.count("-") > 1:
+        raise exits.UsageError("standard input can be read once only")
 
 
 def load(path: str, changes: list[str] | None) -> Model:
@@ -62,6 +72,11 @@ def reported(compute: Callable[[], T], as_json: bool) -> T:
         return compute()
     except diagnostics.ModelError as error:
         if as_json:
-            print(json_output.text(json_output.errors(error)))
+            print(json_text.text(errors(error)))
             raise exits.Exit(exits.of(error)) from None
         raise
+
+
+def errors(error: diagnostics.ModelError) -> dict[str, object]:
+    """The JSON of an invalid model."""
+    return {"errors": [found.as_json() for found in error.diagnostics]}

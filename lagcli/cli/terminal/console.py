@@ -6,6 +6,7 @@ columns are as wide as their texts.
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import sys
@@ -137,6 +138,9 @@ class Progress:
     def at(self, t: float) -> None:
         """The run has reached the time t."""
 
+    def close(self) -> None:
+        """Nothing more is shown: others write on the terminal."""
+
 
 @contextmanager
 def progress(start: float, end: float, quiet: bool) -> Iterator[Progress]:
@@ -185,6 +189,6 @@ class _Bar(Progress):
         shown.start()
 
     def close(self) -> None:
-        """Take the bar off the terminal."""
         if self._shown is not None:
             self._shown.stop()
+            self._shown, self._began = None, math.inf

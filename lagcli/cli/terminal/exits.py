@@ -30,7 +30,7 @@ class Exit(Exception):
         self.code = code
 
 
-class UsageError(Exception):
+class UsageError(write_guard.BadRequest):
     """The command line is wrong, or MODEL does not exist."""
 
 
@@ -60,11 +60,13 @@ def command(function: Callable[P, None]) -> Callable[P, None]:
 
     @functools.wraps(function)
     def ended(*arguments: P.args, **options: P.kwargs) -> None:
+        code = BUG
         try:
             with status_line.showing(bool(options.get("quiet"))):
                 code = guarded(lambda: function(*arguments, **options), debug=bool(options.get("debug")))
         finally:
-            atomic_file.sweep()
+            if code != DONE:  # one that ends well has moved or removed its files aside
+                atomic_file.sweep()
         raise SystemExit(code)
 
     return ended
@@ -105,7 +107,7 @@ def outcome(run: Callable[[], None]) -> int:
         run()
     except Exit as end:
         return end.code
-    except (UsageError, OverrideError) as error:
+    except (write_guard.BadRequest, OverrideError) as error:
         say(f"lagcli: {error}")
         return USAGE
     except diagnostics.ModelError as error:

@@ -1,4 +1,4 @@
-"""Failures to write a file, told with its name."""
+"""Failures to write a file, told with its name, and refusals of what was asked for."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ from lagcli.output.files import interrupts
 
 class WriteError(Exception):
     """A file could not be written."""
+
+
+class BadRequest(Exception):
+    """Something that was asked for cannot be done; the message names the option."""
 
 
 @contextlib.contextmanager

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import pathlib
 from typing import Literal
 
-from lagcli.api.runs.simulation_run import SimulationRun
-from lagcli.cli.files.table_plan import RowsBefore, TablePlan
-from lagcli.cli.terminal import exits
 from lagcli.output import checkpoint_file
+from lagcli.output.files.write_guard import BadRequest
+from lagcli.output.runs.safe_table import RowsBefore, TablePlan
+from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import row_file
 from lagcli.simulation.run_state.checkpoint import CheckpointTable
 
@@ -25,7 +26,7 @@ def _record(ready: SimulationRun, plan: TablePlan) -> CheckpointTable | None:
 def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBefore | None:
     """The rows before a resumed run, where it writes the same table and that table was never completed.
 
-    Raises `exits.UsageError` where they do not fit together, for they would be lost.
+    Raises `BadRequest` where they do not fit together, for they would be lost.
     """
     point, record = ready.resumed, _record(ready, plan)
     if point is None or record is None or plan.file is None or resume is None:
@@ -36,13 +37,13 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
         return None
     instead = f"give another file for the {plan.noun} after it alone"
     if record.step != plan.step:
-        raise exits.UsageError(
+        raise BadRequest(
             f"{told}: the run before wrote rows {record.step:.9g} apart into it, and this one {plan.step:.9g};"
             f" {instead}"
         )
     if record.has_event_rows != plan.has_event_rows:
         with_them, without = ("the run before", "this one")[:: 1 if record.has_event_rows else -1]
-        raise exits.UsageError(
+        raise BadRequest(
             f"{told}: {with_them} writes rows of --event-rows into it, and {without} none; {instead}"
         )
     rows = row_file.SafeRows(record.count, record.checksum)
@@ -51,20 +52,20 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
             for _ in blocks:
                 pass
     except row_file.UnfitRows as error:
-        raise exits.UsageError(f"{told}: {error}; {instead}") from None
+        raise BadRequest(f"{told}: {error}; {instead}") from None
     except OSError as error:
-        raise exits.UsageError(f"{told}: cannot read {path}: {error.strerror}") from None
+        raise BadRequest(f"{told}: cannot read {path}: {error.strerror}") from None
     return RowsBefore(path, rows, point.mark.origin + point.mark.row, plan.noun)
 
 
 def require_kept(ready: SimulationRun, resume: str | None, plan: TablePlan) -> None:
-    """Refuse to replace the table of the run before by the rows after it alone. Raises `exits.UsageError`."""
+    """Refuse to replace the table of the run before by the rows after it alone. Raises `BadRequest`."""
     point, record = ready.resumed, _record(ready, plan)
     if point is None or record is None or plan.file is None or resume is None:
         return
     if plan.path.is_file() and checkpoint_file.table_of(pathlib.Path(resume), record.file) == plan.path:
         t = point.mark.origin + point.mark.row
-        raise exits.UsageError(
+        raise BadRequest(
             f"{plan.option} {plan.file}: that is the table of the run before, and a resumed run has only the"
             f" {plan.noun} after t = {t:.9g}: give another file, or move that one away"
         )
@@ -86,3 +87,12 @@ def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", 
         f"the {record.count} {noun} up to t = {t:.9g} of the run before are in {path}; `{option} {table}` writes one"
         " table of all"
     )
+
+
+def late_marks(run: SimulationRun, path: str) -> str:
+    """That the figure of a resumed run marks no incidents of the run before, which are in no file; or nothing."""
+    point = run.resumed
+    if point is None or not point.mark.told.incidents:
+        return ""
+    t = max(point.mark.origin + point.mark.row, point.mark.told.last or -math.inf)
+    return f"marks of incidents in {path} begin after t = {t:.9g}: those before are in no file that goes on"

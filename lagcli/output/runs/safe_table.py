@@ -1,28 +1,95 @@
-"""A table of a run on its way into a file or onto standard output, and its rows that are safe beside checkpoints."""
+"""A table of a run that is planned, and on its way into a file or onto standard output; its rows that are safe beside
+checkpoints."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import pathlib
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.cli.files.table_plan import RowsBefore, TablePlan
-from lagcli.cli.terminal import exits
 from lagcli.output.files import atomic_file, interrupts, write_guard
+from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.tables import cell_text, sinks, table_format
 
 if TYPE_CHECKING:
     # Rows are kept beside checkpoints, which most runs have none of.
     from lagcli.output.checkpoint_file import KeptRows
-    from lagcli.output.tables.row_file import RowFile
+    from lagcli.output.tables.row_file import RowFile, SafeRows
 
 Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class TablePlan:
+    """A table that a run shall write.
+
+    option: the option that names its file; file: None for standard output; names: its columns; words: those of its
+    columns that hold text, with all texts that may stand there; step: between its rows; has_event_rows: with rows of
+    the instants of incidents; noun: of its rows.
+    """
+
+    option: str
+    file: str | None
+    names: tuple[str, ...]
+    words: Mapping[str, Sequence[str]] = dataclasses.field(default_factory=dict)
+    step: float = 0.0
+    has_event_rows: bool = False
+    noun: str = "rows"
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The columns of text."""
+        return tuple(self.words)
+
+    @property
+    def path(self) -> pathlib.Path:
+        """The file, where there is one."""
+        assert self.file is not None
+        return pathlib.Path(os.path.realpath(self.file))
+
+    def numbers(self, rows: Floats, texts: cell_text.Texts) -> Floats:
+        """Rows as numbers alone, a text as its place among the words, (k, names)."""
+        if not self.words:
+            return rows
+        known = ({word: float(i) for i, word in enumerate(words)} for words in self.words.values())
+        coded = {
+            name: [places[text] for text in cells]
+            for name, cells, places in zip(self.texts, texts, known, strict=True)
+        }
+        numbers = iter(rows.T)
+        columns = [coded[name] if name in coded else next(numbers) for name in self.names]
+        return np.array(columns, dtype=float).reshape(len(self.names), len(rows)).T
+
+    def decoded(self, block: Floats) -> tuple[Floats, list[list[str]]]:
+        """The rows and the texts of rows as numbers alone."""
+        texts = []
+        for name, words in self.words.items():
+            texts.append([words[int(i)] for i in block[:, self.names.index(name)]])
+        kept = [i for i, name in enumerate(self.names) if name not in self.words]
+        return block if not self.words else np.ascontiguousarray(block[:, kept]), texts
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RowsBefore:
+    """Rows of the run that is resumed, which the same table begins with: their file, and the time they go up to."""
+
+    path: pathlib.Path
+    rows: SafeRows
+    t_end: float
+    noun: str
+
+    @property
+    def sentence(self) -> str:
+        """The sentence about them."""
+        count = self.rows.count
+        return f"with the {count} {self.noun} up to t = {self.t_end:.9g} of the run before, from {self.path}"
 
 
 class SafeTable:
@@ -97,7 +164,8 @@ class SafeTable:
 
 @contextlib.contextmanager
 def opened(plan: TablePlan, provenance: Mapping[str, object]) -> Iterator[SafeTable]:
-    """A table in a file or on standard output; trouble with it is told with its name.
+    """A table in a file or on standard output; trouble with it is told with its name. Raises `BadRequest` where a
+    library for its format is missing.
 
     Interrupts are held back inside but in `interrupts.window`.
     """
@@ -113,5 +181,5 @@ def opened(plan: TablePlan, provenance: Mapping[str, object]) -> Iterator[SafeTa
                 with interrupts.shielded(interrupts.PATIENCE) if is_waiting else contextlib.nullcontext():
                     sink = sinks.open_sink(target, plan.names, provenance=provenance, texts=plan.texts)
             except table_format.MissingExtra as error:
-                raise exits.UsageError(str(error)) from None
+                raise BadRequest(str(error)) from None
             yield SafeTable(stack.enter_context(sink), plan)

@@ -11,10 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis import run_remarks
-from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
-from lagcli.equations import system
+from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.model.invariant import FirstIntegral
 from lagcli.output import run_account, table_columns
@@ -47,7 +46,8 @@ class PreparedRun:
     goes on from there.
     """
 
-    ready: CompiledModel
+    system: System
+    numeric: NumericSystem
     start: initial.State
     run: RunInBlocks
     integrals: Integrals
@@ -62,7 +62,7 @@ class SimulationRun:
 
     def __init__(self, prepared: PreparedRun) -> None:
         self._prepared = prepared
-        self._system, self._numeric = prepared.ready.system, prepared.ready.numeric
+        self._system, self._numeric = prepared.system, prepared.numeric
         self._start, self._run = prepared.start, prepared.run
         self.model = self._system.model
         self.columns = self._run.columns
@@ -139,7 +139,7 @@ class SimulationRun:
         return self.t if self._run.report.ended_by is not None else self.grid.end
 
     @property
-    def built(self) -> system.System:
+    def built(self) -> System:
         """The system that is integrated."""
         return self._system
 

@@ -1,4 +1,4 @@
-"""The options of `simulate` besides the settings of the run, and what is refused about them."""
+"""A request for the files of a run, and what is refused about it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ import os
 import pathlib
 from collections.abc import Iterator
 
-from lagcli.cli.requests import file_conflicts, preflight
-from lagcli.cli.terminal import exits
 from lagcli.model import settings
-from lagcli.output.files import atomic_file, endings
+from lagcli.output.files import atomic_file, endings, file_requests
+from lagcli.output.files.write_guard import BadRequest
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class SimulateOptions:
-    """Options of `simulate` besides the settings of the run."""
+class RunRequest:
+    """The files that a run goes into, and what is told of it: options of `simulate` besides the settings of the run.
+
+    output, plot, stats, checkpoint, resume, events: files, `-` for standard output; columns: patterns of those that
+    are written; limit: seconds to find first integrals; digits: with columns of errors; event_rows: with rows at the
+    instants of incidents; as_json: the account goes to standard output where that is free.
+    """
 
     output: str | None = None
     plot: str | None = None
@@ -52,31 +56,42 @@ class SimulateOptions:
         return self.to_stdout or self.events == "-"
 
     def require(self, model: str) -> None:
-        """Refuse what cannot be done with this MODEL."""
+        """Refuse what cannot be done with this MODEL. Raises `BadRequest`, `write_guard.WriteError`."""
         if self.events == "-" and self.to_stdout:
-            raise exits.UsageError(
+            raise BadRequest(
                 "--events -: the rows go to standard output; give -o FILE, or a file for the events"
             )
         if self.digits and self.resume is not None:
             from lagcli.simulation.global_error import error_estimate
 
-            raise exits.UsageError(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
-        preflight.require_ending(self.file, endings.TABLES)
-        preflight.require_ending(self.events_file, endings.TABLES)
-        preflight.require_ending(self.plot, endings.FIGURES)
+            raise BadRequest(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
+        file_requests.require_endings(
+            (self.file, endings.TABLES), (self.events_file, endings.TABLES), (self.plot, endings.FIGURES)
+        )
         for option, name, instead in (
             ("--stats", self.stats, "; --json prints the account"),
             ("--checkpoint", self.checkpoint, ""),
             ("--resume", self.resume, ""),
         ):
             if name == "-":
-                raise exits.UsageError(f"{option}: a file name is needed{instead}")
-        preflight.require_writable(
-            file_conflicts.model(model), self._files(), frozenset(("--checkpoint", "--resume"))
+                raise BadRequest(f"{option}: a file name is needed{instead}")
+        file_requests.require_writable(
+            file_requests.model_file(model), self._files(), frozenset(("--checkpoint", "--resume"))
         )
 
-    def _files(self) -> Iterator[file_conflicts.File]:
-        """All files of the options, those that belong to others after them."""
+    def picked(self, names: tuple[str, ...], by_name: tuple[str, ...] = ()) -> list[int]:
+        """The numbers of the columns to write. Raises `BadRequest`."""
+        if self.columns is None:
+            return list(range(len(names)))
+        from lagcli.output.tables import column_choice
+
+        try:
+            return column_choice.select(names, self.columns, by_name)
+        except column_choice.UnknownColumn as error:
+            raise BadRequest(f"--columns: {error}") from None
+
+    def _files(self) -> Iterator[file_requests.File]:
+        """All files of the request, those that belong to others after them."""
         for option, name in (
             ("--output", self.file),
             ("--events", self.events_file),
@@ -86,7 +101,7 @@ class SimulateOptions:
             ("--resume", self.resume),
         ):
             if name is not None:
-                yield file_conflicts.File(option, name, is_written=option != "--resume")
+                yield file_requests.File(option, name, is_written=option != "--resume")
         for option, name in (("--output", self.file), ("--events", self.events_file)):
             if name is None or not atomic_file.is_replaced(pathlib.Path(name)):
                 continue
@@ -98,4 +113,4 @@ class SimulateOptions:
 
                 derived.append(row_file.path_of(table))
             for path in derived:
-                yield file_conflicts.File(option, os.fspath(path), is_written=True, is_derived=True)
+                yield file_requests.File(option, os.fspath(path), is_written=True, is_derived=True)

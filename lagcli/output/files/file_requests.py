@@ -1,16 +1,23 @@
-"""The files of a command line: none that is written may be one that is read, or written by another option."""
+"""The files that are asked for: of a known format, to be made or replaced, and none of them another one.
+
+Looked at before any work. The functions raise `write_guard.BadRequest`, with the option in the message, and
+`write_guard.WriteError` for a folder that is missing or closed.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import errno
 import os
+import pathlib
 import stat
 import sys
 import unicodedata
 from collections.abc import Iterable, Iterator
 from typing import TextIO
 
-from lagcli.cli.terminal import exits
+from lagcli.output.files import atomic_file, endings, write_guard
+from lagcli.output.files.write_guard import BadRequest
 
 IGNORING_CASE = ("win32", "darwin")  # platforms whose file systems usually take `A` and `a` for one name
 
@@ -51,7 +58,7 @@ class File:
         return frozenset(found)
 
 
-def model(name: str) -> Iterator[File]:
+def model_file(name: str) -> Iterator[File]:
     """The file of a MODEL, which may come from standard input."""
     if name == "-":
         yield from _stream("MODEL", sys.stdin, is_written=False)
@@ -77,7 +84,7 @@ def _stream(option: str, which: TextIO | None, is_written: bool) -> Iterator[Fil
 def require_separate(files: Iterable[File], together: frozenset[str] = frozenset()) -> None:
     """Refuse a file that is written under one option and read or written under another.
 
-    together: two options that may name one file. Raises `exits.UsageError`.
+    together: two options that may name one file. Raises `BadRequest`.
     """
     known: list[tuple[File, frozenset[object]]] = []
     for file in files:
@@ -88,5 +95,54 @@ def require_separate(files: Iterable[File], together: frozenset[str] = frozenset
             if {file.option, other.option} <= together:
                 continue
             whose = "also written by" if other.is_derived else "the file of"
-            raise exits.UsageError(f"{file.told}: that is {whose} {other.option}")
+            raise BadRequest(f"{file.told}: that is {whose} {other.option}")
         known.append((file, keys))
+
+
+def require_endings(*files: tuple[str | None, tuple[str, ...]]) -> None:
+    """Refuse a file, of those there are, whose name ends in none of the formats beside it."""
+    for name, known in files:
+        if name is not None:
+            try:
+                endings.of(pathlib.Path(name), known)
+            except endings.UnknownFormat as error:
+                raise BadRequest(str(error)) from None
+
+
+def require_outputs(model: str, output: str | None, plot: str | None, as_json: bool) -> None:
+    """Refuse a table, `-` for standard output, and a figure that cannot be written beside this MODEL."""
+    if as_json and output == "-":
+        raise BadRequest("--output -: --json has standard output; give a file")
+    table = None if output == "-" else output
+    require_endings((table, endings.TABLES), (plot, endings.FIGURES))
+    named = (("--output", table), ("--plot", plot))
+    files = [File(option, name, is_written=True) for option, name in named if name is not None]
+    if files:
+        require_writable(model_file(model), files)
+
+
+def require_writable(
+    model: Iterable[File],
+    files: Iterable[File],
+    together: frozenset[str] = frozenset(),
+) -> None:
+    """Refuse files that are one, and those that cannot be made or replaced, before a long run and not after it.
+
+    together: two options that may name one file.
+    """
+    everything = (*model, *files, *stdout())
+    require_separate(everything, together)
+    for file in everything:
+        if file.is_written and file.number is None:
+            _require_place(file.name)
+
+
+def _require_place(name: str) -> None:
+    with write_guard.writing(name):
+        target = atomic_file.destination(pathlib.Path(name))
+        # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
+        is_replaced = atomic_file.is_replaced(target)
+        place, rights = (target.parent, os.W_OK | os.X_OK) if is_replaced else (target, os.W_OK)
+        os.stat(place)
+        if not os.access(place, rights):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))

@@ -1,8 +1,6 @@
-"""The JSON that goes to standard output."""
+"""JSON for standard output."""
 
 from __future__ import annotations
-
-from lagcli.errors import diagnostics
 
 
 def text(value: object) -> str:
@@ -13,8 +11,3 @@ def text(value: object) -> str:
     line = json.dumps(value, ensure_ascii=False, allow_nan=False)
     # Characters that are not printable stand inside of strings only, where an escape means the same.
     return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in line)
-
-
-def errors(error: diagnostics.ModelError) -> dict[str, object]:
-    """The object for an invalid model."""
-    return {"errors": [found.as_json() for found in error.diagnostics]}

@@ -10,57 +10,54 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.api.runs.simulation_run import SimulationRun
-from lagcli.cli.files import safe_table
-from lagcli.cli.files.safe_table import SafeTable
-from lagcli.cli.files.table_plan import TablePlan
-from lagcli.cli.requests.asked_run import SimulateOptions
-from lagcli.cli.terminal import exits
-from lagcli.output.figures import decimate
 from lagcli.output.files import interrupts, write_guard
+from lagcli.output.files.write_guard import BadRequest
+from lagcli.output.runs import safe_table
+from lagcli.output.runs.run_request import RunRequest
+from lagcli.output.runs.safe_table import RowsBefore, SafeTable, TablePlan
+from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import incident_table, provenance
-from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.run_state.incident import KINDS, Incident
 
 if TYPE_CHECKING:
-    # Most runs keep no checkpoints and go on from none.
-    from lagcli.cli.files.table_plan import RowsBefore
+    # Most runs keep no checkpoints and are not drawn.
     from lagcli.output.checkpoint_file import Keeper
+    from lagcli.output.figures.decimate import DecimatedRows
 
 Floats = npt.NDArray[np.float64]
 NO_INCIDENTS: tuple[Incident, ...] = ()
 
 
-def table(ready: SimulationRun, options: SimulateOptions, names: Sequence[str]) -> TablePlan | None:
+def table(run: SimulationRun, request: RunRequest, names: Sequence[str]) -> TablePlan | None:
     """The table of rows, if one is written."""
-    if options.file is None and not options.to_stdout:
+    if request.file is None and not request.to_stdout:
         return None
-    return TablePlan("--output", options.file, tuple(names), {}, ready.grid.step, options.event_rows)
+    return TablePlan("--output", request.file, tuple(names), {}, run.grid.step, request.event_rows)
 
 
-def events(ready: SimulationRun, options: SimulateOptions) -> TablePlan | None:
-    """The table of incidents, if one is written. Raises `exits.UsageError` where two of its columns have one name."""
-    if options.events is None:
+def events(run: SimulationRun, request: RunRequest) -> TablePlan | None:
+    """The table of incidents, if one is written. Raises `BadRequest` where two of its columns have one name."""
+    if request.events is None:
         return None
-    names = ready.incident_columns.names
+    names = run.incident_columns.names
     twice = [name for name in names if names.count(name) > 1] if len(set(names)) < len(names) else []
     if twice:
-        raise exits.UsageError(
-            f"--events {options.events}: two of its columns would be called `{twice[0]}`: rename the particle or the"
+        raise BadRequest(
+            f"--events {request.events}: two of its columns would be called `{twice[0]}`: rename the particle or the"
             " constraint"
         )
-    model = ready.model
+    model = run.model
     multipliers = [name.removeprefix(incident_table.IMPULSE) for name in names if name.startswith("impulse.")]
     words = {"kind": KINDS, "name": [*multipliers, *(event.name for event in model.events)]}
-    return TablePlan("--events", options.events_file, names, words, noun="events")
+    return TablePlan("--events", request.events_file, names, words, noun="events")
 
 
-class TableOutput:
+class RunTables:
     """Takes the rows and incidents of a run. Everything that ends it is called where interrupts are held back."""
 
-    def __init__(self, rows: SafeTable | None, happened: SafeTable | None, columns: IncidentColumns) -> None:
-        self._rows, self._events, self._columns = rows, happened, columns
+    def __init__(self, run: SimulationRun, rows: SafeTable | None, happened: SafeTable | None) -> None:
+        self._run, self._rows, self._events = run, rows, happened
         self._keeper: Keeper | None = None
         self._checkpoint = ""
         self.t_end = -math.inf  # time of the last row
@@ -79,7 +76,7 @@ class TableOutput:
         self._keeper = Keeper(path, rows, incidents)
 
     def begin(
-        self, first: RowsBefore | None, happened: RowsBefore | None, drawn: decimate.DecimatedRows | None
+        self, first: RowsBefore | None, happened: RowsBefore | None, drawn: DecimatedRows | None
     ) -> None:
         """Begin with the rows and incidents of the run before, which are `drawn` too."""
         if first is not None and self._rows is not None:
@@ -101,7 +98,8 @@ class TableOutput:
         if self._rows is not None:
             self._rows.write(chosen)
         if self._events is not None and incidents:
-            self._events.write(self._columns.numbers(incidents), self._columns.words(incidents))
+            columns = self._run.incident_columns
+            self._events.write(columns.numbers(incidents), columns.words(incidents))
         if self._keeper is not None and point is not None:
             with write_guard.writing(self._checkpoint):
                 self._keeper.take(point)
@@ -138,15 +136,15 @@ def _ignore(block: Floats) -> None:
 
 
 @contextlib.contextmanager
-def opened(ready: SimulationRun, rows: TablePlan | None, happened: TablePlan | None) -> Iterator[TableOutput]:
+def opened(run: SimulationRun, rows: TablePlan | None, happened: TablePlan | None) -> Iterator[RunTables]:
     """The tables in files, on standard output, or nowhere; trouble with one is told with its name.
 
     Interrupts are held back inside but in `interrupts.window`.
     """
-    whence = provenance.of(ready.model).as_json()
+    whence = provenance.of(run.model).as_json()
     with contextlib.ExitStack() as stack, interrupts.shielded():
         tables = [
             None if plan is None else stack.enter_context(safe_table.opened(plan, whence))
             for plan in (rows, happened)
         ]
-        yield TableOutput(tables[0], tables[1], ready.incident_columns)
+        yield RunTables(run, tables[0], tables[1])

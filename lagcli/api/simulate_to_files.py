@@ -1,0 +1,44 @@
+"""`lagcli simulate`: a run that is written as it comes, with little of it in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lagcli.api.runs import prepare_run, run_settings
+from lagcli.model.model import Model
+from lagcli.output.files.write_guard import BadRequest
+from lagcli.output.runs.run_request import RunRequest
+from lagcli.output.runs.written_run import WrittenRun
+from lagcli.simulation.run_state import checkpoint
+
+
+def begin(
+    model: Model, settings: Mapping[str, object], request: RunRequest, row: str | None = None
+) -> WrittenRun:
+    """Return a run that is ready to be written: from its start, from a checkpoint, or from a row of a table.
+
+    settings: what is None is as the model says; row: `FILE` or `FILE:ROW`. Raises `BadRequest`, worded for the options
+    of the command, and `diagnostics.ModelError`.
+    """
+    if row is not None:
+        # Other runs read no tables.
+        from lagcli.api.runs import start_row
+
+        if request.resume is not None:
+            raise BadRequest("--from with --resume: a run goes on from its checkpoint, and not from a row")
+        model = start_row.of_option(model, row)
+    try:
+        chosen = run_settings.chosen(model, settings)
+    except ValueError as error:
+        raise BadRequest(str(error)) from None
+    try:
+        run = prepare_run.prepare(
+            model, chosen, request.resume, request.limit, request.digits, may_be_over=True
+        )
+    except checkpoint.CheckpointError as error:
+        raise BadRequest(f"--resume {error}") from None
+    except FileNotFoundError:
+        raise BadRequest(f"--resume: there is no file {request.resume}") from None
+    except OSError as error:
+        raise BadRequest(f"--resume: cannot read {request.resume}: {error.strerror}") from None
+    return WrittenRun(run, request)

@@ -1,0 +1,260 @@
+"""A run on its way into files: its tables, its figure and its account, as they were asked for."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import pathlib
+import signal
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from lagcli.output.files import atomic_file, interrupts, json_text, write_guard
+from lagcli.output.files.write_guard import BadRequest, WriteError
+from lagcli.output.run_account import INTERRUPTED, NOT_WRITTEN, Outcome, Stats, Stopped
+from lagcli.output.runs import run_tables
+from lagcli.output.runs.run_request import RunRequest
+from lagcli.output.runs.run_tables import RunTables
+from lagcli.output.runs.safe_table import RowsBefore
+from lagcli.output.runs.simulation_run import SimulationRun
+from lagcli.output.tables import incident_table
+from lagcli.simulation.run_state import checkpoint, run_stop
+from lagcli.simulation.scheme import step_tolerance
+
+if TYPE_CHECKING:
+    # Most runs are not drawn.
+    from lagcli.output.figures.decimate import DecimatedRows
+
+
+class RunEnding(NamedTuple):
+    """The end of a run, whose files are written: its account, remarks on it, the tolerance that it was held to, a
+    sentence on its digits, and why it stopped before its end; the last two may be nothing."""
+
+    stats: Stats
+    notes: tuple[str, ...]
+    held_to: str
+    digits: str
+    reason: str
+
+
+# A step on the way: the time that is reached, something to tell, and last the ending.
+RunStep: TypeAlias = float | str | RunEnding
+
+
+class WrittenRun:
+    """A run and the files it goes into: iterate `steps` once; all else is data.
+
+    told: what there is to tell before it begins; start, end: the times of its first and last row; is_stdout_taken: a
+    table goes to standard output.
+    """
+
+    def __init__(self, run: SimulationRun, request: RunRequest) -> None:
+        """Raises `BadRequest` for columns and files that cannot be, and where rows of the run before would be lost."""
+        self._run, self._request = run, request
+        if request.event_rows:
+            run.add_event_rows()
+        # Columns that are given by name alone are looked for where columns are named.
+        by_name = () if request.columns is None else run.by_name
+        self._picked = request.picked(run.columns, by_name)
+        everything = (*run.columns, *by_name)
+        self._names = tuple(everything[i] for i in self._picked)
+        self._table = run_tables.table(run, request, self._names)
+        self._events = run_tables.events(run, request)
+        self._first, self._happened = self._before()
+        self._outcome = dataclasses.replace(run.outcome)  # of the rows that have been written
+        self._reason = ""
+        self.start, self.end = run.grid.start, run.grid.end
+        self.is_stdout_taken = request.is_stdout_taken
+        self.told = () if request.quiet else tuple(self._beginning())
+
+    def _before(self) -> tuple[RowsBefore | None, RowsBefore | None]:
+        """The rows and the incidents of the run before, with which the tables of a run that is resumed begin."""
+        run, resume = self._run, self._request.resume
+        if run.resumed is None:
+            return None, None
+        # Most runs go on from no checkpoint.
+        from lagcli.output.runs import rows_before
+
+        plans = [plan for plan in (self._table, self._events) if plan is not None]
+        found = {plan.option: rows_before.before(run, resume, plan) for plan in plans}
+        if not any(found.values()):
+            try:
+                run.require_rows_left()
+            except checkpoint.CheckpointError as error:
+                raise BadRequest(f"--resume {resume}: {error}") from None
+        for plan in plans:
+            if found[plan.option] is None:
+                rows_before.require_kept(run, resume, plan)
+        return found.get("--output"), found.get("--events")
+
+    def _beginning(self) -> Iterator[str]:
+        """The lines to be told before the run begins."""
+        run, request, model = self._run, self._request, self._run.model
+        for warning in run.warnings:
+            yield warning.render()
+        if run.resumed is not None:
+            yield from self._told_before()
+        if run.assembly is not None:
+            from lagcli.start import assembly_moves
+
+            yield from assembly_moves.moves(model, run.assembly).lines(model.units)
+        if run.passed_over:
+            yield (
+                f"note: {run.passed_over} rows are skipped: they are from before the state in {request.resume}"
+                " and were not asked for in the run before"
+            )
+        if request.verbose:
+            yield (
+                f"compiled in {run.stats.compile_seconds:.3f} s; {run.grid.count} rows of"
+                f" {len(run.columns)} columns from t = {self.start:g} to {self.end:g};"
+                f" {step_tolerance.sentence(model.simulation)}"
+            )
+
+    def _told_before(self) -> Iterator[str]:
+        from lagcli.output.runs import rows_before
+
+        run, request = self._run, self._request
+        for file, first, lost in (
+            (request.file, self._first, rows_before.elsewhere(run, request.resume, "table")),
+            (request.events_file, self._happened, rows_before.elsewhere(run, request.resume, "events")),
+        ):
+            if first is not None:
+                yield f"note: {file} begins {first.sentence}"
+            elif lost:
+                yield f"note: {lost}"
+        if self._first is not None and self._happened is None and request.plot is not None:
+            late = rows_before.late_marks(run, request.plot)
+            if late:
+                yield f"note: {late}"
+
+    def steps(self) -> Iterator[RunStep]:
+        """Integrate and write. Interrupts break off only what computes rows.
+
+        Raises `BadRequest`, `WriteError`, `interrupts.Interrupted`; what there is of the run is in order then.
+        """
+        run, request = self._run, self._request
+        kept: DecimatedRows | None = None
+        if request.plot is not None:
+            from lagcli.output.figures.decimate import DecimatedRows
+
+            kept = DecimatedRows()
+        interrupts.leave()
+        with interrupts.unwinding():
+            try:
+                yield from self._tables(kept)
+            except (interrupts.Interrupted, WriteError, OSError) as error:
+                failed = self._account_of_ended(error)
+                if failed:
+                    yield f"lagcli: {failed}"
+                raise
+            stats = run.stats
+            self._write_account(stats)
+            if kept is not None:
+                yield from self._figure(kept)
+            interrupts.check()
+        digits = stats.accuracy.sentence if stats.accuracy is not None else ""
+        held_to = step_tolerance.sentence(run.model.simulation)
+        yield RunEnding(stats, run.notes, held_to, digits, self._reason)
+
+    def _tables(self, kept: DecimatedRows | None) -> Iterator[RunStep]:
+        """Write the tables, and keep what is drawn."""
+        request = self._request
+        with run_tables.opened(self._run, self._table, self._events) as tables:
+            if request.checkpoint is not None:
+                tables.keep_checkpoints(request.checkpoint, self._first, self._happened)
+            is_drawn = self._names == self._run.columns and self._first is not None
+            tables.begin(self._first, self._happened, kept if is_drawn else None)
+            try:
+                yield from self._rows(tables, kept)
+            except run_stop.RunStop as stop:
+                self._reason = stop.stop.reason
+                if kept_in := tables.keep():
+                    interrupts.leave(f"lagcli: interrupted; {kept_in}")
+                    yield f"lagcli: {kept_in}"
+            except interrupts.Interrupted:
+                if tables.t_end == self._run.end:
+                    tables.complete()
+                elif kept_in := tables.keep():
+                    yield f"lagcli: interrupted; {kept_in}"
+                raise
+            else:
+                tables.complete()
+
+    def _rows(self, tables: RunTables, kept: DecimatedRows | None) -> Iterator[float]:
+        """Pass the blocks on as they come. Raises `run_stop.RunStop` where the run stops before its end.
+
+        A checkpoint is taken when the rows before it have been written, so that they agree.
+        """
+        run, request = self._run, self._request
+        blocks = run.blocks()
+        while True:
+            yield float(run.t)
+            with interrupts.window():
+                block = next(blocks, None)
+            if block is None:
+                return
+            point = run.checkpoint() if request.checkpoint is not None else None
+            tables.take(block, run.taken(block, self._picked), point, run.incidents)
+            self._outcome.rows, self._outcome.t_end = run.outcome.rows, run.outcome.t_end
+            if kept is not None:
+                # Jumps are drawn upright.
+                kept.add(
+                    block if request.event_rows else incident_table.with_event_rows(block, run.incidents)
+                )
+                kept.marks.extend((incident.t, incident.kind) for incident in run.incidents)
+
+    def _figure(self, kept: DecimatedRows) -> Iterator[str]:
+        # matplotlib is loaded only where a figure is asked for.
+        from lagcli.output.runs import run_figure
+
+        run, request = self._run, self._request
+        if request.plot is None or not len(kept.rows()):
+            return
+        picked, note = run_figure.columns(run.columns, self._names if request.columns is not None else None)
+        if note and not request.quiet:
+            yield f"note: {note}"
+        run_figure.draw(request.plot, run, kept, picked)
+
+    def _account_of_ended(self, error: BaseException) -> str:
+        """Write the account of the rows that are kept of a run that this has ended; what fails here does not hide it,
+        and is returned."""
+        run, outcome = self._run, self._outcome
+        reason, code = str(error), NOT_WRITTEN
+        if isinstance(error, interrupts.Interrupted):
+            reason, code = f"interrupted by {signal.Signals(error.number).name}", INTERRUPTED
+        elif isinstance(error, BrokenPipeError):
+            reason = "the reader of the rows went away"
+        if code == NOT_WRITTEN and not self._request.to_stdout:
+            outcome = Outcome()  # the file is as it was
+        outcome.stopped = run.outcome.stopped
+        if outcome.stopped is None and outcome.t_end != run.end:
+            outcome.stopped = Stopped(run.t, reason, code)
+        account = dataclasses.replace(
+            run.stats, stopped=outcome.stopped, rows=outcome.rows, t_end=outcome.t_end
+        )
+        try:
+            self._write_account(account)
+        except (WriteError, OSError) as failed:
+            return str(failed)
+        except interrupts.Interrupted:
+            pass  # a later signal; the caller raises the first
+        return ""
+
+    def _write_account(self, stats: Stats) -> None:
+        """Write what `--stats` and `--json` ask for. A signal waits for it, but not long for a reader who takes
+        nothing."""
+        request = self._request
+        with interrupts.shielded(interrupts.PATIENCE):
+            if request.stats is not None:
+                with write_guard.writing(request.stats):
+                    _write_json(request.stats, stats.as_json())
+            if request.as_json and not request.is_stdout_taken:
+                print(json_text.text(stats.as_json()), flush=True)
+
+
+def _write_json(path: str, value: dict[str, object]) -> None:
+    file = atomic_file.Aside(pathlib.Path(path))
+    with atomic_file.undone_by(file.discard):
+        text = json.dumps(value, indent=2, allow_nan=False)
+        file.path.write_text(text + "\n", encoding="utf-8")
+    file.commit()
