@@ -124,7 +124,7 @@ _FUNCTIONS = {
 @functools.cache
 def _require_libraries() -> None:
     """Raise `ImportError` where a library is too old."""
-    refusal = importlib.import_module("lagcli.requirements").too_old()
+    refusal = importlib.import_module("lagcli.errors.requirements").too_old()
     if refusal:
         raise ImportError(refusal)
 

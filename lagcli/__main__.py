@@ -31,7 +31,7 @@ def main() -> None:
 
 
 def _run() -> int:
-    from lagcli import requirements
+    from lagcli.errors import requirements
     from lagcli.output.files import interrupts
 
     refusal = requirements.too_old()

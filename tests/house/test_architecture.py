@@ -17,7 +17,7 @@ PACKAGE = ROOT / "lagcli"
 # Bottom first: nine floors. A package imports only from packages below it, also on its own floor in this order; files
 # of one package may import each other, in no circle.
 FLOORS = (
-    ("frozen", "requirements", "progress", "errors", "yaml_tree"),
+    ("frozen", "progress", "errors", "yaml_tree"),
     ("expression",),
     ("model", "input"),
     ("equations",),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import lagcli
-from lagcli import requirements
+from lagcli.errors import requirements
 from lagcli.output.tables import parquet_format, table_format
 
 ROOT = Path(__file__).resolve().parents[2]

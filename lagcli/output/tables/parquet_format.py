@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagcli import requirements
+from lagcli.errors import requirements
 from lagcli.output.tables import blocks, cell_text
 from lagcli.output.tables.table_format import (
     CheckSize,
