@@ -198,7 +198,7 @@ def _redundant(numeric: NumericSystem, point: State, said: list[int], surface: C
     rows = _normalized_rows(numeric, point)
     flags = np.ones(rows.count, dtype=bool)
     flags[said] = _following(rows.take(said))
-    held = int(np.count_nonzero(~flags[: numeric.whole.size1_out(0)]))
+    held = int(np.count_nonzero(~flags[: numeric.holonomic.size1_out(0)]))
     if held < (surface.codimension or 0):
         # Rows whose gradients depend on others there hold the surface all the same.
         flags[list(surface.rows)] = False
@@ -207,7 +207,7 @@ def _redundant(numeric: NumericSystem, point: State, said: list[int], surface: C
 
 
 def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
-    """The rows that depend on rows before them. Of very many they are looked for among rows that share a circuit."""
+    """The rows that depend on rows before them. Of very many they are looked for among rows that share a dependency."""
     from lagcli.linear import independent_rows  # here, as a walk over few rows asks nothing of it
 
     found = rank.rank(rows).value if rows.is_large else None
@@ -215,7 +215,7 @@ def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
         return independent_rows.redundant(rows)
     flags = np.zeros(rows.count, dtype=bool)
     chosen = independent_rows.dependence(rows, found).selection
-    flags[[circuit[0] for circuit in chosen.circuits if len(circuit) == 1]] = True
+    flags[[dependency[0] for dependency in chosen.dependencies if len(dependency) == 1]] = True
     for rest, support in chosen.groups():
         among = sorted([*rest, *support])
         flags[among] = independent_rows.redundant(rows.take(among))
@@ -232,7 +232,7 @@ def _bounds(n: int, surface: Codimension, total: int, found: Classification) -> 
 
 def _proof(found: Classification, surface: Codimension) -> Proof:
     """Ranks are numbers, but for those of holonomic rows that exact algebra has met on its way."""
-    known = sum(group.held for group in found.groups)
+    known = sum(group.holonomic_rank for group in found.groups)
     is_exact = known == surface.codimension and all(group.proof == "symbolic" for group in found.groups)
     return "symbolic" if is_exact and found.groups else "numeric"
 
@@ -276,7 +276,7 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
     """Say that gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`), or nothing."""
     direction = generic_direction.direction(state.q.size, SEED)
     # Where a gradient vanishes second derivatives have been looked at (`codimension`).
-    gradients = metric_rows.LocalRows(numeric.whole(state.t, state.q, state.p)[1])
+    gradients = metric_rows.LocalRows(numeric.holonomic(state.t, state.q, state.p)[1])
     holonomic_rows = [i for i in holonomic_rows if gradients.norms[i] > 0]
     here = _normalized_rows(numeric, state).take(holonomic_rows)
     for side in (-TIP, TIP):

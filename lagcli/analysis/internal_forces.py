@@ -24,7 +24,7 @@ from lagcli.start import initial
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.int64]
 
 # States around the one asked for, and how far, as a part of the size of the configuration.
 AROUND, OFFSET = 3, 0.1

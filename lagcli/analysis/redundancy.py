@@ -81,7 +81,7 @@ def begin(
         raise _at_rest(system, found)
     chosen = independent_rows.dependence(sample_points.rows(numeric, there), count, system.holonomic_count)
     generic = (
-        independent_rows.over(each, chosen.kept).selection
+        independent_rows.over(each, chosen.independent).selection
         for each in around
         if rank.rank(each).value == count
     )

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-MOST_TOLD = 6  # instants told one by one
+MOST_LISTED = 6  # instants told one by one
 # A condition that is off in accelerations by this part of them, or of what the velocities demand, is left.
 LEFT = 1e-8
 # Conditions that are off by less than this part of the largest are not named.
@@ -46,15 +46,15 @@ def remarks(system: System, report: RunReport) -> tuple[str, ...]:
 
 
 def _shared(system: System, chosen: Selection) -> tuple[str, ...]:
-    """Sentences on the multipliers that are not unique, circuit by circuit."""
-    told = [circuit for circuit in (*chosen.circuits, *chosen.idle) if len(circuit) > 1]
+    """Sentences on the multipliers that are not unique, dependency by dependency."""
+    told = [dependency for dependency in (*chosen.dependencies, *chosen.idle) if len(dependency) > 1]
     if not told:
         return ()
     from lagcli.linear import independent_rows  # here, as most rows are independent
 
     count = len(chosen.indeterminate)
     shares = independent_rows.shares(
-        [[system.multiplier_rows[i].name for i in sorted(circuit)] for circuit in told]
+        [[system.multiplier_rows[i].name for i in sorted(dependency)] for dependency in told]
     )
     return (
         f"{count} multipliers are not unique ({'; '.join(shares)}): R and the motion are; of all lambda with the"
@@ -78,9 +78,9 @@ def _passed(system: System, crossings: Sequence[RankDrop]) -> tuple[str, ...]:
     if not crossings:
         return ()
     first = crossings[0]
-    times = ", ".join(f"{crossing.t:.7g}" for crossing in crossings[:MOST_TOLD])
-    if len(crossings) > MOST_TOLD:
-        times += f" and {len(crossings) - MOST_TOLD} more"
+    times = ", ".join(f"{crossing.t:.7g}" for crossing in crossings[:MOST_LISTED])
+    if len(crossings) > MOST_LISTED:
+        times += f" and {len(crossings) - MOST_LISTED} more"
     names = initial.names_of(system, list(first.participants))
     loss = (
         f"the rows {names} lose {first.number} of their rank"

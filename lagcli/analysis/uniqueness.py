@@ -63,8 +63,8 @@ def multipliers(
     if best.value is None or best.value == count:
         return Multipliers(tuple(None if i in unsure else True for i in range(count)), ())
     chosen = independent_rows.dependence(rows, best.value)
-    selection = independent_rows.joined(chosen.selection, _elsewhere(found, chosen.kept))
-    shared = {row for circuit in selection.circuits for row in circuit}
+    selection = independent_rows.joined(chosen.selection, _elsewhere(found, chosen.independent))
+    shared = {row for dependency in selection.dependencies for row in dependency}
     flags = tuple(False if i in shared else None if i in unsure else True for i in range(count))
     return Multipliers(flags, _null_vectors(system, rows, chosen, selection))
 
@@ -115,14 +115,14 @@ def _null_vectors(
     system: System, rows: MetricRows, chosen: independent_rows.Dependence, selection: Selection
 ) -> tuple[NullVector, ...]:
     names = [row.name for row in system.rows.rows]
-    place = {row: k for k, row in enumerate(chosen.kept)}
+    place = {row: k for k, row in enumerate(chosen.independent)}
     found = []
-    for circuit, weights in zip(selection.circuits, chosen.weights, strict=True):
-        of = {circuit[0]: -1.0 / rows.lengths[circuit[0]]}
-        of |= {row: weights[place[row]] / rows.lengths[row] for row in circuit[1:]}
-        vector = np.array([of[row] for row in sorted(circuit)])
+    for dependency, weights in zip(selection.dependencies, chosen.weights, strict=True):
+        of = {dependency[0]: -1.0 / rows.lengths[dependency[0]]}
+        of |= {row: weights[place[row]] / rows.lengths[row] for row in dependency[1:]}
+        vector = np.array([of[row] for row in sorted(dependency)])
         largest = np.abs(vector).max()
         lead = vector[np.abs(vector) > rank.SMALL * largest][0]
         vector = vector / (largest * np.sign(lead))
-        found.append(NullVector(tuple(names[row] for row in sorted(circuit)), tuple(vector.tolist())))
+        found.append(NullVector(tuple(names[row] for row in sorted(dependency)), tuple(vector.tolist())))
     return tuple(sorted(found, key=lambda one: [names.index(name) for name in one.rows]))

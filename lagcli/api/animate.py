@@ -58,7 +58,7 @@ def of_run(model: Model, table: Table) -> Scene:
 def of_file(path: Path, model: Model | None) -> Scene:
     """The scene of a table in a file; the model, if it is given, tells masses, forces, rods and surfaces.
 
-    Raises `endings.UnknownFormat`, `MissingExtra`, `UnreadableTable`, `places.NothingToShow`, OSError.
+    Raises `formats.UnknownFormat`, `MissingExtra`, `UnreadableTable`, `places.NothingToShow`, OSError.
     """
     # Other runs read no tables.
     from lagcli.output.tables import read_table

@@ -175,9 +175,9 @@ def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> It
         return
     (t,), (q,), (v,) = table_columns.States(run.model, run.columns)(first.table[:1])
     if formulation_plan.has_dependent(run.model):
-        freed = particle_form.model(run.built, float(t), q, v)
-        size_limits.require_built(freed)
-        ready = CompiledModel(particle_form.build(run.built, freed))
+        particle_model = particle_form.model(run.built, float(t), q, v)
+        size_limits.require_built(particle_model)
+        ready = CompiledModel(particle_form.build(run.built, particle_model))
         yield _table("freed", prepare_run.start_compiled(ready, KnownIntegrals()))
     is_spared = vakonomic and first.coordinates > MOST_REDUCED
     if not is_spared and formulation_plan.is_reducible(run.model, first.rows, first.coordinates):

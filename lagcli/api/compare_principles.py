@@ -57,10 +57,10 @@ def initial_multipliers(
 
 
 def _unknown(model: Model, name: str, rows: Sequence[str]) -> str:
-    held = [row for law in model.holonomic for row in law.rows]
-    held += [base for law in model.holonomic for base in law.members.names]
-    held += [body.name for body in model.rigid]
-    if name in held or name.rpartition(".")[0] in held:
+    constrained = [row for law in model.holonomic for row in law.rows]
+    constrained += [base for law in model.holonomic for base in law.members.names]
+    constrained += [body.name for body in model.rigid]
+    if name in constrained or name.rpartition(".")[0] in constrained:
         return f"`{name}` is holonomic: its multiplier follows from the motion and has no initial value"
     parts = [row for row in rows if row.startswith((f"{name}.", f"{name}["))]
     hint = f"its rows are `{parts[0]}` to `{parts[-1]}`" if parts else diagnostics.nearest(name, rows)
@@ -90,7 +90,7 @@ def beside(
         same = dataclasses.replace(first, name="vakonomic")
         return OtherPrinciple(same, Principles({}, (), (), (), 0.0), ())
     values = np.array([mu[name] for name in names])
-    kept = tuple(i for i in run.selection.kept if i < len(built.rows.rows))
+    kept = tuple(i for i in run.selection.independent if i < len(built.rows.rows))
     start = vakonomic_system.VakonomicStart(float(t), q, v, values, kept)
     start = dataclasses.replace(start, mu=vakonomic_system.effective(built, start))
     extended, left_out = vakonomic_system.model(built, start)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lagcli.linearization.linearized import Linear, Reference
 
 # What is rounding beside the largest coordinate or rate.
-ROUNDING = 1e-14
+COORDINATE_ROUNDOFF = 1e-14
 
 
 def start(model: Model) -> tuple[Reference, tuple[int, ...]]:
@@ -74,7 +74,7 @@ def of_start(model: Model) -> LinearPoint:
 
 def _without_rounding(values: npt.NDArray[np.float64]) -> tuple[float, ...]:
     size = float(np.abs(values).max(initial=0.0))
-    return tuple(float(x) if abs(x) > ROUNDING * size else 0.0 for x in values)
+    return tuple(float(x) if abs(x) > COORDINATE_ROUNDOFF * size else 0.0 for x in values)
 
 
 def _multipliers(linear: Linear, lam: npt.NDArray[np.float64], whole: int) -> tuple[float, ...]:

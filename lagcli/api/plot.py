@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from lagcli.api.models.load import Path
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def chart(tables: Sequence[ChartTable], choice: ChartChoice) -> ChartData:
 
 def is_table(path: Path) -> bool:
     """True for the file of a table, by its ending; other files are models."""
-    return os.path.splitext(os.fspath(path))[1].lower().removeprefix(".") in endings.TABLES
+    return os.path.splitext(os.fspath(path))[1].lower().removeprefix(".") in formats.TABLES
 
 
 def marked(tables: Sequence[ChartTable], events: Path | None) -> Sequence[ChartTable]:

@@ -34,7 +34,7 @@ def stationary(
     problem = rest_point.problem(ready, laws, start)
     system = ready.system
     names = [row.name for row in system.rows.rows]
-    left_out = [name for name in names[system.holonomic_count :] if name not in start.held]
+    left_out = [name for name in names[system.holonomic_count :] if name not in start.enforced]
     rows = tuple(i for i, name in enumerate(names) if name not in left_out)
     notes: tuple[str, ...] = ()
     if left_out:

@@ -90,10 +90,10 @@ def function(parts: Parts) -> ca.Function:
     speeds = ca.densify(G @ v) + g_t
     local = largest(q) + ca.fabs(g) + span * terms
     noise = EPS * (ca.fmax(ROUNDINGS * local, FEW * extent) + 4 * ca.fabs(t) * terms)
-    nearness = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
+    rank_margin = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
     pull = in_units * own.a + ca.fabs(gamma)
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
-    columns = [g, g_t, gamma, has, speeds, noise, nearness, slow, RESOLVED * EPS * extent, pull]
+    columns = [g, g_t, gamma, has, speeds, noise, rank_margin, slow, RESOLVED * EPS * extent, pull]
     packed = ca.densify(ca.vertcat(*columns, entries, size, speed))[order(G.sparsity()).tolist()]
     return ca.Function("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})
 
@@ -106,12 +106,20 @@ def floors(parts: Parts) -> ca.Function:
     below, above = (_scalars(ca.vertcat(*each)) for each in ((t_low, low, p), (t_high, high, p)))
     given: list[Known] = list(zip(below, above, strict=True))
 
-    def leaf(number: int | None, constant: float) -> Known:
-        return (ca.SX(constant),) * 2 if number is None else given[number]
-
-    inputs = _scalars(ca.vertcat(parts.t, parts.y[:n], parts.p))
-    spans = operation_graph.folded(parts.contacts.g, inputs, leaf, _of)
-    found = [ca.SX(-1) if span is None else span[0] for span in spans]
+    own, entries = _scalars(ca.vertcat(parts.t, parts.y[:n], parts.p)), parts.contacts.g.numel()
+    function = ca.Function("gaps", own, [ca.densify(parts.contacts.g)])
+    spans: dict[int, Known] = {}
+    found = [ca.SX(-1)] * entries
+    for op, operands, result, constant in operation_graph.instructions(function):
+        if op == ca.OP_OUTPUT:
+            span = spans[operands[0]]
+            found[result[1]] = ca.SX(-1) if span is None else span[0]
+        elif op == ca.OP_INPUT:
+            spans[result[0]] = given[operands[0]]
+        elif op == ca.OP_CONST:
+            spans[result[0]] = (ca.SX(constant),) * 2
+        else:
+            spans[result[0]] = _of(op, [spans[place] for place in operands])
     return ca.Function("floors", [t_low, t_high, low, high, p], [ca.vertcat(ca.SX(0, 1), *found)])
 
 
@@ -119,7 +127,7 @@ def _scalars(column: ca.SX) -> list[ca.SX]:
     return ca.vertsplit(column) if column.numel() else []
 
 
-def _of(op: int, spans: list[Known], _: operation_graph.Expression) -> Known:
+def _of(op: int, spans: list[Known]) -> Known:
     """The span of an operation on others; of the product of a value with itself, that of its square."""
     known = [span for span in spans if span is not None]
     if len(known) < len(spans):

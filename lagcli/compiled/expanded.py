@@ -26,10 +26,10 @@ class Expanded:
 
     @cached_property
     def stage(self) -> ca.Function:
-        """stage(t, y, p) -> y', and `parts.nearness`."""
+        """stage(t, y, p) -> y', and `parts.rank_margin`."""
         parts = self._parts
         a, lam = _acceleration(parts, parts.inertia, self._schur)
-        outputs = [shared.state_rate(parts, a, lam), shared.nearness(parts, self._watched[1])]
+        outputs = [shared.state_rate(parts, a, lam), shared.rank_margin(parts, self._watched[1])]
         return ca.Function("stage", parts.inputs, outputs)
 
     @cached_property
@@ -40,43 +40,43 @@ class Expanded:
         """
         parts = self._parts
         y, n = parts.y, parts.v.numel()
-        if parts.held.numel() == 0:
+        if parts.enforced.numel() == 0:
             return ca.Function("position", parts.inputs, [y])
-        schur = self._schur if parts.S_held is parts.S else solvers.solver(parts.S_held)
-        q = y[:n] - parts.inertia(parts.B_held.T @ schur(parts.held))
+        schur = self._schur if parts.S_enforced is parts.S else solvers.solver(parts.S_enforced)
+        q = y[:n] - parts.inertia(parts.B_enforced.T @ schur(parts.enforced))
         return ca.Function("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
 
     @cached_property
     def landing(self) -> ca.Function:
-        """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, `outcome`, `sizes`.
+        """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, `status`, `sizes`.
 
         One factorization serves all, unless M depends on the velocity that is projected.
         """
         parts, (there, *results) = self._parts, self._projected
         sizes = shared.sizes(parts, there.v, there.h, there.M)
-        outcome = shared.outcome(parts, self._watched[1], there.v, sizes)
-        return ca.Function("landing", parts.inputs, [*results, outcome, sizes.packed])
+        status = shared.status(parts, self._watched[1], there.v, sizes)
+        return ca.Function("landing", parts.inputs, [*results, status, sizes.packed])
 
     @cached_property
-    def landed(self) -> ca.Function:
-        """landed(t, y, p) -> the first three results of `landing`, all that a row of the table needs."""
-        return ca.Function("landed", self._parts.inputs, list(self._projected[1:]))
+    def projected(self) -> ca.Function:
+        """projected(t, y, p) -> the results of `project` but the first, all that a row of the table needs."""
+        return ca.Function("projected", self._parts.inputs, list(self._projected[1:]))
 
     @cached_property
     def _projected(self) -> tuple[Parts, ca.SX, ca.SX, ca.SX]:
         """The parts at the projected velocity; y with it, y' and lambda."""
         parts, inertia, schur = self._parts, self._parts.inertia, self._schur
         y, v, n = parts.y, parts.v, parts.v.numel()
-        if parts.selection.kept:
-            v = v - inertia(parts.B_kept.T @ schur(parts.B_kept @ v + parts.b_kept))
+        if parts.selection.independent:
+            v = v - inertia(parts.B_independent.T @ schur(parts.B_independent @ v + parts.b_independent))
         v = ca.densify(v)
         there = parts.moving(v)
         if ca.depends_on(parts.M, parts.v):
             there = dataclasses.replace(there, M=ca.substitute(parts.M, parts.v, v))
             inertia, schur = there.inertia, solvers.solver(there.S)
         a, lam = _acceleration(there, inertia, schur)
-        landed = ca.densify(ca.vertcat(y[:n], v, y[2 * n]))
-        return there, landed, shared.state_rate(there, a, lam), lam
+        projected = ca.densify(ca.vertcat(y[:n], v, y[2 * n]))
+        return there, projected, shared.state_rate(there, a, lam), lam
 
     @cached_property
     def response(self) -> ca.Function:
@@ -84,14 +84,18 @@ class Expanded:
         parts = self._parts
         f = ca.SX.sym("f", parts.v.numel())
         free = parts.inertia(f)
-        lam = ca.densify(self._schur(-(parts.B_kept @ free))) if parts.selection.kept else ca.SX(0, 1)
+        lam = (
+            ca.densify(self._schur(-(parts.B_independent @ free)))
+            if parts.selection.independent
+            else ca.SX(0, 1)
+        )
         x = parts.inertia(f + parts.reaction(lam))
         inputs = [parts.t, parts.y[: f.numel()], parts.v, parts.p, f]
         return ca.Function("response", inputs, [ca.densify(x), lam, shared.responded(parts, f, free, x)])
 
     @cached_property
     def _watched(self) -> tuple[solvers.Solve, ca.SX | float]:
-        """r -> S^-1 r, and the clearance of S."""
+        """r -> S^-1 r, and the smallest angle of S."""
         return solvers.watched(self._parts.S)
 
     @property
@@ -102,7 +106,7 @@ class Expanded:
 def _acceleration(parts: Parts, inertia: solvers.Solve, schur: solvers.Solve) -> tuple[ca.SX, ca.SX]:
     """a and lambda of (D.24), with M^-1 and S^-1 as solvers."""
     free = inertia(parts.h)
-    if not parts.selection.kept:
+    if not parts.selection.independent:
         return free, ca.SX(0, 1)
-    lam = ca.densify(schur(parts.gamma_kept - parts.B_kept @ free))
+    lam = ca.densify(schur(parts.gamma_independent - parts.B_independent @ free))
     return inertia(parts.h + parts.reaction(lam)), lam

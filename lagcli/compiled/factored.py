@@ -38,49 +38,49 @@ class Factored:
         """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T."""
         parts = self._parts
         y, n = parts.y, parts.v.numel()
-        if parts.held.numel() == 0:
+        if parts.enforced.numel() == 0:
             return ca.Function("position", parts.inputs, [y])
-        mu = ca.SX.sym("mu", parts.held.numel())
-        factors = parts.B_held, parts.inertia(parts.B_held.T)
-        before = ca.Function("before", parts.inputs, [*factors, parts.held])
-        moved = ca.densify(ca.vertcat(y[:n] - parts.inertia(parts.B_held.T @ mu), y[n:]))
+        mu = ca.SX.sym("mu", parts.enforced.numel())
+        factors = parts.B_enforced, parts.inertia(parts.B_enforced.T)
+        before = ca.Function("before", parts.inputs, [*factors, parts.enforced])
+        moved = ca.densify(ca.vertcat(y[:n] - parts.inertia(parts.B_enforced.T @ mu), y[n:]))
         after = ca.Function("after", [*parts.inputs, mu], [moved])
         inputs = self._inputs()
         return ca.Function("position", inputs, [after(*inputs, _solved(before, inputs))])
 
     @cached_property
     def landing(self) -> ca.Function:
-        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, `outcome` and `sizes`.
+        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, `status` and `sizes`.
 
-        The clearance is that of S with a unit diagonal, the least eigenvalue but for a factor that changes little:
+        The smallest angle is that of S with a unit diagonal, the least eigenvalue but for a factor that changes little:
         1 / |S^-1 z| of a fixed z of length one.
         """
         parts = self._parts
-        x = ca.SX.sym("x", len(parts.selection.kept))
+        x = ca.SX.sym("x", len(parts.selection.independent))
         z = np.random.default_rng(SEED).standard_normal(x.numel())
         lengths = ca.sqrt(ca.diag(parts.S))
         inputs, results, found = self._projected(lengths * (z / np.linalg.norm(z)))
         t, _, p = inputs
         sizes = shared.sizes(parts, parts.v, parts.h, parts.M)
-        outcome = shared.outcome(parts, 1 / ca.norm_2(lengths * x), parts.v, sizes)
-        told = ca.Function("outcome", [*parts.inputs, x], [outcome, sizes.packed])
+        status = shared.status(parts, 1 / ca.norm_2(lengths * x), parts.v, sizes)
+        told = ca.Function("outcome", [*parts.inputs, x], [status, sizes.packed])
         return ca.Function("landing", inputs, [*results, *told(t, results[0], p, found[:, 1])])
 
     @cached_property
-    def landed(self) -> ca.Function:
-        """landed(t, y, p) -> the first three results of `landing`, all that a row of the table needs."""
+    def projected(self) -> ca.Function:
+        """projected(t, y, p) -> the results of `project` but the first, all that a row of the table needs."""
         inputs, results, _ = self._projected()
-        return ca.Function("landed", inputs, results)
+        return ca.Function("projected", inputs, results)
 
     def _projected(self, *more: ca.SX) -> tuple[list[ca.MX], list[ca.MX], ca.MX]:
         """(t, y, p); y with velocity on B v + b = 0, y' and lambda; what S is solved for, and more columns of it."""
         parts = self._parts
         y, v, n = parts.y, parts.v, parts.v.numel()
-        mu = ca.SX.sym("mu", len(parts.selection.kept))
-        rights = ca.horzcat(ca.densify(parts.B_kept @ v + parts.b_kept), *more)
+        mu = ca.SX.sym("mu", len(parts.selection.independent))
+        rights = ca.horzcat(ca.densify(parts.B_independent @ v + parts.b_independent), *more)
         before = ca.Function("before", parts.inputs, [*self._factors, rights])
-        landed = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B_kept.T @ mu), y[2 * n]))
-        after = ca.Function("after", [*parts.inputs, mu], [landed])
+        projected = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B_independent.T @ mu), y[2 * n]))
+        after = ca.Function("after", [*parts.inputs, mu], [projected])
         t, _, p = inputs = self._inputs()
         found = _solved(before, inputs)
         there = after(*inputs, found[:, 0])
@@ -91,9 +91,11 @@ class Factored:
         """See `NumericSystem.response`."""
         parts = self._parts
         f = ca.SX.sym("f", parts.v.numel())
-        lam = ca.SX.sym("lam", len(parts.selection.kept))
+        lam = ca.SX.sym("lam", len(parts.selection.independent))
         free, place = parts.inertia(f), [parts.t, parts.y[: f.numel()], parts.v, parts.p]
-        before = ca.Function("before", [*place, f], [*self._factors, ca.densify(-(parts.B_kept @ free))])
+        before = ca.Function(
+            "before", [*place, f], [*self._factors, ca.densify(-(parts.B_independent @ free))]
+        )
         x = ca.densify(parts.inertia(f + parts.reaction(lam)))
         after = ca.Function("after", [*place, f, lam], [x, shared.responded(parts, f, free, x)])
         inputs = [ca.MX.sym("x", each.numel()) for each in (*place, f)]
@@ -106,9 +108,9 @@ class Factored:
         """(t, y, p) -> y' and lambda of (D.24)."""
         parts = self._parts
         free = parts.inertia(parts.h)
-        right = ca.densify(parts.gamma_kept - parts.B_kept @ free)
+        right = ca.densify(parts.gamma_independent - parts.B_independent @ free)
         before = ca.Function("before", parts.inputs, [*self._factors, right])
-        lam = ca.SX.sym("lam", len(parts.selection.kept))
+        lam = ca.SX.sym("lam", len(parts.selection.independent))
         a = parts.inertia(parts.h + parts.reaction(lam))
         after = ca.Function("after", [*parts.inputs, lam], [shared.state_rate(parts, a, lam)])
         inputs = self._inputs()
@@ -118,7 +120,7 @@ class Factored:
     @cached_property
     def _factors(self) -> tuple[ca.SX, ca.SX]:
         """B and M^-1 B^T of the independent rows, whose product is S."""
-        B = self._parts.B_kept
+        B = self._parts.B_independent
         return B, self._parts.inertia(B.T)
 
     def _inputs(self) -> list[ca.MX]:

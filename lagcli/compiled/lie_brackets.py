@@ -44,7 +44,7 @@ class Brackets:
     def __init__(self, block: RowBlock, independent: Sequence[int]) -> None:
         self._block, self._field = block, factored_field(block, independent)
         s = len(block.holonomic)
-        self._kept = [i - s for i in independent if i >= s]
+        self._independent = [i - s for i in independent if i >= s]
         self._known: dict[Shape, ca.Function] = {}
 
     def values(self, shape: Shape) -> ca.Function:
@@ -60,12 +60,12 @@ class Brackets:
         given = list(zip(shape, (U[:, :split], U[:, split:]), strict=True))
         w = [None if part == LEAF else self.values(part)(x, p, u) for part, u in given]
         Y, Z = (
-            self._field(x, p, u, ca.MX.zeros(len(self._kept)))
+            self._field(x, p, u, ca.MX.zeros(len(self._independent)))
             if value is None
             else self._field(x, p, ca.MX.zeros(self._block.size), value)
             for (_, u), value in zip(given, w, strict=True)
         )
-        found = -self._block.curl(x, p, Y, Z)[self._kept]
+        found = -self._block.curl(x, p, Y, Z)[self._independent]
         if w[1] is not None:
             found += ca.jtimes(w[1], x, Y)
         if w[0] is not None:

@@ -81,9 +81,9 @@ class Problem:
         self._solver: ca.Function = ca.nlpsol("nearest", "ipopt", problem, OPTIONS)
 
     def solve(
-        self, begin: Floats, q0: Floats, given: tuple[float, ca.DM, Floats, Floats], held: Flags
+        self, begin: Floats, q0: Floats, given: tuple[float, ca.DM, Floats, Floats], fixed: Flags
     ) -> Floats | None:
-        """A local minimum near `begin` (n,), or None; `held` (n,) coordinates keep the values of q0 (n,).
+        """A local minimum near `begin` (n,), or None; `fixed` (n,) coordinates keep the values of q0 (n,).
 
         given: t, M (n, n) that is measured with, numbers (s,) the rows are multiplied by, and p. A row with the
         number 0 is not asked for. The others must be independent: with more the equations of the interior point
@@ -91,7 +91,7 @@ class Problem:
         """
         t, M, weights, p = given
         values = ca.vertcat(t, q0, ca.DM(M.nonzeros()), weights, p)
-        low, high = np.where(held, q0, -np.inf), np.where(held, q0, np.inf)
+        low, high = np.where(fixed, q0, -np.inf), np.where(fixed, q0, np.inf)
         free = np.where(weights == 0, np.inf, 0.0)
         found = self._solver(x0=begin, p=values, lbx=low, ubx=high, lbg=-free, ubg=free)
         return np.array(found["x"]).ravel() if self._solver.stats()["success"] else None

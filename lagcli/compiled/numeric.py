@@ -77,7 +77,7 @@ class NumericSystem:
     @cached_property
     def _way(self) -> Expanded | Factored:
         parts = self._parts
-        largest = max(map(solvers.operations, (parts.S, parts.S_held) if parts.g.numel() else (parts.S,)))
+        largest = max(map(solvers.operations, (parts.S, parts.S_enforced) if parts.g.numel() else (parts.S,)))
         if largest <= EXPANDED_OPERATIONS:
             return Expanded(parts)
         from lagcli.compiled.factored import Factored
@@ -91,27 +91,29 @@ class NumericSystem:
 
     @property
     def stage(self) -> ca.Function | None:
-        """stage(t, y, p) -> y' (2n + 1,), and `parts.nearness` (2,): the clearance of the rows, and the least.
+        """stage(t, y, p) -> y' (2n + 1,), and `parts.rank_margin` (2,): the smallest angle of the rows, and the
+        smallest diagonal.
 
         None where S is factored numerically: another solution at each stage would cost too much.
         """
         return self._way.stage if isinstance(self._way, Expanded) else None
 
     @cached_property
-    def land(self) -> ca.Function:
-        """land(t, y, p) -> y on f = 0 and B v + b = 0, y' there, an outcome of four, and `parts.Sizes.packed`.
+    def project(self) -> ca.Function:
+        """project(t, y, p) -> y on f = 0 and B v + b = 0, y' there, a status of four, and `parts.Sizes.packed`.
 
-        The outcome is `parts.outcome` (residual, clearance, least) and the sum of y', finite only where all of y' is.
-        A state that g = 0 threw far off counts as not landed: it is on another branch.
+        The status is `parts.status` (residual, smallest angle, smallest diagonal) and the sum of y', finite only where
+        all of y' is.
+        A state that g = 0 threw far off counts as not projected: it is on another branch.
         """
         t, y, p = inputs = _inputs(self._way.landing)
-        landed, rate, _, outcome, sizes = self._way.landing(t, self._projected(t, y, p), p)
-        residual = outcome[0]
+        projected, rate, _, status, sizes = self._way.landing(t, self._projected(t, y, p), p)
+        residual = status[0]
         if self._parts.g.numel():
-            thrown = ca.mmax(ca.fabs((landed - y)[: self.n] / sizes[: self.n]))
+            thrown = ca.mmax(ca.fabs((projected - y)[: self.n] / sizes[: self.n]))
             residual += THROWN * thrown / (sizes[self.n] + shared.TINY)
-        outcome = ca.vertcat(residual, outcome[1:], ca.sum1(rate))
-        return ca.Function("land", inputs, [landed, rate, ca.densify(outcome), sizes])
+        status = ca.vertcat(residual, status[1:], ca.sum1(rate))
+        return ca.Function("project", inputs, [projected, rate, ca.densify(status), sizes])
 
     @cached_property
     def record(self) -> ca.Function:
@@ -119,17 +121,17 @@ class NumericSystem:
 
         These are position drift, velocity drift, Jacobi energy and its part without velocities.
         """
-        t, y, p = inputs = _inputs(self._way.landed)
-        landed, rate, lam = self._way.landed(t, self._projected(t, y, p), p)
-        lam = self._parts.multipliers(t, landed, p, lam)
-        row, account = table(self._system, self._parts)(t, landed, rate, lam, p)
-        return ca.Function("record", inputs, [landed, row, account])
+        t, y, p = inputs = _inputs(self._way.projected)
+        projected, rate, lam = self._way.projected(t, self._projected(t, y, p), p)
+        lam = self._parts.multipliers(t, projected, p, lam)
+        row, account = table(self._system, self._parts)(t, projected, rate, lam, p)
+        return ca.Function("record", inputs, [projected, row, account])
 
     @cached_property
-    def whole(self) -> ca.Function:
+    def holonomic(self) -> ca.Function:
         """whole(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
         symbols = self._system.symbols
-        outputs = [self._parts.f, self._parts.B_whole]
+        outputs = [self._parts.f, self._parts.B_holonomic]
         return ca.Function("whole", [symbols.t, symbols.q, self._system.p], outputs)
 
     @cached_property
@@ -198,8 +200,8 @@ class NumericSystem:
     @cached_property
     def solved(self) -> ca.Function:
         """solved(t, y, p) -> y' (2n + 1,) and lambda of all rows (C + K,), the state as it is."""
-        t, y, p = inputs = _inputs(self._way.landed)
-        _, rate, lam = self._way.landed(t, y, p)
+        t, y, p = inputs = _inputs(self._way.projected)
+        _, rate, lam = self._way.projected(t, y, p)
         return ca.Function("solved", inputs, [rate, self._parts.multipliers(t, y, p, lam)])
 
     @cached_property
@@ -210,7 +212,7 @@ class NumericSystem:
     @property
     def idle_rows(self) -> list[int]:
         """The numbers of the contacts that are closed and carry nothing, each beyond C."""
-        return [circuit[0] for circuit in self._parts.selection.idle]
+        return [dependency[0] for dependency in self._parts.selection.idle]
 
     @cached_property
     def event_values(self) -> ca.Function:
@@ -223,7 +225,7 @@ class NumericSystem:
     @cached_property
     def events_at(self) -> ca.Function:
         """events_at(t, y, p) -> `when` of the declared events (E,) at a state."""
-        t, y, p = inputs = _inputs(self._way.landed)
+        t, y, p = inputs = _inputs(self._way.projected)
         rate, lam = self.solved(t, y, p)
         return ca.Function("events_at", inputs, [self.event_values(t, y, rate, lam, p)])
 

@@ -73,7 +73,7 @@ class Parts:
 
     def reaction(self, lam: ca.SX) -> ca.SX:
         """B^T lambda, (n,)."""
-        return mechanics.reaction(self.B_kept, lam)
+        return mechanics.reaction(self.B_independent, lam)
 
     @cached_property
     def has_time(self) -> bool:
@@ -96,24 +96,24 @@ class Parts:
     @cached_property
     def S(self) -> ca.SX:
         """S = B M^-1 B^T of the independent rows."""
-        return self.B_kept @ self.inertia(self.B_kept.T)
+        return self.B_independent @ self.inertia(self.B_independent.T)
 
     @cached_property
-    def S_held(self) -> ca.SX:
-        """S of the rows of `B_held`, (s + k, s + k)."""
+    def S_enforced(self) -> ca.SX:
+        """S of the rows of `B_enforced`, (s + k, s + k)."""
         if self.g.numel():
-            return self.B_held @ self.inertia(self.B_held.T)
-        kept = self.selection.kept
-        places = [k for k, row in enumerate(kept) if self._is_whole(row)]
-        return self.S if len(places) == len(kept) else self.S[places, places]
+            return self.B_enforced @ self.inertia(self.B_enforced.T)
+        independent = self.selection.independent
+        places = [k for k, row in enumerate(independent) if self._is_holonomic(row)]
+        return self.S if len(places) == len(independent) else self.S[places, places]
 
     @property
-    def B_whole(self) -> ca.SX:
+    def B_holonomic(self) -> ca.SX:
         """The rows of B that belong to f."""
         return self.B[: self.f.numel(), :]
 
-    def _is_whole(self, row: int) -> bool:
-        """True for a row of whole coordinates: of f, or a contact."""
+    def _is_holonomic(self, row: int) -> bool:
+        """True for a row of holonomic constraints: of f, or a contact."""
         return row < self.f.numel() or row >= self.B.shape[0]
 
     def of(self, numbers: Sequence[int], equalities: ca.SX, contacts: ca.SX) -> ca.SX:
@@ -125,34 +125,34 @@ class Parts:
         return ca.vertcat(found, contacts[closed, :]) if closed else found
 
     @cached_property
-    def B_kept(self) -> ca.SX:
+    def B_independent(self) -> ca.SX:
         """The independent rows of B."""
-        return self.of(self.selection.kept, self.B, self.contacts.G)
+        return self.of(self.selection.independent, self.B, self.contacts.G)
 
     @cached_property
-    def b_kept(self) -> ca.SX:
+    def b_independent(self) -> ca.SX:
         """b of the independent rows."""
-        return self.of(self.selection.kept, self.b, self.contacts.g_t)
+        return self.of(self.selection.independent, self.b, self.contacts.g_t)
 
     @cached_property
-    def gamma_kept(self) -> ca.SX:
+    def gamma_independent(self) -> ca.SX:
         """gamma of the independent rows."""
-        return self.of(self.selection.kept, self.gamma, self.contacts.gamma)
+        return self.of(self.selection.independent, self.gamma, self.contacts.gamma)
 
     @property
-    def _kept_whole(self) -> list[int]:
-        return [i for i in self.selection.kept if self._is_whole(i)]
+    def _independent_holonomic(self) -> list[int]:
+        return [i for i in self.selection.independent if self._is_holonomic(i)]
 
     @cached_property
-    def held(self) -> ca.SX:
+    def enforced(self) -> ca.SX:
         """Independent rows of f, closed contacts, and g: what the projection of positions brings to zero."""
-        f = self.of(self._kept_whole, self.f, self.contacts.g)
+        f = self.of(self._independent_holonomic, self.f, self.contacts.g)
         return ca.vertcat(f, self.g) if self.g.numel() else f
 
     @cached_property
-    def B_held(self) -> ca.SX:
+    def B_enforced(self) -> ca.SX:
         """Their gradients by q."""
-        B = self.of(self._kept_whole, self.B_whole, self.contacts.G)
+        B = self.of(self._independent_holonomic, self.B_holonomic, self.contacts.G)
         return ca.vertcat(B, self.dg) if self.g.numel() else B
 
     @property
@@ -167,10 +167,10 @@ class Parts:
     @cached_property
     def multipliers(self) -> ca.Function:
         """multipliers(t, y, p, lambda) -> lambda of all rows, (C + K,)."""
-        lam = ca.SX.sym("lam", len(self.selection.kept))
-        if not self.selection.circuits:
+        lam = ca.SX.sym("lam", len(self.selection.independent))
+        if not self.selection.dependencies:
             every = ca.SX.zeros(self.selection.count)
-            every[list(self.selection.kept)] = lam
+            every[list(self.selection.independent)] = lam
             return ca.Function("multipliers", [*self.inputs, lam], [every])
         B = self.of(self.selection.shared, self.B, self.contacts.G)
         gram = ca.Function("gram", self.inputs, [B @ self.inertia(B.T)])
@@ -241,15 +241,15 @@ def _level(chart: LevelExpression, a: ca.SX, b: ca.SX) -> ca.SX:
 
 def state_rate(parts: Parts, a: ca.SX, lam: ca.SX) -> ca.SX:
     """y' = (v, a, power - lambda . b)."""
-    return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b_kept)))
+    return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b_independent)))
 
 
 def responded(parts: Parts, f: ca.SX, free: ca.SX, x: ca.SX) -> ca.SX:
     """(3,): f x and f M^-1 f, free = M^-1 f, and the largest B_i x of independent rows and x of length one."""
     square = ca.dot(f, free)
     left = ca.SX(0)
-    if parts.selection.kept:
-        left = ca.mmax(ca.fabs(parts.B_kept @ x) / ca.sqrt(ca.diag(parts.S) * square + TINY))
+    if parts.selection.independent:
+        left = ca.mmax(ca.fabs(parts.B_independent @ x) / ca.sqrt(ca.diag(parts.S) * square + TINY))
     return ca.densify(ca.vertcat(ca.dot(f, x), square, left))
 
 
@@ -262,7 +262,7 @@ def position_residual(parts: Parts) -> ca.SX:
 def _position_rows(parts: Parts) -> tuple[ca.SX, ca.SX]:
     """f, closed contacts and g, and their gradients."""
     every = [*range(parts.f.numel()), *parts.closed]
-    f, B = parts.of(every, parts.f, parts.contacts.g), parts.of(every, parts.B_whole, parts.contacts.G)
+    f, B = parts.of(every, parts.f, parts.contacts.g), parts.of(every, parts.B_holonomic, parts.contacts.G)
     return (ca.vertcat(f, parts.g), ca.vertcat(B, parts.dg)) if parts.g.numel() else (f, B)
 
 
@@ -299,19 +299,19 @@ def sizes(parts: Parts, v: ca.SX, h: ca.SX, M: ca.SX) -> Sizes:
     return Sizes(units, *largest)
 
 
-def outcome(parts: Parts, clearance: ca.SX | float, v: ca.SX, sizes: Sizes) -> ca.SX:
+def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) -> ca.SX:
     """(3,) at a velocity v: the larger of what is left of the rows, as a part of the size of q, and `departure`;
     how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes with a row."""
     f, B = _position_rows(parts)
     left = ca.mmax(ca.fabs(f) / _row_norms(B, sizes.units)) / (sizes.q + TINY) if f.numel() else ca.SX(0)
     residual = ca.fmax(left, _departure(parts, v, sizes))
-    return ca.densify(ca.vertcat(residual, nearness(parts, clearance)))
+    return ca.densify(ca.vertcat(residual, rank_margin(parts, smallest_angle)))
 
 
-def nearness(parts: Parts, clearance: ca.SX | float) -> ca.SX:
-    """(2,): the clearance, and the least diagonal entry of S."""
-    least = ca.mmin(ca.diag(parts.S)) if parts.selection.kept else 1.0
-    return ca.densify(ca.vertcat(clearance, least))
+def rank_margin(parts: Parts, smallest_angle: ca.SX | float) -> ca.SX:
+    """(2,): the smallest angle, and the least diagonal entry of S."""
+    smallest_diagonal = ca.mmin(ca.diag(parts.S)) if parts.selection.independent else 1.0
+    return ca.densify(ca.vertcat(smallest_angle, smallest_diagonal))
 
 
 def _departure(parts: Parts, v: ca.SX, sizes: Sizes) -> ca.SX:
@@ -319,7 +319,7 @@ def _departure(parts: Parts, v: ca.SX, sizes: Sizes) -> ca.SX:
 
     Where b depends on q it has the errors of q even where nothing moves; t has rounding alone.
     """
-    rest = [circuit[0] for circuit in parts.selection.circuits]
+    rest = [dependency[0] for dependency in parts.selection.dependencies]
     if not rest:
         return ca.SX(0)
     B, b = parts.of(rest, parts.B, parts.contacts.G), parts.of(rest, parts.b, parts.contacts.g_t)

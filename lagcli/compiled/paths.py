@@ -31,7 +31,7 @@ WRITTEN_OUT = 3e4  # operations of a step that is written out too
 
 
 @frozen
-class Held:
+class FixedValues:
     """The configuration q (n,) and velocity (n,) that are held, the values of the parameters, and units (k + 1,)."""
 
     q: Floats
@@ -40,21 +40,21 @@ class Held:
     scale: Floats
 
 
-def rows(system: System, chosen: Numbers, coordinates: Numbers, held: Held) -> tuple[ca.SX, ca.SX]:
+def rows(system: System, chosen: Numbers, coordinates: Numbers, fixed: FixedValues) -> tuple[ca.SX, ca.SX]:
     """z (k + 1,) and A (c, k + 1) of the rows `chosen` (c,) as expressions in it; other coordinates are held.
 
     z counts each coordinate and time in the units of `held.scale`.
     """
     symbols, p = system.symbols, system.p
     z = ca.SX.sym("z", len(coordinates) + 1)
-    scale = ca.DM(held.scale)
+    scale = ca.DM(fixed.scale)
     at = z * scale
-    q = ca.SX(ca.DM(held.q))
+    q = ca.SX(ca.DM(fixed.q))
     q[coordinates.tolist()] = at[:-1]
     B = system.rows.B[chosen.tolist(), coordinates.tolist()]
     b = ca.SX(system.rows.b)[chosen.tolist()]
     whole = ca.Function("rows", [symbols.t, symbols.q, symbols.v, p], [ca.sparsify(ca.horzcat(B, b))])
-    A = whole(at[-1], q, ca.DM(held.v), ca.DM(held.p))
+    A = whole(at[-1], q, ca.DM(fixed.v), ca.DM(fixed.p))
     return z, ca.mtimes(A, ca.diag(scale))
 
 

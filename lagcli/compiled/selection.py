@@ -18,54 +18,56 @@ from lagcli.frozen import frozen_value
 
 # A row that vanishes has no length to divide by; its multiplier is 0.
 TINY = 1e-300
-# Larger circuits are solved numerically: written out, their factors would take longer to build than a run takes.
+# Larger dependencies are solved numerically: written out, their factors would take longer to build than a run takes.
 WRITTEN_OUT = 40
 SOLVER = "ldl"
 
 
 @frozen_value
 class Selection:
-    """The rows a run is stepped with, `kept`; circuits: each other row, followed by the kept rows it depends on;
-    inactive: rows that are declared and do not act, as contacts that are open; idle: contacts among them that lie
-    closed on others and carry nothing in the least split, each with the kept rows that it depends on.
+    """The rows a run is stepped with, `independent`.
+
+    dependencies: each other row, followed by the independent rows it depends on; inactive: rows that are declared and
+    do not act, as contacts that are open; idle: contacts among them that lie closed on others and carry nothing in the
+    least split, each with the independent rows that it depends on.
 
     Rows are numbered as the multipliers are: the C equality rows, then the K contacts.
     """
 
-    kept: tuple[int, ...]
-    circuits: tuple[tuple[int, ...], ...] = ()
+    independent: tuple[int, ...]
+    dependencies: tuple[tuple[int, ...], ...] = ()
     inactive: tuple[int, ...] = ()
     idle: tuple[tuple[int, ...], ...] = ()
 
     @property
     def count(self) -> int:
         """All rows, C + K."""
-        return len(self.kept) + len(self.circuits) + len(self.inactive)
+        return len(self.independent) + len(self.dependencies) + len(self.inactive)
 
     @property
     def present(self) -> tuple[int, ...]:
         """The rows that act, in their order."""
-        return tuple(sorted((*self.kept, *(circuit[0] for circuit in self.circuits))))
+        return tuple(sorted((*self.independent, *(dependency[0] for dependency in self.dependencies))))
 
     def opened(self, rows: int) -> Selection:
         """This selection of `rows` equality rows and all contacts open."""
-        circuits = tuple(circuit for circuit in self.circuits if circuit[0] < rows)
-        kept = tuple(i for i in self.kept if i < rows)
-        return Selection(kept, circuits, tuple(range(rows, self.count)))
+        dependencies = tuple(dependency for dependency in self.dependencies if dependency[0] < rows)
+        independent = tuple(i for i in self.independent if i < rows)
+        return Selection(independent, dependencies, tuple(range(rows, self.count)))
 
     @property
     def indeterminate(self) -> frozenset[int]:
-        """Rows whose multipliers are not unique: those that take part in a circuit, a row that vanishes in its own, and
-        those of idle contacts."""
-        return frozenset((*self.shared, *(row for circuit in self.idle for row in circuit)))
+        """Rows whose multipliers are not unique: those that take part in a dependency, a row that vanishes in its
+        own, and those of idle contacts."""
+        return frozenset((*self.shared, *(row for dependency in self.idle for row in dependency)))
 
     @property
     def shared(self) -> tuple[int, ...]:
-        """All rows of circuits, those that vanish too, in their order."""
-        return tuple(sorted({row for circuit in self.circuits for row in circuit}))
+        """All rows of dependencies, those that vanish too, in their order."""
+        return tuple(sorted({row for dependency in self.dependencies for row in dependency}))
 
     def groups(self) -> Iterator[tuple[list[int], list[int]]]:
-        """Rows left out and kept rows of circuits that share rows; a row that vanishes belongs to none."""
+        """Rows left out and independent rows of dependencies that share rows; a row that vanishes belongs to none."""
         head: dict[int, int] = {}  # of each kept row, one that stands for all of its group
 
         def top(row: int) -> int:
@@ -74,35 +76,35 @@ class Selection:
                 row = head[row]
             return row
 
-        for _, *support in self.circuits:
+        for _, *support in self.dependencies:
             for row in support:
                 head[top(row)] = top(support[0])
         found: dict[int, tuple[list[int], set[int]]] = {}
-        for first, *support in self.circuits:
+        for first, *support in self.dependencies:
             if support:
-                rest, kept = found.setdefault(top(support[0]), ([], set()))
+                rest, independent = found.setdefault(top(support[0]), ([], set()))
                 rest.append(first)
-                kept.update(support)
-        for rest, kept in found.values():
-            yield sorted(rest), sorted(kept)
+                independent.update(support)
+        for rest, independent in found.values():
+            yield sorted(rest), sorted(independent)
 
 
 def split(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
-    """lambda of all rows (C + K,), from those of the kept rows; 0 of inactive ones.
+    """lambda of all rows (C + K,), from those of the independent rows; 0 of inactive ones.
 
     S = B M^-1 B^T of the `shared` rows in their order; S and lambda are expressions.
     """
     among = {row: i for i, row in enumerate(selection.shared)}
-    place = {row: i for i, row in enumerate(selection.kept)}
-    supports = {circuit[0]: frozenset(circuit[1:]) for circuit in selection.circuits}
+    place = {row: i for i, row in enumerate(selection.independent)}
+    supports = {dependency[0]: frozenset(dependency[1:]) for dependency in selection.dependencies}
     values: dict[int, ca.MX | float] = {row: lam[i] for row, i in place.items()}
     values |= dict.fromkeys((*supports, *selection.inactive), 0.0)
-    for rest, kept in selection.groups():
-        here = [*rest, *kept]
-        pattern = np.array([[k in supports[i] for k in kept] for i in rest])
+    for rest, independent in selection.groups():
+        here = [*rest, *independent]
+        pattern = np.array([[k in supports[i] for k in independent] for i in rest])
         numbers = [among[row] for row in here]
         way = _solved if max(pattern.shape) <= WRITTEN_OUT else _projected
-        shared = way(pattern, S[numbers, numbers], lam[[place[k] for k in kept]])
+        shared = way(pattern, S[numbers, numbers], lam[[place[k] for k in independent]])
         for number, row in enumerate(here):
             values[row] = shared[number]
     return ca.vertcat(*(values[row] for row in range(len(values))))
@@ -118,21 +120,23 @@ def loads(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
     among = {row: i for i, row in enumerate(spread(selection))}
     found = []
     for row, *support in selection.idle:
-        kept = [among[i] for i in support]
+        independent = [among[i] for i in support]
         here, given = ca.SX.sym("S", len(among), len(among)), ca.SX.sym("lam", len(support))
-        T = solvers.solver(here[kept, kept])(here[kept, among[row]])
-        load = ca.dot(T, ca.diag(here[kept, kept]) * given) / (here[among[row], among[row]] + TINY)
+        T = solvers.solver(here[independent, independent])(here[independent, among[row]])
+        load = ca.dot(T, ca.diag(here[independent, independent]) * given) / (
+            here[among[row], among[row]] + TINY
+        )
         found.append(ca.Function("load", [here, given], [load])(S, lam[list(support)]))
     return ca.vertcat(*found)
 
 
 def spread(selection: Selection) -> tuple[int, ...]:
     """All rows of idle contacts and those that they depend on, in their order."""
-    return tuple(sorted({row for circuit in selection.idle for row in circuit}))
+    return tuple(sorted({row for dependency in selection.idle for row in dependency}))
 
 
 def _solved(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
-    """S and lambda of the kept rows of one group -> lambda of all its rows, those left out first.
+    """S and lambda of the independent rows of one group -> lambda of all its rows, those left out first.
 
     With B_rest = T B_kept and D the diagonal of S: lambda_kept + T^T lambda_rest is given, and the smallest sum has
 
@@ -152,7 +156,8 @@ def _projected(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
     """As `_solved`, of a larger group, without T.
 
     In unit rows, mu_i = lambda_i D_i^(1/2) and G = D^(-1/2) S D^(-1/2), the shortest mu with the same B^T lambda is
-    the projection of any onto the range of G, which the columns of the kept rows span: G_K (G_K^T G_K)^-1 G_K^T mu.
+    the projection of any onto the range of G, which the columns of the independent rows span:
+    G_K (G_K^T G_K)^-1 G_K^T mu.
     """
     k = pattern.shape[0]
     lengths = ca.sqrt(ca.diag(S) + TINY)
@@ -164,7 +169,7 @@ def _projected(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
 
 
 def _weights(S: ca.SX, i: int, k: int, support: npt.NDArray[np.bool_]) -> ca.SX:
-    """Row i of T, (1, r): S_iK S_KK^-1 over the kept rows K that row i depends on."""
+    """Row i of T, (1, r): S_iK S_KK^-1 over the independent rows K that row i depends on."""
     among = (np.flatnonzero(support) + k).tolist()
     right = S[among, i]
     found = solvers.solver(S[among, among])(right)

@@ -104,21 +104,21 @@ class FewContacts:
         if (c >= -rounding).all():
             return np.zeros(count)
         for size in range(1, count + 1):
-            for held in itertools.combinations(range(count), size):
-                if (z := self._held(list(held), c)) is not None and (self.D @ z + c >= -rounding).all():
+            for closed in itertools.combinations(range(count), size):
+                if (z := self._closed(list(closed), c)) is not None and (self.D @ z + c >= -rounding).all():
                     return z
         return None
 
-    def _held(self, held: list[int], c: Floats) -> Floats | None:
+    def _closed(self, closed: list[int], c: Floats) -> Floats | None:
         """z of contacts that are held; None where one of them pulls."""
-        if len(held) == 1:
-            part = -c[held] / self.D[held[0], held[0]]
+        if len(closed) == 1:
+            part = -c[closed] / self.D[closed[0], closed[0]]
         else:
-            part = np.linalg.solve(self.D[np.ix_(held, held)], -c[held])
+            part = np.linalg.solve(self.D[np.ix_(closed, closed)], -c[closed])
         if not (part > 0.0).all():
             return None
         z = np.zeros(c.size)
-        z[held] = part
+        z[closed] = part
         return z
 
     def impact(self, v: Floats, speeds: Floats, e: Floats, terms: Floats) -> LawResult | None:

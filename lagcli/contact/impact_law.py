@@ -152,12 +152,12 @@ class TouchingRows:
         lengths = np.linalg.norm(white, axis=1)
         self._lengths = np.where(lengths > 0, lengths, 1.0)
         self._unit = white / self._lengths[:, None]
-        left, sigma, right = np.linalg.svd(self._unit[: self.held], full_matrices=False)
+        left, sigma, right = np.linalg.svd(self._unit[: self.equalities], full_matrices=False)
         kept = sigma > DEPENDENT
         self._left, self._sigma, self._right = left[:, kept], sigma[kept], right[kept]
 
     @property
-    def held(self) -> int:
+    def equalities(self) -> int:
         """Equality rows, C."""
         return int(self.B.shape[0])
 
@@ -173,7 +173,7 @@ class TouchingRows:
         together, contacts >= 0. Raises `ContradictoryRows` with the contacts that cannot all be obeyed, and
         `UndecidedRows`.
         """
-        C, lengths = self.held, self._lengths
+        C, lengths = self.equalities, self._lengths
         c, d, rounding = c / lengths[:C], d / lengths[C:], rounding / lengths[C:]
         contacts = self._unit[C:]
         base = self._right.T @ ((self._left.T @ c) / self._sigma)
@@ -202,12 +202,12 @@ class TouchingRows:
 
     def _refined(self, mu: Floats, asked: Floats) -> Floats:
         """mu with the rows that hold met to rounding: what they are missing is asked for again."""
-        rows = np.flatnonzero((mu > 0) | (np.arange(mu.size) < self.held))
+        rows = np.flatnonzero((mu > 0) | (np.arange(mu.size) < self.equalities))
         left, sigma, _ = np.linalg.svd(self._unit[rows], full_matrices=False)
         left = left[:, sigma > DEPENDENT] / sigma[sigma > DEPENDENT]
         mu = mu.copy()
         for _ in range(REFINEMENTS):
             missing = asked[rows] - self._unit[rows] @ (self._unit.T @ mu)
             mu[rows] += left @ (left.T @ missing)
-        mu[self.held :] = np.maximum(mu[self.held :], 0.0)
+        mu[self.equalities :] = np.maximum(mu[self.equalities :], 0.0)
         return mu

@@ -78,21 +78,21 @@ def _numbers(flags: npt.NDArray[np.bool_]) -> tuple[int, ...]:
     return tuple(int(row) for row in np.flatnonzero(flags))
 
 
-def _settled(A: Floats, h: Floats, held: list[int]) -> Shortest:
+def _settled(A: Floats, h: Floats, closed: list[int]) -> Shortest:
     """x and mu of the rows that hold, solved to rounding; a row that rounding has put on the wrong side changes it."""
     for _ in range(2 * h.size + 10):
-        x, mu = _on(A[held], h[held])
+        x, mu = _on(A[closed], h[closed])
         allowed = CLOSE * (float(np.linalg.norm(x)) + np.abs(h))
         if mu.size and mu.min() < 0:
-            del held[int(np.argmin(mu))]
+            del closed[int(np.argmin(mu))]
             continue
         short = A @ x - h + allowed
-        short[held] = 0.0
+        short[closed] = 0.0
         if short.min() >= 0:
             whole = np.zeros(h.size)
-            whole[held] = mu
+            whole[closed] = mu
             return Shortest(x, whole)
-        held = sorted([*held, int(np.argmin(short))])
+        closed = sorted([*closed, int(np.argmin(short))])
     raise UndecidedRows("rows too near dependent ones")
 
 

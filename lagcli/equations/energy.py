@@ -12,7 +12,7 @@ from lagcli.equations.family_columns import Triple, Value, column, interleaved, 
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 
 
 @frozen
@@ -83,7 +83,7 @@ class _Forces:
     def __init__(self, model: nouns.Model, environment: Environment, masses: ca.SX) -> None:
         self._model, self._environment, self._masses = model, environment, masses
 
-    def _on_particles(self, constant: bool) -> Iterator[tuple[Whole, Triple]]:
+    def _on_particles(self, constant: bool) -> Iterator[tuple[Integers, Triple]]:
         """Particles (P,) with the forces declared on them, those that count as potentials or the others."""
         environment = self._environment
         for force in self._model.forces:
@@ -150,7 +150,7 @@ class _Forces:
         return F_sum
 
 
-def _kinetic(environment: Environment, masses: ca.SX, numbers: Whole) -> ca.SX:
+def _kinetic(environment: Environment, masses: ca.SX, numbers: Integers) -> ca.SX:
     """T of some of the particles."""
     if numbers.size == 0:
         return ca.SX(0)

@@ -22,7 +22,7 @@ from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 
 Floats = npt.NDArray[np.float64]
 Place = jump_search.Place
@@ -44,7 +44,7 @@ class Subject:
     told: str
     location: diagnostics.Location
     count: int
-    value: Callable[[Whole], ca.SX]
+    value: Callable[[Integers], ca.SX]
 
 
 @frozen_value
@@ -186,20 +186,20 @@ def _subjects(model: nouns.Model, env: Environment) -> Iterator[Subject]:
         first += count
 
 
-def _potential(force: nouns.Potential, env: Environment) -> Callable[[Whole], ca.SX]:
-    def value(places: Whole) -> ca.SX:
+def _potential(force: nouns.Potential, env: Environment) -> Callable[[Integers], ca.SX]:
+    def value(places: Integers) -> ca.SX:
         found = env.scalar(force.expression, env.algebra(force.members.taken(places)))
         return ca.sum1(column(found, places.size))
 
     return value
 
 
-def _lagrangian(expression: nouns.Expression, env: Environment) -> Callable[[Whole], ca.SX]:
+def _lagrangian(expression: nouns.Expression, env: Environment) -> Callable[[Integers], ca.SX]:
     return lambda places: env.scalar(expression)
 
 
-def _position(first: int, env: Environment) -> Callable[[Whole], ca.SX]:
-    def value(places: Whole) -> ca.SX:
+def _position(first: int, env: Environment) -> Callable[[Integers], ca.SX]:
+    def value(places: Integers) -> ca.SX:
         # What jumps in one place does so in their sum, with factors that have nothing in common.
         parts = zip((1, 2**0.5, 3**0.5), env.position(first + places), strict=True)
         return sum((factor * ca.sum1(part) for factor, part in parts), ca.SX(0))

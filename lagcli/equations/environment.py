@@ -11,7 +11,7 @@ from lagcli.equations.family_columns import Columns, Triple, Value, column, inte
 from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra, Symbols
 from lagcli.expression import evaluate, tree
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 from lagcli.model.resolve import Leaves, ModelNames, Resolver, Results
 
 
@@ -72,13 +72,13 @@ class Environment:
         """Their rates, (n, 1)."""
         return self.symbols.v
 
-    def rows_of(self, numbers: Whole) -> Whole:
+    def rows_of(self, numbers: Integers) -> Integers:
         """The places of x of Cartesian particles in q and v."""
         return 3 * self._rank[numbers]
 
     def algebra(
         self,
-        variables: Mapping[str, Whole] | None = None,
+        variables: Mapping[str, Integers] | None = None,
         own: Mapping[str, Value] | None = None,
         results: Results[ca.SX] | None = None,
         leaves: Leaves[ca.SX] | None = None,
@@ -125,11 +125,11 @@ class Environment:
         """t, dt, a constant or a parameter; None for another name."""
         return self._constants.get(name)
 
-    def position(self, numbers: Whole) -> Triple:
+    def position(self, numbers: Integers) -> Triple:
         """r of particles, columns (K, 1)."""
         return self._positions.vectors(numbers)
 
-    def velocity(self, numbers: Whole) -> Triple:
+    def velocity(self, numbers: Integers) -> Triple:
         """v of particles, columns (K, 1); of dependent ones the total time derivative of x(q, t)."""
         if not self._velocities.has(numbers).all():
             # All that can be told by now, in one go.
@@ -148,11 +148,11 @@ class Environment:
 
     differential = rate
 
-    def generalized(self, numbers: Whole, rates: bool) -> ca.SX:
+    def generalized(self, numbers: Integers, rates: bool) -> ca.SX:
         """Generalized coordinates or their rates, (K, 1)."""
         return taken(self.symbols.v if rates else self.symbols.q, self.first_generalized + numbers)
 
-    def variable(self, name: str, values: Whole) -> ca.SX:
+    def variable(self, name: str, values: Integers) -> ca.SX:
         """The values of an index variable, (K, 1)."""
         return ca.SX(ca.DM(values.astype(float)))
 

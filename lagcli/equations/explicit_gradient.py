@@ -23,7 +23,7 @@ from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 
 if TYPE_CHECKING:
     from lagcli.equations.rigid import Geometry
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 Truths = npt.NDArray[np.bool_]
 
 
-def entries(matrix: ca.SX, row: Whole, column: Whole) -> ca.SX:
+def entries(matrix: ca.SX, row: Integers, column: Integers) -> ca.SX:
     """Entries (K, 1) of a sparse matrix at rows and columns (K,)."""
     height = matrix.size1()
     rows_, columns_ = (np.asarray(part, dtype=np.int64) for part in matrix.sparsity().get_triplet())
@@ -69,7 +69,7 @@ class DependentForces:
         self._known: dict[str, _Gradient] = {}
 
     def gradients(
-        self, numbers: Whole, wanted: Sequence[rows.Row], node: tree.Name | tree.Member | tree.Index
+        self, numbers: Integers, wanted: Sequence[rows.Row], node: tree.Name | tree.Member | tree.Index
     ) -> Triple:
         """df_i/dr_k of rows and dependent particles (K,). Raises `ExpressionError` where that is not determined."""
         base = node.name if isinstance(node, tree.Name) else node.owner
@@ -82,7 +82,7 @@ class DependentForces:
         return x, y, z
 
     def _require_named(
-        self, gradient: _Gradient, row: Whole, rank: Whole, node: tree.Name | tree.Member | tree.Index
+        self, gradient: _Gradient, row: Integers, rank: Integers, node: tree.Name | tree.Member | tree.Index
     ) -> None:
         base = node.name if isinstance(node, tree.Name) else node.owner
         count = self._environment.dependent.size

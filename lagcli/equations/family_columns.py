@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.expression import evaluate
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 
 Triple = evaluate.Triple[ca.SX]
 Value = evaluate.Value[ca.SX]  # a column, or three of a vector
@@ -23,17 +23,17 @@ class Columns:
         self._batch = np.full(count, -1, dtype=np.int64)
         self._row = np.zeros(count, dtype=np.int64)
 
-    def fill(self, numbers: Whole, parts: tuple[ca.SX, ...]) -> None:
+    def fill(self, numbers: Integers, parts: tuple[ca.SX, ...]) -> None:
         """Take one column (K, 1), or three of a vector, for the members of these numbers (K,)."""
         self._batch[numbers] = len(self._batches)
         self._row[numbers] = np.arange(numbers.size)
         self._batches.append(parts)
 
-    def has(self, numbers: Whole) -> npt.NDArray[np.bool_]:
+    def has(self, numbers: Integers) -> npt.NDArray[np.bool_]:
         """True for those that are filled, (K,)."""
         return np.asarray(self._batch[numbers] >= 0)
 
-    def take(self, numbers: Whole) -> tuple[ca.SX, ...]:
+    def take(self, numbers: Integers) -> tuple[ca.SX, ...]:
         """The columns (K, 1) of members that are filled."""
         batches, rows = self._batch[numbers], self._row[numbers]
         used, which = np.unique(batches, return_inverse=True)
@@ -46,20 +46,20 @@ class Columns:
         places = rows + (np.cumsum(sizes) - sizes)[which]
         return tuple(taken(ca.vertcat(*columns), places) for columns in zip(*parts, strict=True))
 
-    def vectors(self, numbers: Whole) -> Triple:
+    def vectors(self, numbers: Integers) -> Triple:
         """The columns x, y, z (K, 1) of members that are filled, each with a vector."""
         x, y, z = self.take(numbers)
         return x, y, z
 
 
-def taken(column: ca.SX, rows: Whole) -> ca.SX:
+def taken(column: ca.SX, rows: Integers) -> ca.SX:
     """Rows of a column, in any order."""
     if rows.size == 1:
         return column[int(rows[0])]
     return ca.vec(column[rows.tolist()])  # CasADi takes of a single row a line, not a column
 
 
-def _is_all(rows: Whole, column: ca.SX) -> bool:
+def _is_all(rows: Integers, column: ca.SX) -> bool:
     return rows.size == column.numel() and bool((rows == np.arange(rows.size)).all())
 
 
@@ -82,7 +82,7 @@ def rate(value: ca.SX, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
     return ca.densify(ca.jtimes(value, q, v) + ca.jtimes(value, t, ca.SX(1)))
 
 
-def scattered(values: ca.SX, rows: Whole, n: int) -> ca.SX:
+def scattered(values: ca.SX, rows: Integers, n: int) -> ca.SX:
     """A column (n, 1) with each value added to its row."""
     if rows.size == 0:
         return ca.SX.zeros(n)

@@ -17,7 +17,7 @@ from lagcli.equations.family_columns import Triple, Value, rate, scattered
 from lagcli.expression import evaluate, tree
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 
 # Below this number of members the detour costs more than it saves.
 WORTH = 4
@@ -100,7 +100,7 @@ def _has_index_in_exponent(law: nouns.Law) -> bool:
     return any(tree.names(node.exponent) & indices for node in powers)
 
 
-def _placed(pattern: ca.Sparsity, entries: ca.SX, table: Whole, environment: Environment) -> ca.SX:
+def _placed(pattern: ca.Sparsity, entries: ca.SX, table: Integers, environment: Environment) -> ca.SX:
     """B (C, n) from the entries of all members: in each those of `pattern` (rows, m), table (m, K) of q rows."""
     rows, columns = (np.asarray(part, dtype=np.int64) for part in pattern.get_triplet())
     each, members, n = pattern.size1(), table.shape[1], environment.symbols.q.numel()
@@ -124,7 +124,7 @@ class MemberLeaves:
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
         self._places: dict[bytes, int] = {}
-        self._rows: list[Whole] = []
+        self._rows: list[Integers] = []
         self._u: list[ca.SX] = []
         self._w: list[ca.SX] = []
         self._c: dict[str, ca.SX] = {}
@@ -145,7 +145,7 @@ class MemberLeaves:
         """Their rates, (m, 1)."""
         return ca.vertcat(ca.SX(0, 1), *self._w)
 
-    def table(self, count: int) -> Whole:
+    def table(self, count: int) -> Integers:
         """The row in q of each coordinate for each member, (m, K)."""
         rows = [np.broadcast_to(rows, count) for rows in self._rows]
         return np.array(rows, dtype=np.int64).reshape(-1, count)
@@ -154,20 +154,20 @@ class MemberLeaves:
         """t, dt, a constant or a parameter; None for another name."""
         return self._environment.constant(name)
 
-    def position(self, numbers: Whole) -> Triple:
+    def position(self, numbers: Integers) -> Triple:
         """r of particles."""
         return self._components(numbers, self._u)
 
-    def velocity(self, numbers: Whole) -> Triple:
+    def velocity(self, numbers: Integers) -> Triple:
         """v of particles."""
         return self._components(numbers, self._w)
 
-    def generalized(self, numbers: Whole, rates: bool) -> ca.SX:
+    def generalized(self, numbers: Integers, rates: bool) -> ca.SX:
         """Generalized coordinates or their rates."""
         place = self._place(self._environment.first_generalized + numbers)
         return (self._w if rates else self._u)[place]
 
-    def variable(self, name: str, values: Whole) -> ca.SX:
+    def variable(self, name: str, values: Integers) -> ca.SX:
         """An index variable."""
         if name not in self._c:
             self._c[name] = ca.SX.sym(f"index {name}")
@@ -199,14 +199,14 @@ class MemberLeaves:
         columns = ca.vertcat(ca.DM(0, count), *self._columns)
         return list(one.call([*arguments, ca.SX(columns), ca.repmat(shared, 1, count)]))
 
-    def _components(self, numbers: Whole, vector: list[ca.SX]) -> Triple:
+    def _components(self, numbers: Integers, vector: list[ca.SX]) -> Triple:
         if self._environment.is_dependent[numbers].any():
             raise NotAlike
         first = self._environment.rows_of(numbers)
         x, y, z = (self._place(first + axis) for axis in range(3))
         return vector[x], vector[y], vector[z]
 
-    def _place(self, rows: Whole) -> int:
+    def _place(self, rows: Integers) -> int:
         """The place of a coordinate among u, by its rows in q, (1,) or (K,)."""
         place = self._places.setdefault(rows.tobytes(), len(self._rows))
         if place == len(self._rows):

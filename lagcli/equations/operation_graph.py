@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import casadi as ca
 
@@ -19,24 +19,44 @@ Look = Callable[[int, list[T], Expression], T]
 Leaf = Callable[[int | None, float], T]
 
 
+class Instruction(NamedTuple):
+    """An operation of a function, the places of its operands and of its result, and the constant that it is.
+
+    The operand of an input is (input, entry), the result of an output (output, entry).
+    """
+
+    op: int
+    operands: Sequence[int]
+    result: Sequence[int]
+    constant: float
+
+
+def instructions(function: ca.Function) -> list[Instruction]:
+    """The operations of a function, operands before results."""
+    return [
+        Instruction(
+            op := function.instruction_id(k),
+            function.instruction_input(k),
+            function.instruction_output(k),
+            function.instruction_constant(k) if op == ca.OP_CONST else 0.0,
+        )
+        for k in range(function.n_instructions())
+    ]
+
+
 def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
     """A column (k, 1) of the `inputs`, computed again operation by operation; `visit` may replace each result."""
     function = ca.Function("replayed", list(inputs), [value])
     flat = [ca.vertsplit(part) if part.numel() > 1 else [part] for part in inputs]
     work: dict[int, ca.SX] = {}
     found: list[ca.SX] = [ca.SX(0)] * value.numel()
-    for k in range(function.n_instructions()):
-        op, taken, given = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
+    for op, taken, given, constant in instructions(function):
         if op == ca.OP_OUTPUT:
             found[given[1]] = work[taken[0]]
         elif op == ca.OP_INPUT:
             work[given[0]] = flat[taken[0]][taken[1]]
         elif op == ca.OP_CONST:
-            work[given[0]] = ca.SX(function.instruction_constant(k))
+            work[given[0]] = ca.SX(constant)
         else:
             parts = [work[place] for place in taken]
             result = ca.SX.binary(op, *parts) if len(parts) == 2 else ca.SX.unary(op, *parts)
@@ -51,17 +71,14 @@ def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) 
     expressions = function.instructions_sx()
     work: dict[int, T] = {}
     found: dict[int, T] = {}
-    for k in range(function.n_instructions()):
-        op = function.instruction_id(k)
+    for k, (op, taken, given, constant) in enumerate(instructions(function)):
         if op == ca.OP_OUTPUT:
-            found[function.instruction_output(k)[1]] = work[function.instruction_input(k)[0]]
-            continue
-        taken, (given,) = function.instruction_input(k), function.instruction_output(k)
-        if op == ca.OP_INPUT:
-            work[given] = leaf(taken[0], 0.0)
+            found[given[1]] = work[taken[0]]
+        elif op == ca.OP_INPUT:
+            work[given[0]] = leaf(taken[0], 0.0)
         elif op == ca.OP_CONST:
-            work[given] = leaf(None, function.instruction_constant(k))
+            work[given[0]] = leaf(None, constant)
         else:
             parts = [work[place] for place in taken]
-            work[given] = look(op, parts, functools.partial(expressions.__getitem__, k))
+            work[given[0]] = look(op, parts, functools.partial(expressions.__getitem__, k))
     return [found[k] for k in range(value.numel())]

@@ -19,7 +19,7 @@ from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
-from lagcli.model.family import MemberIndex, Whole
+from lagcli.model.family import Integers, MemberIndex
 from lagcli.model.resolve import Reference, is_second
 
 
@@ -63,7 +63,7 @@ class OutputValues:
         values = tuple(family_columns.column(part, count) for part in parts)
         self._outputs.fill(np.arange(count) + self._roll.first(entry), values)
 
-    def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Value:
+    def __call__(self, node: tree.Node, variables: Mapping[str, Integers]) -> Value:
         if isinstance(node, tree.Name) and node.name in self._energies:
             return self._energies[node.name]
         if isinstance(node, tree.Call):
@@ -77,7 +77,7 @@ class OutputValues:
         parts = self._outputs.take(names.numbers(node, self._roll, variables))
         return (parts[0], parts[1], parts[2]) if len(parts) == 3 else parts[0]
 
-    def _called(self, node: tree.Call, variables: Mapping[str, Whole]) -> Value:
+    def _called(self, node: tree.Call, variables: Mapping[str, Integers]) -> Value:
         env, argument = self._environment, node.arguments[0]
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         if is_second(node):
@@ -91,7 +91,7 @@ class OutputValues:
         assert isinstance(law, (tree.Name, tree.Member, tree.Index))
         return self._part(numbers, law, variables)
 
-    def _second(self, argument: Reference, variables: Mapping[str, Whole]) -> Value:
+    def _second(self, argument: Reference, variables: Mapping[str, Integers]) -> Value:
         """`rate(x, 2)` of a coordinate, a particle or one of its components."""
         env = self._environment
         owner = argument.name if isinstance(argument, tree.Name) else argument.owner
@@ -102,7 +102,7 @@ class OutputValues:
         member = "" if isinstance(argument, tree.Name) else argument.member
         return found["xyz".index(member)] if member else found
 
-    def _part(self, numbers: Whole, law: Reference, variables: Mapping[str, Whole]) -> Triple:
+    def _part(self, numbers: Integers, law: Reference, variables: Mapping[str, Integers]) -> Triple:
         """sum_i lambda_i B_ik over the rows of a constraint, of particles (K,), or of one for each of K constraints."""
         wanted = [self._rows_of(law, name) for name in self._environment.names.names(law, variables)]
         count = max(len(wanted), numbers.size)
@@ -115,7 +115,7 @@ class OutputValues:
         force = [family_columns.scattered(lam * part, member, count) for part in (x, y, z)]
         return force[0], force[1], force[2]
 
-    def _gradients(self, numbers: Whole, row: Whole, law: Reference) -> Triple:
+    def _gradients(self, numbers: Integers, row: Integers, law: Reference) -> Triple:
         """The components of B along particles (K,) in rows (K,)."""
         env = self._environment
         found = Columns(numbers.size)
@@ -138,7 +138,7 @@ class OutputValues:
         self._require(node, f"{name}.{member}")
         return [self._rows[f"{name}.{member}"]]
 
-    def _multipliers(self, node: Reference, variables: Mapping[str, Whole]) -> Value:
+    def _multipliers(self, node: Reference, variables: Mapping[str, Integers]) -> Value:
         """lambda of a row, or of the three of a vector equation."""
         member = "" if isinstance(node, tree.Name) else node.member
         names = self._environment.names.names(node, variables)

@@ -55,11 +55,11 @@ def model(built: system.System, t: float, q: Floats, v: Floats) -> nouns.Model:
     )
 
 
-def build(built: system.System, freed: nouns.Model) -> system.System:
+def build(built: system.System, particle_model: nouns.Model) -> system.System:
     """The system of a model that `model` made of the one of `built`."""
 
     def tied(
-        env: Environment, laid: rows.ConstraintRows, dynamics: energy.Dynamics
+        env: Environment, constraints: rows.ConstraintRows, dynamics: energy.Dynamics
     ) -> tuple[rows.ConstraintRows, energy.Dynamics]:
         numbers = _dependent(built.model)
         places = (3 * numbers[:, None] + np.arange(3)).ravel()
@@ -73,9 +73,9 @@ def build(built: system.System, freed: nouns.Model) -> system.System:
             M=ca.sparsify(dynamics.M + ca.mtimes(weighted, block.B)),
             h=ca.densify(dynamics.h + ca.mtimes(weighted, block.gamma)),
         )
-        return _inserted(laid, _names(built.model), block), augmented
+        return _inserted(constraints, _names(built.model), block), augmented
 
-    return system.build(freed, tied)
+    return system.build(particle_model, tied)
 
 
 def _gap(built: system.System, env: Environment, places: npt.NDArray[np.int64]) -> ca.SX:
@@ -111,14 +111,14 @@ def _names(declared: nouns.Model) -> tuple[rows.Row, ...]:
 
 
 def _inserted(
-    laid: rows.ConstraintRows, names: tuple[rows.Row, ...], block: family_rows.FamilyBlock
+    constraints: rows.ConstraintRows, names: tuple[rows.Row, ...], block: family_rows.FamilyBlock
 ) -> rows.ConstraintRows:
     """Holonomic rows, those that tie after them, then the differential ones."""
-    s = laid.f.numel()
+    s = constraints.f.numel()
     return rows.ConstraintRows(
-        (*laid.rows[:s], *names, *laid.rows[s:]),
-        ca.vertcat(laid.f, block.f),
-        ca.sparsify(ca.vertcat(laid.B[:s, :], block.B, laid.B[s:, :])),
-        ca.vertcat(laid.b[:s, :], block.b, laid.b[s:, :]),
-        ca.vertcat(laid.gamma[:s, :], block.gamma, laid.gamma[s:, :]),
+        (*constraints.rows[:s], *names, *constraints.rows[s:]),
+        ca.vertcat(constraints.f, block.f),
+        ca.sparsify(ca.vertcat(constraints.B[:s, :], block.B, constraints.B[s:, :])),
+        ca.vertcat(constraints.b[:s, :], block.b, constraints.b[s:, :]),
+        ca.vertcat(constraints.gamma[:s, :], block.gamma, constraints.gamma[s:, :]),
     )

@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 
 # The base takes the first particles that extend the span well, by this part of the body's size; where none does,
 # the one that extends it most, if by more than rounding.
-WELL, ROUNDING = 1e-2, 1e-9
+WELL, SHAPE_ROUNDOFF = 1e-2, 1e-9
 # Distances between places beyond this overflow.
 FAR = 1e307
 
@@ -100,7 +100,7 @@ def _base(points: Floats) -> list[int]:
         well = np.flatnonzero(lengths > WELL * size)
         k = int(well[0]) if well.size else int(np.argmax(lengths))
         # A fourth particle that is only a little off the plane of three is described by its height over them.
-        if not well.size and (lengths[k] <= ROUNDING * size or len(base) == 3):
+        if not well.size and (lengths[k] <= SHAPE_ROUNDOFF * size or len(base) == 3):
             break
         base.append(k)
         directions = np.vstack([directions, rest[k] / lengths[k]])

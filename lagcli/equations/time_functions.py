@@ -22,7 +22,7 @@ from lagcli.expression import evaluate, intervals, tree
 from lagcli.expression.intervals import Range
 from lagcli.frozen import frozen_value
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class TimeFunctions:
     size: values of all operations, of a family one for each member; switches: places of values that are zero where a
     function jumps or has a kink; waves: places of bounded values that are no sums or products of others; is_mixed:
     whether t also stands in a function together with coordinates, or some of its functions are too many to look at;
-    kept: what was found out about them, for another run with the same.
+    cached: what was found out about them, for another run with the same.
     """
 
     operations: tuple[Operation, ...]
@@ -67,7 +67,7 @@ class TimeFunctions:
     switches: tuple[int, ...]
     waves: tuple[int, ...]
     is_mixed: bool
-    kept: dict[tuple[float, ...], Any] = dataclasses.field(default_factory=dict, compare=False, repr=False)
+    cached: dict[tuple[float, ...], Any] = dataclasses.field(default_factory=dict, compare=False, repr=False)
 
     @property
     def is_bounded(self) -> bool:
@@ -116,8 +116,8 @@ class _Timed:
 
     def __init__(self, model: nouns.Model) -> None:
         self.names = {"t"}
-        self.laws: list[tuple[tree.Node, Mapping[str, Whole]]] = []
-        self.on_particles: list[tuple[tree.Node, Mapping[str, Whole]]] = []
+        self.laws: list[tuple[tree.Node, Mapping[str, Integers]]] = []
+        self.on_particles: list[tuple[tree.Node, Mapping[str, Integers]]] = []
         meanings = {d.name: d.expression for d in model.definitions}
         for step in model.order:
             if isinstance(step, str):
@@ -143,7 +143,7 @@ class _Timed:
         return not self.names.isdisjoint(_WORD.findall(expression.text))
 
 
-def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, Whole]]]:
+def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, Integers]]]:
     """Every expression that enters the equations of motion or the events, but for definitions, positions and forces on
     particles."""
     if model.lagrangian is not None:
@@ -316,7 +316,7 @@ class _Leaves:
 class _Algebra:
     """`evaluate.Algebra` of these values."""
 
-    def __init__(self, record: _Record, leaves: _Leaves, variables: Mapping[str, Whole]) -> None:
+    def __init__(self, record: _Record, leaves: _Leaves, variables: Mapping[str, Integers]) -> None:
         self._record, self._leaves, self._variables = record, leaves, variables
 
     def number(self, node: tree.Number) -> _Value:

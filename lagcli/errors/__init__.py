@@ -3,5 +3,6 @@
 In: spans of source text and a code
 Out: `diagnostics.Diagnostic`, `diagnostics.ModelError`, pages of `lagcli explain`
 
-`diagnostics` holds and raises them, `catalogue` explains each code, `equation_list` names the equations (D.n); `requirements` refuses libraries that are too old.
+`diagnostics` holds and raises them, `catalogue` explains each code, `equation_list` names the equations (D.n),
+`requirements` refuses libraries that are too old.
 """

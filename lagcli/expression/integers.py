@@ -18,7 +18,7 @@ from lagcli.expression import evaluate as walk
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
 
-Whole = int | npt.NDArray[np.int64]
+Integers = int | npt.NDArray[np.int64]
 Truth = bool | npt.NDArray[np.bool_]
 Lookup = Callable[[tree.Name], object]  # an int, a float, an array (K,), or what is no number
 
@@ -31,11 +31,11 @@ _RULE = "bounds and indices are integer expressions of parameters and earlier in
 class _Fraction:
     """`top / bottom` with `bottom` positive, in lowest terms."""
 
-    top: Whole
-    bottom: Whole = 1
+    top: Integers
+    bottom: Integers = 1
 
 
-def evaluate(node: tree.Node, lookup: Lookup) -> Whole:
+def evaluate(node: tree.Node, lookup: Lookup) -> Integers:
     """The value of an integer expression: an `int`, or int64 of shape (K,) where it differs by member.
 
     `lookup` gives the number or array (K,) of a name, floats with whole values included, and may raise an
@@ -67,7 +67,7 @@ def holds(node: tree.Node, lookup: Lookup) -> Truth:
             raise TypeError(node)
 
 
-_RELATIONS: dict[str, Callable[[Whole], Truth]] = {
+_RELATIONS: dict[str, Callable[[Integers], Truth]] = {
     "==": lambda order: order == 0,
     "!=": lambda order: order != 0,
     "<": lambda order: order < 0,
@@ -155,15 +155,15 @@ class _Fractions:
         return best
 
 
-def _is_one(value: Whole) -> bool:
+def _is_one(value: Integers) -> bool:
     return isinstance(value, int) and value == 1
 
 
-def _size(value: Whole) -> Whole:
+def _size(value: Integers) -> Integers:
     return abs(value) if isinstance(value, int) else np.abs(value)
 
 
-def _choose(truth: Truth, one: Whole, other: Whole) -> Whole:
+def _choose(truth: Truth, one: Integers, other: Integers) -> Integers:
     if isinstance(truth, bool):
         return one if truth else other
     return np.where(truth, np.asarray(one, np.int64), np.asarray(other, np.int64))
@@ -174,7 +174,7 @@ def _either(truth: Truth, one: _Fraction, other: _Fraction) -> _Fraction:
     return _Fraction(_choose(truth, one.top, other.top), bottom)
 
 
-def _order(node: tree.Node, left: _Fraction, right: _Fraction) -> Whole:
+def _order(node: tree.Node, left: _Fraction, right: _Fraction) -> Integers:
     """Below, at or above zero as `left` is below, at or above `right`."""
     return _times(node, left.top, right.bottom) - _times(node, right.top, left.bottom)
 
@@ -185,7 +185,7 @@ def _inverse(node: tree.Node, value: _Fraction) -> _Fraction:
     return _Fraction(_choose(negative, -value.bottom, value.bottom), _size(value.top))
 
 
-def _reduced(top: Whole, bottom: Whole) -> _Fraction:
+def _reduced(top: Integers, bottom: Integers) -> _Fraction:
     if _is_one(bottom):
         return _Fraction(top)
     if isinstance(top, int) and isinstance(bottom, int):
@@ -195,13 +195,13 @@ def _reduced(top: Whole, bottom: Whole) -> _Fraction:
     return _Fraction(top // shared, bottom // shared)
 
 
-def _times(node: tree.Node, left: Whole, right: Whole) -> Whole:
+def _times(node: tree.Node, left: Integers, right: Integers) -> Integers:
     if isinstance(left, int) and isinstance(right, int):
         return _limited(node, left * right)
     return _limited(node, left * right, np.multiply(left, right, dtype=float))
 
 
-def _raised(node: tree.Node, base: Whole, times: Whole) -> Whole:
+def _raised(node: tree.Node, base: Integers, times: Integers) -> Integers:
     """base ** times, `times` >= 0."""
     if _is_one(base):
         return 1
@@ -215,7 +215,7 @@ def _raised(node: tree.Node, base: Whole, times: Whole) -> Whole:
         return _limited(node, np.power(base, times), np.power(base, times, dtype=float))
 
 
-def _whole(node: tree.Node, value: object) -> Whole:
+def _whole(node: tree.Node, value: object) -> Integers:
     """A number or array that a name stands for, as whole numbers."""
     if isinstance(value, int):
         return _limited(node, value)
@@ -233,7 +233,7 @@ def _whole(node: tree.Node, value: object) -> Whole:
     return _limited(node, array.astype(np.int64) if array.ndim else int(array))
 
 
-def _limited(node: tree.Node, value: Whole, rough: float | npt.NDArray[np.float64] = 0.0) -> Whole:
+def _limited(node: tree.Node, value: Integers, rough: float | npt.NDArray[np.float64] = 0.0) -> Integers:
     """The value, unless it is beyond the limit; `rough`, in float64, tells where an int64 wrapped around."""
     size = abs(rough) if isinstance(rough, float) else np.abs(rough)
     _refuse_large(node, (value > LIMIT) | (value < -LIMIT) | (size > 2.0 * LIMIT))

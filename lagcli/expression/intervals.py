@@ -16,7 +16,7 @@ Floats = npt.NDArray[np.float64]
 Range = tuple[Floats, Floats]
 
 # By this part of itself every result is widened: two roundings of an operation, or of a library function.
-ROUNDING = 4 * float(np.finfo(float).eps)
+INTERVAL_ROUNDOFF = 4 * float(np.finfo(float).eps)
 MOST_POWER = 64  # whole exponents up to this size are powers also of negative numbers
 
 
@@ -35,7 +35,7 @@ def apply(name: str, *parts: Range) -> Range:
 
 
 def _wide(low: Floats, high: Floats) -> Range:
-    return low - ROUNDING * np.abs(low), high + ROUNDING * np.abs(high)
+    return low - INTERVAL_ROUNDOFF * np.abs(low), high + INTERVAL_ROUNDOFF * np.abs(high)
 
 
 def _add(a: Range, b: Range) -> Range:

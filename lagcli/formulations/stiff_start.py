@@ -32,7 +32,7 @@ class StiffRow:
 
 
 def stretched(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> tuple[Floats, Floats]:
-    """q and v (n,) with f = -lambda/k and df/dt = -lambda'/k of the row, all other rows kept.
+    """q and v (n,) with f = -lambda/k and df/dt = -lambda'/k of the row, all other independent rows.
 
     Of such configurations that nearest to the start in the mass metric, of velocities those nearest to the ones there:
     what the row does not concern stays. numeric: with the row. Raises `NoSlowStartError`.
@@ -62,7 +62,7 @@ def stretched(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> 
 def _surface(
     numeric: NumericSystem, start: State, q: Floats, place: int, offset: float
 ) -> tuple[Floats, Sparse]:
-    values, B = numeric.whole(start.t, q, start.p)
+    values, B = numeric.holonomic(start.t, q, start.p)
     f = np.array(values).ravel()
     f[place] -= offset
     return f, B

@@ -48,7 +48,7 @@ class VakonomicStart:
     q: Floats
     v: Floats
     mu: Floats
-    kept: tuple[int, ...]
+    independent: tuple[int, ...]
 
 
 def column(row: str) -> str:
@@ -86,9 +86,9 @@ def build(built: system.System, extended: nouns.Model, start: VakonomicStart) ->
     def restated(
         env: Environment, constraints: ConstraintRows, dynamics: energy.Dynamics
     ) -> tuple[ConstraintRows, energy.Dynamics]:
-        G = _force(env, constraints, start.kept, n)
+        G = _force(env, constraints, start.independent, n)
         further.append(G)
-        S, mu_rate = _mu_rate(constraints, dynamics, G, start.kept)
+        S, mu_rate = _mu_rate(constraints, dynamics, G, start.independent)
         if solvers.operations(S) > MOST_OPERATIONS:
             raise TooLargeError
         inertia = _inertia(built, start)
@@ -102,11 +102,11 @@ def build(built: system.System, extended: nouns.Model, start: VakonomicStart) ->
     return _with_whole_reaction(dataclasses.replace(found, bodies=built.bodies), further[0])
 
 
-def _force(env: Environment, constraints: ConstraintRows, kept: Sequence[int], n: int) -> ca.SX:
+def _force(env: Environment, constraints: ConstraintRows, independent: Sequence[int], n: int) -> ca.SX:
     """G (n + k,), zero at the further coordinates; the rows that follow from others have no part in it."""
     s, q, v, t = constraints.f.numel(), env.q, env.v, env.t
     own = np.zeros(len(constraints.rows) - s)
-    own[[i - s for i in kept if i >= s]] = 1.0
+    own[[i - s for i in independent if i >= s]] = 1.0
     mu = env.v[n:] * ca.DM(own)
     A, b = constraints.B[s:, :], constraints.b[s:]
     momentum = A.T @ mu
@@ -116,11 +116,11 @@ def _force(env: Environment, constraints: ConstraintRows, kept: Sequence[int], n
 
 
 def _mu_rate(
-    constraints: ConstraintRows, dynamics: energy.Dynamics, G: ca.SX, kept: Sequence[int]
+    constraints: ConstraintRows, dynamics: energy.Dynamics, G: ca.SX, independent: Sequence[int]
 ) -> tuple[ca.SX, ca.SX]:
     """S = B M^-1 B^T of the independent rows, and mu' (k,) = -lambda of the differential ones."""
     s, n = constraints.f.numel(), constraints.B.shape[1] - (len(constraints.rows) - constraints.f.numel())
-    chosen = list(kept)
+    chosen = list(independent)
     B, gamma = constraints.B[chosen, :n], constraints.gamma[chosen, :]
     inertia = solvers.solver(dynamics.M[:n, :n])
     S = B @ inertia(B.T)
@@ -166,15 +166,15 @@ def effective(built: system.System, start: VakonomicStart) -> Floats:
     What of a row follows from holonomic ones changes their lambda and nothing else.
     """
     s, count = built.holonomic_count, len(built.rows.rows)
-    is_kept = np.isin(np.arange(s, count), start.kept)
+    is_kept = np.isin(np.arange(s, count), start.independent)
     if not start.mu[~is_kept].any():
         return np.where(is_kept, start.mu, 0.0)
     symbols = built.symbols
     at = ca.Function("rows", [symbols.t, symbols.q, built.p], [ca.densify(built.rows.B)])
     B = np.array(at(start.t, start.q, system.values(built))).reshape(count, -1)
-    shares = np.linalg.lstsq(B[list(start.kept)].T, B[s:].T @ start.mu, rcond=None)[0]
+    shares = np.linalg.lstsq(B[list(start.independent)].T, B[s:].T @ start.mu, rcond=None)[0]
     found = np.zeros(count)
-    found[list(start.kept)] = shares
+    found[list(start.independent)] = shares
     return found[s:]
 
 
@@ -229,10 +229,11 @@ def table(
     own |= {part for name in names for part in (column(name), f"rate({column(name)})", f"R.{column(name)}")}
     places = {name: i for i, name in enumerate(columns)}
     mu = [places[f"rate({column(name)})"] for name in names]
-    kept = [i for i, name in enumerate(columns) if name not in own]
+    independent = [i for i, name in enumerate(columns) if name not in own]
     first = next(
-        (k for k, i in enumerate(kept) if columns[i].startswith("R.") or columns[i] == "energy"), len(kept)
+        (k for k, i in enumerate(independent) if columns[i].startswith("R.") or columns[i] == "energy"),
+        len(independent),
     )
-    found = [*kept[:first], *mu, *kept[first:]]
+    found = [*independent[:first], *mu, *independent[first:]]
     at = {i: column(name) for i, name in zip(mu, names, strict=True)}
     return [at.get(i, columns[i]) for i in found], found

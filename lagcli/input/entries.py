@@ -257,7 +257,7 @@ def _targets(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[namespace.Kin
     return named[0][0], model.Action(pairs % total, pairs // total)
 
 
-Named = tuple[namespace.Kind, model.Whole, bool]
+Named = tuple[namespace.Kind, model.Integers, bool]
 
 
 def references(

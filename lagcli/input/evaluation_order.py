@@ -152,7 +152,7 @@ class _Members:
         return found
 
     def _reference(
-        self, node: tree.Node, number: int, variables: Mapping[str, model.Whole], group: set[int]
+        self, node: tree.Node, number: int, variables: Mapping[str, model.Integers], group: set[int]
     ) -> list[tuple[Node, set[Node]]]:
         count = self._units[number].count
         if isinstance(node, tree.Index) and node.owner in self._roll:

@@ -12,7 +12,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input.scalars import Formulas
 from lagcli.model import family
-from lagcli.model.family import Family, Whole
+from lagcli.model.family import Family, Integers
 
 # Members of all families of a model together, counted before `if:` filters them.
 MAX_MEMBERS = 1_000_000
@@ -56,7 +56,7 @@ class Reader:
             message = "an `if` filters the members of a family, and here is no `for`"
             self._formulas.report(condition, "bad-range", message)
             return None
-        variables: dict[str, Whole] = {}
+        variables: dict[str, Integers] = {}
         count = 1
         for node, one in ranges:
             expanded = self._expanded(node, one, variables, count)
@@ -122,8 +122,8 @@ class Reader:
         return ""
 
     def _expanded(
-        self, node: yaml_tree.Scalar, one: tree.Range, variables: dict[str, Whole], count: int
-    ) -> tuple[dict[str, Whole], int] | None:
+        self, node: yaml_tree.Scalar, one: tree.Range, variables: dict[str, Integers], count: int
+    ) -> tuple[dict[str, Integers], int] | None:
         """The index vectors with one more range: each member so far, repeated for the values of the new index."""
         lookup = self._formulas.scope.indexed.whole(variables)
         if not all(self._formulas.affords(node, bound, count) for bound in (one.low, one.high)):
@@ -146,8 +146,8 @@ class Reader:
         return {**kept, one.name: first[earlier] + within}, total
 
     def _filtered(
-        self, node: yaml_tree.AnyNode, variables: dict[str, Whole], count: int
-    ) -> tuple[dict[str, Whole], int] | None:
+        self, node: yaml_tree.AnyNode, variables: dict[str, Integers], count: int
+    ) -> tuple[dict[str, Integers], int] | None:
         if not isinstance(node, yaml_tree.Scalar) or yaml_tree.is_empty(node):
             self._formulas.report(node, "bad-range", "a condition is needed here", "for example `i != j`")
             return None
@@ -163,7 +163,7 @@ class Reader:
         return {name: values[places] for name, values in variables.items()}, places.size
 
     def _named(
-        self, name: yaml_tree.Scalar, key: tree.Index, variables: dict[str, Whole], count: int
+        self, name: yaml_tree.Scalar, key: tree.Index, variables: dict[str, Integers], count: int
     ) -> Family | None:
         try:
             lookup = self._formulas.scope.indexed.whole(variables)

@@ -9,7 +9,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input.namespace import Namespace
 from lagcli.model import family
-from lagcli.model.family import MemberIndex, MissingMember, Whole
+from lagcli.model.family import Integers, MemberIndex, MissingMember
 
 
 class Indexed:
@@ -23,11 +23,11 @@ class Indexed:
         self._names = names
         self.structure: dict[str, float] = {}
 
-    def whole(self, variables: Mapping[str, Whole]) -> Callable[[tree.Name], float | Whole]:
+    def whole(self, variables: Mapping[str, Integers]) -> Callable[[tree.Name], float | Integers]:
         """The lookup in an integer expression: parameters and index variables."""
         names = self._names
 
-        def lookup(node: tree.Name) -> float | Whole:
+        def lookup(node: tree.Name) -> float | Integers:
             if node.name in variables:
                 return variables[node.name]
             kind = names.kind(node.name)
@@ -48,7 +48,7 @@ class Indexed:
 
         return lookup
 
-    def numbers(self, node: tree.Name | tree.Index, variables: Mapping[str, Whole]) -> Whole:
+    def numbers(self, node: tree.Name | tree.Index, variables: Mapping[str, Integers]) -> Integers:
         """The numbers of the particles or generalized coordinates a reference stands for, (1,) or (K,).
 
         The base name must be one of a particle or coordinate. Raises `ExpressionError`.
@@ -63,8 +63,8 @@ class Indexed:
         return self.find(node, self._names.rolls[kind], self._names.is_family(base), variables)
 
     def find(
-        self, node: tree.Index, roll: MemberIndex, is_family: bool, variables: Mapping[str, Whole]
-    ) -> Whole:
+        self, node: tree.Index, roll: MemberIndex, is_family: bool, variables: Mapping[str, Integers]
+    ) -> Integers:
         """The numbers in `roll` of the members an index stands for. Raises `ExpressionError`."""
         base = node.owner
         if not is_family:

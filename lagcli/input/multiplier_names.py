@@ -13,7 +13,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
 from lagcli.input.indexed_references import Indexed
 from lagcli.input.namespace import Namespace
-from lagcli.model.family import Family, MemberIndex, Whole
+from lagcli.model.family import Family, Integers, MemberIndex
 
 Shape = Literal["scalar", "vector", "body"]
 
@@ -56,19 +56,19 @@ class LawNames:
         self._shapes.append(shape)
         return self._roll.add(members)
 
-    def multiplier(self, argument: tree.Node, variables: Mapping[str, Whole]) -> Either:
+    def multiplier(self, argument: tree.Node, variables: Mapping[str, Integers]) -> Either:
         """The facts of `multiplier(argument)`. Raises `ExpressionError`."""
         name, shapes = self._shapes_of(argument, variables, "multiplier(...)")
         return _facts(argument, name, shapes) if shapes else RESULT
 
-    def force(self, argument: tree.Node, variables: Mapping[str, Whole]) -> None:
+    def force(self, argument: tree.Node, variables: Mapping[str, Integers]) -> None:
         """Check the constraint of `reaction(a, argument)`, whole or one of its rows. Raises `ExpressionError`."""
         name, shapes = self._shapes_of(argument, variables, "reaction(a, ...)")
         if shapes and isinstance(argument, (tree.Member, tree.Index)) and argument.member:
             _facts(argument, name, shapes, "reaction(a, ...)")
 
     def _shapes_of(
-        self, argument: tree.Node, variables: Mapping[str, Whole], call: str
+        self, argument: tree.Node, variables: Mapping[str, Integers], call: str
     ) -> tuple[str, set[Shape]]:
         """The name of a constraint and what its entries are; of laws that are not read yet none.
 

@@ -11,7 +11,7 @@ from lagcli.input import namespace
 from lagcli.input.indexed_references import Indexed
 from lagcli.input.multiplier_names import RESULT, LawNames
 from lagcli.input.namespace import Kind, Namespace
-from lagcli.model.family import Family, Whole
+from lagcli.model.family import Family, Integers
 from lagcli.model.model import CONSTANTS
 
 VELOCITY = Facts(None, frozenset(("velocity",)), 1, 1)
@@ -44,7 +44,7 @@ class Scope:
         """The facts a leaf or special call stands for in an expression of no family."""
         return self._lookup(node, {}, False)
 
-    def _lookup(self, node: tree.Node, variables: Mapping[str, Whole], own: bool) -> Either:
+    def _lookup(self, node: tree.Node, variables: Mapping[str, Integers], own: bool) -> Either:
         match node:
             case tree.Name():
                 return self._name(node, variables, own)
@@ -57,7 +57,7 @@ class Scope:
             case _:
                 raise TypeError(node)
 
-    def _name(self, node: tree.Name, variables: Mapping[str, Whole], own: bool) -> Either:
+    def _name(self, node: tree.Name, variables: Mapping[str, Integers], own: bool) -> Either:
         name = node.name
         if name in variables:
             return Facts(variables[name].astype(float))
@@ -75,7 +75,7 @@ class Scope:
             raise self.names.bare(node, name)
         return self.names.value(node, name)
 
-    def _member(self, node: tree.Member, variables: Mapping[str, Whole], own: bool) -> Either:
+    def _member(self, node: tree.Member, variables: Mapping[str, Integers], own: bool) -> Either:
         spot = tree.Name(node.start, node.start + len(node.owner), node.owner)
         owner = self._name(spot, variables, own)
         if self.names.kind(node.owner) == "particle" and not (own and node.owner in OWN):
@@ -86,7 +86,7 @@ class Scope:
             raise ExpressionError("unknown-component", message, node.start, node.end, hint)
         return evaluate.component(node, owner, node.member, node.owner)
 
-    def _of_family(self, node: tree.Index, variables: Mapping[str, Whole]) -> Either:
+    def _of_family(self, node: tree.Index, variables: Mapping[str, Integers]) -> Either:
         """The facts of `p[i]`, `p[i].x`, `theta[i]`: of all entries its members belong to together."""
         names, base = self.names, node.owner
         kind = names.kind(base)
@@ -106,7 +106,7 @@ class Scope:
             return _particle_member(node, value, node.member)
         return evaluate.component(node, value, node.member, base) if node.member else value
 
-    def _special(self, node: tree.Call, variables: Mapping[str, Whole]) -> Either:
+    def _special(self, node: tree.Call, variables: Mapping[str, Integers]) -> Either:
         argument = node.arguments[0]
         if node.function == "rate":
             return self._rate(node, argument, variables)
@@ -118,7 +118,7 @@ class Scope:
             raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
         return self.laws.multiplier(argument, variables)
 
-    def _reaction(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Either:
+    def _reaction(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Integers]) -> Either:
         """The facts of R of a particle, or with a second argument of the part that one constraint has in it."""
         if not _is_whole(argument) or self._argument_kind(argument) != "particle":
             name = _owner(argument)
@@ -135,7 +135,7 @@ class Scope:
     def _argument_kind(self, argument: tree.Node) -> Kind | None:
         return self.names.kind(_owner(argument))
 
-    def _rate(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Whole]) -> Either:
+    def _rate(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Integers]) -> Either:
         found = (VELOCITY, ACCELERATION)[_order(node) - 1]
         kind = self._argument_kind(argument)
         if kind in ("coordinate", "particle"):

@@ -1,6 +1,6 @@
 """The dependences among constraint rows: an independent set, and for each other row the rows it follows from.
 
-A row and the independent rows it is a combination of are a circuit: leave out any one of them and the rest are
+A row and the independent rows it is a combination of are a dependency: leave out any one of them and the rest are
 independent. Circuits are null vectors of B^T, each with as few rows as can be, so that they can be told by name.
 Dense rows are chosen by Gram-Schmidt (twice, for rounding).
 """
@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 
 # The next independent row is the first in the file's order that is this part as far from the others as the farthest.
 EARLY = 0.3
-# A row takes part in a circuit if its weight is above this; of rows that are on the surface to rounding, and
+# A row takes part in a dependency if its weight is above this; of rows that are on the surface to rounding, and
 # dependent on it alone, rounding leaves its square root.
 WEIGHT = 1e-7
 # Of many rows the pivots of their Gram matrix decide, with this added to its diagonal.
@@ -30,72 +30,77 @@ SHIFT, PIVOT = 1e-13, 1e-10
 # Other rows are taken where their clearance is this many times as large.
 BETTER = 4.0
 # Circuits that are told one by one, and rows of one that are named.
-MOST_TOLD, MOST_NAMED = 6, 20
+MOST_LISTED, MOST_NAMED = 6, 20
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Dependence:
-    """Independent rows `kept` (r,), the others `rest` (k,), and unit rows of rest = weights (k, r) @ those of kept."""
+    """Independent rows (r,) and the `rest` (k,), whose unit rows are `weights` (k, r) @ the unit independent rows."""
 
-    kept: tuple[int, ...]
+    independent: tuple[int, ...]
     rest: tuple[int, ...]
     weights: Floats
 
     @property
     def selection(self) -> Selection:
-        """The rows to step with, and the circuits."""
+        """The rows to step with, and the dependencies."""
         supports = (np.flatnonzero(np.abs(row) > WEIGHT) for row in self.weights)
-        circuits = tuple(
-            (row, *(self.kept[k] for k in support)) for row, support in zip(self.rest, supports, strict=True)
+        dependencies = tuple(
+            (row, *(self.independent[k] for k in support))
+            for row, support in zip(self.rest, supports, strict=True)
         )
-        return Selection(self.kept, circuits)
+        return Selection(self.independent, dependencies)
 
 
-def dependence(rows: MetricRows, count: int, whole: int = 0) -> Dependence:
+def dependence(rows: MetricRows, count: int, holonomic: int = 0) -> Dependence:
     """The dependence of rows of which `count` are independent; those are chosen far from dependent ones.
 
-    whole: how many rows, the first, belong to whole coordinates. As many of them as are independent come first: a
-    differential row in place of one of them would not keep its coordinates.
+    holonomic: how many rows, the first, are holonomic. As many of them as are independent come first: a differential
+    row in place of one of them would not keep its coordinates.
     """
     if count == rows.count:
         return Dependence(tuple(range(count)), (), np.zeros((0, count)))
     first: list[int] = []
-    if 0 < whole < rows.count:
-        part = rows.take(list(range(whole)))
+    if 0 < holonomic < rows.count:
+        part = rows.take(list(range(holonomic)))
         held = rank.rank(part).low
-        first = list(range(whole)) if held == whole else _independent(part, held, [])
+        first = list(range(holonomic)) if held == holonomic else _independent(part, held, [])
     return over(rows, tuple(_independent(rows, count, first)))
 
 
-def elsewhere(selection: Selection, rows: MetricRows, whole: int) -> Selection | None:
+def elsewhere(selection: Selection, rows: MetricRows, holonomic: int) -> Selection | None:
     """Other independent rows, where those of a selection have come close to dependent ones; None where no others
     are much better, or where rows are too many to be looked at densely."""
-    if not selection.circuits or rows.is_large:
+    if not selection.dependencies or rows.is_large:
         return None
-    kept = dependence(rows, len(selection.kept), whole).kept
-    if _clearance(rows, kept) < BETTER * _clearance(rows, selection.kept):
+    independent = dependence(rows, len(selection.independent), holonomic).independent
+    if _smallest_singular_value(rows, independent) < BETTER * _smallest_singular_value(
+        rows, selection.independent
+    ):
         return None
-    return rebased(selection, kept)
+    return rebased(selection, independent)
 
 
-def rebased(selection: Selection, kept: tuple[int, ...]) -> Selection | None:
-    """A selection that keeps other rows: circuits that share rows are one set, whichever of its rows are kept.
+def rebased(selection: Selection, independent: tuple[int, ...]) -> Selection | None:
+    """A selection that keeps other rows: dependencies that share rows are one set, whichever of its rows are kept.
 
-    None where the rows kept of such a set are more or fewer than before, for then one of the two is no choice.
+    None where the independent rows of such a set are more or fewer than before, for then one of the two is no choice.
     """
-    circuits: list[tuple[int, ...]] = [circuit for circuit in selection.circuits if len(circuit) == 1]
+    dependencies: list[tuple[int, ...]] = [
+        dependency for dependency in selection.dependencies if len(dependency) == 1
+    ]
     for rest, support in selection.groups():
         together = {*rest, *support}
-        staying = sorted(together.intersection(kept))
+        staying = sorted(together.intersection(independent))
         if len(staying) != len(support):
             return None
-        circuits += [(row, *staying) for row in sorted(together.difference(kept))]
-    found = Selection(kept, tuple(sorted(circuits)), selection.inactive)
+        dependencies += [(row, *staying) for row in sorted(together.difference(independent))]
+    found = Selection(independent, tuple(sorted(dependencies)), selection.inactive)
     return found if found.present == selection.present else None
 
 
-def _clearance(rows: MetricRows, kept: tuple[int, ...]) -> float:
-    return float(np.linalg.svd(rows.dense[list(kept)], compute_uv=False).min(initial=1.0))
+def _smallest_singular_value(rows: MetricRows, independent: tuple[int, ...]) -> float:
+    return float(np.linalg.svd(rows.dense[list(independent)], compute_uv=False).min(initial=1.0))
 
 
 def _independent(rows: MetricRows, count: int, first: list[int]) -> list[int]:
@@ -105,26 +110,26 @@ def _independent(rows: MetricRows, count: int, first: list[int]) -> list[int]:
     return _farther(rows, count, first) if first else _pivots(rows)
 
 
-def over(rows: MetricRows, kept: tuple[int, ...]) -> Dependence:
+def over(rows: MetricRows, independent: tuple[int, ...]) -> Dependence:
     """The dependence of rows on those kept, which are independent and span all of them."""
-    rest = sorted(set(range(rows.count)) - set(kept))
-    return Dependence(kept, tuple(rest), _combinations(rows, list(kept), rest))
+    rest = sorted(set(range(rows.count)) - set(independent))
+    return Dependence(independent, tuple(rest), _combinations(rows, list(independent), rest))
 
 
 def joined(first: Selection, others: Iterable[Selection]) -> Selection:
-    """A selection with the circuits of others too, which keep the same rows: at one place a weight may vanish."""
-    circuits = [set(circuit[1:]) for circuit in first.circuits]
+    """A selection with the dependencies of others too, which keep the same rows: at one place a weight may vanish."""
+    dependencies = [set(dependency[1:]) for dependency in first.dependencies]
     for other in others:
-        for circuit, more in zip(circuits, other.circuits, strict=True):
-            circuit.update(more[1:])
-    pairs = zip(first.circuits, circuits, strict=True)
-    return Selection(first.kept, tuple((old[0], *sorted(new)) for old, new in pairs))
+        for dependency, more in zip(dependencies, other.dependencies, strict=True):
+            dependency.update(more[1:])
+    pairs = zip(first.dependencies, dependencies, strict=True)
+    return Selection(first.independent, tuple((old[0], *sorted(new)) for old, new in pairs))
 
 
-def shares(circuits: Sequence[Sequence[str]]) -> list[str]:
-    """The circuits in words, by the names of their rows."""
-    told = [_share(names) for names in circuits[:MOST_TOLD]]
-    return [*told, f"and {len(circuits) - MOST_TOLD} more"] if len(circuits) > MOST_TOLD else told
+def shares(dependencies: Sequence[Sequence[str]]) -> list[str]:
+    """The dependencies in words, by the names of their rows."""
+    told = [_share(names) for names in dependencies[:MOST_LISTED]]
+    return [*told, f"and {len(dependencies) - MOST_LISTED} more"] if len(dependencies) > MOST_LISTED else told
 
 
 def _share(names: Sequence[str]) -> str:
@@ -137,11 +142,11 @@ def _share(names: Sequence[str]) -> str:
     return f"{', '.join(shown)}: a force in one can be passed to the others"
 
 
-def _combinations(rows: MetricRows, kept: list[int], rest: list[int]) -> Floats:
-    """The weights (k, r) of unit rows in `rest` over those in `kept`."""
+def _combinations(rows: MetricRows, independent: list[int], rest: list[int]) -> Floats:
+    """The weights (k, r) of unit rows in `rest` over those in `independent`."""
     if not rows.is_large:
-        return np.asarray(np.linalg.lstsq(rows.dense[kept].T, rows.dense[rest].T, rcond=None)[0]).T
-    among, others = rows.unit[kept, :], rows.unit[rest, :]
+        return np.asarray(np.linalg.lstsq(rows.dense[independent].T, rows.dense[rest].T, rcond=None)[0]).T
+    among, others = rows.unit[independent, :], rows.unit[rest, :]
     gram = ca.mtimes(among, among.T)
     factors = ca.Linsol("among", "ldl", gram.sparsity())
     return np.array(factors.solve(gram, ca.densify(ca.mtimes(among, others.T)))).T
@@ -184,25 +189,25 @@ def farthest(
     Each next one is the first that is `nearly` as far from those before it as the farthest: which of several alike is
     taken must not depend on rounding, as it does with the pivots of LAPACK. It ends where all are nearer than `least`.
     """
-    kept = list(first)
-    basis = np.linalg.qr(rows[kept].T)[0]
+    independent = list(first)
+    basis = np.linalg.qr(rows[independent].T)[0]
     rest = rows - rows @ basis @ basis.T
-    while len(kept) < count:
+    while len(independent) < count:
         lengths = np.linalg.norm(rest, axis=1)
-        lengths[kept] = 0.0
+        lengths[independent] = 0.0
         if lengths.max(initial=0.0) < least:
             break
         row = int(np.flatnonzero(lengths >= nearly * lengths.max())[0])
         direction = rest[row] / lengths[row]
         for _ in range(2):
             rest -= np.outer(rest @ direction, direction)
-        kept.append(row)
-    return kept
+        independent.append(row)
+    return independent
 
 
 def leading(rows: Floats, least: float) -> list[int]:
     """Numbers of the rows that are farther than `least` from all combinations of rows before them."""
-    kept: list[int] = []
+    independent: list[int] = []
     basis = np.zeros((0, rows.shape[1]))
     for i, row in enumerate(rows):
         rest = row.copy()
@@ -210,6 +215,6 @@ def leading(rows: Floats, least: float) -> list[int]:
             rest -= basis.T @ (basis @ rest)
         length = float(np.linalg.norm(rest))
         if length > least:
-            kept.append(i)
+            independent.append(i)
             basis = np.vstack([basis, rest / length])
-    return kept
+    return independent

@@ -28,12 +28,12 @@ class NotDefiniteError(ValueError):
 
 
 class Metric:
-    """M (n, n) restricted to the coordinates that are not `held` (n,). Raises `NotDefiniteError`."""
+    """M (n, n) restricted to the coordinates that are not `fixed` (n,). Raises `NotDefiniteError`."""
 
-    def __init__(self, M: ca.DM, held: Flags | None = None) -> None:
+    def __init__(self, M: ca.DM, fixed: Flags | None = None) -> None:
         n = M.shape[0]
         self._M = M
-        self._free = np.ones(n, dtype=bool) if held is None else ~held
+        self._free = np.ones(n, dtype=bool) if fixed is None else ~fixed
         pattern = M.sparsity()
         is_plain = pattern.is_diag()
         whole = is_plain and pattern.nnz() == n
@@ -49,9 +49,9 @@ class Metric:
         self._blocks = [] if is_plain else _blocks(M, self._free, self._place)
 
     @classmethod
-    def unit(cls, n: int, held: Flags | None = None) -> Metric:
+    def unit(cls, n: int, fixed: Flags | None = None) -> Metric:
         """The metric in which all coordinates weigh the same."""
-        return cls(ca.DM.eye(n), held)
+        return cls(ca.DM.eye(n), fixed)
 
     def plain(self) -> Metric:
         """The unit metric over the coordinates that may move here."""
@@ -60,14 +60,14 @@ class Metric:
     def whitened(self, B: ca.DM) -> ca.DM:
         """B M^-1/2 (C, free), sparse: rows whose lengths and angles are those of the metric."""
         free = np.flatnonzero(self._free)
-        held = B if free.size == B.shape[1] else B[:, free.tolist()]
-        columns = np.asarray(held.sparsity().get_col(), dtype=np.intp)
-        values = np.array(held.nonzeros(), dtype=float)
+        fixed = B if free.size == B.shape[1] else B[:, free.tolist()]
+        columns = np.asarray(fixed.sparsity().get_col(), dtype=np.intp)
+        values = np.array(fixed.nonzeros(), dtype=float)
         scale = 1.0 / self._lengths[free]
         if not self._blocks:
-            return ca.DM(held.sparsity(), ca.DM(values * scale[columns]))
-        rows = np.asarray(held.sparsity().row(), dtype=np.intp)
-        return self._turned(_Entries(rows, columns, values), scale, held.shape)
+            return ca.DM(fixed.sparsity(), ca.DM(values * scale[columns]))
+        rows = np.asarray(fixed.sparsity().row(), dtype=np.intp)
+        return self._turned(_Entries(rows, columns, values), scale, fixed.shape)
 
     def _turned(self, entries: _Entries, scale: Floats, shape: tuple[int, int]) -> ca.DM:
         """B M^-1/2 where coordinates are coupled: entries of a block fill it in the rows that touch it."""
@@ -171,10 +171,10 @@ def _blocks(M: ca.DM, free: Flags, place: Places) -> list[_MassBlock]:
             if worst is None or error.value < worst.value:
                 worst = NotDefiniteError(int(among[error.along]), error.value)
             continue
-        kept = free[among]
-        if kept.any():
-            lower = np.asarray(np.linalg.cholesky(whole[np.ix_(kept, kept)]), dtype=float)
-            found.append(_MassBlock(place[among[kept]], lower))
+        independent = free[among]
+        if independent.any():
+            lower = np.asarray(np.linalg.cholesky(whole[np.ix_(independent, independent)]), dtype=float)
+            found.append(_MassBlock(place[among[independent]], lower))
     if worst is not None:
         raise worst
     return found

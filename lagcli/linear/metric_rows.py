@@ -26,7 +26,7 @@ ITERATIONS = 12
 CERTAIN = 3e-5
 SHIFT = 1e-14
 # Of the Gram matrix smaller eigenvalues than this part of the largest are rounding.
-ROUNDING = 1e-12
+GRAM_ROUNDOFF = 1e-12
 # More rows than these, over more coordinates than these, are never looked at densely: their singular values would take
 # minutes. Of more rows than MOST_DENSE over few coordinates not all dependences are given (72 MB).
 DENSE, MOST_DENSE = 150, 3000
@@ -291,9 +291,9 @@ class MetricRows:
             return self._solved(scaled, 0.0 if self.are_independent else SHIFT)
         if self.count > self._unit.shape[1]:
             left, sigma, _ = np.linalg.svd(self.dense, full_matrices=False)
-            held = left[:, sigma > np.sqrt(ROUNDING) * sigma.max(initial=0.0)]
-            return np.asarray(held @ ((held.T @ scaled) / sigma[: held.shape[1]] ** 2))
-        return np.asarray(np.linalg.lstsq(np.array(self._gram), scaled, rcond=ROUNDING)[0])
+            fixed = left[:, sigma > np.sqrt(GRAM_ROUNDOFF) * sigma.max(initial=0.0)]
+            return np.asarray(fixed @ ((fixed.T @ scaled) / sigma[: fixed.shape[1]] ** 2))
+        return np.asarray(np.linalg.lstsq(np.array(self._gram), scaled, rcond=GRAM_ROUNDOFF)[0])
 
 
 def are_many(count: int, coordinates: int) -> bool:

@@ -110,7 +110,7 @@ def moved(here: Reference, s: float) -> Reference:
 
 def _on_rows(numeric: NumericSystem, here: Reference) -> bool:
     """True if a state satisfies the rows."""
-    f, B_holonomic = numeric.whole(here.t, here.q, here.p)
+    f, B_holonomic = numeric.holonomic(here.t, here.q, here.p)
     B, b = numeric.rows(here.t, here.q, here.v, here.p)[:2]
     left = [np.array(f).ravel(), np.array(B @ here.v).ravel() + np.array(b).ravel()]
     terms = [

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lagcli.frozen import frozen
 
-Whole = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.int64]
 Indices = tuple[int, ...]
 
 
@@ -21,7 +21,7 @@ class Family:
     base: str
     names: tuple[str, ...]
     indices: tuple[Indices, ...]
-    variables: Mapping[str, Whole]
+    variables: Mapping[str, Integers]
 
     def __repr__(self) -> str:
         return f"<Members of {self.base}: {self.count}>"
@@ -31,7 +31,7 @@ class Family:
         """K."""
         return len(self.names)
 
-    def taken(self, places: Whole) -> dict[str, Whole]:
+    def taken(self, places: Integers) -> dict[str, Integers]:
         """The index variables at some of the members."""
         return {name: values[places] for name, values in self.variables.items()}
 
@@ -45,7 +45,7 @@ def one(name: str) -> Family:
     return Family(name, (name,), ((),), {})
 
 
-def family(base: str, indices: Sequence[Indices], variables: Mapping[str, Whole]) -> Family:
+def family(base: str, indices: Sequence[Indices], variables: Mapping[str, Integers]) -> Family:
     """The members with these indices."""
     return Family(base, tuple(name(base, place) for place in indices), tuple(indices), variables)
 
@@ -106,7 +106,7 @@ class MemberIndex:
             self._extremes[base] = min(self._numbers[base]), max(self._numbers[base])
         return self._extremes[base]
 
-    def find(self, base: str, indices: Sequence[int | Whole]) -> Whole:
+    def find(self, base: str, indices: Sequence[int | Integers]) -> Integers:
         """The numbers of members: (1,) for numbers, (K,) for index vectors. Raises `MissingMember`."""
         known = self._numbers[base]
         vectors = np.broadcast_arrays(*(np.atleast_1d(i) for i in indices)) if indices else ()
@@ -118,7 +118,7 @@ class MemberIndex:
             raise MissingMember(wanted[place], place)
         return numbers
 
-    def entries(self, numbers: Whole) -> Whole:
+    def entries(self, numbers: Integers) -> Integers:
         """The entries to which the members of these numbers belong."""
         return np.searchsorted(np.array(self._ends, dtype=np.int64), numbers, side="right")
 

@@ -24,7 +24,7 @@ from lagcli.model.family import Family
 
 Vector3 = tuple[float, float, float]
 Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.int64]
 
 
 @frozen_value
@@ -123,10 +123,10 @@ class Action:
     """The targets of a force: P pairs of a target, by its number among all particles or among all generalized
     coordinates, and the member of the force that acts on it. Shapes (P,)."""
 
-    targets: Whole
-    acting: Whole
+    targets: Integers
+    acting: Integers
 
-    def variables(self, members: Family) -> dict[str, Whole]:
+    def variables(self, members: Family) -> dict[str, Integers]:
         """The index variables of the force at each pair."""
         return {name: values[self.acting] for name, values in members.variables.items()}
 
@@ -275,7 +275,7 @@ class Batch:
     """Members (by their places) of the particle entry number `entry`, to be evaluated together."""
 
     entry: int
-    places: Whole
+    places: Integers
 
 
 # What expressions know without a declaration. A file that declares `deg` has its own instead; `pi` is reserved.

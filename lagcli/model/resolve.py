@@ -10,7 +10,7 @@ import numpy as np
 from lagcli.expression import evaluate, integers, tree
 from lagcli.expression.evaluate import Value
 from lagcli.model import family
-from lagcli.model.family import MemberIndex, Whole
+from lagcli.model.family import Integers, MemberIndex
 from lagcli.model.model import Model
 
 Reference = tree.Name | tree.Member | tree.Index
@@ -38,7 +38,7 @@ class ModelNames:
         self.definitions = {d.name: d.expression.tree for d in model.definitions}
         self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
 
-    def numbers(self, node: Reference, roll: MemberIndex, variables: Variables) -> Whole:
+    def numbers(self, node: Reference, roll: MemberIndex, variables: Variables) -> Integers:
         """The numbers of the members a reference stands for, (1,) or (K,)."""
         if isinstance(node, tree.Index):
             return roll.find(node.owner, self._indices(node, variables))
@@ -52,8 +52,8 @@ class ModelNames:
         places = zip(*(vector.tolist() for vector in vectors), strict=True)
         return [family.name(node.owner, place) for place in places]
 
-    def _indices(self, node: tree.Index, variables: Variables) -> list[int | Whole]:
-        def lookup(name: tree.Name) -> float | Whole:
+    def _indices(self, node: tree.Index, variables: Variables) -> list[int | Integers]:
+        def lookup(name: tree.Name) -> float | Integers:
             return variables[name.name] if name.name in variables else self._numbers[name.name]
 
         return [integers.evaluate(index, lookup) for index in node.indices]
@@ -65,13 +65,13 @@ class Leaves(Protocol[S]):
     def constant(self, name: str) -> Value[S] | None:
         """t, dt, pi, or a parameter; None for another name."""
 
-    def position(self, numbers: Whole) -> tuple[S, S, S]:
+    def position(self, numbers: Integers) -> tuple[S, S, S]:
         """r of particles."""
 
-    def velocity(self, numbers: Whole) -> tuple[S, S, S]:
+    def velocity(self, numbers: Integers) -> tuple[S, S, S]:
         """v of particles."""
 
-    def generalized(self, numbers: Whole, rates: bool) -> S:
+    def generalized(self, numbers: Integers, rates: bool) -> S:
         """Generalized coordinates, or their rates."""
 
     def variable(self, name: str, values: Any) -> S:

@@ -18,7 +18,7 @@ from lagcli.expression import evaluate, tree
 from lagcli.expression.evaluate import Triple, Value
 from lagcli.model import family
 from lagcli.model import model as nouns
-from lagcli.model.family import Family, Whole
+from lagcli.model.family import Family, Integers
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.resolve import ModelNames, Resolver
 from lagcli.pfaffian import level_charts
@@ -29,7 +29,7 @@ from lagcli.pfaffian.forms.notation import TIME, ZERO, TooLarge, exact
 # Beyond this many operations a form is too large for exact algebra to end in reasonable time.
 MAX_OPERATIONS = 4000
 # Below this an expression vanishes for given numbers.
-ROUNDING = 1e-12
+NUMBER_ROUNDOFF = 1e-12
 _DT = sympy.Symbol("dt", real=True)
 _ALONE = family.one("")
 
@@ -81,7 +81,7 @@ class Translation:
         numbers = zip((*self._names.differentials, TIME), (*coordinates, t), strict=False)
         values = self.values | {x: sympy.Float(number) for x, number in numbers}
         number = expression.xreplace(values).evalf()
-        return bool(number.is_number) and abs(number) <= ROUNDING
+        return bool(number.is_number) and abs(number) <= NUMBER_ROUNDOFF
 
     @functools.cached_property
     def numbers(self) -> dict[sympy.Symbol, float]:
@@ -219,7 +219,7 @@ class _FormNames(notation.SympyAlgebra):
         numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
         values = dict(zip(self.parameters, map(exact, numbers), strict=True))
         value = exponent.xreplace(values).evalf()
-        if not value.is_number or abs(value - round(value)) > ROUNDING:
+        if not value.is_number or abs(value - round(value)) > NUMBER_ROUNDOFF:
             return exponent  # of a definition that no row can hold
         return sympy.Integer(round(value))
 
@@ -227,16 +227,16 @@ class _FormNames(notation.SympyAlgebra):
         """t, dt, a constant or a parameter; None for another name."""
         return self._constants.get(name)
 
-    def position(self, numbers: Whole) -> Triple[sympy.Expr]:
+    def position(self, numbers: Integers) -> Triple[sympy.Expr]:
         """r of a particle."""
         return self._position(int(numbers[0]))
 
-    def velocity(self, numbers: Whole) -> Triple[sympy.Expr]:
+    def velocity(self, numbers: Integers) -> Triple[sympy.Expr]:
         """v of a particle."""
         x, y, z = map(self._rate, self.position(numbers))
         return x, y, z
 
-    def generalized(self, numbers: Whole, rates: bool) -> sympy.Expr:
+    def generalized(self, numbers: Integers, rates: bool) -> sympy.Expr:
         """A generalized coordinate, or its differential in place of its rate."""
         coordinate = self._coordinates[self._generalized.names[int(numbers[0])]]
         return self.differentials[coordinate] if rates else coordinate

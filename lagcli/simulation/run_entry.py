@@ -28,7 +28,7 @@ Found = tuple[FirstIntegral, ...]
 
 
 @dataclasses.dataclass(slots=True, eq=False)
-class KeptFunctions:
+class CachedFunctions:
     """Steps by method, first integrals with their charts, and the functions of t, each built when a run asks for it."""
 
     numeric: NumericSystem
@@ -87,29 +87,31 @@ class RunPlan:
     ends_only: bool = False
 
 
-def begin(system: System, kept: KeptFunctions, plan: RunPlan) -> RunInBlocks:
+def begin(system: System, cached: CachedFunctions, plan: RunPlan) -> RunInBlocks:
     """The run of a model from a consistent start, by the settings of the model.
 
-    kept: the functions of its text. Raises `diagnostics.ModelError` where an acceleration or a column is not finite at
-    the start.
+    cached: the functions of its text. Raises `diagnostics.ModelError` where an acceleration or a column is not
+    finite at the start.
     """
-    start, timed = plan.start, kept.timed(system.model)
-    open_ = dataclasses.replace(plan.selection, inactive=kept.numeric.selection.inactive)
-    held, not_held = invariants.begin(kept.integrals(system, plan.integrals).keeping(open_), start)
+    start, timed = plan.start, cached.timed(system.model)
+    open_ = dataclasses.replace(plan.selection, inactive=cached.numeric.selection.inactive)
+    enforced, not_enforced = invariants.begin(cached.integrals(system, plan.integrals).keeping(open_), start)
     if not plan.is_singular:
-        initial.require_finite(system, held.functions.numeric, dataclasses.replace(start, p=held.parameters))
+        initial.require_finite(
+            system, enforced.functions.numeric, dataclasses.replace(start, p=enforced.parameters)
+        )
     first, chosen = RunStart(start.q, start.v, plan.is_singular), system.model.simulation
-    rows = TableRows(system.columns, plan.ends_only and kept.has_total_columns(system))
-    run = run_start.start(held, first, chosen, rows, (*not_held, *plan.notes), timed)
+    rows = TableRows(system.columns, plan.ends_only and cached.has_total_columns(system))
+    run = run_start.start(enforced, first, chosen, rows, (*not_enforced, *plan.notes), timed)
     if not plan.is_repeated:
         return RunInBlocks(run, chosen, system.columns)
     # Loaded here: most runs are not repeated.
     from lagcli.simulation.global_error.reference_run import RunWithReference
 
-    return RunInBlocks(run, chosen, system.columns, RunWithReference(system, run, held, first, chosen))
+    return RunInBlocks(run, chosen, system.columns, RunWithReference(system, run, enforced, first, chosen))
 
 
-def resume(system: System, kept: KeptFunctions, point: Checkpoint) -> RunInBlocks:
+def resume(system: System, cached: CachedFunctions, point: Checkpoint) -> RunInBlocks:
     """The run of a model on from where another one of it stood, whose identity was compared.
 
     Its start was examined, and perhaps assembled, when it began. Raises `diagnostics.ModelError`,
@@ -118,22 +120,24 @@ def resume(system: System, kept: KeptFunctions, point: Checkpoint) -> RunInBlock
     size_limits.require_run(system)
     from lagcli.simulation.run_state.checkpoint import CheckpointError
 
-    declared, timed = initial.declared(system), kept.timed(system.model)
+    declared, timed = initial.declared(system), cached.timed(system.model)
     if len(point.mark.turns) != (system.cuts.count if system.cuts else 0):
         raise CheckpointError("it is a damaged checkpoint: its number of angles is wrong")
-    held = invariants.EnforcedInvariants(_integrals(system, kept, point), point.mark.levels, declared.p)
+    enforced = invariants.EnforcedInvariants(
+        _integrals(system, cached, point), point.mark.invariant_values, declared.p
+    )
     chosen = system.model.simulation
-    run = run_start.resume(held, point.mark, chosen, system.columns, timed)
+    run = run_start.resume(enforced, point.mark, chosen, system.columns, timed)
     return RunInBlocks(run, chosen, system.columns, handed_out=run.grid.after(point.mark.row))
 
 
-def _integrals(system: System, kept: KeptFunctions, point: Checkpoint) -> invariants.Integrals:
+def _integrals(system: System, cached: CachedFunctions, point: Checkpoint) -> invariants.Integrals:
     """The integrals of a checkpoint. Raises `CheckpointError` where one is none of this system."""
     from lagcli.simulation.run_state.checkpoint import CheckpointError
 
     if point.mark.selection.count != len(system.multiplier_rows):
         raise CheckpointError("it is a damaged checkpoint: its number of rows is wrong")
     try:
-        return kept.integrals(system, point.integrals).keeping(point.mark.selection)
+        return cached.integrals(system, point.integrals).keeping(point.mark.selection)
     except (ExpressionError, level_functions.UnknownName):
         raise CheckpointError("it is a damaged checkpoint: it holds integrals of other names") from None

@@ -116,8 +116,8 @@ class RunInBlocks:
         return self.reference.of_table(rows)
 
     def _report(self) -> RunReport:
-        run, account, again = self._run, self._run.account, self.reference
-        figures = account.figures or NO_ROWS
+        run, statistics, again = self._run, self._run.statistics, self.reference
+        figures = statistics.figures or NO_ROWS
         n = run.y.size // 2
         return RunReport(
             t=run.origin + run.t,
@@ -126,20 +126,20 @@ class RunInBlocks:
             a=run.rate[n:-1],
             selection=run.selection,
             indeterminate=run.indeterminate,
-            steps=account.steps,
-            rejected=account.rejected,
-            evaluations=account.evaluations,
-            solve_seconds=account.solve_seconds + (again.solve_seconds if again else 0.0),
+            steps=statistics.steps,
+            rejected=statistics.rejected,
+            evaluations=statistics.evaluations,
+            solve_seconds=statistics.solve_seconds + (again.solve_seconds if again else 0.0),
             position_drift=figures.position_drift,
             velocity_drift=figures.velocity_drift,
-            energy_imbalance=account.energy_imbalance,
+            energy_imbalance=statistics.energy_imbalance,
             exchanged=figures.moving + figures.resting,
-            largest_penetration=account.largest_penetration,
+            largest_penetration=statistics.largest_penetration,
             # The last step may lead beyond the time reached.
-            crossings=tuple(one for one in account.crossings if one.t <= run.origin + run.t),
-            told=account.told,
-            ended_by=account.ended_by,
+            crossings=tuple(one for one in statistics.crossings if one.t <= run.origin + run.t),
+            told=statistics.told,
+            ended_by=statistics.ended_by,
             complete=run.complete,
-            notes=account.notes,
+            notes=statistics.notes,
             accuracy=again.accuracy if again else None,
         )

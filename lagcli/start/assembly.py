@@ -221,7 +221,7 @@ def _no_configuration(search: Search, failed: list[ConfigurationResult]) -> diag
 def _beside_poles(search: Search) -> Floats:
     """The declared configuration, a little aside where a gradient is not finite: of rods of no length."""
     q = search.state.q
-    B = LocalRows(search.numeric.whole(search.state.t, q, search.state.p)[1])
+    B = LocalRows(search.numeric.holonomic(search.state.t, q, search.state.p)[1])
     poles = np.flatnonzero(~B.are_finite())
     return next(search.neighbours(q, poles.tolist())) if poles.size else q
 

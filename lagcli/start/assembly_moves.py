@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 
 # A change below this part of the largest value of its kind is rounding.
 MOVE_ROUNDOFF = 1e-13
-MOST_TOLD = 6
+MOST_LISTED = 6
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Moves:
         )
         for kind, found in (("positions", self.positions), ("velocities", self.velocities)):
             if found:
-                largest = sorted(found, key=lambda move: -abs(move.new - move.old))[:MOST_TOLD]
+                largest = sorted(found, key=lambda move: -abs(move.new - move.old))[:MOST_LISTED]
                 more = len(found) - len(largest)
                 rest = f", and {more} more by less" if more else ""
                 yield f"assembled {kind}: {', '.join(map(str, largest))}{rest}"

@@ -85,7 +85,7 @@ class Search:
 
     def touched(self, rows: Sequence[int]) -> Flags:
         """True for coordinates (n,) that some rows hold and may move, by structure."""
-        B = LocalRows(self.numeric.whole(self.state.t, self.state.q, self.state.p)[1])
+        B = LocalRows(self.numeric.holonomic(self.state.t, self.state.q, self.state.p)[1])
         flags = np.zeros(self.fixed.size, dtype=bool)
         flags[B.column[np.isin(B.row, list(rows))]] = True
         return flags & ~self.fixed
@@ -128,14 +128,14 @@ class Search:
 
     def independent(self, rows: Sequence[int], q: Floats) -> tuple[list[int], Floats] | None:
         """Independent ones of some rows at a place, and 1 / |B_i| of each; None where they are not finite."""
-        B = self.numeric.whole(self.state.t, q, self.state.p)[1][list(rows), :]
+        B = self.numeric.holonomic(self.state.t, q, self.state.p)[1][list(rows), :]
         if not LocalRows(B).are_finite().all():
             return None
         from lagcli.linear import independent_rows
 
         lines = MetricRows(B, self.metric)
         chosen = independent_rows.dependence(lines, rank.rank(lines).low)
-        return [rows[i] for i in chosen.kept], 1.0 / lines.lengths[list(chosen.kept)]
+        return [rows[i] for i in chosen.independent], 1.0 / lines.lengths[list(chosen.independent)]
 
     def optimum(self, rows: Sequence[int], begin: Floats, q0: Floats) -> Floats | None:
         """By IPOPT the configuration (n,) nearest to q0 that satisfies some rows, a local minimum, or None."""
@@ -156,7 +156,7 @@ class Search:
 
     def components(self) -> tuple[Numbers, Numbers]:
         """Numbers of the parts that share no free coordinate and no inertia: of the rows (s,), of coordinates (n,)."""
-        _, B = self.numeric.whole(self.state.t, self.state.q, self.state.p)
+        _, B = self.numeric.holonomic(self.state.t, self.state.q, self.state.p)
         rows, among = LocalRows(B), LocalRows(self.M)
         label = np.arange(self.fixed.size)
         free = ~self.fixed[rows.column]

@@ -82,7 +82,9 @@ def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnos
     names, location = initial.names_of(system, rows), system.rows.rows[rows[-1]].location
     worst = rows[int(np.argmax(found.best.residuals))]
     unit = f" {system.model.units.length}" if not system.model.coordinates else ""
-    f = abs(float(np.array(search.numeric.whole(search.state.t, found.best.q, search.state.p)[0])[worst, 0]))
+    f = abs(
+        float(np.array(search.numeric.holonomic(search.state.t, found.best.q, search.state.p)[0])[worst, 0])
+    )
     shown, row = f"{found.best.worst:.6g}", system.rows.rows[worst].name
     remains = f"the least that remains is {shown}{unit}, in `{row}`"
     if f"{f:.6g}" != shown:
@@ -153,7 +155,7 @@ def _follow_each_other(search: Search, rows: list[int]) -> bool:
         return False
     state = search.state
     for q in search.neighbours(state.q, rows):
-        B = search.numeric.whole(state.t, q, state.p)[1][rows, :]
+        B = search.numeric.holonomic(state.t, q, state.p)[1][rows, :]
         if LocalRows(B).are_finite().all() and rank.rank(MetricRows(B, search.whole)).high == len(rows):
             return False
     return True
@@ -187,7 +189,7 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
     """Rows dependent at a state that cannot hold together later."""
     free = np.zeros(state.q.size, dtype=bool)
     q = state.q + (later.t - state.t) * state.v
-    f, B = numeric.whole(later.t, q, state.p)
+    f, B = numeric.holonomic(later.t, q, state.p)
     if not (np.isfinite(np.array(f)).all() and np.isfinite(np.array(B.nonzeros(), dtype=float)).all()):
         return []  # another law may have come to its end
     search = Search(system, numeric, dataclasses.replace(later, q=q), free)

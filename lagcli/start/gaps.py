@@ -98,8 +98,8 @@ def penetrations(system: System, found: Gaps) -> list[diagnostics.Diagnostic]:
         by_place.setdefault(system.contacts.rows[j].location, []).append(j)
     report = []
     for location, broken in by_place.items():
-        report += [_penetration(system, found, j) for j in broken[: initial.MOST_TOLD]]
-        rest = broken[initial.MOST_TOLD :]
+        report += [_penetration(system, found, j) for j in broken[: initial.MOST_LISTED]]
+        rest = broken[initial.MOST_LISTED :]
         if rest:
             worst = _penetration(system, found, min(rest, key=lambda j: float(found.g[j])))
             message = f"so do {len(rest)} more rows of this family; of them the most: {worst.message}"
@@ -213,7 +213,7 @@ def _most_pulling(search: Search, active: list[int], q: Floats) -> int | None:
         return None
     B = BoundarySurface(search, active).rows(q)[1]
     lines = MetricRows(B, search.metric)
-    chosen = list(independent_rows.dependence(lines, rank.rank(lines).low).kept)
+    chosen = list(independent_rows.dependence(lines, rank.rank(lines).low).independent)
     kept = MetricRows(B[chosen, :], search.metric)
     pushes = np.zeros(B.shape[0])
     pushes[chosen] = kept.weights(LocalRows(B[chosen, :]).times(q - search.state.q))

@@ -31,7 +31,7 @@ SLOWEST = 1e-6
 # Steps, each a tenth of the one before, at which the curvature of a row is probed; roundings a residual may hold.
 PROBES, ROUNDINGS = 12, 64
 # Rows that a message names one by one.
-MOST_TOLD = 20
+MOST_LISTED = 20
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -206,7 +206,7 @@ def finite_rows(
     forgiving: where a row is violated a gradient that has no value, as of the length of a rod whose ends coincide,
     is taken as 0: a state that satisfies the row lies elsewhere.
     """
-    f = np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
+    f = np.array(numeric.holonomic(state.t, state.q, state.p)[0]).ravel()
     B, bias = numeric.rows(state.t, state.q, state.v, state.p)
     rows, b = LocalRows(B), np.array(bias).ravel()
     s = f.size
@@ -254,14 +254,14 @@ def _sizes(rows: LocalRows, values: Floats) -> Floats:
 
 
 def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagnostic]:
-    """One diagnostic for each row that the start violates; of a family `MOST_TOLD`, and one for the rest of it."""
+    """One diagnostic for each row that the start violates; of a family `MOST_LISTED`, and one for the rest of it."""
     report: list[diagnostics.Diagnostic] = []
     by_place: dict[diagnostics.Location, list[int]] = {}
     for i in found.violated:
         by_place.setdefault(system.rows.rows[i].location, []).append(i)
     for location, broken in by_place.items():
-        report += (_violation(system, found, i) for i in broken[:MOST_TOLD])
-        rest = broken[MOST_TOLD:]
+        report += (_violation(system, found, i) for i in broken[:MOST_LISTED])
+        rest = broken[MOST_LISTED:]
         if rest:
             worst = _violation(system, found, max(rest, key=found.size))
             message = f"so do {len(rest)} more rows of this family; of them the most: {worst.message}"
@@ -316,5 +316,5 @@ def contradiction(system: System, rows: list[int], at: str = "") -> diagnostics.
 
 def names_of(system: System, rows: list[int]) -> str:
     """The names of rows, the first of them where they are many."""
-    names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows[:MOST_TOLD])
-    return names + (f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else "")
+    names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows[:MOST_LISTED])
+    return names + (f" and {len(rows) - MOST_LISTED} more" if len(rows) > MOST_LISTED else "")

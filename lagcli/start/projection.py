@@ -100,7 +100,7 @@ class Surface:
 
     @cached_property
     def _rows(self) -> PositionRows:
-        return PositionRows(self._numeric.whole, self._t, self._p, self._only)
+        return PositionRows(self._numeric.holonomic, self._t, self._p, self._only)
 
     def descend(self, q: Floats, to_the_end: bool = False) -> Reached:
         """A point of the surface from far, or else where the sum of (f_i / |B_i|)^2 is locally least.

@@ -38,7 +38,7 @@ class StaticLaws:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class HeldLevel:
+class EnforcedLevel:
     """The level of a first integral through a start: its chart with above and below there."""
 
     chart: LevelExpression
@@ -55,7 +55,7 @@ class HeldLevel:
         return turned - chart.period * ca.floor(turned / chart.period + 0.5)
 
 
-def of_rest(system: System, levels: Sequence[HeldLevel]) -> StaticLaws:
+def of_rest(system: System, levels: Sequence[EnforcedLevel]) -> StaticLaws:
     """The equations of a point of rest: q' = q'' = 0 satisfies (D.24)."""
     symbols, rows, dynamics = system.symbols, system.rows, system.dynamics
     F, value = (_at_rest(system, part) for part in (dynamics.h, dynamics.rest))
@@ -75,7 +75,7 @@ def of_rest(system: System, levels: Sequence[HeldLevel]) -> StaticLaws:
     )
 
 
-def of_function(system: System, f: ca.SX, levels: Sequence[HeldLevel]) -> StaticLaws:
+def of_function(system: System, f: ca.SX, levels: Sequence[EnforcedLevel]) -> StaticLaws:
     """The equations of a stationary point of f(q) on the holonomic surfaces and on levels, whose rows come last in
     B."""
     q = system.symbols.q

@@ -86,7 +86,8 @@ def _bound_step(model: Any, h: float) -> bound_function.BoundFunction:
     settings = Simulation(rtol=ASKED, atol=ASKED)
     allowed = step_tolerance.of_steps(settings)
     return bound_function.BoundFunction(
-        ready.kept.plain.scheme(method.of(settings)).step, [t, np.array([h]), y, rate.results[0], allowed, p]
+        ready.cached.plain.scheme(method.of(settings)).step,
+        [t, np.array([h]), y, rate.results[0], allowed, p],
     )
 
 

@@ -317,7 +317,7 @@ def test_a_run_with_an_integral_goes_on_bit_for_bit_before_and_after_a_change_of
     used = set()
     for rows in np.unique(np.linspace(1, 0.9 * samples, 30).astype(int)):
         first, point = cut(LINE, int(rows), **options)
-        used |= {level and level.chart for level in point.mark.levels}
+        used |= {level and level.chart for level in point.mark.invariant_values}
         second = ready(LINE, point, **options)
         rest = np.concatenate(list(second.blocks()))
         assert same_bits(np.concatenate([first, rest]), uncut)
@@ -556,7 +556,7 @@ def test_the_form_of_a_file_is_the_one_of_format_7() -> None:
     head = {"lagcli-checkpoint": 7, "version": lagcli.__version__}
     whole = {**head, **parts, "sum": checkpoint.control_sum(parts)}
     point = checkpoint.decoded(json.dumps(whole).encode())
-    assert point.mark.levels[0] == (0, 0.6, 0.8)
+    assert point.mark.invariant_values[0] == (0, 0.6, 0.8)
     assert json.loads(checkpoint.encoded(point)) == whole
 
 

@@ -33,7 +33,7 @@ from lagcli.api.runs import prepare_run
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import catalogue, diagnostics
 from lagcli.output.figures import figure
-from lagcli.output.files import endings, interrupts
+from lagcli.output.files import formats, interrupts
 from lagcli.output.runs import run_request
 from lagcli.output.tables import sinks
 from tests.helpers import pendulum
@@ -794,7 +794,7 @@ def read(path: Path) -> tuple[list[str], np.ndarray]:
             return content.column_names, np.stack([c.to_numpy() for c in content.columns], axis=1)
 
 
-@pytest.mark.parametrize("ending", endings.TABLES)
+@pytest.mark.parametrize("ending", formats.TABLES)
 def test_the_ending_picks_the_format_and_the_values_are_those_of_stdout(lagcli: Lagcli, ending: str) -> None:
     path = Path(f"run.{ending}")
     written = lagcli("simulate", file(PENDULUM), "-o", path)
@@ -806,7 +806,7 @@ def test_the_ending_picks_the_format_and_the_values_are_those_of_stdout(lagcli: 
     assert folder() == ["model.yaml", f"run.{ending}"]
 
 
-@pytest.mark.parametrize("ending", endings.FIGURES)
+@pytest.mark.parametrize("ending", formats.FIGURES)
 def test_plot_alone_writes_a_figure_and_no_table(lagcli: Lagcli, ending: str) -> None:
     result = lagcli("simulate", file(PENDULUM), "--plot", f"run.{ending}")
     assert (result.code, result.out) == (0, "")
@@ -881,7 +881,7 @@ def test_a_file_that_cannot_be_made_exits_74_before_the_run(
     assert lagcli("simulate", "model.yaml", option, f"run.{ending}").code == 74
 
 
-@pytest.mark.parametrize("ending", endings.TABLES)
+@pytest.mark.parametrize("ending", formats.TABLES)
 def test_a_full_disk_exits_74_and_names_the_file(lagcli: Lagcli, ending: str) -> None:
     path = Path(f"run.{ending}")
     path.symlink_to("/dev/full")

@@ -19,12 +19,12 @@ from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 
 from lagcli.output.figures import decimate
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.tables import blocks, cell_text, column_choice, sinks
 
 NAMES = ("t", "p[1][2].x", "rate(theta)", "lambda.größe", "file")
 HARD = [5e-324, 1e308, -0.0, 0.1, 1 / 3, -2.2250738585072014e-308, 1.7976931348623157e308, 123456789.0]
-FORMATS = pytest.mark.parametrize("fmt", endings.TABLES)
+FORMATS = pytest.mark.parametrize("fmt", formats.TABLES)
 
 
 def table(count: int = 40) -> NDArray[np.float64]:
@@ -223,9 +223,9 @@ def test_a_folder_that_is_missing_and_a_target_that_is_a_folder_are_named(tmp_pa
 
 
 def test_an_unknown_ending_names_the_known_ones_and_writes_nothing(tmp_path: Path) -> None:
-    with pytest.raises(endings.UnknownFormat, match=r"run\.xlsx.*\.csv, \.json, \.npz, \.parquet"):
+    with pytest.raises(formats.UnknownFormat, match=r"run\.xlsx.*\.csv, \.json, \.npz, \.parquet"):
         sinks.open_sink(tmp_path / "run.xlsx", NAMES)
-    with pytest.raises(endings.UnknownFormat):
+    with pytest.raises(formats.UnknownFormat):
         sinks.open_sink(tmp_path / "run", NAMES)
     assert leftovers(tmp_path) == []
     sinks.open_sink(tmp_path / "run", NAMES, fmt="csv").discard()
@@ -328,7 +328,7 @@ def test_numbers_are_written_as_one_would_write_them() -> None:
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_the_order_of_the_array_in_memory_does_not_matter(tmp_path: Path, order: str) -> None:
     rows = np.array(table(), order=order)[::2, ::-1]
-    for fmt in endings.TABLES:
+    for fmt in formats.TABLES:
         with sinks.open_sink(tmp_path / f"run.{fmt}", NAMES[: rows.shape[1]]) as sink:
             sink.write(rows)
         assert read(tmp_path / f"run.{fmt}", fmt)[1].tobytes() == rows.tobytes()
@@ -419,7 +419,7 @@ def test_a_reader_that_went_away_is_a_broken_pipe() -> None:
 
 
 def test_a_stream_takes_no_other_format() -> None:
-    with pytest.raises(endings.UnknownFormat):
+    with pytest.raises(formats.UnknownFormat):
         sinks.open_sink(io.BytesIO(), ("t",), fmt="npz")
 
 

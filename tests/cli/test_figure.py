@@ -18,7 +18,7 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.output.figures import decimate, figure, labels, panels, sheet
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,7 +117,7 @@ def test_no_text_leaves_the_page_or_lies_on_something_else(case: str) -> None:
         assert not plot.get_window_extent().overlaps(box), text.get_text()
 
 
-@pytest.mark.parametrize("fmt", endings.FIGURES)
+@pytest.mark.parametrize("fmt", formats.FIGURES)
 def test_equal_runs_give_equal_files(tmp_path: Path, fmt: str) -> None:
     for name in ("a", "b"):
         figure.draw(tmp_path / f"{name}.{fmt}", *CASES["one row of many"], title="$ {", units=Labels())
@@ -128,7 +128,7 @@ def test_equal_runs_give_equal_files(tmp_path: Path, fmt: str) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
-@pytest.mark.parametrize("fmt", endings.FIGURES)
+@pytest.mark.parametrize("fmt", formats.FIGURES)
 def test_awkward_texts_can_be_written_in_every_format(tmp_path: Path, fmt: str) -> None:
     path = tmp_path / f"a.{fmt}"
     figure.draw(path, *CASES["awkward"], title="振り子 $ { \x07 ]]> -->", units=Labels("$l$", "a_b", "{"))
@@ -273,7 +273,7 @@ def test_a_failed_figure_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest
 
 
 def test_an_unknown_ending_and_a_table_without_time_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(endings.UnknownFormat, match=re.escape(".png, .svg, .pdf")):
+    with pytest.raises(formats.UnknownFormat, match=re.escape(".png, .svg, .pdf")):
         figure.draw(tmp_path / "run.gif", *CASES["one"], title="", units=Labels())
     with pytest.raises(ValueError, match='"t"'):
         figure.draw(tmp_path / "run.png", ["lambda.a"], np.zeros((3, 1)), title="", units=Labels())
@@ -282,7 +282,7 @@ def test_an_unknown_ending_and_a_table_without_time_are_refused(tmp_path: Path) 
 
 def test_only_the_figure_needs_matplotlib() -> None:
     script = (
-        "import sys\nfrom lagcli.output.files import endings\n"
+        "import sys\nfrom lagcli.output.files import formats\n"
         "from lagcli.output.figures import panels\nfrom lagcli.output.tables import column_choice, sinks\n"
         "assert 'matplotlib' not in sys.modules and 'pyarrow' not in sys.modules\n"
         "from lagcli.output.figures import figure\nassert 'matplotlib.pyplot' not in sys.modules\n"

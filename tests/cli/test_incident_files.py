@@ -36,13 +36,13 @@ def made_up(monkeypatch):
 
     def settling(run):
         is_accepting = vars(run).pop("is_accepting", False)
-        if is_accepting and run.account.steps % EVERY == 0 and run.t < run.grid.end:
+        if is_accepting and run.statistics.steps % EVERY == 0 and run.t < run.grid.end:
             t = run.origin + run.t
             line = np.arange(float(run.rows.line.size - 7))
-            kinds = ("impact", "contact") if run.account.steps % (2 * EVERY) == 0 else ("impact",)
+            kinds = ("impact", "contact") if run.statistics.steps % (2 * EVERY) == 0 else ("impact",)
             for kind in kinds:
-                rows = len(run.bound.held.integrals.system.rows.rows)
-                run.account.add(Incident(t, kind, "rod", np.full(rows, t), line, line + t))
+                rows = len(run.bound.enforced.integrals.system.rows.rows)
+                run.statistics.add(Incident(t, kind, "rod", np.full(rows, t), line, line + t))
         settle(run)
 
     monkeypatch.setattr(stepper.Stepper, "accept", accepting)

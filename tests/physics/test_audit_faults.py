@@ -21,7 +21,7 @@ from lagcli.output.trajectory import Trajectory
 
 ROOT = Path(__file__).resolve().parents[2]
 Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.int64]
 
 OWN = {
     "uniform circular motion": """
@@ -74,18 +74,18 @@ def failing(found: Audit) -> dict[str, list[str]]:
 # Faults: the row of the run that stands in each row of the table, which keeps its times.
 
 
-def shuffled(k: Whole) -> Whole:
+def shuffled(k: Integers) -> Integers:
     return np.random.default_rng(1).permutation(k)
 
 
-def pairs_swapped(k: Whole) -> Whole:
+def pairs_swapped(k: Integers) -> Integers:
     found = k.copy()
     found[:-1:20], found[1::20] = k[1::20], k[:-1:20]
     return found
 
 
-def two_swapped(at: int) -> Callable[[Whole], Whole]:
-    def change(k: Whole) -> Whole:
+def two_swapped(at: int) -> Callable[[Integers], Integers]:
+    def change(k: Integers) -> Integers:
         found = k.copy()
         found[[at, at + 1]] = at + 1, at
         return found
@@ -93,8 +93,8 @@ def two_swapped(at: int) -> Callable[[Whole], Whole]:
     return change
 
 
-def repeated(every: int) -> Callable[[Whole], Whole]:
-    def change(k: Whole) -> Whole:
+def repeated(every: int) -> Callable[[Integers], Integers]:
+    def change(k: Integers) -> Integers:
         found = k.copy()
         found[every::every] -= 1
         return found
@@ -102,32 +102,32 @@ def repeated(every: int) -> Callable[[Whole], Whole]:
     return change
 
 
-def frozen(first: int, last: int) -> Callable[[Whole], Whole]:
-    def change(k: Whole) -> Whole:
+def frozen(first: int, last: int) -> Callable[[Integers], Integers]:
+    def change(k: Integers) -> Integers:
         return np.where((k >= first) & (k < last), first - 1, k)
 
     return change
 
 
-def delayed(k: Whole) -> Whole:
+def delayed(k: Integers) -> Integers:
     return np.where(k >= len(k) // 2, k - 1, k)
 
 
-def ahead(k: Whole) -> Whole:
+def ahead(k: Integers) -> Integers:
     return np.where(k >= len(k) // 2, k + 5, k)[:-5]
 
 
-def blocks_reversed(k: Whole) -> Whole:
+def blocks_reversed(k: Integers) -> Integers:
     return k[: len(k) // 10 * 10].reshape(-1, 10)[:, ::-1].ravel()
 
 
-def block_reversed(k: Whole) -> Whole:
+def block_reversed(k: Integers) -> Integers:
     found = k.copy()
     found[100:110] = k[100:110][::-1]
     return found
 
 
-FAULTS: dict[str, Callable[[Whole], Whole]] = {
+FAULTS: dict[str, Callable[[Integers], Integers]] = {
     "all shuffled": shuffled,
     "every tenth pair swapped": pairs_swapped,
     "two swapped": two_swapped(120),
@@ -148,7 +148,7 @@ def with_rows(run: Trajectory, rows: Floats) -> Trajectory:
     return Trajectory(run.columns, rows, run.stats)
 
 
-def with_rows_of(run: Trajectory, places: Whole) -> Trajectory:
+def with_rows_of(run: Trajectory, places: Integers) -> Trajectory:
     rows = run.rows[places].copy()
     rows[:, 0] = run.rows[: len(rows), 0]
     return Trajectory(run.columns, rows, run.stats)

@@ -306,7 +306,7 @@ def test_the_constant_is_that_of_the_start_of_the_run() -> None:
     numbers = {"x.value": 0.5, "y.value": 3, "y.rate": -3}
     model = lagcli.loads(FACTOR, numbers)
     first = integrals_of(lagcli.loads(FACTOR), found)
-    levels = (invariants.Level(0, 1.0, 0.0),)
+    levels = (invariants.InvariantValue(0, 1.0, 0.0),)
     again = integrals_of(model, found)
     assert again.functions(levels) is first.functions(levels)
     assert again.system.model is model  # a run reads its own start and values there
@@ -346,11 +346,11 @@ PARABOLA = held("y**2/x", LevelFunction("y**2", "x"), LevelFunction("y", "sqrt(a
 def integrals_of(model: lagcli.Model, found: tuple[FirstIntegral, ...]) -> invariants.Integrals:
     """Integrals with the functions that runs of a model keep for one another."""
     compiled = cache.compiled(model)
-    return compiled.kept.integrals(compiled.system, found)
+    return compiled.independent.integrals(compiled.system, found)
 
 
 def chart_of(going: simulation_run.SimulationRun) -> list[int | None]:
-    return [level and level.chart for level in going.checkpoint().mark.levels]
+    return [level and level.chart for level in going.checkpoint().mark.invariant_values]
 
 
 def test_a_start_where_the_gradient_vanishes_takes_the_next_chart() -> None:
@@ -516,12 +516,12 @@ def test_notes_stand_in_the_account(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_model_without_integrals_runs_on_the_functions_it_had() -> None:
     model = lagcli.loads(FACTOR)
     compiled = cache.compiled(model)
-    assert integrals_of(model, ()).functions(()) is compiled.kept.plain
+    assert integrals_of(model, ()).functions(()) is compiled.independent.plain
     plain = compiled.numeric
     found = integrals_of(model, held("y*exp(x)", LevelFunction("y*exp(x)")))
-    assert found.functions((None,)) is compiled.kept.plain
+    assert found.functions((None,)) is compiled.independent.plain
     holding = found.functions((found.at(_start(model)).level(0, 0)._replace(),)).numeric
-    assert holding.land.n_instructions() < 2 * plain.land.n_instructions()
+    assert holding.project.n_instructions() < 2 * plain.project.n_instructions()
     assert holding.rhs.n_instructions() == plain.rhs.n_instructions()
 
 

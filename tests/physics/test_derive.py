@@ -268,7 +268,7 @@ def test_derived_equations_have_the_numbers_of_the_compiled_system(name: str) ->
     require(_values(page, list(system.h), at), h)
     require(
         _values(page, [row.f for row in system.rows if row.f is not None], at),
-        np.array(numeric.whole(t, q, p)[0]),
+        np.array(numeric.holonomic(t, q, p)[0]),
     )
     require(_values(page, [row.B.get(i, 0) for row in system.rows for i in range(n)], at), B)
     require(_values(page, [row.b for row in system.rows], at), b)

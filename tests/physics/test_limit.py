@@ -157,7 +157,7 @@ def test_slow_start_is_stretched_by_lambda_over_k_and_keeps_the_rest() -> None:
     assert rate == pytest.approx((-3 * near[0] + 4 * near[1] - near[2]) / 1e-3, rel=1e-4)
     k = 1e4
     q, v = stiff_start.stretched(run.numeric, begin, stiff_start.StiffRow(0, lam, rate), k)
-    f = np.array(run.numeric.whole(begin.t, q, begin.p)[0]).ravel()
+    f = np.array(run.numeric.holonomic(begin.t, q, begin.p)[0]).ravel()
     assert f[0] == pytest.approx(-lam / k, rel=1e-12)
     B, b = run.numeric.rows(begin.t, q, v, begin.p)
     speeds = np.array(B) @ v + np.array(b).ravel()

@@ -49,7 +49,7 @@ def columns(run, start):
     return np.array([run[c] for c in run.columns if c.startswith(start)])
 
 
-# Independent rows and circuits.
+# Independent rows and dependencies.
 
 
 @st.composite
@@ -81,13 +81,17 @@ def chosen(B, masses=None):
 def test_circuits_are_minimal_dependent_sets_and_kept_rows_are_independent(B):
     found = chosen(B).selection
     assert found.count == len(B)
-    assert np.linalg.matrix_rank(B[list(found.kept)]) == len(found.kept) == np.linalg.matrix_rank(B)
-    for circuit in found.circuits:
-        assert circuit[0] not in found.kept
-        assert set(circuit[1:]) <= set(found.kept)
-        whole = B[list(circuit)]
-        assert np.linalg.matrix_rank(whole) == len(circuit) - 1
-        for left_out in range(len(circuit)):
+    assert (
+        np.linalg.matrix_rank(B[list(found.independent)])
+        == len(found.independent)
+        == np.linalg.matrix_rank(B)
+    )
+    for dependency in found.dependencies:
+        assert dependency[0] not in found.independent
+        assert set(dependency[1:]) <= set(found.independent)
+        whole = B[list(dependency)]
+        assert np.linalg.matrix_rank(whole) == len(dependency) - 1
+        for left_out in range(len(dependency)):
             rest = np.delete(whole, left_out, axis=0)
             assert np.linalg.matrix_rank(rest) == len(rest)
     # A multiplier is unique exactly where its row is independent of all the others.
@@ -102,7 +106,7 @@ def test_multipliers_are_those_of_the_weighted_least_squares(B, seed, written_ou
     random = np.random.default_rng(seed)
     masses = random.uniform(0.5, 4, B.shape[1])
     found = chosen(B, masses).selection
-    lam = random.standard_normal(len(found.kept))
+    lam = random.standard_normal(len(found.independent))
     S = B @ np.diag(1 / masses) @ B.T
     shared = list(found.shared)
     with pytest.MonkeyPatch.context() as patch:
@@ -110,7 +114,7 @@ def test_multipliers_are_those_of_the_weighted_least_squares(B, seed, written_ou
         split = selection.split(found, ca.MX(ca.DM(S[np.ix_(shared, shared)])), ca.MX(ca.DM(lam)))
         split = np.array(ca.evalf(split)).ravel()
     lengths = np.sqrt(np.diag(S))
-    R = B[list(found.kept)].T @ lam
+    R = B[list(found.independent)].T @ lam
     expected = np.linalg.pinv((B / lengths[:, None]).T, rcond=1e-9) @ R / lengths
     np.testing.assert_allclose(split, expected, rtol=0, atol=1e-8 * max(1, np.abs(expected).max()))
 

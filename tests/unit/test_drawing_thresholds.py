@@ -70,7 +70,7 @@ def test_a_rod_that_is_off_its_length_is_not_drawn(off: float, drawn: int) -> No
     found = quadratic_form.distance(row.form, False)
     assert found is not None
     link = links.of_row(row, found, points, False)
-    assert ((link is not None), points.unheld) == (bool(drawn), 1 - drawn)
+    assert ((link is not None), points.unenforced) == (bool(drawn), 1 - drawn)
 
 
 @pytest.mark.parametrize(("change", "is_distance"), [(3e-10, True), (3e-9, False)])

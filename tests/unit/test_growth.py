@@ -126,7 +126,7 @@ def test_proportional_rows_are_proved_to_follow_in_lots(monkeypatch):
 
 
 def test_rows_that_follow_are_proved_up_to_a_number_and_beyond_it_the_count_is_open(monkeypatch):
-    assert examine.MOST_CIRCUITS == 3000
+    assert examine.MOST_DEPENDENCIES == 3000
     monkeypatch.setattr(examine, "MOST_CIRCUITS", 20)
     assert dof(COPIES, n=21) == 2
     found = lagcli.dof(lagcli.loads(COPIES.format(n=22)))
@@ -146,8 +146,8 @@ def test_very_many_rows_over_few_coordinates_have_their_rank_by_a_thin_factoriza
 
 
 def test_groups_of_circuits_are_joined_where_they_share_a_row():
-    circuits = ((1, 0), (3, 2), (5, 0, 4), (6,), (7, 2))
-    assert list(Selection((0, 2, 4), circuits).groups()) == [([1, 5], [0, 4]), ([3, 7], [2])]
+    dependencies = ((1, 0), (3, 2), (5, 0, 4), (6,), (7, 2))
+    assert list(Selection((0, 2, 4), dependencies).groups()) == [([1, 5], [0, 4]), ([3, 7], [2])]
 
 
 WATT = """

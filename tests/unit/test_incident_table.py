@@ -10,7 +10,7 @@ import pyarrow.parquet
 import pytest
 
 import lagcli
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.tables import incident_table, sinks
 from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.table_format import UnreadableTable
@@ -29,7 +29,7 @@ FOUND = [
     incidents.incident(MODEL, 0.5, "release", "floor", push=0.0),
     incidents.incident(MODEL, 0.7, "event", 'low, "very"', push=-0.0),
 ]
-FORMATS = pytest.mark.parametrize("fmt", endings.TABLES)
+FORMATS = pytest.mark.parametrize("fmt", formats.TABLES)
 
 
 def written(path: Path, block: int = 3) -> Path:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.tables import read_table, sinks, table_format
 
 
@@ -45,8 +45,8 @@ def test_a_further_format_is_written_and_read(tmp_path: Path, monkeypatch: pytes
     module = types.ModuleType("lagcli.output.tables.lines_format")
     module.__dict__.update(writer=lambda path, provenance: _LineWriter, reader=_Lines)
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setitem(endings.FORMATS, "jsonl", endings.FileFormat("lines_format"))
-    monkeypatch.setattr(endings, "TABLES", tuple(sorted(endings.FORMATS)))
+    monkeypatch.setitem(formats.FORMATS, "jsonl", formats.FileFormat("lines_format"))
+    monkeypatch.setattr(formats, "TABLES", tuple(sorted(formats.FORMATS)))
     rows = np.array([[0.0, 1.5], [0.1, -2.0]])
     path = tmp_path / "table.jsonl"
     with sinks.open_sink(path, ["t", "x"]) as sink:
@@ -60,7 +60,7 @@ def test_a_further_format_is_written_and_read(tmp_path: Path, monkeypatch: pytes
         read_table.opened(path)
 
 
-@pytest.mark.parametrize("ending", endings.TABLES)
+@pytest.mark.parametrize("ending", formats.TABLES)
 def test_every_ending_has_its_file(ending: str) -> None:
     found = table_format.of(ending)
     assert callable(found.writer)

@@ -126,11 +126,11 @@ class Classifier:
         names, whole = self._names(group.differential), self._names(group.holonomic)
         surface = self._translation.surface(frozenset(whole)) if whole else {}
         forms = [self._forms[name] for name in names]
-        held = [surface.get(name) for name in whole]
-        if any(part is None or isinstance(part, notation.TooLarge) for part in (*forms, *held)):
+        holonomic_rank = [surface.get(name) for name in whole]
+        if any(part is None or isinstance(part, notation.TooLarge) for part in (*forms, *holonomic_rank)):
             return None
         known = [form for form in forms if isinstance(form, Form)]
-        return self._translation.block(known, held)
+        return self._translation.block(known, holonomic_rank)
 
     def _flagged(
         self, group: CoupledGroup, block: PfaffianBlock | None, budget: int
@@ -215,7 +215,7 @@ class Classifier:
             remarks=tuple(remarks),
             notes=notes,
             vanishing=idle,
-            held=len(flagged.values) + found.held,
+            holonomic_rank=len(flagged.values) + found.holonomic_rank,
         )
 
     def _without_flag(

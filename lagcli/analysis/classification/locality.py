@@ -25,7 +25,7 @@ from lagcli.start.initial import State
 
 # Operations for the equations of a set and for the integrals on it.
 BUDGET = 60_000
-MOST_TOLD = 3  # equations that are named
+MOST_LISTED = 3  # equations that are named
 
 
 def agree(flagged: joint.Flagged, numbers: NumericFlag) -> bool:
@@ -90,7 +90,7 @@ class Locality:
         note = "verdicts and count hold for the motions from the start"
         names = special_places.told(block, where or candidates[0], points[0])
         if names:
-            note += f", which keep to {', '.join(names[:MOST_TOLD])}"
+            note += f", which keep to {', '.join(names[:MOST_LISTED])}"
         return dataclasses.replace(
             together,
             integrals=lasting,
@@ -174,8 +174,10 @@ class Locality:
             return None
         except time_limit.NO_ANSWER:
             return None
-        held = len(found.values) + found.flag.held
-        is_same = found.flag.dims and held + found.flag.dims[-1] == numbers.surface + numbers.extra[-1]
+        holonomic_rank = len(found.values) + found.flag.holonomic_rank
+        is_same = (
+            found.flag.dims and holonomic_rank + found.flag.dims[-1] == numbers.surface + numbers.extra[-1]
+        )
         return found if is_same else None
 
     def _integrals(

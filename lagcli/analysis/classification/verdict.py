@@ -54,8 +54,8 @@ class JointVerdict:
     inside: the rows that lie in the integrable part I^(oo). integrals: functions whose differentials span it as
     far as they were found; `unsolved` says in words which of its forms have none. remarks: where the flag drops and
     for which parameters; notes: what of that concerns this very start and these parameters. vanishing: rows that
-    vanish identically where the holonomic rows hold. held: rank of the holonomic rows they meet, where that is proved
-    exactly. passing: integrals that hold on the set alone that the motions from the start keep to.
+    vanish identically where the holonomic rows hold. holonomic_rank: that of the holonomic rows they meet, where it is
+    proved exactly. passing: integrals that hold on the set alone that the motions from the start keep to.
     """
 
     rows: tuple[str, ...]
@@ -69,7 +69,7 @@ class JointVerdict:
     remarks: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     vanishing: frozenset[str] = frozenset()
-    held: int = 0
+    holonomic_rank: int = 0
     passing: tuple[FirstIntegral, ...] = ()
 
     @property

@@ -24,7 +24,7 @@ ORDER: tuple[Kind, ...] = ("independent", "redundant", "singular", "deficient", 
 TOGETHER = 30  # rows of small groups that are looked at together
 # The proof that rows follow from others looks at all rows of the model, again and again: of more than so many it
 # takes minutes.
-MOST_CIRCUITS = 3000
+MOST_DEPENDENCIES = 3000
 LATER = (0.001, 0.01)  # of the duration: soon, so that no other law has come to its end by then
 
 
@@ -80,7 +80,7 @@ class _Case:
 
 def examine(system: System, numeric: NumericSystem, state: State) -> Codimension:
     """The codimension of f = 0 around a state on it. Of independent rows at once."""
-    B = numeric.whole(state.t, state.q, state.p)[1]
+    B = numeric.holonomic(state.t, state.q, state.p)[1]
     rows = MetricRows(B, initial.metric_at(numeric, state))
     found = rank.rank(rows)
     if found.low == rows.count:
@@ -93,31 +93,35 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
 
     chosen = independent_rows.dependence(rows, found.value).selection
     case = _Case(system, numeric, state, _times(system, state))
-    kept = set(chosen.kept)
-    if len(chosen.circuits) > MOST_CIRCUITS:
-        left_out = tuple(circuit[0] for circuit in chosen.circuits)
+    kept = set(chosen.independent)
+    if len(chosen.dependencies) > MOST_DEPENDENCIES:
+        left_out = tuple(dependency[0] for dependency in chosen.dependencies)
         such_as = initial.names_of(system, list(left_out[:1]))
         reason = (
             f"{len(left_out)} rows depend on others at the start, such as {such_as}:"
-            f" that they follow from them is proved of {MOST_CIRCUITS} rows at most"
+            f" that they follow from them is proved of {MOST_DEPENDENCIES} rows at most"
         )
         return Codimension("undecided", found.value, None, left_out, reason=reason)
-    groups = _connected(chosen.circuits)
+    groups = _connected(chosen.dependencies)
     follow, failing = _followed(case, groups, kept)
-    if failing:  # of a group that does not follow as a whole some circuits may
+    if failing:  # of a group that does not follow as a whole some dependencies may
         several = {i for group in failing for i in group}
-        circuits = [sorted(circuit) for circuit in chosen.circuits if several.issuperset(circuit)]
-        more, _ = _followed(case, [circuit for circuit in circuits if circuit not in failing], kept)
+        dependencies = [
+            sorted(dependency) for dependency in chosen.dependencies if several.issuperset(dependency)
+        ]
+        more, _ = _followed(
+            case, [dependency for dependency in dependencies if dependency not in failing], kept
+        )
         follow = sorted({*follow, *more})
         # Where all that is left of a group is kept, all of it follows from that.
         failing = [rest for group in failing if not kept.issuperset(rest := sorted(set(group) - set(more)))]
-    dependent = sorted({i for circuit in chosen.circuits for i in circuit})
+    dependent = sorted({i for dependency in chosen.dependencies for i in dependency})
     sets = [_Set("redundant", 0, 0, dependent, [], follow)]
     for among in _around(B, set(follow)) if failing else ():
         some = sorted({i for group in failing for i in group}.intersection(among))
         if some:
             sets.append(_examined(case, among, some, kept))
-    flat = {circuit[0] for circuit in chosen.circuits if len(circuit) == 1}
+    flat = {dependency[0] for dependency in chosen.dependencies if len(dependency) == 1}
     return _joined(system, found.value, sets, flat)
 
 

@@ -48,8 +48,8 @@ def _particles(system: System, rows: Rows) -> list[str]:
 
 
 def _listed(names: list[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[: initial.MOST_TOLD])
-    return shown + (", ..." if len(names) > initial.MOST_TOLD else "")
+    shown = ", ".join(f"`{name}`" for name in names[: initial.MOST_LISTED])
+    return shown + (", ..." if len(names) > initial.MOST_LISTED else "")
 
 
 def undecided(

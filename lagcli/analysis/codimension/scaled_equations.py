@@ -77,7 +77,7 @@ class ScaledPart:
 
     def at(self, z: Floats, t: float) -> tuple[Floats, Floats]:
         """F (k,) and its derivatives (k, m) at x = z."""
-        f, B = self.numeric.whole(t, self.place(z), self.state.p)
+        f, B = self.numeric.holonomic(t, self.place(z), self.state.p)
         gradient = np.array(B[self.rows, self.coordinates]) * self.unit
         return np.array(f).ravel()[self.rows] / self.weight, gradient / self.weight[:, None]
 
@@ -146,7 +146,7 @@ def _second(plain: ScaledPart) -> _Second:
 
 def part(system: System, numeric: NumericSystem, state: State, rows: Indices) -> ScaledPart:
     """The part of some rows at a state."""
-    sparse = numeric.whole(state.t, state.q, state.p)[1][rows, :]
+    sparse = numeric.holonomic(state.t, state.q, state.p)[1][rows, :]
     coordinates = sorted(set(sparse.sparsity().get_col()))
     B = np.array(sparse[:, coordinates])
     plain = ScaledPart(numeric, state, rows, coordinates, np.ones(len(coordinates)), np.ones(len(rows)))

@@ -1,7 +1,7 @@
 """The part of a system near one row: the coordinates that may move, the rest held where they start.
 
 A path of the part is a path of the whole. Points are z = (q of the part, t) in units of their own, and the
-rows the forms A dz = B dq + b dt (D.6) that touch the part; those that touch held coordinates only hold by themselves.
+rows the forms A dz = B dq + b dt (D.6) that touch the part; those that touch fixed coordinates only hold by themselves.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class LocalPart:
     @cached_property
     def expressions(self) -> tuple[Any, Any]:
         """z (k + 1,) and A (c, k + 1) as expressions in it."""
-        held = paths.Held(self.state.q, self.state.v, self.state.p, self.scale)
+        held = paths.FixedValues(self.state.q, self.state.v, self.state.p, self.scale)
         return paths.rows(self.system, self.rows, self.coordinates, held)
 
     def once(self, key: tuple[int, ...], build: Callable[[], paths.PathSteps]) -> paths.PathSteps:
@@ -130,7 +130,7 @@ class LocalPart:
         if not touched.size:
             return 0.0
         found = [
-            np.array(self.numeric.whole(t, q, self.state.p)[0]).ravel()[touched]
+            np.array(self.numeric.holonomic(t, q, self.state.p)[0]).ravel()[touched]
             for t, q in zip(Z[:, -1] * self.scale[-1], self.whole(Z), strict=True)
         ]
         return float(np.abs(found).max())

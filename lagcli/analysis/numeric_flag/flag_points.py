@@ -112,7 +112,7 @@ class Points:
             return True
         sides = (self._block.on_branch(self.start.x, self.start.p, math.inf, side) for side in (1.0, -1.0))
         places = [EvaluationPoint(block, self.start.x, self.start.p) for block in sides]
-        return all(one.is_finite and one.first == len(one.kept) for one in places)
+        return all(one.is_finite and one.first == len(one.independent) for one in places)
 
     def walk(self) -> list[EvaluationPoint]:
         """The start, and places on its orbit as far as flows lead."""

@@ -75,21 +75,21 @@ def run(
 
     Raises `NotFinite`. All functions must be known.
     """
-    held: list[Number] = [ZERO] * program.registers
+    registers: list[Number] = [ZERO] * program.registers
     results: list[Number] = [ZERO] * program.results
     try:
         for name, out, of, constant in program.steps:
             if name == "input":
-                held[out[0]] = inputs[of[0]][of[1]]
+                registers[out[0]] = inputs[of[0]][of[1]]
             elif name == "const":
-                held[out[0]] = read(constant)
+                registers[out[0]] = read(constant)
             elif name == "output":
                 if out[0] == 0:
-                    results[out[1]] = held[of[0]]
+                    results[out[1]] = registers[of[0]]
             elif name in BINARY:
-                held[out[0]] = BINARY[name](held[of[0]], held[of[1]])
+                registers[out[0]] = BINARY[name](registers[of[0]], registers[of[1]])
             else:
-                held[out[0]] = along(name, held[of[0]])
+                registers[out[0]] = along(name, registers[of[0]])
     except (decimal.InvalidOperation, decimal.Overflow, ZeroDivisionError, OverflowError):
         raise NotFinite from None
     return results

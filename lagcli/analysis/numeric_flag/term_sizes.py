@@ -29,19 +29,19 @@ def of(program: Program, inputs: Sequence[Floats]) -> Floats:
 
     Whole numbers among constants and inputs are what they are.
     """
-    held: list[Pair] = [(0.0, 0.0)] * program.registers
+    registers: list[Pair] = [(0.0, 0.0)] * program.registers
     found = np.zeros(program.results)
     given = [part.tolist() for part in inputs]
     for name, out, of, constant in program.steps:
         if name == "input":
-            held[out[0]] = _input(given[of[0]][of[1]])
+            registers[out[0]] = _input(given[of[0]][of[1]])
         elif name == "const":
-            held[out[0]] = constant, 0.0 if constant.is_integer() else max(abs(constant), 1.0)
+            registers[out[0]] = constant, 0.0 if constant.is_integer() else max(abs(constant), 1.0)
         elif name == "output":
             if out[0] == 0:
-                found[out[1]] = held[of[0]][1]
+                found[out[1]] = registers[of[0]][1]
         else:
-            held[out[0]] = _result(name, [held[i] for i in of])
+            registers[out[0]] = _result(name, [registers[i] for i in of])
     return np.where(np.isnan(found), math.inf, found)
 
 

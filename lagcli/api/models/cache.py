@@ -19,8 +19,8 @@ def compiled(model: Model) -> CompiledModel:
     """The compiled system of a model. Other values of parameters or of the start need no new build."""
     size_limits.require_built(model)
     key = model.path, model.fingerprint  # a place that is told holds the path
-    kept = _kept.pop(key, None)
-    result = (kept.with_values(model) if kept is not None else None) or CompiledModel(system.build(model))
+    cached = _kept.pop(key, None)
+    result = (cached.with_values(model) if cached is not None else None) or CompiledModel(system.build(model))
     _kept[key] = result
     while len(_kept) > KEPT_SYSTEMS:
         _kept.popitem(last=False)

@@ -14,7 +14,7 @@ from lagcli.model.model import Model
 
 if TYPE_CHECKING:
     # Counts and verdicts come without a run.
-    from lagcli.simulation.run_entry import KeptFunctions
+    from lagcli.simulation.run_entry import CachedFunctions
 
 
 class CompiledModel:
@@ -25,11 +25,11 @@ class CompiledModel:
         self._answers = KnownAnswers()
 
     @cached_property
-    def kept(self) -> KeptFunctions:
+    def cached(self) -> CachedFunctions:
         """The functions that runs of this text keep for one another."""
-        from lagcli.simulation.run_entry import KeptFunctions
+        from lagcli.simulation.run_entry import CachedFunctions
 
-        return KeptFunctions(self.numeric)
+        return CachedFunctions(self.numeric)
 
     def with_values(self, model: Model) -> CompiledModel | None:
         """These functions for other values of parameters and start, or None where they do not fit."""
@@ -43,7 +43,7 @@ class CompiledModel:
     def of(self, moved: system.System) -> CompiledModel:
         """These functions for a system that has other values alone."""
         same = CompiledModel(moved, self.numeric)
-        same.kept = self.kept
+        same.cached = self.cached
         return same
 
     def examined_start(

@@ -19,7 +19,7 @@ from lagcli.start.initial import State
 from lagcli.statics import point_values, refine, rest_equations, static_laws, surface_descent
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations
-from lagcli.statics.static_laws import HeldLevel, StaticLaws
+from lagcli.statics.static_laws import EnforcedLevel, StaticLaws
 from lagcli.statics.static_problem import StaticProblem
 
 MODERATE = 1e4  # levels of this size are not measured by it
@@ -29,12 +29,12 @@ MODERATE = 1e4  # levels of this size are not measured by it
 class StaticStart:
     """A consistent start for searches, the levels of the integrals through it, and notes on those that are not held.
 
-    held: the differential rows whose integrals are held, by name.
+    enforced: the differential rows whose integrals are enforced, by name.
     """
 
     state: State
-    levels: tuple[HeldLevel, ...]
-    held: tuple[str, ...]
+    levels: tuple[EnforcedLevel, ...]
+    enforced: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -55,8 +55,8 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
         state = assembly.configuration(case.system, case.numeric, declared)
     state = dataclasses.replace(state, v=declared.v)
     known = ready.first_integrals(limit)
-    levels: list[HeldLevel] = []
-    held: list[str] = []
+    levels: list[EnforcedLevel] = []
+    enforced: list[str] = []
     notes = [*known.notes, *jump_warnings.out_of_sight(built)]
     for integral in known.integrals:
         chart = next((c for c in _charts(built, integral.charts, state)), None)
@@ -64,8 +64,8 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
             notes.append(f"the integral {integral.text} is not held: no form of it serves at the start")
         else:
             levels.append(chart)
-            held += integral.rows
-    return StaticStart(state, tuple(levels), tuple(dict.fromkeys(held)), tuple(notes))
+            enforced += integral.rows
+    return StaticStart(state, tuple(levels), tuple(dict.fromkeys(enforced)), tuple(notes))
 
 
 def problem(ready: CompiledModel, laws: StaticLaws, start: StaticStart) -> StaticProblem:
@@ -100,7 +100,7 @@ def nearest(ready: CompiledModel) -> EquilibriumPoint | NoEquilibrium:
     return min(points, key=lambda point: float((point.q - q) @ M @ (point.q - q)))
 
 
-def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> list[HeldLevel]:
+def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> list[EnforcedLevel]:
     """The charts that have finite values and a gradient at a state."""
     found = []
     for chart in level_functions.charts(built, written).charts:
@@ -111,5 +111,5 @@ def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> 
             size = 1.0  # numbers that were written stay so, for exact algebra
         gradient = value[1].full() * below - value[2].full() * above if not period else value[1].full()
         if np.isfinite([above, below, *gradient.ravel()]).all() and size and np.abs(gradient).max() > 0:
-            found.append(HeldLevel(chart, above / size, below / size))
+            found.append(EnforcedLevel(chart, above / size, below / size))
     return found

@@ -88,7 +88,7 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
     model = dataclasses.replace(model, simulation=chosen)
     checkpoints.require_same(point.identity, model)
     ready = cache.compiled(model)
-    run = run_entry.resume(ready.system, ready.kept, point)
+    run = run_entry.resume(ready.system, ready.cached, point)
     state = initial.declared(ready.system)
     return SimulationRun(
         PreparedRun(
@@ -117,7 +117,7 @@ def _started(
     start = ready.examined_start(known, limit)
     found = start.known
     plan = RunPlan(start.state, start.selection, start.is_singular, found.integrals, found.notes, *rows)
-    run = run_entry.begin(ready.system, ready.kept, plan)
+    run = run_entry.begin(ready.system, ready.cached, plan)
     return PreparedRun(
         ready.system,
         ready.numeric,

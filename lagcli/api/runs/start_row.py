@@ -12,7 +12,7 @@ import numpy as np
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.tables import read_table
 from lagcli.output.tables.table_format import MissingExtra
@@ -78,7 +78,7 @@ def of_option(model: Model, text: str) -> Model:
         raise BadRequest(f"--from: there is no file {error.filename}") from None
     except OSError as error:
         raise BadRequest(f"--from: cannot read {text}: {error.strerror}") from None
-    except (NoSuchRow, endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
+    except (NoSuchRow, formats.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
         raise BadRequest(f"--from {error}") from None
 
 

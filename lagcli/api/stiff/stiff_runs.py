@@ -44,17 +44,17 @@ class _Followed:
 
 def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
     """The limit of one row. Raises `diagnostics.ModelError`, `ValueError`."""
-    held, row, notes = constrained_run.constrained(model, chosen, plan)
+    constrained, row, notes = constrained_run.constrained(model, chosen, plan)
     kind = "unprestressed" if plan.unprestressed else "adapted"
-    if isinstance(held, str):
+    if isinstance(constrained, str):
         nothing = np.zeros(0)
         rate_of = "mean_error" if plan.unprestressed or plan.is_ramp else "max_error"
-        return StiffLimit(model.path, row, kind, nothing, nothing, (), None, rate_of, stopped=held)
-    runs = _StiffRuns(held, row, plan)
+        return StiffLimit(model.path, row, kind, nothing, nothing, (), None, rate_of, stopped=constrained)
+    runs = _StiffRuns(constrained, row, plan)
     try:
         found = runs.ramp(kind) if plan.is_ramp else runs.ladder(kind)
     except run_stop.RunStop as stop:
-        t, multiplier = held.at(1)
+        t, multiplier = constrained.at(1)
         said = f"the stiff run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
         found = StiffLimit(model.path, row, kind, t, multiplier, (), None, "mean_error", stopped=said)
     return dataclasses.replace(found, notes=(*notes, *found.notes))
@@ -63,16 +63,16 @@ def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
 class _StiffRuns:
     """The stiff runs beside a constrained one."""
 
-    def __init__(self, held: Constrained, row: str, plan: LimitPlan) -> None:
-        self._held, self._row, self._plan = held, row, plan
+    def __init__(self, constrained: Constrained, row: str, plan: LimitPlan) -> None:
+        self._constrained, self._row, self._plan = constrained, row, plan
         self._ready: CompiledModel | None = None
-        built = held.run.built
-        self._stretch = stiff_system.stretch(built, held.row.place)
-        self._size = stiff_system.size_of_terms(built, held.row.place, held.start)
+        built = constrained.run.built
+        self._stretch = stiff_system.stretch(built, constrained.row.place)
+        self._size = stiff_system.size_of_terms(built, constrained.row.place, constrained.start)
 
     def ladder(self, kind: str) -> StiffLimit:
         """One run for each stiffness, from the least on, as far as their errors can be told."""
-        held, plan = self._held, self._plan
+        constrained, plan = self._constrained, self._plan
         rate_of = "mean_error" if plan.unprestressed else "max_error"
         rungs: list[Rung] = []
         ended = stopped = ""
@@ -98,7 +98,7 @@ class _StiffRuns:
                 rungs.append(rung)
             if ended:
                 break
-        t, multiplier = held.at(1)
+        t, multiplier = constrained.at(1)
         said = f"no configuration near the start is stretched by -lambda/k at {', '.join(soft)}: too soft a spring"
         errors = [one.mean_error if plan.unprestressed else one.max_error for one in rungs]
         known = [error for error in errors if error is not None]
@@ -106,20 +106,20 @@ class _StiffRuns:
             stiff_ladder.fitted([one.stiffness for one in rungs], known) if len(known) == len(rungs) else None
         )
         return StiffLimit(
-            held.run.model.path, self._row, kind, t, multiplier, tuple(rungs), rate, rate_of, ended,
+            constrained.run.model.path, self._row, kind, t, multiplier, tuple(rungs), rate, rate_of, ended,
             steps=sum(one.steps or 0 for one in rungs), notes=(said,) if soft else (), stopped=stopped,
         )  # fmt: skip
 
     def ramp(self, kind: str) -> StiffLimit:
         """One run in which k rises by one factor in equal times. Raises `run_stop.RunStop`."""
-        held, plan = self._held, self._plan
+        constrained, plan = self._constrained, self._plan
         low, high = plan.stiffness[0], plan.stiffness[-1]
-        seconds = held.settings.duration
-        k = Stiffness(low, math.log(high / low) / seconds, held.start.t)
+        seconds = constrained.settings.duration
+        k = Stiffness(low, math.log(high / low) / seconds, constrained.start.t)
         plan.told(self._forecast_of_ramp(k, seconds))
         followed = self._follow(k)
         refined = self._refined(high)
-        t, multiplier = held.at(refined)
+        t, multiplier = constrained.at(refined)
         stiffness, error = k.at(t), followed.force - multiplier
         rows = constrained_run.spaced(len(t), refined)
         rungs = []
@@ -135,14 +135,14 @@ class _StiffRuns:
             rungs.append(Rung(middle, largest, abs(mean), apart, None, own, followed.force[inside]))
         # The mean of a stretch is that of the swings which the soft spring began: no power of k fits it.
         return StiffLimit(
-            held.run.model.path, self._row, kind, t[rows], multiplier[rows], tuple(rungs), None, "mean_error",
+            constrained.run.model.path, self._row, kind, t[rows], multiplier[rows], tuple(rungs), None, "mean_error",
             ramp={"seconds": seconds, "from": low, "to": high, "steps": float(followed.steps)},
             stiffness=stiffness[rows], force=followed.force[rows], steps=followed.steps, notes=(NO_RATE,),
         )  # fmt: skip
 
     def _rung(self, k: float, followed: _Followed) -> Rung:
         refined = self._refined(k)
-        t, multiplier = self._held.at(refined)
+        t, multiplier = self._constrained.at(refined)
         error = followed.force - multiplier
         rows = constrained_run.spaced(len(t), refined)
         mean: tuple[float | None, float | None] = (None, None)
@@ -156,32 +156,34 @@ class _StiffRuns:
 
     def _swings(self, k: float) -> float:
         """Swings of the row in the duration of the run."""
-        return self._held.frequency * math.sqrt(k) * self._held.settings.duration / (2 * math.pi)
+        return (
+            self._constrained.frequency * math.sqrt(k) * self._constrained.settings.duration / (2 * math.pi)
+        )
 
     def _refined(self, k: float) -> int:
-        rows = (len(self._held.t) - 1) // self._held.refined
-        return min(self._held.refined, constrained_run.refinement(max(1, rows), self._swings(k)))
+        rows = (len(self._constrained.t) - 1) // self._constrained.refined
+        return min(self._constrained.refined, constrained_run.refinement(max(1, rows), self._swings(k)))
 
     def _follow(self, k: Stiffness) -> _Followed:
         """The run of a stiffness, and again with a larger tolerance. Raises `run_stop.RunStop`, `NoSlowStartError`."""
-        held, plan = self._held, self._plan
-        most = k.least * math.exp(k.growth * held.settings.duration)
+        constrained, plan = self._constrained, self._plan
+        most = k.least * math.exp(k.growth * constrained.settings.duration)
         refined = self._refined(most)
-        q, v = held.start.q, held.start.v
+        q, v = constrained.start.q, constrained.start.v
         if not plan.unprestressed:
-            rate = held.row.rate - held.row.multiplier * k.growth
-            row = dataclasses.replace(held.row, rate=rate)
-            q, v = stiff_start.stretched(held.run.numeric, held.start, row, k.least)
-        settings = constrained_run.finer(held.settings, refined)
+            rate = constrained.row.rate - constrained.row.multiplier * k.growth
+            row = dataclasses.replace(constrained.row, rate=rate)
+            q, v = stiff_start.stretched(constrained.run.numeric, constrained.start, row, k.least)
+        settings = constrained_run.finer(constrained.settings, refined)
         force, steps, seconds = self._force(k, (q, v), settings)
         loose = dataclasses.replace(
-            held.settings,
-            rtol=min(LOOSER * held.settings.rtol, 0.1),
-            atol=None if held.settings.atol is None else LOOSER * held.settings.atol,
+            constrained.settings,
+            rtol=min(LOOSER * constrained.settings.rtol, 0.1),
+            atol=None if constrained.settings.atol is None else LOOSER * constrained.settings.atol,
         )
         again, _, _ = self._force(k, (q, v), loose)
         rows = constrained_run.spaced(len(force), refined)
-        t = held.at(1)[0]
+        t = constrained.at(1)[0]
         doubt = np.abs(again - force[rows]) / LARGER + ROUNDINGS * self._size * k.at(t)
         return _Followed(force, steps, seconds, doubt)
 
@@ -189,15 +191,15 @@ class _StiffRuns:
         self, k: Stiffness, begin: tuple[Floats, Floats], settings: Simulation
     ) -> tuple[Floats, int, float]:
         """-k f (T,) of a run from q, v, its accepted steps, and seconds. Raises `run_stop.RunStop`."""
-        held = self._held
-        bare = dataclasses.replace(held.run.model, simulation=settings)
-        model = stiff_system.model(bare, self._row, (held.start.t, *begin), k)
+        constrained = self._constrained
+        bare = dataclasses.replace(constrained.run.model, simulation=settings)
+        model = stiff_system.model(bare, self._row, (constrained.start.t, *begin), k)
         ready = None if self._ready is None else self._ready.with_values(model)
         if ready is None:
             ready = CompiledModel(stiff_system.build(model, self._row, self._plan.is_ramp))
         self._ready = ready
         # The lengths of rigid bodies are those of the constrained start, not those of the stretched one.
-        ready = ready.of(dataclasses.replace(ready.system, bodies=held.run.built.bodies))
+        ready = ready.of(dataclasses.replace(ready.system, bodies=constrained.run.built.bodies))
         began = time.perf_counter()
         run = prepare_run.start_compiled(ready, KnownIntegrals())
         states = table_columns.States(model, run.columns)
@@ -205,7 +207,7 @@ class _StiffRuns:
         for block in run.blocks():
             if len(block):
                 t, q, _ = states(block)
-                f = np.array(self._stretch(t[None], q.T, held.start.p)).ravel()
+                f = np.array(self._stretch(t[None], q.T, constrained.start.p)).ravel()
                 found.append(-k.at(t) * f)
         return np.concatenate(found), run.stats.steps, time.perf_counter() - began
 

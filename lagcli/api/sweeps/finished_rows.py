@@ -10,7 +10,7 @@ import numpy as np
 from lagcli.api.sweeps import sweep_journal, sweep_table
 from lagcli.api.sweeps.point_task import PointRow
 from lagcli.api.sweeps.sweep_plan import SweepPlan
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.tables import read_table, table_format
 from lagcli.output.tables.read_table import ReadTable
 
@@ -40,7 +40,7 @@ class OfUnknownSweep(ValueError):
 def is_silent(path: Path, plan: SweepPlan) -> bool:
     """True if a table of this sweep does not say of which it is: a shard does by its column, a whole sweep by the
     provenance that all formats but CSV and TSV have a place for."""
-    return not plan.is_shard and endings.of(path, endings.TABLES) in endings.PLAIN
+    return not plan.is_shard and formats.of(path, formats.TABLES) in formats.PLAIN
 
 
 def found(path: Path, plan: SweepPlan, digest: str) -> list[PointRow] | None:
@@ -55,7 +55,7 @@ def found(path: Path, plan: SweepPlan, digest: str) -> list[PointRow] | None:
         if tuple(table.columns) != plan.columns or not (is_silent(path, plan) or _is_same(table, plan)):
             return None
         kept = rows(path, table, len(plan.task.names))
-    except (endings.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable):
+    except (formats.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable):
         return None  # whatever it is, it is replaced as any file is
     if [row.number for row in kept] != list(plan.numbers):
         return None

@@ -16,7 +16,7 @@ from lagcli.output.tables import read_table
 
 Floats = npt.NDArray[np.float64]
 
-MOST_TOLD = 5  # points that are named one by one
+MOST_LISTED = 5  # points that are named one by one
 
 
 class BadShards(ValueError):
@@ -34,7 +34,7 @@ class MergedRows:
 def merged(paths: Sequence[str]) -> MergedRows:
     """The rows of all shards, whatever their order and their formats.
 
-    Raises `BadShards`, `read_table.UnreadableTable`, `endings.UnknownFormat`, `MissingExtra`, OSError.
+    Raises `BadShards`, `read_table.UnreadableTable`, `formats.UnknownFormat`, `MissingExtra`, OSError.
     """
     columns: tuple[str, ...] = ()
     sweep, whence = "", ""
@@ -56,8 +56,8 @@ def merged(paths: Sequence[str]) -> MergedRows:
         raise BadShards(f"the point {alien[0]} is none of the sweep, which has {total}")
     missing = total - len(rows)
     if missing:
-        first = itertools.islice((number for number in range(total) if number not in rows), MOST_TOLD)
-        told = ", ".join(map(str, first)) + (", ..." if missing > MOST_TOLD else "")
+        first = itertools.islice((number for number in range(total) if number not in rows), MOST_LISTED)
+        told = ", ".join(map(str, first)) + (", ..." if missing > MOST_LISTED else "")
         raise BadShards(f"{missing} of {total} points are missing: {told}; have all shards run to their end?")
     return MergedRows(columns, [rows[number] for number in sorted(rows)])
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.api.sweeps.point_task import PointRow
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.tables import sinks
 
 Floats = npt.NDArray[np.float64]
@@ -34,7 +34,7 @@ def columns(names: Sequence[str], results: Sequence[str], is_shard: bool = False
 
 def texts(fmt: str, names: Sequence[str]) -> tuple[str, ...]:
     """The columns that are written as text; where a file holds plain text whole numbers are, to have no point."""
-    whole = (NUMBER, STATUS) if fmt in endings.PLAIN else ()
+    whole = (NUMBER, STATUS) if fmt in formats.PLAIN else ()
     return tuple(name for name in (*whole, MESSAGE, SHARD) if name in names)
 
 
@@ -48,7 +48,7 @@ class SweepTable:
         provenance: Mapping[str, object] | None,
         shard: str = "",
     ) -> None:
-        fmt = endings.of(target, endings.TABLES) if isinstance(target, Path) else "csv"
+        fmt = formats.of(target, formats.TABLES) if isinstance(target, Path) else "csv"
         self._names, self._shard = tuple(names), shard
         self._texts = texts(fmt, names)
         self._sink = sinks.open_sink(target, names, provenance=provenance, texts=self._texts)

@@ -18,7 +18,7 @@ from lagcli.auditing.evidence.tolerances import Evidence
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.model.family import MemberIndex, Whole
+from lagcli.model.family import Integers, MemberIndex
 from lagcli.model.resolve import Reference
 
 COLUMNS = CheckedLaw(
@@ -163,7 +163,7 @@ class _Outputs:
             self.known += [True] * width
         return np.concatenate(found, axis=1)
 
-    def __call__(self, node: tree.Node, variables: Mapping[str, Whole]) -> Value:
+    def __call__(self, node: tree.Node, variables: Mapping[str, Integers]) -> Value:
         """The value of what stands in outputs alone; index vectors (K,) of a family give (T, K)."""
         if isinstance(node, tree.Call):
             return self._called(node, variables)
@@ -185,7 +185,7 @@ class _Outputs:
         parts = tuple(np.concatenate(part, axis=1) for part in zip(*known, strict=True))
         return parts if len(parts) == 3 else parts[0]
 
-    def _called(self, node: tree.Call, variables: Mapping[str, Whole]) -> Value:
+    def _called(self, node: tree.Call, variables: Mapping[str, Integers]) -> Value:
         index, argument = self._laws.index, node.arguments[0]
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         if node.function == "multiplier":
@@ -202,7 +202,7 @@ class _Outputs:
         assert isinstance(law, (tree.Name, tree.Member, tree.Index))
         return self._part(numbers, law, variables)
 
-    def _part(self, numbers: Whole, law: Reference, variables: Mapping[str, Whole]) -> Value:
+    def _part(self, numbers: Integers, law: Reference, variables: Mapping[str, Integers]) -> Value:
         """lambda_i B_ik of a constraint on particles (K,), or of one for each of K constraints (D.22)."""
         names = self._laws.index.names.names(law, variables)
         member = "" if isinstance(law, tree.Name) else law.member
@@ -220,7 +220,7 @@ class _Outputs:
         x, y, z = (np.concatenate([one[axis] for one in each], axis=1) for axis in range(3))
         return x, y, z
 
-    def _acceleration(self, node: Reference, member: str, variables: Mapping[str, Whole]) -> Value:
+    def _acceleration(self, node: Reference, member: str, variables: Mapping[str, Integers]) -> Value:
         found = _triple(
             self._results.a, self._laws.index.names.numbers(node, self._laws.index.particles, variables)
         )
@@ -229,13 +229,13 @@ class _Outputs:
         return found["xyz".index(member)] if member else found
 
     @property
-    def _all(self) -> Whole:
+    def _all(self) -> Integers:
         return np.arange(len(self._laws.index.particles))
 
     def _wide(self, x: Scalar) -> Array:
         return self._scene.wide(x, len(self._laws.index.particles))
 
-    def _multipliers(self, node: Reference, variables: Mapping[str, Whole]) -> Value:
+    def _multipliers(self, node: Reference, variables: Mapping[str, Integers]) -> Value:
         """lambda of a row, or of the three of a vector equation."""
         member = "" if isinstance(node, tree.Name) else node.member
         names = self._laws.index.names.names(node, variables)
@@ -255,7 +255,7 @@ class _Outputs:
         return self._rows[name]
 
 
-def _triple(y: Array, numbers: Whole) -> tuple[Array, Array, Array]:
+def _triple(y: Array, numbers: Integers) -> tuple[Array, Array, Array]:
     x, y, z = (y[:, 3 * numbers + axis] for axis in range(3))
     return x, y, z
 

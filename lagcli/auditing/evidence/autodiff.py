@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[Any]
-Whole = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.int64]
 Directions = Mapping[str, Array]
 
 
@@ -25,7 +25,7 @@ class Edge:
 
     parent: GraphNode
     partial: Array | float | None
-    taken: Whole | None = None
+    taken: Integers | None = None
     into: slice | None = None
 
 
@@ -38,7 +38,7 @@ class GraphNode:
     value: Array
     links: tuple[Edge, ...]
     kind: str = ""
-    places: Whole | None = None
+    places: Integers | None = None
 
     @property
     def is_rate(self) -> bool:
@@ -70,7 +70,7 @@ class AutodiffGraph:
         self._leaves: dict[tuple[str, bytes], GraphNode] = {}
         self._rates: list[Array | None] = []
 
-    def leaf(self, kind: str, places: Whole) -> GraphNode:
+    def leaf(self, kind: str, places: Integers) -> GraphNode:
         """Coordinates of a kind at these places, (T, K)."""
         key = (kind, places.tobytes())
         if key not in self._leaves:
@@ -176,7 +176,7 @@ class Gradient:
         scatter(self[kind], node.places, np.broadcast_to(g, node.value.shape))
 
 
-def scatter(target: Array, places: Whole, values: Array) -> None:
+def scatter(target: Array, places: Integers, values: Array) -> None:
     """target[:, places] += values, also where a place comes twice."""
     if places.size == 1:
         target[:, places[0]] += values[:, 0]

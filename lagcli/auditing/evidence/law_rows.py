@@ -16,7 +16,7 @@ from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 from lagcli.equations import rigid
 from lagcli.expression import evaluate, tree
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 
 SPOT = tree.Node(0, 0)
 # Turns of all angles but one that are tried where a row has several: what no motion satisfies stays above its limit,
@@ -24,12 +24,12 @@ SPOT = tree.Node(0, 0)
 # `test_turns_of_two_angles_are_taken_out_up_to_a_thousand` of `tests/unit/test_numbers_of_the_audit.py` fails.
 MOST_TURNS = {1: 0, 2: 1000, 3: 20}
 
-RowValues = list[tuple[Scalar, Whole]]
+RowValues = list[tuple[Scalar, Integers]]
 """Values of rows with their places among all rows."""
 
 
 def build(
-    scene: ModelOnTable, bodies: Sequence[rigid.Geometry], closed: Sequence[tuple[nouns.Inequality, Whole]]
+    scene: ModelOnTable, bodies: Sequence[rigid.Geometry], closed: Sequence[tuple[nouns.Inequality, Integers]]
 ) -> tuple[RowValues, RowValues]:
     """The holonomic and the differential rows; bodies: of `geometries`, closed: of `members`."""
     model = scene.index.model
@@ -84,7 +84,9 @@ def _add_rows(
     return first + len(parts) * law.members.count
 
 
-def members(laws: Sequence[nouns.Inequality], numbers: Whole) -> Iterator[tuple[nouns.Inequality, Whole]]:
+def members(
+    laws: Sequence[nouns.Inequality], numbers: Integers
+) -> Iterator[tuple[nouns.Inequality, Integers]]:
     """The inequalities with those of their members that are among these numbers of all."""
     first = 0
     for law in laws:
@@ -96,8 +98,8 @@ def members(laws: Sequence[nouns.Inequality], numbers: Whole) -> Iterator[tuple[
 
 
 def _rigid_rows(
-    scene: ModelOnTable, numbers: Whole, geometry: rigid.Geometry
-) -> Iterator[tuple[Scalar, Whole]]:
+    scene: ModelOnTable, numbers: Integers, geometry: rigid.Geometry
+) -> Iterator[tuple[Scalar, Integers]]:
     """The rows of a rigid body: distances of the base, then each further particle by its coefficients."""
     a, base = scene.algebra(), numbers[list(geometry.base)]
 

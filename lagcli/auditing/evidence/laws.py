@@ -28,7 +28,7 @@ from lagcli.auditing.evidence.law_rows import SPOT, RowValues
 from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 from lagcli.expression import evaluate
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 
 CHUNK = 200_000  # values of one array: what a cache holds
 TINY = 1e-100  # a complex step has no cancellation: so small that its square is nothing
@@ -304,7 +304,7 @@ class ModelLaws:
 
     def _on_particles(
         self, scene: ModelOnTable, constant: bool
-    ) -> Iterator[tuple[Whole, Triple, NumberAlgebra]]:
+    ) -> Iterator[tuple[Integers, Triple, NumberAlgebra]]:
         for force in self.model.forces:
             if not isinstance(force, nouns.ParticleForce) or force.constant != constant:
                 continue

@@ -20,7 +20,7 @@ from lagcli.auditing.evidence.autodiff import (
 from lagcli.auditing.evidence.autodiff_algebra import NumberAlgebra
 from lagcli.expression import evaluate
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 from lagcli.model.resolve import ModelNames, Resolver, Results
 
 
@@ -72,9 +72,9 @@ class ModelOnTable:
             motion["x"] = free[1]
         self.graph = AutodiffGraph(data, motion)
         self._free = free is not None
-        self._positions: dict[int, tuple[Triple, Whole]] = {}
-        self._batch: Whole = np.full(len(index.particles), -1, dtype=np.int64)
-        self._row: Whole = np.zeros(len(index.particles), dtype=np.int64)
+        self._positions: dict[int, tuple[Triple, Integers]] = {}
+        self._batch: Integers = np.full(len(index.particles), -1, dtype=np.int64)
+        self._row: Integers = np.zeros(len(index.particles), dtype=np.int64)
         self._values: dict[str, Value] = {}
         self._fill()
 
@@ -93,7 +93,7 @@ class ModelOnTable:
             return x, y, z
         return None if known is None else np.full((1, 1), float(known))
 
-    def variable(self, name: str, values: Whole) -> Array:
+    def variable(self, name: str, values: Integers) -> Array:
         """The values of an index variable, (1, K)."""
         return values.astype(float)[None, :]
 
@@ -101,21 +101,21 @@ class ModelOnTable:
         """The rate of change with the motion."""
         return self.graph.rate(x)
 
-    def position(self, numbers: Whole) -> Triple:
+    def position(self, numbers: Integers) -> Triple:
         """r of particles."""
         return self._vector(numbers, rates=False)
 
-    def velocity(self, numbers: Whole) -> Triple:
+    def velocity(self, numbers: Integers) -> Triple:
         """v of particles, of dependent ones the total time derivative of x(q, t) (D.27)."""
         return self._vector(numbers, rates=True)
 
-    def generalized(self, numbers: Whole, rates: bool) -> Scalar:
+    def generalized(self, numbers: Integers, rates: bool) -> Scalar:
         """Generalized coordinates, or their rates."""
         return self.graph.leaf("v" if rates else "q", self.index.first_generalized + numbers)
 
     def algebra(
         self,
-        variables: Mapping[str, Whole] | None = None,
+        variables: Mapping[str, Integers] | None = None,
         own: Mapping[str, Value] | None = None,
         results: Results[Scalar] | None = None,
     ) -> NumberAlgebra:
@@ -154,7 +154,7 @@ class ModelOnTable:
             self._positions[number] = (self.vector(particle.position, algebra), numbers)
             self._batch[numbers], self._row[numbers] = number, np.arange(numbers.size)
 
-    def _vector(self, numbers: Whole, rates: bool) -> Triple:
+    def _vector(self, numbers: Integers, rates: bool) -> Triple:
         index = self.index
         dependent = index.is_dependent[numbers]
         if not dependent.any() or (self._free and dependent.all()):
@@ -165,7 +165,7 @@ class ModelOnTable:
         groups = np.where(dependent, -2 if self._free else self._batch[numbers], -1)
         if np.unique(groups).size == 1:
             return self._evaluated(int(groups[0]), numbers, rates)
-        parts: list[list[tuple[Scalar, Whole]]] = [[], [], []]
+        parts: list[list[tuple[Scalar, Integers]]] = [[], [], []]
         for group in np.unique(groups):
             places = np.flatnonzero(groups == group)
             if group < 0:
@@ -177,7 +177,7 @@ class ModelOnTable:
         x, y, z = (self._joined(part, numbers.size) for part in parts)
         return x, y, z
 
-    def _evaluated(self, batch: int, numbers: Whole, rates: bool) -> Triple:
+    def _evaluated(self, batch: int, numbers: Integers, rates: bool) -> Triple:
         triple, members = self._positions[batch]
         rows = self._row[numbers]
         found = []
@@ -187,7 +187,7 @@ class ModelOnTable:
             found.append(scalar if same else self._taken(scalar, rows))
         return found[0], found[1], found[2]
 
-    def _taken(self, x: Scalar, rows: Whole) -> Scalar:
+    def _taken(self, x: Scalar, rows: Integers) -> Scalar:
         numbers = value(x)
         if numbers.ndim < 2 or numbers.shape[1] == 1:
             return x
@@ -197,7 +197,7 @@ class ModelOnTable:
             else numbers[:, rows]
         )
 
-    def _joined(self, parts: list[tuple[Scalar, Whole]], count: int) -> Scalar:
+    def _joined(self, parts: list[tuple[Scalar, Integers]], count: int) -> Scalar:
         """Scalars of several groups of members put together in the order asked for."""
         pieces = [(x, self.wide(x, places.size)) for x, places in parts]
         order = np.argsort(np.concatenate([places for _, places in parts]), kind="stable")

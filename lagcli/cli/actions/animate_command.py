@@ -16,7 +16,7 @@ from lagcli.cli.terminal import exits
 from lagcli.output.animation import page
 from lagcli.output.animation.places import NothingToShow
 from lagcli.output.animation.scene import Scene
-from lagcli.output.files import atomic_file, endings, file_requests, write_guard
+from lagcli.output.files import atomic_file, file_requests, formats, write_guard
 from lagcli.output.tables.table_format import MissingExtra, UnreadableTable
 from lagcli.output.trajectory import SimulationStopped
 
@@ -49,7 +49,7 @@ class AnimateOptions:
     @property
     def is_table(self) -> bool:
         """True if the source is a table by its ending."""
-        return pathlib.Path(self.source).suffix.lower().removeprefix(".") in endings.TABLES
+        return pathlib.Path(self.source).suffix.lower().removeprefix(".") in formats.TABLES
 
     @property
     def file(self) -> str | None:
@@ -68,7 +68,7 @@ class AnimateOptions:
             if self.changes and self.model is None:
                 raise exits.UsageError("--set is of a model; give that of the table with --model")
         model_reading.require_models([self.source, *([self.model] if self.model else [])])
-        file_requests.require_endings((self.file, endings.ANIMATIONS))
+        file_requests.require_endings((self.file, formats.ANIMATIONS))
         if self.file is None and sys.stdout.isatty():
             raise exits.UsageError("a page is not for a terminal: give -o FILE.html, or send it on")
         if self.file is not None:
@@ -100,23 +100,23 @@ def run(options: AnimateOptions, given: AnimatedRun) -> None:
         tell(target, scene)
     if stopped is not None:
         if target is not None:
-            exits.say(f"lagcli: what there is of the run is in {target}")
-        exits.say(f"lagcli: {stopped}")
+            exits.print_err(f"lagcli: what there is of the run is in {target}")
+        exits.print_err(f"lagcli: {stopped}")
         raise exits.Exit(exits.STOPPED)
 
 
 def tell(target: pathlib.Path | None, scene: Scene) -> None:
     """The account of what was written."""
-    exits.say_all(f"note: {note}" for note in scene.notes)
+    exits.print_err_all(f"note: {note}" for note in scene.notes)
     if target is not None:
         size = os.path.getsize(target)
-        exits.say(f"done: {target}, {size / 1e6:.2f} MB, {len(scene.t)} instants")
+        exits.print_err(f"done: {target}, {size / 1e6:.2f} MB, {len(scene.t)} instants")
 
 
 def writer(file: str | None) -> Callable[[pathlib.Path | None, Scene], None]:
     """The function that writes a scene, by the ending; it is known before any work whether a film can be written.
     Raises `exits.UsageError`."""
-    fmt = endings.of(pathlib.Path(file), endings.ANIMATIONS) if file is not None else "html"
+    fmt = formats.of(pathlib.Path(file), formats.ANIMATIONS) if file is not None else "html"
     if fmt == "html":
         return _write_page
     # matplotlib takes a third of a second to load: only where a film is asked for.
@@ -147,7 +147,7 @@ def _of_table(options: AnimateOptions) -> Scene:
     model = model_reading.load(options.model, list(options.changes)) if options.model is not None else None
     try:
         return animate.of_file(options.source, model)
-    except (MissingExtra, UnreadableTable, endings.UnknownFormat) as error:
+    except (MissingExtra, UnreadableTable, formats.UnknownFormat) as error:
         raise exits.UsageError(str(error)) from None
     except OSError as error:
         raise exits.UsageError(f"cannot read {options.source}: {error.strerror or error}") from None
@@ -156,7 +156,7 @@ def _of_table(options: AnimateOptions) -> Scene:
 def _of_model(options: AnimateOptions, given: AnimatedRun) -> tuple[Scene, SimulationStopped | None]:
     model = model_reading.load(options.source, list(options.changes))
     if options.verbose:
-        exits.say_all(warning.render() for warning in model.warnings)
+        exits.print_err_all(warning.render() for warning in model.warnings)
     if given["begin"] is not None:
         model = start_row.of_option(model, given["begin"])
     settings = {key: value for key, value in given.items() if key != "begin"}

@@ -14,7 +14,7 @@ from lagcli.auditing.evidence.table_input import TableError
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.output.figures import labels
-from lagcli.output.files import endings, file_requests, json_text, write_guard
+from lagcli.output.files import file_requests, formats, json_text, write_guard
 from lagcli.output.tables import incident_table, read_table
 from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.table_format import MissingExtra
@@ -42,11 +42,11 @@ class AuditOptions:
 
     def require(self, model: str) -> None:
         """Refuse what cannot be done with this MODEL."""
-        file_requests.require_endings((self.plot, endings.FIGURES), (self.table, endings.TABLES))
+        file_requests.require_endings((self.plot, formats.FIGURES), (self.table, formats.TABLES))
         if self.table is not None and not os.path.exists(self.table):
             raise exits.UsageError(f"--run: there is no file {self.table}")
         if self.events is not None:
-            file_requests.require_endings((self.events, endings.TABLES))
+            file_requests.require_endings((self.events, formats.TABLES))
             if self.table is None:
                 raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
             if not os.path.exists(self.events):
@@ -86,7 +86,7 @@ def run(model: Model, given: AuditedRun, options: AuditOptions) -> None:
     else:
         _tell(found, options)
     if not options.quiet:
-        exits.say_all(f"note: {note}" for note in found.notes)
+        exits.print_err_all(f"note: {note}" for note in found.notes)
     if not found.passed:
         raise exits.Exit(exits.INVALID)
     if not found.complete:
@@ -100,10 +100,10 @@ def _audited(model: Model, given: AuditedRun, options: AuditOptions) -> Audit:
         return audit.audit(model, options.table, digits=options.digits, events=_events(options), **given)
     except OSError as error:
         raise exits.UsageError(f"--run: cannot read {options.table}: {error.strerror}") from None
-    except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
+    except (formats.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
         raise exits.UsageError(f"--run: {error}") from None
     except SimulationStopped as stopped:
-        exits.say(f"lagcli: {stopped.reason}; there is no row to audit")
+        exits.print_err(f"lagcli: {stopped.reason}; there is no row to audit")
         raise exits.Exit(exits.STOPPED) from None
     except TableError as error:
         raise exits.UsageError(f"--run {options.table}: {error}") from None
@@ -119,7 +119,7 @@ def _events(options: AuditOptions) -> IncidentTable | None:
         return incident_table.read(options.events)
     except OSError as error:
         raise exits.UsageError(f"--events: cannot read {options.events}: {error.strerror}") from None
-    except (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
+    except (formats.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
         raise exits.UsageError(f"--events: {error}") from None
 
 

@@ -28,7 +28,7 @@ def run(models: list[str], changes: list[str] | None, options: CheckOptions) -> 
             if options.as_json:
                 answers.append({**({"path": path} if len(models) > 1 else {}), **model_reading.errors(error)})
             else:
-                exits.say(str(error))
+                exits.print_err(str(error))
             continue
         # Several objects in a list say which model each is of.
         heading = {"path": report.path, "title": report.title} if len(models) > 1 else {}
@@ -40,13 +40,13 @@ def run(models: list[str], changes: list[str] | None, options: CheckOptions) -> 
         if not options.as_json:
             check_text.report(report, heading=len(models) > 1)
             told = report.initial.assembled.lines(read.units) if report.initial.assembled else ()
-            exits.say_all(
+            exits.print_err_all(
                 () if options.quiet else (*told, *(warning.render() for warning in report.warnings))
             )
         if shown is not None:
             codes.append(shown.tell(options.as_json))
         if options.verbose:
-            exits.say(f"{report.path}: checked in {time.perf_counter() - began:.3f} s")
+            exits.print_err(f"{report.path}: checked in {time.perf_counter() - began:.3f} s")
     if options.as_json:
         print(json_text.text(answers[0] if len(answers) == 1 else answers))
     raise exits.Exit(max(codes))

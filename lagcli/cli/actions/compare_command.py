@@ -49,13 +49,13 @@ def run(model: Model, other: Model | None, settings: RepeatedRuns, options: Comp
         print(json_text.text(found.as_json()))
     elif options.principles.output == "-":
         if found.principles is not None:
-            exits.say(found.principles.sentence)
+            exits.print_err(found.principles.sentence)
     else:
         _tell(found)
     if not options.quiet:
-        exits.say_all(f"note: {note}" for note in found.notes)
+        exits.print_err_all(f"note: {note}" for note in found.notes)
     if found.agree is False:
-        exits.say(f"lagcli: {_disagreement(found)}")
+        exits.print_err(f"lagcli: {_disagreement(found)}")
         raise exits.Exit(exits.INVALID)
     if found.stopped:
         raise exits.Exit(exits.STOPPED)

@@ -25,7 +25,7 @@ def run(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bo
     except ValueError as error:
         raise exits.UsageError(f"--{error}" if str(error).startswith("at: ") else str(error)) from None
     except SimulationStopped as stop:
-        exits.say(f"lagcli: {stop}")
+        exits.print_err(f"lagcli: {stop}")
         raise exits.Exit(exits.STOPPED) from None
     if as_json:
         print(json_text.text(found.as_json()))
@@ -33,10 +33,10 @@ def run(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bo
         _tell(found)
     if quiet:
         return
-    exits.say_all(found.assembled.lines(model.units) if found.assembled else ())
-    exits.say_all(f"note: {note}; displacements do not depend on velocities" for note in found.notes)
+    exits.print_err_all(found.assembled.lines(model.units) if found.assembled else ())
+    exits.print_err_all(f"note: {note}; displacements do not depend on velocities" for note in found.notes)
     if not found.bases.is_certain:
-        exits.say("note: the rows are nearly dependent here; the lower of the possible ranks is taken")
+        exits.print_err("note: the rows are nearly dependent here; the lower of the possible ranks is taken")
 
 
 def _tell(found: Displacements) -> None:

@@ -49,7 +49,7 @@ def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
             stiffness=options.stiffness or limit.STIFFNESS,
             unprestressed=options.unprestressed,
             ramp=options.ramp,
-            told=None if options.quiet else lambda sentence: exits.say(f"note: {sentence}"),
+            told=None if options.quiet else lambda sentence: exits.print_err(f"note: {sentence}"),
             **settings,
         )
     except ValueError as error:
@@ -60,11 +60,11 @@ def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
     elif options.output != "-":
         _tell(found)
     if not options.quiet:
-        exits.say_all(f"note: {note}" for note in found.notes)
+        exits.print_err_all(f"note: {note}" for note in found.notes)
         if found.ended:
-            exits.say(f"note: the ladder ends there: {found.ended}")
+            exits.print_err(f"note: the ladder ends there: {found.ended}")
     if found.stopped:
-        exits.say(f"lagcli: {found.stopped}")
+        exits.print_err(f"lagcli: {found.stopped}")
         raise exits.Exit(exits.STOPPED)
 
 
@@ -120,7 +120,7 @@ def _write(model: Model, found: StiffLimit, options: LimitOptions) -> None:
             table.write(rows)
             if found.stopped:
                 kept = table.keep()
-                exits.say(f"lagcli: {kept}" if kept else "lagcli: a run stopped")
+                exits.print_err(f"lagcli: {kept}" if kept else "lagcli: a run stopped")
             else:
                 table.complete()
     if options.plot is not None and found.rungs:

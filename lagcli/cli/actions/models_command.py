@@ -31,7 +31,7 @@ def listed(as_json: bool, quiet: bool) -> None:
         line = f"{'':{INDENT}}{model.name:{width - INDENT}}{model.teaches}"
         print(textwrap.fill(line, console.width(), subsequent_indent=" " * width, break_long_words=False))
     if not quiet:
-        exits.say("`lagcli models NAME` prints a model, `lagcli models NAME -o FILE` copies it")
+        exits.print_err("`lagcli models NAME` prints a model, `lagcli models NAME -o FILE` copies it")
 
 
 def found(name: str) -> GalleryModel:
@@ -64,7 +64,7 @@ def copied(model: GalleryModel, output: str, with_schema: bool, force: bool, qui
     told = [f"wrote {output}" if is_new else f"{output} is this model already"]
     if with_schema:
         told.append(new_files.schema_beside(output))
-    exits.say_all(() if quiet else filter(None, told))
+    exits.print_err_all(() if quiet else filter(None, told))
 
 
 def _models() -> tuple[GalleryModel, ...]:

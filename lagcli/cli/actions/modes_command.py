@@ -13,11 +13,11 @@ from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.linearization.linear_modes import Modes
 from lagcli.model.model import Model
-from lagcli.output.files import endings, file_requests, json_text, write_guard
+from lagcli.output.files import file_requests, formats, json_text, write_guard
 from lagcli.output.trajectory import SimulationStopped
 
 MOST_MODES, MOST_COORDINATES = 60, 8  # what fits a screen; --json has all
-ROUNDING = 1e-12  # a column of the state below this part of the largest is told as 0
+STATE_ROUNDOFF = 1e-12  # a column of the state below this part of the largest is told as 0
 VERDICTS = {True: "stable", False: "unstable", None: "not decided"}
 
 
@@ -33,7 +33,7 @@ class ModesOptions:
     def require(self, model: str) -> None:
         """Refuse what cannot be done for this MODEL."""
         model_reading.require_models([model])
-        file_requests.require_endings((self.animate, ("html",)), (self.plot, endings.FIGURES))
+        file_requests.require_endings((self.animate, ("html",)), (self.plot, formats.FIGURES))
         named = (("--plot", self.plot), ("--animate", self.animate))
         files = [
             file_requests.File(option, name, is_written=True) for option, name in named if name is not None
@@ -49,10 +49,10 @@ def run(model: Model, settings: find_modes.ModesSettings, options: ModesOptions)
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
     except find_modes.NoEquilibriumError as error:
-        exits.say(f"lagcli: {error}")
+        exits.print_err(f"lagcli: {error}")
         raise exits.Exit(exits.UNDECIDED) from None
     except SimulationStopped as stop:
-        exits.say(f"lagcli: {stop}")
+        exits.print_err(f"lagcli: {stop}")
         raise exits.Exit(exits.STOPPED) from None
     if options.plot is not None:
         _draw(found, model, options.plot)
@@ -63,7 +63,7 @@ def run(model: Model, settings: find_modes.ModesSettings, options: ModesOptions)
     elif options.plot is None and options.animate is None:
         _tell(found)
     if not options.quiet:
-        exits.say_all(f"note: {note}" for note in found.notes)
+        exits.print_err_all(f"note: {note}" for note in found.notes)
 
 
 def _draw(found: Modes, model: Model, path: str) -> None:
@@ -111,7 +111,7 @@ def _tell(found: Modes) -> None:
 def _place(found: Modes) -> str:
     """The first columns of the state about which the equations are linear."""
     size = max((abs(value) for value in found.at.values()), default=0.0)
-    kept = {name: value if abs(value) > ROUNDING * size else 0.0 for name, value in found.at.items()}
+    kept = {name: value if abs(value) > STATE_ROUNDOFF * size else 0.0 for name, value in found.at.items()}
     named = [f"{name} = {value:.6g}" for name, value in kept.items()]
     more = f" and {len(named) - MOST_COORDINATES} more" if len(named) > MOST_COORDINATES else ""
     return f"linearized at {', '.join(named[:MOST_COORDINATES])}{more}"

@@ -60,15 +60,15 @@ def _write(name: str, template: str, options: NewOptions) -> None:
         print(json_text.text({"path": path, "template": template, "written": is_new}))
     if options.quiet:
         return
-    exits.say(
+    exits.print_err(
         f"wrote {path}, from the template `{template}`"
         if is_new
         else f"{path} is there already, as it would be"
     )
     if told:
-        exits.say(told)
+        exits.print_err(told)
     if is_new:
-        exits.say(f"next: lagcli check {shlex.quote(path)}")
+        exits.print_err(f"next: lagcli check {shlex.quote(path)}")
 
 
 def _require(template: str) -> None:
@@ -92,7 +92,7 @@ def _asked_template() -> str:
     names = list(model_templates.TEMPLATES)
     width = max(map(len, names))
     for number, name in enumerate(names, 1):
-        exits.say(f"  {number}  {name:{width}}  {model_templates.TEMPLATES[name]}")
+        exits.print_err(f"  {number}  {name:{width}}  {model_templates.TEMPLATES[name]}")
     for _ in range(ANSWERS):
         answer = _answer(f"template (1 to {len(names)}, or its name; {FIRST}): ")
         if not answer:
@@ -101,7 +101,7 @@ def _asked_template() -> str:
             return names[int(answer) - 1]
         if answer in names:
             return answer
-        exits.say(f"there is no template `{diagnostics.printable(answer)}`")
+        exits.print_err(f"there is no template `{diagnostics.printable(answer)}`")
     raise exits.UsageError("no template was chosen; --template NAME names one")
 
 
@@ -110,6 +110,6 @@ def _answer(question: str) -> str:
     print(question, end="", file=sys.stderr, flush=True)
     line = sys.stdin.readline()
     if not line:
-        exits.say("")
+        exits.print_err("")
         raise exits.UsageError("no answer; nothing was written")
     return line.strip()

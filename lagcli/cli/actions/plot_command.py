@@ -12,7 +12,7 @@ from lagcli.cli.terminal import console, exits
 from lagcli.output.charts import chart_table, compose
 from lagcli.output.charts.chart import ChartData
 from lagcli.output.charts.chart_table import ChartTable
-from lagcli.output.files import endings, write_guard
+from lagcli.output.files import formats, write_guard
 from lagcli.output.tables import read_table
 from lagcli.output.tables.table_format import MissingExtra
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from lagcli.output.trajectory import Trajectory
 
-FAULTS = (endings.UnknownFormat, MissingExtra, read_table.UnreadableTable, compose.UndrawableColumns)
+FAULTS = (formats.UnknownFormat, MissingExtra, read_table.UnreadableTable, compose.UndrawableColumns)
 
 
 def run(options: PlotOptions) -> None:
@@ -45,7 +45,7 @@ def run(options: PlotOptions) -> None:
     if options.is_shown:
         _show(chart)
     if stopped:
-        exits.say_all(f"lagcli: {reason}" for reason in stopped)
+        exits.print_err_all(f"lagcli: {reason}" for reason in stopped)
         raise exits.Exit(exits.STOPPED)
 
 
@@ -96,7 +96,7 @@ def _simulated(name: str, options: PlotOptions, stopped: list[str]) -> Trajector
         stopped.append(stop.reason)
         made = stop.trajectory
     if not options.quiet:
-        exits.say_all(f"note: {note}" for note in made.notes)
+        exits.print_err_all(f"note: {note}" for note in made.notes)
     return made
 
 

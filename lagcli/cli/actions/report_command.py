@@ -81,11 +81,11 @@ def run(model: Model, settings: ReportedRun, options: ReportOptions) -> None:
         except pdf_programs.NoPdf as error:
             raise write_guard.WriteError(f"cannot write {options.output}: {error}") from None
         if not options.quiet:
-            exits.say(f"written: {', '.join(map(os.fspath, files))}")
+            exits.print_err(f"written: {', '.join(map(os.fspath, files))}")
     if page.stopped is not None:
-        exits.say(f"lagcli: {page.stopped}")
+        exits.print_err(f"lagcli: {page.stopped}")
     if not page.passed:
-        exits.say("lagcli: the audit fails; the page says which checks")
+        exits.print_err("lagcli: the audit fails; the page says which checks")
         raise exits.Exit(exits.INVALID)
     if page.stopped is not None:
         raise exits.Exit(exits.STOPPED)

@@ -12,7 +12,7 @@ from lagcli.output.runs.written_run import RunEnding, WrittenRun
 
 def run(written: WrittenRun, request: RunRequest) -> None:
     """Integrate, write and tell. Raises `exits.Exit` with 3 where the run stopped before its end."""
-    exits.say_all(written.told)
+    exits.print_err_all(written.told)
     # Rows and a bar on one terminal would overwrite each other.
     is_silent = request.quiet or (written.is_stdout_taken and sys.stdout.isatty())
     with console.progress(written.start, written.end, is_silent) as bar:
@@ -22,17 +22,17 @@ def run(written: WrittenRun, request: RunRequest) -> None:
                 continue
             bar.close()
             if isinstance(step, str):
-                exits.say(step)
+                exits.print_err(step)
             else:
                 _tell_end(step, request.quiet)
 
 
 def _tell_end(end: RunEnding, quiet: bool) -> None:
     if not quiet:
-        exits.say_all(f"note: {note}" for note in end.notes)
+        exits.print_err_all(f"note: {note}" for note in end.notes)
         _tell_account(end)
     if end.reason:
-        exits.say(f"lagcli: {end.reason}")
+        exits.print_err(f"lagcli: {end.reason}")
         raise exits.Exit(exits.STOPPED)
 
 
@@ -41,16 +41,16 @@ def _tell_account(end: RunEnding) -> None:
     balance = "not known: the power of rows or forces oscillates too often within a step"
     if stats.energy_imbalance is not None:
         balance = f"to {stats.energy_imbalance:.1e} of the energy exchanged"
-    exits.say(
+    exits.print_err(
         f"{head}: {stats.steps} steps ({stats.rejected} rejected) of {stats.method} in {stats.solve_seconds:.3g} s,"
         f" {end.held_to};"
         f" drift {stats.position_drift:.1e} in position, {stats.velocity_drift:.1e} in velocity;"
         f" energy balance {balance}"
     )
     if happened := _incidents(stats):
-        exits.say(f"incidents: {happened}")
+        exits.print_err(f"incidents: {happened}")
     if end.digits:
-        exits.say(f"digits: {end.digits}")
+        exits.print_err(f"digits: {end.digits}")
 
 
 def _incidents(stats: Stats) -> str:

@@ -40,7 +40,7 @@ def tell(model: Model, found: StaticReport, options: PointOptions) -> None:
     elif options.output != "-":
         _tell(found)
     if not options.quiet:
-        exits.say_all(f"note: {note}" for note in found.notes)
+        exits.print_err_all(f"note: {note}" for note in found.notes)
     if not found.points:
         best = (
             ""
@@ -48,7 +48,7 @@ def tell(model: Model, found: StaticReport, options: PointOptions) -> None:
             else (f"; the least residual met is {found.best_residual:.6g}")
         )
         what = "stationary point" if found.called == "value" else "point of rest"
-        exits.say(f"lagcli: no {what} was found from {_starts(found)}{best}")
+        exits.print_err(f"lagcli: no {what} was found from {_starts(found)}{best}")
         raise exits.Exit(exits.UNDECIDED)
 
 

@@ -31,7 +31,7 @@ from lagcli.cli.requests.asked_points import UNREADABLE, AskedPoints
 from lagcli.cli.requests.asked_sweep import SweepFiles
 from lagcli.cli.terminal import console, exits
 from lagcli.model.model import Model
-from lagcli.output.files import atomic_file, endings, interrupts, json_text, write_guard
+from lagcli.output.files import atomic_file, formats, interrupts, json_text, write_guard
 from lagcli.output.tables import table_format
 
 # Points above which a sweep is asked for with --yes: days of computing, which a slip of the finger has asked for.
@@ -58,10 +58,10 @@ def plan(
         if files.tables is not None:
             with write_guard.writing(files.tables):
                 pattern = point_task.require_folder(files.tables)
-            endings.of(pathlib.Path(pattern), endings.TABLES)
+            formats.of(pathlib.Path(pattern), formats.TABLES)
         chosen = sweep_plan.SweepSettings(settings, *limits, pattern)
         return sweep_plan.plan(model, parts, reductions.read(reduce), chosen, shard)
-    except (point_sources.BadPoints, reductions.BadReduction, endings.UnknownFormat, ValueError) as error:
+    except (point_sources.BadPoints, reductions.BadReduction, formats.UnknownFormat, ValueError) as error:
         raise exits.UsageError(str(error)) from None
 
 
@@ -89,7 +89,7 @@ def run(plan: SweepPlan, files: SweepFiles, has_spreads: bool) -> None:
                 _to_file(plan, files, engine, account)
         except engines.WorkersLost as lost:
             again = "" if files.target is None else "; --resume goes on after the rows there are"
-            exits.say(f"lagcli: {lost}{again}")
+            exits.print_err(f"lagcli: {lost}{again}")
             raise exits.Exit(exits.STOPPED) from None
     account.lost = engine.lost
     _tell(plan, account, files, time.monotonic() - began)
@@ -147,7 +147,7 @@ def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account
     identity = {**plan.identity, "shard": [plan.shard.number, plan.shard.count]}
     if files.resume and _is_complete(plan, target, sweep_journal.ended_with(path, identity), account):
         if not files.quiet:
-            exits.say(f"note: {target} holds all rows of this sweep already")
+            exits.print_err(f"note: {target} holds all rows of this sweep already")
         return
     with write_guard.writing(os.fspath(path)):
         try:
@@ -156,7 +156,7 @@ def _to_file(plan: SweepPlan, files: SweepFiles, engine: engines.Engine, account
             raise exits.UsageError(f"--resume: {error}" if files.resume else str(error)) from None
     is_resumed = journal.count > 0
     if is_resumed and not files.quiet:
-        exits.say(f"note: {journal.count} of {len(plan.numbers)} points are there of the sweep before")
+        exits.print_err(f"note: {journal.count} of {len(plan.numbers)} points are there of the sweep before")
     _compute(plan, files, engine, journal, target)
     with write_guard.writing(os.fspath(target)):
         for rows in _written(plan, journal, target, lambda table: table.commit()):
@@ -242,16 +242,16 @@ def _tell(plan: SweepPlan, account: SweepAccount, files: SweepFiles, seconds: fl
         print(json_text.text({**account.as_json(), "sweep": plan.identity}))
     if files.quiet:
         return
-    exits.say(account.sentence())
+    exits.print_err(account.sentence())
     if account.lost:
-        exits.say(account.of_workers())
+        exits.print_err(account.of_workers())
     for name, spread in account.spreads().items():
         told = ", ".join(
             f"{100 * q:g} %: {value:.6g}"
             for q, value in zip(sweep_account.QUANTILES, spread.quantiles, strict=True)
         )
-        exits.say(f"{name}: mean {spread.mean:.6g}, standard deviation {spread.sd:.3g}; {told}")
-    exits.say(f"computed in {seconds:.3g} s")
+        exits.print_err(f"{name}: mean {spread.mean:.6g}, standard deviation {spread.sd:.3g}; {told}")
+    exits.print_err(f"computed in {seconds:.3g} s")
 
 
 def merge(paths: Sequence[str], files: SweepFiles, is_alone: bool) -> None:
@@ -278,5 +278,5 @@ def merge(paths: Sequence[str], files: SweepFiles, is_alone: bool) -> None:
             table.commit()
     account.take(found.rows)
     if not files.quiet:
-        exits.say(account.sentence())
+        exits.print_err(account.sentence())
     raise exits.Exit(account.code)

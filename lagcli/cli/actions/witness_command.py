@@ -34,7 +34,7 @@ class Answer:
     def tell(self, as_json: bool) -> int:
         """Say it, the loop on stdout and a reason on stderr; the exit code."""
         if self.found is None:
-            exits.say(f"lagcli: {self.reason}")
+            exits.print_err(f"lagcli: {self.reason}")
         elif not as_json:
             print()
             for line in lines(self.found):

@@ -9,7 +9,7 @@ import typer
 from lagcli.cli.commands import options
 from lagcli.cli.requests import model_reading
 from lagcli.cli.terminal import exits
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 
 
 @exits.command
@@ -17,7 +17,7 @@ def audit(
     model: options.ModelArgument,
     run: Annotated[
         str | None,
-        typer.Option("--run", metavar="FILE", help=f"a table: {endings.LISTED}; else a new run"),
+        typer.Option("--run", metavar="FILE", help=f"a table: {formats.LISTED}; else a new run"),
     ] = None,
     events: Annotated[
         str | None,

@@ -91,6 +91,6 @@ def compare(
     }  # fmt: skip
     asked = compare_command.CompareOptions(columns, tolerance, as_json, quiet, principles)
     if verbose:
-        exits.say_all(warning.render() for one in read for warning in one.warnings)
+        exits.print_err_all(warning.render() for one in read for warning in one.warnings)
     second = read[1] if other is not None else None
     model_reading.reported(lambda: compare_command.run(read[0], second, given, asked), as_json)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from lagcli.cli.commands import COMMANDS
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 
 if TYPE_CHECKING:
     from lagcli.input.starting.model_outline import Outline
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 Described = list[tuple[str, str]]
 
 ENDINGS = (".yaml", ".yml")
-TABLES = tuple(f".{ending}" for ending in endings.FORMATS)
+TABLES = tuple(f".{ending}" for ending in formats.FORMATS)
 # Tables whose names of columns stand in the first line, with what is between them.
-_PLAIN_TABLES = {f".{ending}": separator for ending, separator in endings.PLAIN.items()}
+_PLAIN_TABLES = {f".{ending}": separator for ending, separator in formats.PLAIN.items()}
 MOST_HEADER = 2**18  # characters of a first line that are read
 MOST_FILES = 2000  # entries of a folder that are looked at
 DEEPEST = 8  # folders that are gone down where each holds one folder only

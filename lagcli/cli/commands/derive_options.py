@@ -59,6 +59,6 @@ def derive(
     page = model_reading.reported(lambda: derive_command.derived(read, asked), form == "json")
     derive_command.write(page, form, fragment)
     if not quiet:
-        exits.say_all(warning.render() for warning in (read.warnings if verbose else ()))
+        exits.print_err_all(warning.render() for warning in (read.warnings if verbose else ()))
     if verbose:
-        exits.say(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")
+        exits.print_err(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")

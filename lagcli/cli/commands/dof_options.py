@@ -42,13 +42,13 @@ def dof(
     elif counted.configuration_dof is not None:
         print(counted.configuration_dof)
     if not quiet and not explain:
-        exits.say_all(f"note: {note}" for note in counted.notes)
+        exits.print_err_all(f"note: {note}" for note in counted.notes)
     if verbose:
-        exits.say_all(warning.render() for warning in read.warnings)
-        exits.say_all(() if explain else _lines(counted))
+        exits.print_err_all(warning.render() for warning in read.warnings)
+        exits.print_err_all(() if explain else _lines(counted))
     if counted.configuration_dof is None:
         low, high = counted.bounds
-        exits.say(f"lagcli: undecided, between {low} and {high}: {counted.reason}")
+        exits.print_err(f"lagcli: undecided, between {low} and {high}: {counted.reason}")
         raise exits.Exit(exits.UNDECIDED)
 
 

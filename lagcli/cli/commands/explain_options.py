@@ -30,7 +30,7 @@ def explain(
     if code is None:
         print("\n".join(catalogue.lines(console.width() if sys.stdout.isatty() else None)))
         if not quiet:
-            exits.say("`lagcli explain CODE` explains one at length, `lagcli explain D.24` an equation")
+            exits.print_err("`lagcli explain CODE` explains one at length, `lagcli explain D.24` an equation")
         return
     try:
         equation = equation_list.line(code)

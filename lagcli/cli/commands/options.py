@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from lagcli.cli.commands import completing
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 
 
 def _seconds(value: float) -> float:
@@ -52,7 +52,7 @@ RunsMaxStepOption = Annotated[float | None, typer.Option("--max-step", help="no 
 # Those of `simulate` alone, at some length.
 OutputOption = Annotated[
     str | None,
-    typer.Option("-o", "--output", metavar="FILE", help=f"{endings.LISTED}; - for stdout"),
+    typer.Option("-o", "--output", metavar="FILE", help=f"{formats.LISTED}; - for stdout"),
 ]
 ColumnsOption = Annotated[
     str | None,
@@ -80,7 +80,7 @@ DigitsOption = Annotated[
 ]
 PointsOption = Annotated[
     str | None,
-    typer.Option("-o", "--output", metavar="FILE", help=f"the points: {endings.LISTED}; -"),
+    typer.Option("-o", "--output", metavar="FILE", help=f"the points: {formats.LISTED}; -"),
 ]
 StartsOption = Annotated[int, typer.Option("--starts", min=0, help="starts beside the declared one")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="of these starts; the same for the same seed")]

@@ -18,13 +18,13 @@ from lagcli.cli.commands.options import (
 )
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 
 FilesArgument = Annotated[
     list[str],
     typer.Argument(
         metavar="FILE...",
-        help=f"tables ({endings.LISTED}; - for CSV on standard input), or models, to be simulated",
+        help=f"tables ({formats.LISTED}; - for CSV on standard input), or models, to be simulated",
         autocompletion=completing.run_files,
     ),
 ]

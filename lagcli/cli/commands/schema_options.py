@@ -32,4 +32,4 @@ def schema(
     name = output or new_files.STDOUT
     new_files.write(name, format_schema.text(), force=force, may_replace=new_files.is_schema)
     if name != new_files.STDOUT and not quiet:
-        exits.say(f"wrote {name}")
+        exits.print_err(f"wrote {name}")

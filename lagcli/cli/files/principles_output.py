@@ -67,7 +67,7 @@ def write(model: Model, found: Comparison, options: PrinciplesOptions) -> None:
             table.write(vakonomic.table)
             if vakonomic.stopped:
                 kept = table.keep()
-                exits.say(f"lagcli: the vakonomic motion stopped; {kept}" if kept else "")
+                exits.print_err(f"lagcli: the vakonomic motion stopped; {kept}" if kept else "")
             else:
                 table.complete()
     if options.plot is not None:

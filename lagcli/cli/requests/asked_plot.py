@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from lagcli.cli.requests import model_reading
 from lagcli.cli.terminal import exits
-from lagcli.output.files import endings, file_requests
+from lagcli.output.files import file_requests, formats
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -49,11 +49,11 @@ class PlotOptions:
     def require(self) -> None:
         """Refuse what cannot be done for these files."""
         model_reading.require_models(list(self.files))
-        file_requests.require_endings((self.output, endings.FIGURES))
+        file_requests.require_endings((self.output, formats.FIGURES))
         if self.output is None and not self.show and not sys.stdout.isatty():
             raise exits.UsageError("nothing to draw on: give -o FILE.png (svg, pdf), or --show for text")
         if self.events is not None:
-            file_requests.require_endings((self.events, endings.TABLES))
+            file_requests.require_endings((self.events, formats.TABLES))
             if not os.path.exists(self.events):
                 raise exits.UsageError(f"--events: there is no file {self.events}")
         given = {**self.run, "from": self.begin, "set": self.changes or None}
@@ -72,4 +72,4 @@ class PlotOptions:
 
 def is_table(name: str) -> bool:
     """True for the name of a table, by its ending."""
-    return pathlib.PurePath(name).suffix.lower().removeprefix(".") in endings.TABLES
+    return pathlib.PurePath(name).suffix.lower().removeprefix(".") in formats.TABLES

@@ -12,10 +12,10 @@ import tempfile
 from lagcli.api.sweeps import drawn_points, point_sources, sweep_plan
 from lagcli.cli.terminal import exits
 from lagcli.model.model import Model
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.tables import read_table, table_format
 
-UNREADABLE = (endings.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable)
+UNREADABLE = (formats.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import pathlib
 from collections.abc import Iterable
 
 from lagcli.cli.terminal import exits
-from lagcli.output.files import endings, file_requests
+from lagcli.output.files import file_requests, formats
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +78,6 @@ class SweepFiles:
             raise exits.UsageError(
                 f"--merge: {self.target} is a folder; the parts of a dataset need no merging"
             )
-        file_requests.require_endings((self.target, endings.TABLES))
+        file_requests.require_endings((self.target, formats.TABLES))
         read = [file_requests.File("--merge", path) for path in paths]
         file_requests.require_writable(read, [file_requests.File("--output", self.target, is_written=True)])

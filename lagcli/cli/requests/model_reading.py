@@ -62,7 +62,7 @@ def read(path: str, changes: list[str] | None, as_json: bool, verbose: bool = Fa
     """The model as `load` gives it; its errors are reported as by `reported`, its warnings where `verbose`."""
     found = reported(lambda: load(path, changes), as_json)
     if verbose:
-        exits.say_all(warning.render() for warning in found.warnings)
+        exits.print_err_all(warning.render() for warning in found.warnings)
     return found
 
 

@@ -34,16 +34,16 @@ class UsageError(write_guard.BadRequest):
     """The command line is wrong, or MODEL does not exist."""
 
 
-def say(text: str) -> None:
+def print_err(text: str) -> None:
     """Lines on stderr. A closed stderr is no reason to fail."""
     with contextlib.suppress(OSError, ValueError):
         print(diagnostics.printable(text), file=sys.stderr)
 
 
-def say_all(texts: Iterable[str]) -> None:
+def print_err_all(texts: Iterable[str]) -> None:
     """Each text on stderr."""
     for text in texts:
-        say(text)
+        print_err(text)
 
 
 def of(error: diagnostics.ModelError) -> int:
@@ -80,18 +80,18 @@ def guarded(run: Callable[[], None], debug: bool = False) -> int:
         sys.stdout.flush()
         return code
     except interrupts.Interrupted as error:
-        say_all(interrupts.last_words())
+        print_err_all(interrupts.last_words())
         # Whoever reads stdout may have stopped to: nothing more is written.
         _drop_stdout()
         return 128 + error.number
     except BrokenPipeError:
         code = PIPE_CLOSED
     except write_guard.WriteError as error:
-        say(f"lagcli: {error}")
+        print_err(f"lagcli: {error}")
         code = NOT_WRITTEN
     except OSError as error:
         name = error.filename or "standard output"
-        say(f"lagcli: cannot write {name}: {error.strerror or error}")
+        print_err(f"lagcli: cannot write {name}: {error.strerror or error}")
         code = NOT_WRITTEN
     except Exception as error:  # noqa: BLE001 - the last resort: any other failure is a bug, reported as such
         code = _bug(error, debug)
@@ -108,10 +108,10 @@ def outcome(run: Callable[[], None]) -> int:
     except Exit as end:
         return end.code
     except (write_guard.BadRequest, OverrideError) as error:
-        say(f"lagcli: {error}")
+        print_err(f"lagcli: {error}")
         return USAGE
     except diagnostics.ModelError as error:
-        say(str(error))
+        print_err(str(error))
         return of(error)
     return DONE
 
@@ -128,7 +128,7 @@ def _bug(error: Exception, debug: bool) -> int:
     if debug:
         traceback.print_exc()
     first = str(error).partition("\n")[0]
-    say(
+    print_err(
         f"lagcli: this is a bug in lagcli ({type(error).__name__}: {first});"
         " please report it with the model file and the output of the same command with --debug"
     )

@@ -40,7 +40,7 @@ def follow(
             exits.outcome(run)
         if not quiet:
             names = os.path.basename(paths[0]) if len(paths) == 1 else f"{len(paths)} files"
-            exits.say(f"watching {names}; Ctrl-C ends")
+            exits.print_err(f"watching {names}; Ctrl-C ends")
         _wait(paths, seen, pause)
 
 

@@ -15,7 +15,7 @@ from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, tree
 from lagcli.expression.evaluate import Value
 from lagcli.model import model as nouns
-from lagcli.model.family import Family, Whole
+from lagcli.model.family import Family, Integers
 from lagcli.model.resolve import ModelNames, Resolver
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.notation import TIME, ZERO, exact
@@ -276,15 +276,15 @@ class _WorldAlgebra(notation.SympyAlgebra):
                 return known[name]
         return None
 
-    def position(self, numbers: Whole) -> Triple:
+    def position(self, numbers: Integers) -> Triple:
         """r of a particle."""
         return self._world.position(int(numbers[0]))
 
-    def velocity(self, numbers: Whole) -> Triple:
+    def velocity(self, numbers: Integers) -> Triple:
         """v of a particle."""
         return self._world.velocity(int(numbers[0]))
 
-    def generalized(self, numbers: Whole, rates: bool) -> sympy.Expr:
+    def generalized(self, numbers: Integers, rates: bool) -> sympy.Expr:
         """A generalized coordinate, or its rate."""
         world = self._world
         return (world.rates if rates else world.coordinates)[world.generalized.names[int(numbers[0])]]

@@ -61,10 +61,10 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
         curves = CurvePictures(model, motion.t, motion.particles, view, found).all()
         surfaces += row_pictures.surfaces(found, motion.particles, hard, view) + curves
         notes = (*notes, *unseen(model, found.shown))
-    if points.unheld:
+    if points.unenforced:
         notes = (
             *notes,
-            f"{points.unheld} rods or strings are not drawn: their lengths are not those of the rows",
+            f"{points.unenforced} rods or strings are not drawn: their lengths are not those of the rows",
         )
     return Scene(
         title=title,

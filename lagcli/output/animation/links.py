@@ -54,7 +54,7 @@ class PointTable:
     lengths; unheld: the number of those that do not."""
 
     def __init__(self, particles: Floats, is_run: bool = True) -> None:
-        self._places, self.is_run, self.unheld = particles, is_run, 0
+        self._places, self.is_run, self.unenforced = particles, is_run, 0
         self.tracks: list[Floats] = [scene.steady(particles[:, k]) for k in range(particles.shape[1])]
         self._known: dict[tuple[tuple[tuple[int, float], ...], bytes], int] = {}
 
@@ -128,7 +128,7 @@ def of_row(row: PicturedRow, found: SquareDistance, points: PointTable, is_led: 
     if points.is_run and (
         off.max() > OFF_LENGTH * size or (not found.at_most and off.min() < -OFF_LENGTH * size)
     ):
-        points.unheld += 1
+        points.unenforced += 1
         return None
     return Link("string" if found.at_most else "rod", row.name, ends, float(np.ravel(length)[0]))
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lagcli.expression import evaluate, tree
 from lagcli.expression.operators import Operators
 from lagcli.model import model as nouns
-from lagcli.model.family import Whole
+from lagcli.model.family import Integers
 from lagcli.model.resolve import ModelNames, Reference, Resolver
 from lagcli.output.animation import quadratic_form
 from lagcli.output.animation.quadratic_form import OTHER, Quadratic, SquareDistance
@@ -114,7 +114,7 @@ class _PlaceLeaves:
                 self.definition(name)
 
     def algebra(
-        self, variables: Mapping[str, Whole], own: Mapping[str, Value] | None = None
+        self, variables: Mapping[str, Integers], own: Mapping[str, Value] | None = None
     ) -> _QuadraticAlgebra:
         found = Resolver(self._names, self, variables, own or {}, lambda *_: OTHER)
         return _QuadraticAlgebra(found.atom, found.special)
@@ -122,7 +122,7 @@ class _PlaceLeaves:
     def constant(self, name: str) -> Value | None:
         return self._constants.get(name)
 
-    def position(self, numbers: Whole) -> tuple[Quadratic, Quadratic, Quadratic]:
+    def position(self, numbers: Integers) -> tuple[Quadratic, Quadratic, Quadratic]:
         number = int(numbers[0])
         if number in self._fixed:
             x, y, z = map(quadratic_form.number, np.moveaxis(self._fixed[number], -1, 0))
@@ -130,13 +130,13 @@ class _PlaceLeaves:
         first = 3 * number
         return quadratic_form.place(first), quadratic_form.place(first + 1), quadratic_form.place(first + 2)
 
-    def velocity(self, numbers: Whole) -> tuple[Quadratic, Quadratic, Quadratic]:
+    def velocity(self, numbers: Integers) -> tuple[Quadratic, Quadratic, Quadratic]:
         return OTHER, OTHER, OTHER
 
-    def generalized(self, numbers: Whole, rates: bool) -> Quadratic:
+    def generalized(self, numbers: Integers, rates: bool) -> Quadratic:
         return OTHER
 
-    def variable(self, name: str, values: Whole) -> Quadratic:
+    def variable(self, name: str, values: Integers) -> Quadratic:
         return quadratic_form.number(float(values[0]))
 
     def definition(self, name: str) -> Value:

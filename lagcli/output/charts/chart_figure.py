@@ -25,7 +25,7 @@ MOST_TICKS = 7  # decades that are named
 def draw(path: str | os.PathLike[str], chart: ChartData) -> None:
     """Draw a chart to ``path``: png, svg or pdf; written aside and moved into place.
 
-    Raises ``endings.UnknownFormat``, OSError.
+    Raises ``formats.UnknownFormat``, OSError.
     """
     sheet.draw(path, lambda: compose(chart))
 

@@ -16,7 +16,7 @@ _HEIGHT, _FLOOR = 0.62, 1e-9  # inches of one check; what is below that part of 
 def draw(path: str | os.PathLike[str], found: Audit, unit: str = "s") -> None:
     """Draw an audit to ``path``: png, svg or pdf; written aside and moved into place. ``unit``: the label of time.
 
-    Raises ``endings.UnknownFormat``, OSError.
+    Raises ``formats.UnknownFormat``, OSError.
     """
     sheet.draw(path, lambda: compose(found, unit))
 

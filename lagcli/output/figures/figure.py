@@ -27,7 +27,7 @@ def draw(
     ``facts``: multipliers that are not unique are marked, columns that are zero to rounding drawn as zero, incidents
     light upright lines.
     The file is written aside and moved into place.
-    Raises ``endings.UnknownFormat``, OSError, and ValueError where the column ``t`` is missing.
+    Raises ``formats.UnknownFormat``, OSError, and ValueError where the column ``t`` is missing.
     """
     sheet.draw(path, lambda: compose(columns, rows, title=title, units=units, facts=facts))
 

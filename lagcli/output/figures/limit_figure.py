@@ -37,7 +37,7 @@ class LimitCurves:
 def draw(path: str | os.PathLike[str], curves: LimitCurves, title: str, unit: str = "s") -> None:
     """Draw a limit to ``path``: png, svg or pdf; written aside and moved into place.
 
-    Raises ``endings.UnknownFormat``, OSError.
+    Raises ``formats.UnknownFormat``, OSError.
     """
     sheet.draw(path, lambda: compose(curves, title, unit))
 

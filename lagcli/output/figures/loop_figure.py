@@ -19,7 +19,7 @@ _BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
 def draw(path: str | os.PathLike[str], found: witness.Witness) -> None:
     """Draw a witness to ``path``: png, svg or pdf; written aside and moved into place.
 
-    Raises ``endings.UnknownFormat``, OSError.
+    Raises ``formats.UnknownFormat``, OSError.
     """
     sheet.draw(path, lambda: compose(found))
 

@@ -20,7 +20,7 @@ _WIDTH, _HEIGHT = 7.2, 1.75
 def draw(path: str | os.PathLike[str], found: Modes, title: str) -> None:
     """Draw modes to ``path``: png, svg or pdf; written aside and moved into place.
 
-    Raises ``endings.UnknownFormat``, OSError.
+    Raises ``formats.UnknownFormat``, OSError.
     """
     sheet.draw(path, lambda: compose(found, title))
 

@@ -39,7 +39,7 @@ def draw(
 ) -> None:
     """Draw the columns ``shown`` of two motions, and the columns ``mu.*`` of the second, to ``path``.
 
-    The first ``MOST`` columns are drawn. Written aside and moved into place. Raises ``endings.UnknownFormat``, OSError.
+    The first ``MOST`` columns are drawn. Written aside and moved into place. Raises ``formats.UnknownFormat``, OSError.
     """
     sheet.draw(path, lambda: compose(motions, shown, title, unit))
 

@@ -21,7 +21,7 @@ from matplotlib import axes, colors, figure, font_manager, lines, textpath
 from matplotlib.backends import backend_agg
 
 from lagcli.output.figures import incident_marks, labels
-from lagcli.output.files import atomic_file, endings
+from lagcli.output.files import atomic_file, formats
 
 Dash = Literal["-"] | tuple[float, tuple[float, ...]]
 
@@ -122,16 +122,16 @@ METADATA: dict[str, dict[str, str | None]] = {
 def draw(path: str | os.PathLike[str], composed: Callable[[], figure.Figure]) -> None:
     """Write the figure that `composed` makes to ``path``: png, svg or pdf, aside and moved into place.
 
-    Raises ``endings.UnknownFormat``, before anything is drawn, and OSError.
+    Raises ``formats.UnknownFormat``, before anything is drawn, and OSError.
     """
     target = Path(path)
-    fmt = endings.of(target, endings.FIGURES)
+    fmt = formats.of(target, formats.FIGURES)
     with style():
         atomic_file.write(target, content(fmt, composed()))
 
 
 def content(fmt: str, drawn: figure.Figure) -> bytes:
-    """A figure in a format of ``endings.FIGURES``, as the bytes of a file."""
+    """A figure in a format of ``formats.FIGURES``, as the bytes of a file."""
     made = io.BytesIO()
     with style(), any_sign():
         drawn.savefig(made, format=fmt, metadata=METADATA[fmt])

@@ -16,7 +16,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator
 from typing import TextIO
 
-from lagcli.output.files import atomic_file, endings, write_guard
+from lagcli.output.files import atomic_file, formats, write_guard
 from lagcli.output.files.write_guard import BadRequest
 
 IGNORING_CASE = ("win32", "darwin")  # platforms whose file systems usually take `A` and `a` for one name
@@ -104,8 +104,8 @@ def require_endings(*files: tuple[str | None, tuple[str, ...]]) -> None:
     for name, known in files:
         if name is not None:
             try:
-                endings.of(pathlib.Path(name), known)
-            except endings.UnknownFormat as error:
+                formats.of(pathlib.Path(name), known)
+            except formats.UnknownFormat as error:
                 raise BadRequest(str(error)) from None
 
 
@@ -114,7 +114,7 @@ def require_outputs(model: str, output: str | None, plot: str | None, as_json: b
     if as_json and output == "-":
         raise BadRequest("--output -: --json has standard output; give a file")
     table = None if output == "-" else output
-    require_endings((table, endings.TABLES), (plot, endings.FIGURES))
+    require_endings((table, formats.TABLES), (plot, formats.FIGURES))
     named = (("--output", table), ("--plot", plot))
     files = [File(option, name, is_written=True) for option, name in named if name is not None]
     if files:

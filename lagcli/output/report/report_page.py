@@ -6,7 +6,7 @@ import dataclasses
 import os
 from pathlib import Path
 
-from lagcli.output.files import atomic_file, endings
+from lagcli.output.files import atomic_file, formats
 from lagcli.output.report import pdf_programs, report_writer
 from lagcli.output.report.report_contents import ReportContents
 
@@ -41,10 +41,10 @@ class ReportPage:
         """Write the page as .html, .md with its figures in a folder beside it, or .pdf; return the files.
 
         pdf: "browser" or "latex", which makes the PDF; by default a browser, or else LaTeX. Each is written aside and
-        moved into place. Raises `endings.UnknownFormat`, `pdf_programs.NoPdf`, OSError.
+        moved into place. Raises `formats.UnknownFormat`, `pdf_programs.NoPdf`, OSError.
         """
         target = Path(path)
-        match endings.of(target, FORMATS):
+        match formats.of(target, FORMATS):
             case "html":
                 return (_written(target, self.html().encode()),)
             case "pdf":

@@ -8,7 +8,7 @@ import pathlib
 from collections.abc import Iterator
 
 from lagcli.model import settings
-from lagcli.output.files import atomic_file, endings, file_requests
+from lagcli.output.files import atomic_file, file_requests, formats
 from lagcli.output.files.write_guard import BadRequest
 
 
@@ -66,7 +66,7 @@ class RunRequest:
 
             raise BadRequest(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
         file_requests.require_endings(
-            (self.file, endings.TABLES), (self.events_file, endings.TABLES), (self.plot, endings.FIGURES)
+            (self.file, formats.TABLES), (self.events_file, formats.TABLES), (self.plot, formats.FIGURES)
         )
         for option, name, instead in (
             ("--stats", self.stats, "; --json prints the account"),

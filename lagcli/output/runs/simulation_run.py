@@ -161,7 +161,7 @@ class SimulationRun:
     @property
     def rank(self) -> int:
         """The number of independent rows it is stepped with."""
-        return len(self._run.report.selection.kept)
+        return len(self._run.report.selection.independent)
 
     @property
     def begin(self) -> initial.State:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.tables import table_format
 from lagcli.output.tables.table_format import CheckSize, Floats
 from lagcli.output.tables.table_format import ReadTable as ReadTable
@@ -22,10 +22,10 @@ def opened(path: str | os.PathLike[str], most: int | None = None) -> ReadTable:
     """A table of which the names are known; nothing else of it is in memory, but of a JSON file.
 
     most: numbers that may be read at a time, MOST_NUMBERS where nothing is said.
-    Raises ``endings.UnknownFormat``, ``MissingExtra``, ``UnreadableTable``, OSError.
+    Raises ``formats.UnknownFormat``, ``MissingExtra``, ``UnreadableTable``, OSError.
     """
     target = Path(path)
-    fmt = table_format.of(endings.of(target, endings.TABLES))
+    fmt = table_format.of(formats.of(target, formats.TABLES))
     found = fmt.reader(target, _size_check(MOST_NUMBERS if most is None else most))
     if len(set(found.columns)) < len(found.columns):
         raise UnreadableTable(f"{path} has two columns of one name")

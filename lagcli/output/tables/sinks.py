@@ -12,7 +12,7 @@ from typing import BinaryIO, Protocol, Self, TextIO, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output.files import atomic_file, endings
+from lagcli.output.files import atomic_file, formats
 from lagcli.output.tables import cell_text, csv_format, table_format
 from lagcli.output.tables.table_format import Make
 
@@ -57,25 +57,25 @@ def open_sink(
 ) -> Sink:
     """A sink for the table with the names ``columns``; those in ``texts`` hold text, the others numbers.
 
-    ``target`` is a path, whose ending (or ``fmt``, one of ``endings.TABLES``) picks the format, or an open
+    ``target`` is a path, whose ending (or ``fmt``, one of ``formats.TABLES``) picks the format, or an open
     stream, which gets CSV, flushed after every block. A file is written aside and moved into place.
     ``provenance``: where the table comes from, for the formats that have a place for it (all but CSV): the key
     ``provenance`` of JSON and of the metadata of a Parquet schema, the comment of the zip archive of NPZ.
 
-    Raises ``endings.UnknownFormat``, ``table_format.MissingExtra``, ValueError for two equal names, and OSError
+    Raises ``formats.UnknownFormat``, ``table_format.MissingExtra``, ValueError for two equal names, and OSError
     where the file cannot be made. Nothing has been written then.
     """
     if len(set(columns)) < len(columns):
         raise ValueError("two columns of one name")
     if not isinstance(target, str | os.PathLike):
         if fmt not in (None, "csv"):
-            raise endings.UnknownFormat(f"a stream as {fmt}", ("csv",))
+            raise formats.UnknownFormat(f"a stream as {fmt}", ("csv",))
         return _StreamSink(target, columns, texts)
     path = Path(target)
     if fmt is None:
-        fmt = endings.of(path, endings.TABLES)
-    if fmt not in endings.TABLES:
-        raise endings.UnknownFormat(path.name, endings.TABLES)
+        fmt = formats.of(path, formats.TABLES)
+    if fmt not in formats.TABLES:
+        raise formats.UnknownFormat(path.name, formats.TABLES)
     return _FileSink(path, columns, texts, table_format.of(fmt).writer(path, provenance))
 
 

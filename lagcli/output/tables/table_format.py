@@ -1,6 +1,6 @@
 """The protocol of a table format, and the refusals of files that are no tables.
 
-A format is a file of this folder with the functions `writer` and `reader` and its line in `endings.FORMATS`; it is
+A format is a file of this folder with the functions `writer` and `reader` and its line in `formats.FORMATS`; it is
 loaded when a table of it is at hand.
 """
 
@@ -15,7 +15,7 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output.files import endings
+from lagcli.output.files import formats
 from lagcli.output.tables import cell_text
 
 Floats = NDArray[np.float64]
@@ -79,9 +79,9 @@ class TableFormat(Protocol):
 
 
 def of(ending: str) -> TableFormat:
-    """The format of an ending of `endings.TABLES`."""
+    """The format of an ending of `formats.TABLES`."""
     return cast(
-        TableFormat, importlib.import_module(f"lagcli.output.tables.{endings.FORMATS[ending].module}")
+        TableFormat, importlib.import_module(f"lagcli.output.tables.{formats.FORMATS[ending].module}")
     )
 
 

@@ -65,7 +65,7 @@ class Flag:
     is_exact: bool = True
     exceptional: tuple[sympy.Expr, ...] = ()
     vanishing: tuple[int, ...] = ()
-    held: int = 0
+    holonomic_rank: int = 0
     divisors: tuple[sympy.Expr | None, ...] = ()
     conditions: tuple[Demand, ...] = ()
 
@@ -106,15 +106,15 @@ class _FlagSearch:
         if self._time in start.pivots:
             # The column of time is taken last: this row is a multiple of dt.
             return self._conditions(self._field.remainders)
-        held = surface.count
+        holonomic_rank = surface.count
         first, special = (start, ()) if self._is_closed(start) else self._derived(start, start)
         dims, terms = [start.count, first.count], [start, first]
-        while dims[-1] not in (dims[-2], held):
+        while dims[-1] not in (dims[-2], holonomic_rank):
             terms.append(self._derived(terms[-1], terms[-1])[0])
             dims.append(terms[-1].count)
         growth = self._growth(start, terms)
         last = terms[-1]
-        extra = tuple(d - held for d in dims)
+        extra = tuple(d - holonomic_rank for d in dims)
         if extra[-1] == extra[-2]:
             extra = extra[:-1]
         inside = tuple(self._lies_in(row, last) for row in self._declared)
@@ -128,7 +128,7 @@ class _FlagSearch:
             is_exact=self._field.is_exact,
             exceptional=self._field.exceptional,
             vanishing=tuple(i for i, row in enumerate(self._declared) if not any(row)),
-            held=held,
+            holonomic_rank=holonomic_rank,
             divisors=self._field.divisors,
         )
 

@@ -25,7 +25,7 @@ Values = Mapping[sympy.Symbol, sympy.Expr]
 MAX_TERMS = 3000
 MAX_DIVISOR = 60  # terms of a divisor that is looked at again
 # A sum of terms counts as zero below this part of their sizes, for given values of parameters.
-ROUNDING = 1e-12
+COEFFICIENT_ROUNDOFF = 1e-12
 
 
 class NotDecidedError(Exception):
@@ -208,7 +208,9 @@ class FunctionField:
             for i, value in self._constants.items():
                 size *= value ** powers[i] if powers[i] else 1.0
             coefficients.setdefault(rest, []).append(size)
-        if self._values and all(abs(sum(c)) <= ROUNDING * sum(map(abs, c)) for c in coefficients.values()):
+        if self._values and all(
+            abs(sum(c)) <= COEFFICIENT_ROUNDOFF * sum(map(abs, c)) for c in coefficients.values()
+        ):
             raise ExceptionalError("a divisor vanishes for the values of the parameters")
         if len(coefficients) > 1 and any(
             not any(p[i] for i in self._constants) for p in a.numer.itermonoms()

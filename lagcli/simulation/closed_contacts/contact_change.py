@@ -210,6 +210,6 @@ def _pressed(
     presses = forces > here.least_forces(numbers, x)
     if sunk is not None:
         # Within a step nothing takes it out again.
-        none = accelerations * here.span**2 <= here.nearness
+        none = accelerations * here.span**2 <= here.rank_margin
         presses |= sunk[numbers] & ((forces > 0.0) | none[numbers])
     return Pressing(x, accelerations, tuple(numbers[presses].tolist()))

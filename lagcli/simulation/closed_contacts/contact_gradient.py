@@ -23,7 +23,7 @@ class GradientParameters:
 
     fallen: float = 1e-3
     """A gradient that has fallen to this part of what it was a step before is looked at."""
-    aside: float = 1e-10
+    offset: float = 1e-10
     """How far aside is looked."""
     times: float = 10.0
     """And as many times the way to the zero of the gap: the zero of a power of a distance is as far away as its
@@ -108,9 +108,11 @@ def _vanishes(here: ContactInstant, contact: int) -> bool:
     if not slope > 0:
         return True
     size = here.size or 1.0
-    aside = max(PARAMETERS.times * abs(float(here.g[contact])) / slope, PARAMETERS.aside * size)
-    changes = [float(_displaced(here, part * way).g[contact] - here.g[contact]) for part in (aside, -aside)]
-    off = [abs(change / (part * slope) - 1.0) for change, part in zip(changes, (aside, -aside), strict=True)]
+    offset = max(PARAMETERS.times * abs(float(here.g[contact])) / slope, PARAMETERS.offset * size)
+    changes = [float(_displaced(here, part * way).g[contact] - here.g[contact]) for part in (offset, -offset)]
+    off = [
+        abs(change / (part * slope) - 1.0) for change, part in zip(changes, (offset, -offset), strict=True)
+    ]
     return max(off) > PARAMETERS.off
 
 
@@ -119,11 +121,11 @@ def _jumps(here: ContactInstant, contact: int) -> bool:
     slope, own = here.direction(contact)[1], here.entries(contact)
     if not slope > 0:
         return False
-    random, aside = np.random.default_rng(0), PARAMETERS.closed * float(here.nearness[contact]) / slope
+    random, offset = np.random.default_rng(0), PARAMETERS.closed * float(here.rank_margin[contact]) / slope
     near = far = 0.0
     for _ in range(PARAMETERS.pairs):
         way = random.standard_normal(here.units.size) * here.units
-        for part in (aside, -aside):
+        for part in (offset, -offset):
             sides = (
                 _displaced(here, times * part * way).entries(contact) for times in (1.0, PARAMETERS.farther)
             )

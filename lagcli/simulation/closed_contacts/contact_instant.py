@@ -117,7 +117,7 @@ class ContactInstant:
         K, count = values.count, len(contact_values.COLUMNS)
         columns = packed[: count * K].reshape(count, K)
         self.g, self.g_t, self.gamma, has_gradient, self.speeds = columns[:5]
-        self.noise, self.nearness, self.slow, self.lowest, self.pull = columns[5:]
+        self.noise, self.rank_margin, self.slow, self.lowest, self.pull = columns[5:]
         self.has_gradient: Flags = has_gradient > 0
         self._entries = packed[count * K : -2]
         self.size, self._speed = packed[-2:].tolist()
@@ -145,7 +145,7 @@ class ContactInstant:
         """True if at another velocity (n,) all contacts that are nearly closed part or approach, far faster than what
         counts as none."""
         speeds = np.abs(self.speeds + self.changes(v - self.state.v))
-        return bool((speeds > CLEARLY * self.slow)[self.g <= CLOSELY * self.nearness].all())
+        return bool((speeds > CLEARLY * self.slow)[self.g <= CLOSELY * self.rank_margin].all())
 
     def at(self, state: State) -> ContactInstant:
         """The contacts at another state."""
@@ -212,7 +212,7 @@ class ContactInstant:
     def whole(self) -> tuple[Floats, Sparse]:
         """f (s,) of the equality rows of whole coordinates, and their gradients (s, n)."""
         s = self.state
-        f, B = self._values.numeric.whole(s.t, s.q, s.p)
+        f, B = self._values.numeric.holonomic(s.t, s.q, s.p)
         return np.array(f).ravel(), B
 
     @property
@@ -243,7 +243,7 @@ class ContactInstant:
     @property
     def is_lean(self) -> bool:
         """True where no equality row is redundant."""
-        return not self._values.numeric.selection.circuits
+        return not self._values.numeric.selection.dependencies
 
     def response(self, contact: int) -> Response:
         """The effect of an impulse of one contact, with all equality rows."""
@@ -286,7 +286,7 @@ class ContactInstant:
     @cached_property
     def near(self) -> Flags:
         """The contacts that are closed, (K,)."""
-        return np.asarray(self.g <= self.nearness)
+        return np.asarray(self.g <= self.rank_margin)
 
     @cached_property
     def force(self) -> Floats:

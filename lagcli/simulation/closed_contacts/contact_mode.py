@@ -37,14 +37,14 @@ class GapsAhead:
     is_violated: Flags
 
 
-def gaps_ahead(here: ContactInstant, x: Floats, held: Sequence[int]) -> GapsAhead:
-    """Gaps a little later, on the way with accelerations x (n,), with the contacts `held` closed.
+def gaps_ahead(here: ContactInstant, x: Floats, enforced: Sequence[int]) -> GapsAhead:
+    """Gaps a little later, on the way with accelerations x (n,), with the contacts `enforced` closed.
 
     Where nothing moves, or where nothing has a value ahead, all are said to stay.
     """
     everything = np.ones(here.g.size, dtype=bool)
     tau, way = here.reach(x, FAR)
-    there = _held(here, here.later(tau, x), list(held)) if way > 0 else None
+    there = _held(here, here.later(tau, x), list(enforced)) if way > 0 else None
     if there is None:
         return GapsAhead(everything, ~everything)
     g = here.at(there).g
@@ -97,16 +97,16 @@ def mode(
     chosen = choice.of(closed)
     others = [j for j in level if j not in set(closed)]
     idle = choice.following(chosen, others)
-    shared = {i - rows for circuit in (*chosen.circuits, *idle) for i in circuit if i >= rows}
+    shared = {i - rows for dependency in (*chosen.dependencies, *idle) for i in dependency if i >= rows}
     if not shared:
         return ContactMode(chosen, closed)
-    ahead = gaps_ahead(here, found.x, [i - rows for i in chosen.kept if i >= rows])
+    ahead = gaps_ahead(here, found.x, [i - rows for i in chosen.independent if i >= rows])
     apart = {j for j in shared if not ahead.stays[j]}
     if apart & set(closed) or ahead.is_violated[list(apart)].any():
         return choice.tried(found, sorted({*closed, *shared}))
     return ContactMode(
         dataclasses.replace(
-            chosen, idle=tuple(circuit for circuit in idle if circuit[0] - rows not in apart)
+            chosen, idle=tuple(dependency for dependency in idle if dependency[0] - rows not in apart)
         ),
         closed,
     )
@@ -119,44 +119,44 @@ class _ModeChoice:
         self._open, self._here, self._rows = open_, here, rows
 
     def of(self, closed: Sequence[int]) -> Selection:
-        """The selection with these contacts closed, dependent ones as circuits."""
+        """The selection with these contacts closed, dependent ones as dependencies."""
         open_, rows = self._open, self._rows
         contacts = range(rows, open_.count)
         if not closed or self._here.few(np.array(sorted(closed), dtype=np.intp)) is not None:
             return self.independent(closed)
-        numbers = [*open_.kept, *(rows + j for j in sorted(closed))]
-        found = self._metric_rows(list(open_.kept), sorted(closed))
-        kept = list(range(len(open_.kept)))
+        numbers = [*open_.independent, *(rows + j for j in sorted(closed))]
+        found = self._metric_rows(list(open_.independent), sorted(closed))
+        independent = list(range(len(open_.independent)))
         if found.are_independent:
-            kept = list(range(len(numbers)))
+            independent = list(range(len(numbers)))
         else:
-            for place in range(len(open_.kept), len(numbers)):
-                if found.take([*kept, place]).are_independent:
-                    kept.append(place)
-        circuits = independent_rows.over(found, tuple(kept)).selection.circuits
-        shared = tuple(tuple(numbers[k] for k in circuit) for circuit in circuits)
+            for place in range(len(open_.independent), len(numbers)):
+                if found.take([*independent, place]).are_independent:
+                    independent.append(place)
+        dependencies = independent_rows.over(found, tuple(independent)).selection.dependencies
+        shared = tuple(tuple(numbers[k] for k in dependency) for dependency in dependencies)
         inactive = tuple(i for i in contacts if i not in set(numbers))
-        return Selection(tuple(numbers[k] for k in kept), (*open_.circuits, *shared), inactive)
+        return Selection(tuple(numbers[k] for k in independent), (*open_.dependencies, *shared), inactive)
 
     def independent(self, closed: Sequence[int]) -> Selection:
         """The selection with these contacts closed, whose rows depend on no others."""
         open_, numbers = self._open, [self._rows + j for j in sorted(closed)]
         inactive = tuple(i for i in range(self._rows, open_.count) if i not in set(numbers))
-        return Selection((*open_.kept, *numbers), open_.circuits, inactive)
+        return Selection((*open_.independent, *numbers), open_.dependencies, inactive)
 
     def following(self, chosen: Selection, contacts: Sequence[int]) -> tuple[tuple[int, ...], ...]:
-        """Of some contacts those whose rows depend on the rows kept, each with these."""
+        """Of some contacts those whose rows depend on the independent rows, each with these."""
         rows = self._rows
-        held = [i - rows for i in chosen.kept if i >= rows]
-        if not contacts or not chosen.kept:
+        enforced = [i - rows for i in chosen.independent if i >= rows]
+        if not contacts or not chosen.independent:
             return ()
-        equalities = [i for i in chosen.kept if i < rows]
-        kept, found = range(len(chosen.kept)), []
+        equalities = [i for i in chosen.independent if i < rows]
+        independent, found = range(len(chosen.independent)), []
         for j in contacts:
-            together = self._metric_rows(equalities, [*held, j])
+            together = self._metric_rows(equalities, [*enforced, j])
             if self._here.has_gradient[j] and not together.are_independent:
-                circuit = independent_rows.over(together, tuple(kept)).selection.circuits[0]
-                found.append((rows + j, *(chosen.kept[k] for k in circuit[1:])))
+                dependency = independent_rows.over(together, tuple(independent)).selection.dependencies[0]
+                found.append((rows + j, *(chosen.independent[k] for k in dependency[1:])))
         return tuple(found)
 
     def tried(self, found: Pressing, contacts: Sequence[int]) -> ContactMode:
@@ -167,34 +167,34 @@ class _ModeChoice:
         sets = itertools.chain.from_iterable(
             itertools.combinations(contacts, count) for count in range(1, len(contacts) + 1)
         )
-        for held in itertools.islice(sets, MOST_TRIED):
+        for enforced in itertools.islice(sets, MOST_TRIED):
             among[:] = False
-            among[list(held)] = True
+            among[list(enforced)] = True
             try:
                 alone = contact_change.pressing(here, among)
             except ContactsUndecided:
                 continue
-            if alone.closed != held or (np.abs(alone.x - found.x) > SAME * size.max()).any():
+            if alone.closed != enforced or (np.abs(alone.x - found.x) > SAME * size.max()).any():
                 continue
-            ahead = gaps_ahead(here, found.x, held)
+            ahead = gaps_ahead(here, found.x, enforced)
             if ahead.is_violated[list(contacts)].any():
                 continue
-            return self._with(held, [j for j in contacts if ahead.stays[j] and j not in held])
+            return self._with(enforced, [j for j in contacts if ahead.stays[j] and j not in enforced])
         raise ContactsUndecided(
             "the gradients of closed contacts depend on one another at this instant alone, and none of them keep the"
             " others from closing",
             contacts,
         )
 
-    def _with(self, held: tuple[int, ...], others: list[int]) -> ContactMode:
+    def _with(self, enforced: tuple[int, ...], others: list[int]) -> ContactMode:
         """The mode with contacts held, and others that stay closed with them: they share the load."""
         among = np.zeros(self._here.g.size, dtype=bool)
-        among[[*held, *others]] = True
+        among[[*enforced, *others]] = True
         closed = contact_change.pressing(self._here, among).closed
         chosen = self.of(closed)
         return ContactMode(
             dataclasses.replace(
-                chosen, idle=self.following(chosen, [j for j in (*held, *others) if j not in closed])
+                chosen, idle=self.following(chosen, [j for j in (*enforced, *others) if j not in closed])
             ),
             closed,
         )

@@ -37,7 +37,7 @@ Found = TypeVar("Found")
 # Changes without a step between them, after which a run stops.
 MOST_AGAIN = 64
 # An instant at which a gap is violated by so many times what counts as near is no zero of it: the gap jumps there.
-LANDED = 1e4
+PROJECTED = 1e4
 
 
 class ContactChanges:
@@ -45,10 +45,10 @@ class ContactChanges:
 
     def __init__(self, stepper: Stepper) -> None:
         self._run, self.log = stepper, IncidentLog(stepper)
-        self._system = system = stepper.bound.held.integrals.system
+        self._system = system = stepper.bound.enforced.integrals.system
         self._rows, self._count = len(system.rows.rows), system.contacts.count
-        self._open = stepper.bound.held.integrals.selection.opened(self._rows)
-        plain = stepper.bound.held.plain.functions.numeric
+        self._open = stepper.bound.enforced.integrals.selection.opened(self._rows)
+        plain = stepper.bound.enforced.plain.functions.numeric
         # A run that is resumed may stand with contacts closed.
         self._base = plain if plain.selection == self._open else plain.keeping(self._open)
         self._values = ContactRowValues(self._base, self._rows)
@@ -85,7 +85,7 @@ class ContactChanges:
             gaps, forces = self.noises()
             first = len(functions.open_)
             noise[:first] = gaps[functions.open_]
-            noise[first : first + len(functions.held)] = forces[functions.held]
+            noise[first : first + len(functions.enforced)] = forces[functions.enforced]
         return noise
 
     def noises(self) -> tuple[Floats, Floats]:
@@ -93,7 +93,7 @@ class ContactChanges:
         here = self.here()
         gaps, self._lowest = here.noise.copy(), here.lowest
         touching = list(self._run.contacts.touching)
-        gaps[touching] = here.nearness[touching]
+        gaps[touching] = here.rank_margin[touching]
         if self._run.contacts.again == 0:
             self._require_apart(here, 2.0)
         forces = np.zeros(self._count)
@@ -104,7 +104,7 @@ class ContactChanges:
         return gaps, forces
 
     def _require_apart(self, here: ContactInstant, room: float) -> None:
-        deep = np.flatnonzero(here.g < -room * here.nearness).tolist()
+        deep = np.flatnonzero(here.g < -room * here.rank_margin).tolist()
         if deep:
             raise self._jump(*max((float(-here.g[j]), j) for j in deep))
 
@@ -112,7 +112,7 @@ class ContactChanges:
         """Raise `StepFailure` where open contacts are violated at a switch, with watched values g beginning with
         their gaps: their walls jump."""
         here = self.here()
-        deep = [(float(-g[i]), j) for i, j in enumerate(contacts) if g[i] < -2 * here.nearness[j]]
+        deep = [(float(-g[i]), j) for i, j in enumerate(contacts) if g[i] < -2 * here.rank_margin[j]]
         if deep:
             raise self._jump(*max(deep))
 
@@ -135,7 +135,7 @@ class ContactChanges:
     def _sunk(self, here: ContactInstant) -> Flags:
         """Contacts that touch without a push worth mentioning and creep in all the same, (K,): as slowly as something
         that falls over."""
-        sunk = (here.g < -here.nearness) & (here.speeds < 0.0)
+        sunk = (here.g < -here.rank_margin) & (here.speeds < 0.0)
         touching = np.zeros(self._count, dtype=bool)
         touching[list(self._run.contacts.touching)] = True
         return np.asarray(sunk & touching)
@@ -177,7 +177,7 @@ class ContactChanges:
         if any(i < first for i in hits):
             here = self.here()
             self._require_directions(here, [i - self._rows for i in hits if self._rows <= i < first])
-            self._require_apart(here, LANDED)
+            self._require_apart(here, PROJECTED)
             self._change(here, ahead, hits=hits)
         else:
             run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
@@ -218,7 +218,7 @@ class ContactChanges:
             pressing = self._decided(lambda: contact_change.pressing(look, level, sunk))
             mode = self._decided(lambda: contact_mode.mode(self._open, after, pressing, numbers, self._rows))
         closed = set(mode.closed)
-        lying = closed | {circuit[0] - self._rows for circuit in mode.selection.idle}
+        lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
         line, crossed = None, {i - self._rows - self._count for i in hits}
         jumped: list[int] = []
@@ -230,7 +230,7 @@ class ContactChanges:
             jumped, when = self.events.jumped(when, bounced), bounced
         self._go_on(mode.selection, here.state.v if blow is None else blow.onward)
         if blow is not None:
-            contact_crossings.require_landed(run, blow.onward, here.state.v)
+            contact_crossings.require_projected(run, blow.onward, here.state.v)
         now = self.log.line()
         line = now if line is None else line
         if blow is not None:
@@ -276,19 +276,19 @@ class ContactChanges:
     def _go_on(self, selection: Selection, v: Floats) -> None:
         """Go on with these rows, from velocities v (n,)."""
         run = self._run
-        now = run.bound.held.integrals.selection
+        now = run.bound.enforced.integrals.selection
         if (selection.inactive, selection.idle) != (now.inactive, now.idle):
-            run.bind(run.bound.held.keeping(selection))
-        self._land(v)
+            run.bind(run.bound.enforced.keeping(selection))
+        self._project(v)
         contact_crossings.foresee(run)
 
-    def _land(self, v: Floats) -> None:
+    def _project(self, v: Floats) -> None:
         bound = self._run.bound
         n = v.size
         bound.y[n : 2 * n] = v
-        bound.land.trigger()
-        bound.y[:], bound.k[:], *_ = bound.land.results
-        self._run.account.evaluations += 1
+        bound.project.trigger()
+        bound.y[:], bound.k[:], *_ = bound.project.results
+        self._run.statistics.evaluations += 1
 
     def _tell(self, told: _Told, is_start: bool) -> None:
         run, names, blow = self._run, [row.name for row in self._system.contacts.rows], told.blow
@@ -303,8 +303,8 @@ class ContactChanges:
             kinds.append(("impact", np.flatnonzero(blow.struck).tolist()))
         if blow is not None or not (is_start or run.t == run.grid.start):
             ending = {j for j, _ in run.contacts.ending}
-            kinds.append(("contact", sorted(told.held - told.held_before - ending)))
-            kinds.append(("release", sorted(told.held_before - told.held)))
+            kinds.append(("contact", sorted(told.enforced - told.held_before - ending)))
+            kinds.append(("release", sorted(told.held_before - told.enforced)))
         lines = InstantLines(told.before, told.after, impulses)
         for kind, contacts in kinds:
             for j in contacts:
@@ -328,6 +328,6 @@ class _Told:
     after: Floats
     blow: Blow | None
     held_before: set[int]
-    held: set[int]
+    enforced: set[int]
     events: list[int]
     cut: set[int]

@@ -25,34 +25,34 @@ BESIDE = 1e-4
 
 def is_near(run: Stepper) -> bool:
     """True where rows are close to dependent ones."""
-    return run.watch.nearness[0] < NEAR
+    return run.watch.rank_margin[0] < NEAR
 
 
 def foresee(run: Stepper) -> None:
     """Look at singular configurations ahead: what was seen before an incident belongs to another motion, and the first
     step from here may lead across one."""
     bound = run.bound
-    run.watch, run.foreseen = SingularityMonitor(), NEVER
-    if not bound.numeric.selection.kept:
+    run.watch, run.predicted = SingularityMonitor(), NEVER
+    if not bound.numeric.selection.independent:
         return
-    outcome = bound.land.results[2]
-    run.watch.foreseen(run.t, float(outcome[1]), float(outcome[2]))
-    if not run.watch.nearness[0] < MONITOR.narrow:
+    status = bound.project.results[2]
+    run.watch.predicted(run.t, float(status[1]), float(status[2]))
+    if not run.watch.rank_margin[0] < MONITOR.narrow:
         return
-    aside = BESIDE * run.control.step
-    _, _, outcome, *_ = bound.landed_at(run.t + aside, bound.y + aside * bound.k)
-    run.account.evaluations += 1
-    found = run.watch.foreseen(run.t + aside, float(outcome[1]), float(outcome[2]))
+    offset = BESIDE * run.control.step
+    _, _, status, *_ = bound.projected_at(run.t + offset, bound.y + offset * bound.k)
+    run.statistics.evaluations += 1
+    found = run.watch.predicted(run.t + offset, float(status[1]), float(status[2]))
     if found.is_any:
-        run.foreseen = found._replace(step=run.control.step)
+        run.predicted = found._replace(step=run.control.step)
 
 
-def require_landed(run: Stepper, wanted: Floats, before: Floats) -> None:
+def require_projected(run: Stepper, wanted: Floats, before: Floats) -> None:
     """Raise `StepFailure` where the rows do not let the run go on with the velocities after an impact (n,)."""
-    if not run.watch.nearness[0] < DEPENDENT:
+    if not run.watch.rank_margin[0] < DEPENDENT:
         return
     n, y = wanted.size, run.bound.y
-    sizes = run.bound.numeric.sizes(run.origin + run.t, y[:n], y[n : 2 * n], run.bound.held.p)
+    sizes = run.bound.numeric.sizes(run.origin + run.t, y[:n], y[n : 2 * n], run.bound.enforced.p)
     units = np.array(sizes).ravel()[:n]
     off = float(np.abs((y[n : 2 * n] - wanted) / units).max(initial=0.0))
     size = float(np.abs(np.stack([wanted, before]) / units).max(initial=0.0))
@@ -63,10 +63,10 @@ def require_landed(run: Stepper, wanted: Floats, before: Floats) -> None:
 def stop(run: Stepper, what: str) -> StepFailure:
     """The reason to stop where rows are so close to dependent ones that rounding is amplified."""
     rows = singular_point.closest(run.bound.numeric, run.state_at(run.t, run.bound.y), False)
-    system = run.bound.held.integrals.system
+    system = run.bound.enforced.integrals.system
     names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows)
     return StepFailure(
-        f"{what}: the rows {names} are within {run.watch.nearness[0]:.1g} of dependent ones there, a singular"
+        f"{what}: the rows {names} are within {run.watch.rank_margin[0]:.1g} of dependent ones there, a singular"
         " configuration, at which rounding is amplified",
         run_stop.SINGULAR,
     )

@@ -50,7 +50,7 @@ class ContactEvent(Event):
 
     def __init__(self, stepper: Stepper) -> None:
         self._stepper = stepper
-        self._system = stepper.bound.held.integrals.system
+        self._system = stepper.bound.enforced.integrals.system
         self._changes = ContactChanges(stepper)
         stepper.found.keeps_stages = True
         self._functions: dict[object, WatchFunctions] = {}
@@ -101,7 +101,7 @@ class ContactEvent(Event):
                 self._end_series_at(limit)
             elif watch.deepest > run.contacts.deepest:
                 run.contacts = dataclasses.replace(run.contacts, deepest=watch.deepest)
-                run.account.deepest = watch.deepest
+                run.statistics.deepest = watch.deepest
             return
         run.make_dense()
         self._hits = self._changes.sinking()
@@ -199,7 +199,7 @@ class ContactEvent(Event):
     def _current(self) -> StepWatch:
         run = self._stepper
         if self._watch is None or not self._watch.is_of(run):
-            selection = run.bound.held.integrals.selection, run.bound.held.levels
+            selection = run.bound.enforced.integrals.selection, run.bound.enforced.invariant_values
             if selection not in self._functions:
                 count = len(self._system.rows.rows), self._system.contacts.count
                 self._functions[selection] = WatchFunctions(run.bound.numeric, run.method, count)
@@ -209,7 +209,7 @@ class ContactEvent(Event):
     def _kinds(self, watch: StepWatch) -> WatchKinds:
         functions = watch.functions
         if functions not in self._kinds_of:
-            self._kinds_of[functions] = WatchKinds(self._system, functions.open_, functions.held)
+            self._kinds_of[functions] = WatchKinds(self._system, functions.open_, functions.enforced)
         return self._kinds_of[functions]
 
     def _search(self, watch: StepWatch, limit: float) -> None:
@@ -293,7 +293,7 @@ class ContactEvent(Event):
         """Give up the step, for what it meets is where the run stands."""
         run = self._stepper
         run.found.is_open = False
-        run.account.steps -= 1
+        run.statistics.steps -= 1
         run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
         self.act()
 
@@ -326,7 +326,7 @@ class ContactEvent(Event):
         if found.reached != end and abs(found.reached - end) <= declared_events.AT_END * math.ulp(end):
             # It is at the end of the run, to rounding.
             step_watch.take_again(run, end)
-        if bound.outcome[7] > COARSE_WORK and run.account.is_balanced:
+        if bound.status[7] > COARSE_WORK and run.statistics.is_balanced:
             run.find_work(found.taken)
         found.is_jump = True
         found.proposed = min(found.proposed, LONGER * (found.reached - run.contacts.last))

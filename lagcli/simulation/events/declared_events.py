@@ -25,7 +25,7 @@ Places = npt.NDArray[np.intp]
 JUMPED = 1e-12
 # So many times its rounding from zero on both sides of a switch a declared function is at zero there; whether it
 # crosses, values tell by this part of a step farther off.
-TOUCHED, ASIDE = 4.0, 1e-5
+TOUCHED, OFFSET = 4.0, 1e-5
 # Newton steps for an instant.
 REFINED = 4
 # An event may be told so many roundings of the time away from its zero.
@@ -39,7 +39,7 @@ class EventValues:
 
     def __init__(self, run: Stepper, log: IncidentLog) -> None:
         self._run, self._log = run, log
-        self._events = run.bound.held.integrals.system.model.events
+        self._events = run.bound.enforced.integrals.system.model.events
         self.sizes = self.rounding = np.zeros(0)
         self._t = np.zeros(1)
         self._known: tuple[BoundStep, BoundFunction] | None = None
@@ -74,7 +74,7 @@ class EventValues:
             event = self._events[number]
             self._log.tell("event", event.name, lines)
             if event.action == "stop":
-                self._run.account.ended_by = event.name
+                self._run.statistics.ended_by = event.name
 
 
 def at_switch(
@@ -94,8 +94,8 @@ def at_switch(
     at_zero = np.flatnonzero(values <= TOUCHED * rounding)
     if not at_zero.size:
         return [], []
-    aside = ASIDE * min(run.control.step, run.grid.end - run.grid.start)
-    beside = watch.beside(run.found.reached, aside)[:, -E:]
+    offset = OFFSET * min(run.control.step, run.grid.end - run.grid.start)
+    beside = watch.beside(run.found.reached, offset)[:, -E:]
     # At a pole there is nothing but rounding, and it shrinks with the distance.
     found = at_zero[(values <= np.abs(beside).max(axis=0))[at_zero]].tolist()
     crosses = jumped(*np.where(np.abs(beside) <= TOUCHED * rounding, 0.0, beside))
@@ -120,13 +120,13 @@ def within(watch: StepWatch, run: Stepper, x: float, place: int) -> tuple[float,
     """The time of a zero of a watched function within a step, by its place among them, and the state there: from the
     part x of the step on, by a step of its own up to there."""
     found, bound = run.found, run.bound
-    step = bound.held.functions.scheme(run.method).step
+    step = bound.enforced.functions.scheme(run.method).step
     _, _, y, k, tolerance, p = bound.step.arguments
     slope = float(watch.inside(x)[1][place]) / found.taken
     tau, best = x * found.taken, math.inf
     for _ in range(REFINED):
         state = np.array(step(run.t, tau, y, k, tolerance, p)[0]).ravel()
-        run.account.evaluations += run.method.evaluations
+        run.statistics.evaluations += run.method.evaluations
         values = watch.functions.watched(run.origin + run.t + tau, state, p)
         left = float(np.array(values).ravel()[place])
         if not abs(left) < best / 2 or slope == 0:

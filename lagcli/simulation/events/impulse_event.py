@@ -39,10 +39,10 @@ class CurveFunctions:
         self._n, self._size = n, 2 * n + 1
 
     @cached_property
-    def clearance(self) -> ca.Function:
-        """clearance(t, h, y, new, k, k new, p) -> above zero where a look at FEW parts says that no switch changes its
-        sign in a step h from y."""
-        return self._on_cubic("clearance", FEW, _clearance)
+    def margin(self) -> ca.Function:
+        """margin(t, h, y, new, k, k new, p) -> above zero where a look at FEW parts says that no switch changes
+        its sign in a step h from y."""
+        return self._on_cubic("margin", FEW, _margin)
 
     @cached_property
     def changes(self) -> ca.Function:
@@ -90,7 +90,7 @@ class CurveFunctions:
         return function.expand() if is_small else function
 
 
-def _clearance(found: list[ca.SX]) -> ca.SX:
+def _margin(found: list[ca.SX]) -> ca.SX:
     least = most = found[0]
     for u in found[1:]:
         least, most = ca.fmin(least, u), ca.fmax(most, u)
@@ -111,9 +111,9 @@ class StepCurve:
         self._t, self._x = cells(t), cells(x)
         bound = run.bound
         _, h, y, k, _, _ = bound.step.arguments
-        self._on_cubic = [t, h, y, bound.new, k, bound.k_new, bound.held.p]
-        self._inside = [t, h, x, y, run.rows.dense.results[0].T, bound.held.p]
-        self._clearance, self._clear = _bound(functions.clearance, self._on_cubic)
+        self._on_cubic = [t, h, y, bound.new, k, bound.k_new, bound.enforced.p]
+        self._inside = [t, h, x, y, run.rows.dense.results[0].T, bound.enforced.p]
+        self._margin, self._clear = _bound(functions.margin, self._on_cubic)
 
     def is_of(self, run: Stepper) -> bool:
         """True as long as the run steps with the functions it did."""
@@ -122,7 +122,7 @@ class StepCurve:
     def is_crossed(self) -> bool:
         """True if a switch changes its sign, as far as the ends of the step tell."""
         self._t[0] = self._run.origin + self._run.t
-        self._clearance.trigger()
+        self._margin.trigger()
         if self._clear[0] > 0.0:
             return False
         changes, found = self._changes
@@ -180,7 +180,7 @@ class PassageCurve:
         assert passage is not None, "there is a step across"
         state = passage.step.state(x)
         n = state.size // 2
-        return run.origin + run.t + x * run.found.taken, state[:n], state[n : 2 * n], run.bound.held.p
+        return run.origin + run.t + x * run.found.taken, state[:n], state[n : 2 * n], run.bound.enforced.p
 
 
 class ImpulseEvent(Event):
@@ -202,7 +202,7 @@ class ImpulseEvent(Event):
             if not self._curve.is_crossed():
                 return
             run.bound.staged.trigger()
-            run.account.evaluations += run.method.evaluations
+            run.statistics.evaluations += run.method.evaluations
             run.make_dense()
         found.barrier = self._crossings.first(self._way(), PARTS)
         if found.barrier is not None:

@@ -28,7 +28,7 @@ class IncidentLog:
 
     def __init__(self, stepper: Stepper) -> None:
         self._run = stepper
-        self._rows = len(stepper.bound.held.integrals.system.multiplier_rows)
+        self._rows = len(stepper.bound.enforced.integrals.system.multiplier_rows)
 
     def line(self) -> Floats:
         """The line of the state where the run stands, with time, figures and W."""
@@ -40,8 +40,8 @@ class IncidentLog:
     def line_of(self, t: float, y: Floats) -> Floats:
         """The line of another state of the run (2n + 1,), at a time counted as its own."""
         rows = self._run.rows
-        rows.at[0], rows.aside.arguments[1][:] = self._run.origin + t, y
-        rows.aside.trigger()
+        rows.at[0], rows.scratch.arguments[1][:] = self._run.origin + t, y
+        rows.scratch.trigger()
         return rows.line.copy()
 
     def incident(self, t: float, kind: Kind, name: str, sides: InstantLines) -> Incident:
@@ -52,7 +52,7 @@ class IncidentLog:
 
     def tell(self, kind: Kind, name: str, sides: InstantLines) -> None:
         """Tell of an incident where the run stands."""
-        self._run.account.add(self.incident(self._run.t, kind, name, sides))
+        self._run.statistics.add(self.incident(self._run.t, kind, name, sides))
 
 
 def _columns(line: Floats) -> Floats:

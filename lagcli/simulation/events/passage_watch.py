@@ -37,7 +37,7 @@ class PassageWatch:
         """w and dw/dx at the fraction x of the step."""
         run, step = self._run, self._passage.step
         t = run.origin + step.t + x * step.h
-        w, slope = self._functions.moving(t, step.state(x), step.slope(x), run.bound.held.p)
+        w, slope = self._functions.moving(t, step.state(x), step.slope(x), run.bound.enforced.p)
         return np.array(w).ravel(), step.h * np.array(slope).ravel()
 
     def event(self, x: float, name: str, log: IncidentLog) -> Incident:
@@ -71,10 +71,10 @@ class PassageWatch:
         """End the step at the fraction x; False where the state there cannot be found on the constraints."""
         run, found, step = self._run, self._run.found, self._passage.step
         reached = step.t + x * step.h
-        if collocation.landed(run.bound.aside, reached, step.state(x)) is None:
+        if collocation.projected(run.bound.scratch, reached, step.state(x)) is None:
             return False
-        landed, rate, *_ = run.bound.landed_at(reached, step.state(x))
-        run.bound.new[:], run.bound.k_new[:] = landed, rate
+        projected, rate, *_ = run.bound.projected_at(reached, step.state(x))
+        run.bound.new[:], run.bound.k_new[:] = projected, rate
         found.reached, found.taken, found.is_jump = reached, reached - run.t, True
         return True
 
@@ -91,9 +91,9 @@ class Lift(NamedTuple):
 def first_lift(curve: PassageWatch, functions: WatchFunctions, rounding: Floats) -> Lift | None:
     """The first lift of the closed contacts among the functions (W,) that are watched, with their rounding (W,)."""
     instant, opened = curve.instant, len(functions.open_)
-    if not (functions.held and instant > 0):
+    if not (functions.enforced and instant > 0):
         return None
-    places = np.arange(opened, opened + len(functions.held))
+    places = np.arange(opened, opened + len(functions.enforced))
     noise = rounding[places]
     before = [0.0, *(part * instant for part in PARTS[:-1])]
     behind = [instant + part * (1.0 - instant) for part in PARTS]

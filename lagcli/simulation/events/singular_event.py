@@ -16,7 +16,7 @@ from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import SINGULAR, StepFailure
 from lagcli.simulation.singularity import singularity_monitor
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
-from lagcli.simulation.stepping.stepper import LANDING, Stepper
+from lagcli.simulation.stepping.stepper import MOST_RESIDUAL, Stepper
 
 if TYPE_CHECKING:
     # Loaded where they are used: most runs meet no singular configuration.
@@ -34,27 +34,27 @@ class SingularEvent(Event):
     def passes(self) -> bool:
         """See `Event`."""
         run = self._stepper
-        foreseen = run.foreseen
-        if foreseen is NEVER or not foreseen.is_any:
+        predicted = run.predicted
+        if predicted is NEVER or not predicted.is_any:
             return False
-        if foreseen.is_here:
+        if predicted.is_here:
             self._leave()
             return True
-        if not foreseen.is_near(run.t, run.control.step, run.tolerance[0]):
+        if not predicted.is_near(run.t, run.control.step, run.tolerance[0]):
             return False
-        if foreseen.angle > singularity_monitor.PARAMETERS.certain and self._is_dip():
+        if predicted.angle > singularity_monitor.PARAMETERS.certain and self._is_dip():
             return False
         bound = run.bound
         from lagcli.simulation.singularity import singularity_step
 
-        found = singularity_step.across(bound.numeric, bound.aside, self._point, foreseen)
-        run.count_aside()
+        found = singularity_step.across(bound.numeric, bound.scratch, self._point, predicted)
+        run.count_scratch()
         if isinstance(found, Selection):
-            run.bind(bound.held.keeping(found))
-            run.watch, run.foreseen = SingularityMonitor(), NEVER
+            run.bind(bound.enforced.keeping(found))
+            run.watch, run.predicted = SingularityMonitor(), NEVER
         elif found is not None:
             self._cross(found)
-        elif bound.held.is_any:
+        elif bound.enforced.is_any:
             return self._pass_without_integrals()
         return isinstance(found, singularity_step.Crossing)
 
@@ -64,8 +64,8 @@ class SingularEvent(Event):
         self._crossed = None
         if crossed is not None and crossed.passage.instant > run.t:
             # The step has ended before.
-            run.account.crossings = run.account.crossings[:-1]
-            run.watch, run.foreseen = SingularityMonitor(), NEVER
+            run.statistics.crossings = run.statistics.crossings[:-1]
+            run.watch, run.predicted = SingularityMonitor(), NEVER
             run.settle()
 
     def _told(self, crossed: Crossing) -> list[Incident]:
@@ -76,23 +76,23 @@ class SingularEvent(Event):
         from lagcli.simulation.stepping import interpolate_rows
 
         interpolate_rows.put_in_passage(run, passage, passage.instant)
-        names = [row.name for row in run.bound.held.integrals.system.multiplier_rows]
+        names = [row.name for row in run.bound.enforced.integrals.system.multiplier_rows]
         lines = InstantLines(run.rows.line.copy(), run.rows.line.copy())
         rows = crossed.loss.participants
         return [self._log.incident(passage.instant, "crossing", names[row], lines) for row in rows]
 
     def _is_dip(self) -> bool:
         """True if ordinary steps show that rows only come closer to dependent ones, and part again."""
-        run, bound, place = self._stepper, self._stepper.bound, self._stepper.foreseen.place
+        run, bound, place = self._stepper, self._stepper.bound, self._stepper.predicted.place
 
         def square(h: float) -> float:
             bound.h[0] = h
             bound.step.trigger()
-            run.account.evaluations += run.method.evaluations
-            _, _, _, residual, *there, _, _ = bound.outcome
-            return there[place - 1] if residual <= LANDING else math.nan
+            run.statistics.evaluations += run.method.evaluations
+            _, _, _, residual, *there, _, _ = bound.status
+            return there[place - 1] if residual <= MOST_RESIDUAL else math.nan
 
-        return singularity_monitor.is_dip(square, run.watch.state[place], run.foreseen.instant - run.t)
+        return singularity_monitor.is_dip(square, run.watch.state[place], run.predicted.instant - run.t)
 
     def _pass_without_integrals(self) -> bool:
         """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.
@@ -103,15 +103,15 @@ class SingularEvent(Event):
         from lagcli.simulation.singularity import singularity_step
 
         run, bound = self._stepper, self._stepper.bound
-        plain = bound.held.plain.functions.numeric
-        land = BoundFunction(plain.land, [np.zeros(1), np.zeros(bound.y.size), bound.held.p])
-        found = singularity_step.across(plain, land, self._point, run.foreseen)
-        run.account.evaluations += land.used
+        plain = bound.enforced.plain.functions.numeric
+        project = BoundFunction(plain.project, [np.zeros(1), np.zeros(bound.y.size), bound.enforced.p])
+        found = singularity_step.across(plain, project, self._point, run.predicted)
+        run.statistics.evaluations += project.used
         if not isinstance(found, singularity_step.Crossing):
             return False
         step = found.passage.step
         reached, new = step.t + step.h, step.state(1.0)
-        if collocation.landed(bound.aside, reached, new) is not None:
+        if collocation.projected(bound.scratch, reached, new) is not None:
             self._cross(found)
             return True
         run.let_go(reached, new)
@@ -122,8 +122,8 @@ class SingularEvent(Event):
         from lagcli.simulation.singularity import singularity_step
 
         run, bound = self._stepper, self._stepper.bound
-        found = singularity_step.away(bound.numeric, bound.aside, self._point, run.control.step)
-        run.count_aside()
+        found = singularity_step.away(bound.numeric, bound.scratch, self._point, run.control.step)
+        run.count_scratch()
         if found is None:
             from lagcli.simulation.stepping import stop_diagnosis
 
@@ -135,18 +135,18 @@ class SingularEvent(Event):
         from lagcli.simulation.singularity.singularity_step import Point
 
         run, bound = self._stepper, self._stepper.bound
-        return Point(run.t, bound.y, bound.k, bound.held.p, run.tolerance)
+        return Point(run.t, bound.y, bound.k, bound.enforced.p, run.tolerance)
 
     def _cross(self, crossing: Crossing) -> None:
         """Make a step across the step just found."""
         run, bound = self._stepper, self._stepper.bound
         step = crossing.passage.step
         reached = step.t + step.h
-        landed, rate, outcome, _ = bound.landed_at(reached, step.state((reached - step.t) / step.h))
-        bound.new[:], bound.k_new[:] = landed, rate
-        run.foreseen = run.watch.foreseen(reached, outcome[1], outcome[2])
-        run.account.steps += 1
-        run.account.crossings += (dataclasses.replace(crossing.loss, t=run.origin + crossing.loss.t),)
+        projected, rate, status, _ = bound.projected_at(reached, step.state((reached - step.t) / step.h))
+        bound.new[:], bound.k_new[:] = projected, rate
+        run.predicted = run.watch.predicted(reached, status[1], status[2])
+        run.statistics.steps += 1
+        run.statistics.crossings += (dataclasses.replace(crossing.loss, t=run.origin + crossing.loss.t),)
         self._crossed = crossing
         found = run.found
         found.is_open, found.passage = True, crossing.passage

@@ -63,7 +63,7 @@ class StepWatch:
         return BoundFunction(self.functions.watched, [self._at, self._bound.new, self._bound.p])
 
     @cached_property
-    def _aside(self) -> BoundFunction:
+    def _scratch(self) -> BoundFunction:
         arguments = [np.zeros(1), self._bound.y.copy(), self._bound.p]
         return BoundFunction(self.functions.watched, arguments)
 
@@ -71,7 +71,7 @@ class StepWatch:
     def _sizes(self) -> BoundFunction:
         numeric = self._bound.numeric
         q, v = np.zeros(numeric.n), np.zeros(numeric.n)
-        p = self._bound.held.p[: numeric.sizes.numel_in(3)].copy()
+        p = self._bound.enforced.p[: numeric.sizes.numel_in(3)].copy()
         return BoundFunction(numeric.sizes, [np.zeros(1), q, v, p])
 
     def is_of(self, run: Stepper) -> bool:
@@ -120,12 +120,12 @@ class StepWatch:
         self._begin.trigger()
         return self._begin.results[0].copy()
 
-    def beside(self, t: float, aside: float) -> Floats:
+    def beside(self, t: float, offset: float) -> Floats:
         """w (2, W) on the tangents of the motion: before where the run stands, and after the end of a step at t."""
-        run, bound, at = self._run, self._bound, self._aside
+        run, bound, at = self._run, self._bound, self._scratch
         found = []
         for sign, when, y, k in ((-1, run.t, bound.y, bound.k), (1, t, bound.new, bound.k_new)):
-            at.arguments[0][0], at.arguments[1][:] = run.origin + when + sign * aside, y + sign * aside * k
+            at.arguments[0][0], at.arguments[1][:] = run.origin + when + sign * offset, y + sign * offset * k
             at.trigger()
             found.append(at.results[0].copy())
         return np.array(found)
@@ -150,14 +150,14 @@ class StepWatch:
         room = EPS * OF_EACH * np.abs(y)
         room[:n] += EPS * OF_ALL * units * max(q, h * speed)
         room[n : 2 * n] += EPS * OF_ALL * units * speed
-        at, place, _ = self._aside.arguments
+        at, place, _ = self._scratch.arguments
         place[:], at[0] = y, t
-        self._aside.trigger()
-        here, found = self._aside.results[0].copy(), np.zeros(self._aside.results[0].size)
+        self._scratch.trigger()
+        here, found = self._scratch.results[0].copy(), np.zeros(self._scratch.results[0].size)
         for signs in np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, y.size + 1)):
             at[0], place[:] = t * (1.0 + EPS * OF_ALL * signs[-1]), y + room * signs[:-1]
-            self._aside.trigger()
-            found = np.fmax(found, np.abs(self._aside.results[0] - here))
+            self._scratch.trigger()
+            found = np.fmax(found, np.abs(self._scratch.results[0] - here))
         return TIMES * found
 
     def end(self, t: float) -> Floats:
@@ -201,4 +201,4 @@ def take_again(run: Stepper, reached: float) -> None:
     found.reached, found.taken, found.has_dense, found.work = reached, reached - run.t, False, None
     bound.h[0] = found.taken
     bound.staged.trigger()
-    run.account.evaluations += run.method.evaluations
+    run.statistics.evaluations += run.method.evaluations

@@ -26,21 +26,21 @@ class SwitchEvent(Event):
     def passes(self) -> bool:
         """See `Event`."""
         run = self._stepper
-        found = None if run.foreseen.is_here else run.timetable.switch(run.t)
+        found = None if run.predicted.is_here else run.timetable.switch(run.t)
         if found is None:
             return False
         middle, after = (min(t, run.grid.end) for t in found)
         bound, dt = run.bound, after - run.t
         y, k = bound.y, bound.k
-        landed, rate, *_ = bound.landed_at(after, y)
+        projected, rate, *_ = bound.projected_at(after, y)
         if self._is_pole(run.t, -dt) or self._is_pole(after, dt):
             raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
         here = run.state_at(run.t, y)
-        if not _is_same((y, k), (landed, rate), dt, self._acceleration(here)):
+        if not _is_same((y, k), (projected, rate), dt, self._acceleration(here)):
             beyond = run.state_at(after, y)
-            raise stop_diagnosis.impact(bound.held, here, beyond)
-        bound.landed_at(after, y + (middle - run.t) * k + (after - middle) * rate)
-        bound.new[:], bound.k_new[:] = landed, rate
+            raise stop_diagnosis.impact(bound.enforced, here, beyond)
+        bound.projected_at(after, y + (middle - run.t) * k + (after - middle) * rate)
+        bound.new[:], bound.k_new[:] = projected, rate
         step = run.found
         step.is_open = step.is_still = True
         step.reached, step.taken, step.proposed = after, dt, run.control.step
@@ -57,7 +57,7 @@ class SwitchEvent(Event):
         rates = [
             np.array(bound.numeric.rhs(t + part * away, bound.y, bound.p)).ravel() for part in (0.0, 1.0, 4.0)
         ]
-        run.account.evaluations += len(rates)
+        run.statistics.evaluations += len(rates)
         return stop_diagnosis.is_pole(rates)
 
 

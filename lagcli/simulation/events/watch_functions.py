@@ -36,8 +36,8 @@ class WatchFunctions:
         self._numeric, self._method = numeric, method
         self.closed = [i - C for i in numeric.closed_rows]
         self.idle = [i - C for i in numeric.idle_rows]
-        self.held = [*self.closed, *self.idle]
-        self.open_ = sorted(set(range(K)) - set(self.held))
+        self.enforced = [*self.closed, *self.idle]
+        self.open_ = sorted(set(range(K)) - set(self.enforced))
         self._first = C
         self._events = numeric.event_values.numel_out(0)
 
@@ -122,7 +122,7 @@ class WatchFunctions:
         values = [value for value, _ in nodes]
         slopes = [slope for _, slope in nodes]
         # Contacts that are on the wrong side are no clear ones; an event may begin on either side.
-        contacts = len(self.open_) + len(self.held)
+        contacts = len(self.open_) + len(self.enforced)
         side = ca.MX.ones(contacts, 1)
         if self._events:
             side = ca.vertcat(side, ca.sign(values[0][contacts:]))
@@ -191,11 +191,11 @@ class WatchKinds:
     takes it; is_event (W,); records (W,): events that do not end the run; names: of events, by their place in w.
     """
 
-    def __init__(self, system: System, open_: Sequence[int], held: Sequence[int]) -> None:
+    def __init__(self, system: System, open_: Sequence[int], enforced: Sequence[int]) -> None:
         C, events = len(system.rows.rows), system.model.events
         self.first_event, count = C + system.contacts.count, system.event_values.numel()
         self.has_events = count > 0
-        contacts = [C + j for j in (*open_, *held)]
+        contacts = [C + j for j in (*open_, *enforced)]
         self.numbers = np.array(
             [*contacts, *range(self.first_event, self.first_event + count)], dtype=np.intp
         )

@@ -198,16 +198,16 @@ class Errors:
         if math.isnan(self._last):
             return None
         errors = np.maximum(self._factor * self._gaps, PARAMETERS.floor * self._sizes)
-        account = again.account
+        statistics = again.statistics
         return Accuracy(
             self._last,
             tuple(errors.tolist()),
             tuple(self._sizes.tolist()),
             tuple(self._until),
             held_to,
-            account.steps,
-            account.rejected,
-            account.evaluations,
+            statistics.steps,
+            statistics.rejected,
+            statistics.evaluations,
             parted=self._parting.found,
             between=None if self.sides.first is None else (self.sides.rows, self.sides.first),
             growth=self._growth.factor(PARAMETERS.floor * float(self._sizes[0])),

@@ -41,7 +41,7 @@ class RunWithReference:
         self,
         system: System,
         run: loop.Run,
-        held: EnforcedInvariants,
+        enforced: EnforcedInvariants,
         begin: run_start.RunStart,
         settings: Simulation,
     ) -> None:
@@ -50,11 +50,11 @@ class RunWithReference:
         self._run = run
         smaller = dataclasses.replace(begin, part=error_estimate.PARAMETERS.first_step, is_again=True)
         rows, timed = TableRows(system.columns), time_functions.functions(system.model)
-        self._again = run_start.start(held, smaller, again, rows, (), timed)
+        self._again = run_start.start(enforced, smaller, again, rows, (), timed)
         self._ahead = self._again.blocks()
         self._waiting = np.zeros((0, 1 + len(system.columns)))
         self._broken: run_stop.Stop | None = None
-        window = error_estimate.window(run.grid.count) if held.has_time else 0
+        window = error_estimate.window(run.grid.count) if enforced.has_time else 0
         relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
         parted = error_estimate.Parting(window, relative, settings.atol or 0.0)
         self.places, factor = error_estimate.places(system), error_estimate.safety(settings)
@@ -71,7 +71,7 @@ class RunWithReference:
     @property
     def solve_seconds(self) -> float:
         """The seconds of the repeated run."""
-        return self._again.account.solve_seconds
+        return self._again.statistics.solve_seconds
 
     @property
     def accuracy(self) -> Accuracy | None:

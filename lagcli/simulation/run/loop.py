@@ -32,7 +32,7 @@ PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed ou
 
 
 class Run:
-    """One integration: iterate `blocks` once; `account` is filled as they come.
+    """One integration: iterate `blocks` once; `statistics` is filled as they come.
 
     begin: puts the start onto the constraints, proposes the first step, and is True where that is an ordinary one; None
     for a run that is resumed; row: time of the last row handed out; passed_over: rows that are lost to a grid other
@@ -51,8 +51,8 @@ class Run:
         self._row, self.passed_over = row, passed_over
         self._events = events_of_run.found(stepper)
         self._looks_ahead = any(event.looks_ahead for event in self._events)
-        held = stepper.bound.held
-        self._gaps = RowGaps(held.integrals.system, held.plain.functions.numeric, held.p)
+        enforced = stepper.bound.enforced
+        self._gaps = RowGaps(enforced.integrals.system, enforced.plain.functions.numeric, enforced.p)
         # A row at an incident is to be written once the run is beyond it.
         self._is_due = False
 
@@ -67,18 +67,18 @@ class Run:
         return self._stepper.grid
 
     @property
-    def account(self) -> RunStatistics:
+    def statistics(self) -> RunStatistics:
         """The account of the run, up to the last block."""
-        return self._stepper.account
+        return self._stepper.statistics
 
     @property
     def incidents(self) -> list[Incident]:
         """Incidents up to the last block that were not taken yet."""
-        return self.account.incidents
+        return self.statistics.incidents
 
     def take_incidents(self) -> list[Incident]:
         """Incidents up to the last block since they were last taken, in the order of time."""
-        taken, self.account.incidents = self.account.incidents, []
+        taken, self.statistics.incidents = self.statistics.incidents, []
         return taken
 
     @property
@@ -104,7 +104,7 @@ class Run:
     @property
     def selection(self) -> Selection:
         """The independent rows it is stepped with."""
-        return self._stepper.bound.held.integrals.selection
+        return self._stepper.bound.enforced.integrals.selection
 
     @property
     def indeterminate(self) -> frozenset[int]:
@@ -124,9 +124,9 @@ class Run:
 
     def mark(self) -> RunState:
         """The state to go on from, with all rows handed out so far; for the time between two blocks."""
-        figures = self.account.figures
+        figures = self.statistics.figures
         assert figures is not None, "the first block holds the first row"
-        told = self.account.told
+        told = self.statistics.told
         return dataclasses.replace(self._stepper.state(), row=self._row, figures=figures, told=told)
 
     def blocks(self) -> Iterator[Floats]:
@@ -134,7 +134,7 @@ class Run:
 
         Raises `RunStop` after the last good row.
         """
-        writer, account = self._writer, self.account
+        writer, statistics = self._writer, self.statistics
         capacity = max(1, min(self.grid.count, BLOCK_VALUES // writer.width))
         stop: Stop | None = None
         going = True
@@ -147,12 +147,12 @@ class Run:
                 stop, going = self._stopped(failure), False
             block = writer.close()
             if len(block):
-                account.keep(block[:, -line_functions.BEYOND : -1])
-                account.keep_depth(self._gaps.deepest(block))
+                statistics.keep(block[:, -line_functions.BEYOND : -1])
+                statistics.keep_depth(self._gaps.deepest(block))
                 self._row = self.grid.time(writer.next_row - 1)
             rows = block[:, : -line_functions.BEYOND]
             rows += 0.0  # no table shows -0.0
-            account.solve_seconds += time.perf_counter() - began
+            statistics.solve_seconds += time.perf_counter() - began
             if len(block) or going or self.incidents:
                 yield rows
         if stop is not None:
@@ -166,7 +166,7 @@ class Run:
         while True:
             if self._is_due and not self._put_state():
                 return False
-            if self.account.ended_by or (writer.is_done and not found.is_open):
+            if self.statistics.ended_by or (writer.is_done and not found.is_open):
                 return True
             if not found.is_open:
                 self._find_step()
@@ -199,7 +199,7 @@ class Run:
     def _put_state(self) -> bool:
         """Write the row at an incident that the run is behind, if there is one; False where the block is full."""
         writer = self._writer
-        is_put = writer.put_last() if self.account.ended_by else writer.put_state()
+        is_put = writer.put_last() if self.statistics.ended_by else writer.put_state()
         self._is_due = not is_put
         return is_put
 
@@ -237,12 +237,12 @@ class Run:
 
 def _unfound(stepper: Stepper) -> Callable[[], None]:
     """A call that takes back the step that is found next."""
-    account, watch, foreseen = stepper.account, stepper.watch.state, stepper.foreseen
-    counted = account.steps, account.rejected
+    statistics, watch, predicted = stepper.statistics, stepper.watch.state, stepper.predicted
+    counted = statistics.steps, statistics.rejected
 
     def take_back() -> None:
-        account.steps, account.rejected = counted
-        stepper.watch.state, stepper.foreseen = watch, foreseen
+        statistics.steps, statistics.rejected = counted
+        stepper.watch.state, stepper.predicted = watch, predicted
         stepper.found.is_open, stepper.found.is_jump, stepper.found.barrier = False, False, None
         stepper.found.within = []
 

@@ -103,8 +103,8 @@ class RowWriter:
             at = run.row_time
             rows.at[0] = run.origin + at
             if found.is_still:
-                rows.aside.arguments[1][:] = run.bound.y
-                rows.aside.trigger()
+                rows.scratch.arguments[1][:] = run.bound.y
+                rows.scratch.trigger()
             elif found.passage is not None:
                 from lagcli.simulation.stepping import interpolate_rows
 
@@ -147,11 +147,11 @@ class RowWriter:
         """
         from lagcli.simulation.stepping import interpolate_rows
 
-        run, rows, held = self._stepper, self._stepper.rows, self._stepper.bound.held
+        run, rows, enforced = self._stepper, self._stepper.rows, self._stepper.bound.enforced
         at, x, taken = rows.at[0], rows.x[0], run.found.taken
-        if held.is_any:
-            inside = held.plain.functions.scheme(run.method).line_inside
-            plain = np.array(inside(at, x, run.bound.y, rows.dense.results[0], held.p)).ravel()
+        if enforced.is_any:
+            inside = enforced.plain.functions.scheme(run.method).line_inside
+            plain = np.array(inside(at, x, run.bound.y, rows.dense.results[0], enforced.p)).ravel()
             if math.isfinite(plain[-1]):
                 rows.line[:] = plain
                 return

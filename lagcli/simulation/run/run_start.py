@@ -19,7 +19,7 @@ from lagcli.simulation.scheme import controller
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
 from lagcli.simulation.stepping import grid as grids
-from lagcli.simulation.stepping.stepper import LANDING, Stepper
+from lagcli.simulation.stepping.stepper import MOST_RESIDUAL, Stepper
 
 Floats = npt.NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class RunStart:
 
 
 def start(
-    held: EnforcedInvariants,
+    enforced: EnforcedInvariants,
     begin: RunStart,
     settings: Simulation,
     rows: TableRows,
@@ -52,25 +52,25 @@ def start(
     held: the functions, with the integrals that are held there; notes: what was said about them; timed: what the model
     says about t alone.
     """
-    origin = grids.origin(settings, held.has_time)
+    origin = grids.origin(settings, enforced.has_time)
     grid = _grid(settings, origin)
     state = RunState(
         t=grid.start,
         y=np.concatenate([begin.q, begin.v, [0.0]]),
         k=np.zeros(2 * begin.q.size + 1),
         pace_from=grid.start,
-        selection=held.integrals.selection,
-        levels=held.levels,
+        selection=enforced.integrals.selection,
+        invariant_values=enforced.invariant_values,
         notes=notes,
         origin=origin,
-        turns=Turns(held.integrals.system).of(held.p),
+        turns=Turns(enforced.integrals.system).of(enforced.p),
     )
-    stepper = Stepper(held, state, settings, grid, timed if held.has_time else None, begin.is_again)
+    stepper = Stepper(enforced, state, settings, grid, timed if enforced.has_time else None, begin.is_again)
     return Run(stepper, RowWriter(stepper, rows, 0), functools.partial(_begin, stepper, begin))
 
 
 def resume(
-    held: EnforcedInvariants,
+    enforced: EnforcedInvariants,
     mark: RunState,
     settings: Simulation,
     columns: tuple[str, ...],
@@ -81,7 +81,7 @@ def resume(
     # The rows that another grid has between the last one handed out and the mark are lost.
     after = grid.after(mark.row)
     first = max(after, grid.first(mark.t))
-    stepper = Stepper(held, mark, settings, grid, timed if held.has_time else None)
+    stepper = Stepper(enforced, mark, settings, grid, timed if enforced.has_time else None)
     return Run(stepper, RowWriter(stepper, TableRows(columns), first), None, mark.row, first - after)
 
 
@@ -96,26 +96,26 @@ def _begin(run: Stepper, start: RunStart) -> bool:
         n = bound.y.size // 2
         speed, size = float(np.abs(bound.y[n:-1]).max()), float(np.abs(bound.y[:n]).max() or 1.0)
         control.step = start.part * FIRST * size / speed
-        run.foreseen = run.watch.stand(run.t)
+        run.predicted = run.watch.stand(run.t)
         run.settle()
         return False
     # It may lie off the constraints by rounding; the first row and the first step begin on them.
-    bound.land.trigger()
-    bound.y[:], bound.k[:], outcome, sizes = bound.land.results
-    clearance, least = outcome[1:3].tolist()
-    run.account.evaluations += 1
+    bound.project.trigger()
+    bound.y[:], bound.k[:], status, sizes = bound.project.results
+    smallest_angle, least = status[1:3].tolist()
+    run.statistics.evaluations += 1
     if not np.isfinite(bound.k).all():
         from lagcli.simulation.stepping import stop_diagnosis
 
         raise StepFailure(stop_diagnosis.START_NOT_FINITE, NOT_FINITE)
-    run.account.evaluations += 1
+    run.statistics.evaluations += 1
     control.step = start.part * controller.first_step(
         bound.rhs, bound.k, sizes, run.tolerance, run.method.order
     )
-    if clearance < MONITOR.close_start**2:
+    if smallest_angle < MONITOR.close_start**2:
         # No step is wasted towards a singular configuration so near: each amplifies rounding more.
         _look_back(run, MONITOR.back * control.step)
-    run.foreseen = run.watch.foreseen(run.t, clearance, least)
+    run.predicted = run.watch.predicted(run.t, smallest_angle, least)
     run.settle()
     return True
 
@@ -123,7 +123,7 @@ def _begin(run: Stepper, start: RunStart) -> bool:
 def _look_back(run: Stepper, tau: float) -> None:
     """Watch a time before the start, where Euler's step backward leads, so that the start itself foresees."""
     at = run.t - tau
-    outcome = run.bound.landed_at(at, run.bound.y - tau * run.bound.k)[2]
-    residual, clearance, least = outcome[:3].tolist()
-    if residual <= LANDING:
-        run.watch.foreseen(at, clearance, least)
+    status = run.bound.projected_at(at, run.bound.y - tau * run.bound.k)[2]
+    residual, smallest_angle, least = status[:3].tolist()
+    if residual <= MOST_RESIDUAL:
+        run.watch.predicted(at, smallest_angle, least)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from lagcli.compiled.selection import Selection
 from lagcli.simulation.run_state.incident import NONE, RankDrop, Tally
 from lagcli.simulation.run_state.statistics import NO_ROWS, Figures
-from lagcli.simulation.scheme.invariants import Levels
+from lagcli.simulation.scheme.invariants import InvariantValues
 
 Floats = npt.NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class RunState:
     row: float = -math.inf
     figures: Figures = NO_ROWS
     selection: Selection
-    levels: Levels = ()
+    invariant_values: InvariantValues = ()
     notes: tuple[str, ...] = ()
     watch: tuple[float, ...] = ()
     crossings: tuple[RankDrop, ...] = ()

@@ -20,7 +20,7 @@ from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Vector3
 from lagcli.simulation.run_state.between_steps import RunState
 
-FORMAT = 7  # of a checkpoint: goes up where another version could not read it
+FORMAT = 8  # of a checkpoint: goes up where another version could not read it
 MOST_BYTES = 2**28  # of a file that is read: states of ten thousand particles are some megabytes
 # What stands beside the parts of a checkpoint.
 AROUND = ("lagcli-checkpoint", "version", "sum")
@@ -199,19 +199,19 @@ def _require_sound(point: Checkpoint) -> None:
     mark, selection = point.mark, point.mark.selection
     if mark.step <= 0:
         raise ValueError("a step that does not advance")
-    if len(mark.levels) != len(point.integrals):
+    if len(mark.invariant_values) != len(point.integrals):
         raise ValueError("levels of other integrals")
     if mark.told.incidents < mark.tally.incidents:
         raise ValueError("incidents that nobody was told")
-    for integral, level in zip(point.integrals, mark.levels, strict=True):
+    for integral, level in zip(point.integrals, mark.invariant_values, strict=True):
         if level is not None and level.chart >= len(integral.charts):
             raise ValueError("a chart that there is not")
-    if not all(selection.circuits):
+    if not all(selection.dependencies):
         raise ValueError("a circuit without rows")
     if sorted([*selection.present, *selection.inactive]) != list(range(selection.count)):
         raise ValueError("rows that are not all there")
-    supports = {row for circuit in (*selection.circuits, *selection.idle) for row in circuit[1:]}
-    if not (all(selection.idle) and supports <= set(selection.kept)):
+    supports = {row for dependency in (*selection.dependencies, *selection.idle) for row in dependency[1:]}
+    if not (all(selection.idle) and supports <= set(selection.independent)):
         raise ValueError("a row that depends on rows left out")
-    if not {circuit[0] for circuit in selection.idle} <= set(selection.inactive):
+    if not {dependency[0] for dependency in selection.idle} <= set(selection.inactive):
         raise ValueError("a row that acts and carries nothing")

@@ -16,7 +16,7 @@ Floats = npt.NDArray[np.float64]
 COUNTED = ("steps", "rejected", "evaluations", "notes", "crossings", "tally", "told")
 
 # Below this part of the energies themselves nothing is exchanged but rounding.
-ROUNDING = 1e-10
+ENERGY_ROUNDOFF = 1e-10
 # Where nothing is, a deviation below this part of the energies is the rounding of their last digits.
 LAST_DIGITS = 16 * 2.0**-52
 
@@ -125,8 +125,8 @@ class RunStatistics:
             return 0.0
         sizes = max(found.largest, self.resting)
         moved = found.moving + found.resting
-        exchanged = moved + ROUNDING * sizes
-        if moved <= ROUNDING * sizes and found.imbalance <= LAST_DIGITS * sizes:
+        exchanged = moved + ENERGY_ROUNDOFF * sizes
+        if moved <= ENERGY_ROUNDOFF * sizes and found.imbalance <= LAST_DIGITS * sizes:
             return 0.0
         return found.imbalance / exchanged if exchanged else found.imbalance
 

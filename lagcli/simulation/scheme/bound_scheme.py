@@ -20,24 +20,24 @@ BLURRED = 5  # place in `step_tolerance.of_steps`
 class BoundStep:
     """A step from t, y with k = y'(t, y) to new with k_new = y', and what else is asked at a state.
 
-    t, h, outcome, aside_t: memory of plain floats; aside: `NumericSystem.land` on arrays (t, y, p) of its own.
+    t, h, outcome, aside_t: memory of plain floats; aside: `NumericSystem.project` on arrays (t, y, p) of its own.
     """
 
-    def __init__(self, held: EnforcedInvariants, method: Method, y: Floats, tolerance: Floats) -> None:
-        self.held, self.p = held, held.parameters
-        self.numeric, scheme = held.functions.numeric, held.functions.scheme(method)
-        t, h, aside = (np.zeros(1) for _ in range(3))
+    def __init__(self, enforced: EnforcedInvariants, method: Method, y: Floats, tolerance: Floats) -> None:
+        self.enforced, self.p = enforced, enforced.parameters
+        self.numeric, scheme = enforced.functions.numeric, enforced.functions.scheme(method)
+        t, h, scratch = (np.zeros(1) for _ in range(3))
         self.y, self.k = y, np.zeros(y.size)
         self.rhs = BoundFunction(self.numeric.rhs, [t, y, self.p])
-        self.land = BoundFunction(self.numeric.land, [t, y, self.p])
-        self.aside = BoundFunction(self.numeric.land, [aside, np.zeros(y.size), self.p])
+        self.project = BoundFunction(self.numeric.project, [t, y, self.p])
+        self.scratch = BoundFunction(self.numeric.project, [scratch, np.zeros(y.size), self.p])
         self._tolerance, self._blur = cells(tolerance), self._roundings() if tolerance[BLURRED] else None
         arguments = [t, h, y, self.k, tolerance, self.p]
         self.step = BoundFunction(scheme.step, arguments, wanted=3)
-        self.new, self.k_new, outcome = self.step.results
+        self.new, self.k_new, status = self.step.results
         # The same step with its stages, for the dense output of one that holds rows.
         self.staged = BoundFunction(scheme.step, arguments, given=self.step.results)
-        self.t, self.h, self.aside_t, self.outcome = map(cells, (t, h, aside, outcome))
+        self.t, self.h, self.scratch_t, self.status = map(cells, (t, h, scratch, status))
 
     def _roundings(self) -> BoundFunction:
         n, function = self.y.size // 2, self.numeric.force_roundings
@@ -63,11 +63,11 @@ class BoundStep:
             else step_tolerance.PARAMETERS.tiny
         )
 
-    def landed_at(self, t: float, y: Floats) -> list[Floats]:
-        """The results of `NumericSystem.land`, in memory that the next call overwrites."""
-        self.aside_t[0], self.aside.arguments[1][:] = t, y
-        self.aside.trigger()
-        return self.aside.results
+    def projected_at(self, t: float, y: Floats) -> list[Floats]:
+        """The results of `NumericSystem.project`, in memory that the next call overwrites."""
+        self.scratch_t[0], self.scratch.arguments[1][:] = t, y
+        self.scratch.trigger()
+        return self.scratch.results
 
 
 class BoundRows:
@@ -78,7 +78,7 @@ class BoundRows:
     """
 
     def __init__(self, bound: BoundStep, method: Method, is_witnessed: bool) -> None:
-        scheme = bound.held.functions.scheme(method)
+        scheme = bound.enforced.functions.scheme(method)
         t, h, y, k, tolerance, p = bound.step.arguments
         at, x = np.zeros(1), np.zeros(1)
         self.dense = BoundFunction(
@@ -91,7 +91,7 @@ class BoundRows:
         self.inside = BoundFunction(scheme.line_inside, [at, x, y, coefficients, p])
         given = self.inside.results
         self.begin = BoundFunction(scheme.line_at, [at, y, p], given=given)
-        self.aside = BoundFunction(scheme.line_at, [at, np.zeros(y.size), p], given=given)
+        self.scratch = BoundFunction(scheme.line_at, [at, np.zeros(y.size), p], given=given)
         self.end = BoundFunction(scheme.line_at, [at, bound.new, p], given=given)
         self.line = given[0]
         self.at, self.x, self.cells = cells(at), cells(x), cells(self.line)

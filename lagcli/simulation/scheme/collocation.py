@@ -1,4 +1,4 @@
-"""A step by Gauss collocation on the constraints: y' at the nodes is that of states landed on them.
+"""A step by Gauss collocation on the constraints: y' at the nodes is that of states projected on them.
 
 The polynomial u of degree s with u' = y' at s nodes of Gauss (Hairer, Norsett, Wanner, Solving ODEs I, sec. II.7),
 found by fixed-point iteration. Only the nodes are evaluated, and no node of an even number lies in the middle:
@@ -23,14 +23,14 @@ Floats = npt.NDArray[np.float64]
 MOST_ITERATIONS = 80
 # The iteration has converged where states change by rounding, or this part of the tolerance; where it contracts no
 # more it may be this far off.
-ROUNDING, PART, STALLED = 2e-16, 1e-3, 1e-11
+COLLOCATION_ROUNDOFF, PART, STALLED = 2e-16, 1e-3, 1e-11
 # Iterates that are mixed, and singular values of their differences that are rounding.
 DEPTH, SINGULAR = 10, 1e-10
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """A step from t to t + h: y (2n + 1,) at its begin, y' at the nodes (s, 2n + 1); end: states[-1] landed."""
+    """A step from t to t + h: y (2n + 1,) at its begin, y' at the nodes (s, 2n + 1); end: states[-1] projected."""
 
     t: float
     h: float
@@ -52,23 +52,23 @@ def rising(t: float, y: Floats, h: float, slope: Floats) -> Step:
     return Step(t, h, y, slope[None])
 
 
-def improved(land: BoundFunction, guess: Step, h: float, count: int, rtol: float) -> Step | None:
+def improved(project: BoundFunction, guess: Step, h: float, count: int, rtol: float) -> Step | None:
     """The step from the begin of another, of length h with `count` nodes.
 
-    None where the iteration does not converge or a state does not land. land: `NumericSystem.land` on arrays
-    (t, y, p).
+    None where the iteration does not converge or a state cannot be projected. project: `NumericSystem.project` on
+    arrays (t, y, p).
     """
     t, y = guess.t, guess.y
     nodes, A = _gauss(count)
     slopes = np.array([guess.slope(x * h / guess.h) for x in nodes])
-    converged = max(ROUNDING, PART * rtol)
-    sizes = _sizes(land, t, y)
+    converged = max(COLLOCATION_ROUNDOFF, PART * rtol)
+    sizes = _sizes(project, t, y)
     before = np.inf
     states = y + h * (A @ slopes)
     mixing = _Mixing(sizes)
     for _ in range(MOST_ITERATIONS):
         for i, x in enumerate(nodes):
-            rate = landed(land, t + x * h, states[i])
+            rate = projected(project, t + x * h, states[i])
             if rate is None:
                 return None
             slopes[i] = rate
@@ -112,15 +112,15 @@ class _Mixing:
         return np.asarray(mixed * self._sizes)
 
 
-def _sizes(land: BoundFunction, t: float, y: Floats) -> Floats:
+def _sizes(project: BoundFunction, t: float, y: Floats) -> Floats:
     """Sizes (2n + 1,) by which changes of y are judged: those of positions, of velocities and of an energy."""
-    at, state = land.arguments[:2]
+    at, state = project.arguments[:2]
     at[0], state[:] = t, y
-    land.trigger()
-    land.used += 1
-    # At a singular start no velocity is landed.
+    project.trigger()
+    project.used += 1
+    # At a singular start no velocity is projected.
     n = y.size // 2
-    packed = np.nan_to_num(land.results[3])
+    packed = np.nan_to_num(project.results[3])
     packed[n : n + 2] = [np.abs(part / packed[:n]).max(initial=0.0) for part in (y[:n], y[n : 2 * n])]
     return sizes_of(packed)
 
@@ -133,16 +133,16 @@ def sizes_of(packed: Floats) -> Floats:
     return np.concatenate([(q or 1.0) * units, (speed or 1.0) * units, [speed**2 or 1.0]])
 
 
-def landed(land: BoundFunction, t: float, y: Floats) -> Floats | None:
+def projected(project: BoundFunction, t: float, y: Floats) -> Floats | None:
     """y' where a state lands on the constraints, or None where it does not."""
-    at, state = land.arguments[:2]
+    at, state = project.arguments[:2]
     at[0], state[:] = t, y
-    land.trigger()
-    land.used += 1
-    outcome = land.results[2]
-    if not np.isfinite(outcome[-1]) or not outcome[0] <= 1e-9:
+    project.trigger()
+    project.used += 1
+    status = project.results[2]
+    if not np.isfinite(status[-1]) or not status[0] <= 1e-9:
         return None
-    return land.results[1]
+    return project.results[1]
 
 
 def closest(count: int, place: float) -> float:

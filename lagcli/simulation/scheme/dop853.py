@@ -2,7 +2,7 @@
 
 Dormand and Prince 8(5,3); Hairer, Norsett, Wanner, Solving ODEs I, sec. II.5 (error estimate) and II.6 (dense
 output of order 7). After the step the state is projected onto f = 0 and B v + b = 0; the derivative at the
-landed state is the first stage of the next step.
+projected state is the first stage of the next step.
 """
 
 from __future__ import annotations
@@ -67,13 +67,13 @@ def _step(numeric: NumericSystem) -> ca.Function:
     )
     e5 = _mix(dop853_tableau.E5, stages)
     end = step_end.ended(numeric, step, y + h * change, (e5, e3), _combined)
-    hidden = _hidden()(ca.horzcat(*(near[s] for s in WATCHED), end.outcome[1:3])) if near else 1.0
+    hidden = _hidden()(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
     return ca.Function("step", list(step), end.outputs(hidden, stages[1:]))
 
 
 def _hidden() -> ca.Function:
-    """Clearance and least row (2, 8) at the watched stages and at the end -> how far they are from having gone through
-    zero within the step and come back; below zero where they may have.
+    """Smallest angle and smallest diagonal (2, 8) at the watched stages and at the end -> how far they are from having
+    gone through zero within the step and come back; below zero where they may have.
 
     Their roots then go to zero and rise again in a line: lines through two of them lead below zero on the other side
     of a gap, or one root is much smaller than both beside it.

@@ -34,14 +34,14 @@ Floats = npt.NDArray[np.float64]
 
 # The gradient of a level is taken as vanishing where it changes by BENT of itself within ASIDE of each coordinate and
 # AROUND of the largest: Newton's steps from nearby would not reach the level.
-ASIDE, AROUND, BENT = 1e-6, 1e-9, 0.1
+OFFSET, AROUND, BENT = 1e-6, 1e-9, 0.1
 # Points beside a state, at this part of its size, on which a dependence of gradients is looked for again: one that
 # holds there too is no accident of the state.
 BESIDE, POINTS = 1e-2, 2
 DEPENDS = "it depends on other constraints"
 
 
-class Level(NamedTuple):
+class InvariantValue(NamedTuple):
     """The surface on which an integral is held: the number of its chart, and what above and below were.
 
     Both are divided by their hypotenuse, but for a chart with a period.
@@ -52,7 +52,7 @@ class Level(NamedTuple):
     below: float
 
 
-Levels = tuple[Level | None, ...]
+InvariantValues = tuple[InvariantValue | None, ...]
 Tried = frozenset[tuple[int, int]]  # integrals and their charts
 
 
@@ -125,9 +125,9 @@ class Integrals:
             or level_functions.events_have_time(system)
         )
 
-    def functions(self, levels: Levels) -> RunFunctions:
+    def functions(self, invariant_values: InvariantValues) -> RunFunctions:
         """The functions of the system with these levels held."""
-        choice = tuple(None if level is None else level.chart for level in levels)
+        choice = tuple(None if level is None else level.chart for level in invariant_values)
         taken = [self._charts.charts[self._first[i] + c] for i, c in enumerate(choice) if c is not None]
         if not taken:
             return self._plain
@@ -158,7 +158,7 @@ class _Forms:
         self._numeric, self._evaluate, self._first = numeric, evaluate, first
         self._state = state
         self._here = self._read(state.q)
-        sizes = ASIDE * np.abs(state.q) + AROUND * (np.abs(state.q).max(initial=0.0) or 1.0)
+        sizes = OFFSET * np.abs(state.q) + AROUND * (np.abs(state.q).max(initial=0.0) or 1.0)
         direction = generic_direction.direction(state.q.size, 0)
         self._beside = self._read(state.q + sizes * direction)
 
@@ -166,24 +166,28 @@ class _Forms:
         values, above, below, periods = self._evaluate(self._state.t, q, self._state.p)
         return np.array(values), above, below, np.array(periods).ravel()
 
-    def level(self, i: int, chart: int) -> Level:
+    def level(self, i: int, chart: int) -> InvariantValue:
         """The level of integral i through the state, in one of its charts."""
         k = self._first[i] + chart
         above, below = self._here[0][k].tolist()
         size = 1.0 if self._here[3][k] else math.hypot(above, below)
-        return Level(chart, above / size, below / size) if size else Level(chart, math.nan, math.nan)
+        return (
+            InvariantValue(chart, above / size, below / size)
+            if size
+            else InvariantValue(chart, math.nan, math.nan)
+        )
 
-    def gradient(self, i: int, level: Level) -> Sparse:
+    def gradient(self, i: int, level: InvariantValue) -> Sparse:
         """The gradient of g (1, n) of integral i."""
         return self._gradient(self._here, self._first[i] + level.chart, level)
 
-    def _gradient(self, read: _Read, k: int, level: Level) -> Sparse:
+    def _gradient(self, read: _Read, k: int, level: InvariantValue) -> Sparse:
         _, above, below, periods = read
         if periods[k]:
             return above[k, :]
         return above[k, :] * level.below - below[k, :] * level.above
 
-    def fault(self, i: int, level: Level) -> str:
+    def fault(self, i: int, level: InvariantValue) -> str:
         """Why integral i cannot be held on a level at the state; empty where it can."""
         k = self._first[i] + level.chart
         here = self._gradient(self._here, k, level)
@@ -197,15 +201,15 @@ class _Forms:
     @cached_property
     def _whole(self) -> Sparse:
         """The independent holonomic rows."""
-        B = self._numeric.whole(self._state.t, self._state.q, self._state.p)[1]
-        kept: Sparse = B[[i for i in self._numeric.selection.kept if i < B.shape[0]], :]
-        return kept
+        B = self._numeric.holonomic(self._state.t, self._state.q, self._state.p)[1]
+        retained: Sparse = B[[i for i in self._numeric.selection.independent if i < B.shape[0]], :]
+        return retained
 
     @cached_property
     def _metric(self) -> Metric:
         return initial.metric_at(self._numeric, self._state)
 
-    def dependent(self, taken: Iterable[tuple[int, Level]]) -> list[int]:
+    def dependent(self, taken: Iterable[tuple[int, InvariantValue]]) -> list[int]:
         """The integrals with a gradient that depends on the holonomic rows and on those before it."""
         numbers, gradients = zip(*((i, self.gradient(i, level)) for i, level in taken), strict=True)
         s = self._whole.shape[0]
@@ -232,13 +236,13 @@ class EnforcedInvariants:
     """
 
     integrals: Integrals
-    levels: Levels
+    invariant_values: InvariantValues
     p: Floats
 
     @property
     def functions(self) -> RunFunctions:
         """The functions of the system with these levels held."""
-        return self.integrals.functions(self.levels)
+        return self.integrals.functions(self.invariant_values)
 
     def keeping(self, selection: Selection) -> EnforcedInvariants:
         """These invariants with a system stepped with other independent rows."""
@@ -252,17 +256,19 @@ class EnforcedInvariants:
     @property
     def plain(self) -> EnforcedInvariants:
         """The invariants with none held."""
-        return dataclasses.replace(self, levels=(None,) * len(self.levels))
+        return dataclasses.replace(self, invariant_values=(None,) * len(self.invariant_values))
 
     @property
     def is_any(self) -> bool:
         """True if any integral is held."""
-        return any(level is not None for level in self.levels)
+        return any(level is not None for level in self.invariant_values)
 
     @property
     def parameters(self) -> Floats:
         """p with the constants of the levels: what the functions take."""
-        constants = [x for level in self.levels if level is not None for x in (level.above, level.below)]
+        constants = [
+            x for level in self.invariant_values if level is not None for x in (level.above, level.below)
+        ]
         return np.concatenate([self.p, constants])
 
 
@@ -275,34 +281,36 @@ def begin(found: Integrals, state: State) -> tuple[EnforcedInvariants, tuple[str
         for integral, why in zip(found.found, chosen.reasons, strict=True)
         if why
     )
-    return EnforcedInvariants(found, chosen.levels, state.p), notes
+    return EnforcedInvariants(found, chosen.invariant_values, state.p), notes
 
 
 def let_go(
-    held: EnforcedInvariants, state: State, ahead: State, tried: Tried
+    enforced: EnforcedInvariants, state: State, ahead: State, tried: Tried
 ) -> tuple[EnforcedInvariants, tuple[str, ...], Tried]:
     """Let go of the levels that do not lead from a state to one ahead, with other charts where they do.
 
     `ahead` is where the system without integrals would go, in a step in which the levels held failed. `tried`:
     charts that failed in this step before, given back with those that do now.
     """
-    forms = held.integrals.at(ahead)
-    guilty = {i for i, level in _taken(held.levels) if forms.fault(i, level)}
+    forms = enforced.integrals.at(ahead)
+    guilty = {i for i, level in _taken(enforced.invariant_values) if forms.fault(i, level)}
     if not guilty:
         # All are regular there: it is their dependence, or a level that ends.
-        guilty = set(forms.dependent(_taken(held.levels)))
-    guilty = guilty or {i for i, _ in _taken(held.levels)}
-    kept = tuple(None if i in guilty else level for i, level in enumerate(held.levels))
-    tried |= {(i, level.chart) for i, level in _taken(held.levels) if i in guilty}
-    chosen = _Choice(held.integrals, [state, ahead], kept, sorted(guilty), tried)
+        guilty = set(forms.dependent(_taken(enforced.invariant_values)))
+    guilty = guilty or {i for i, _ in _taken(enforced.invariant_values)}
+    retained = tuple(None if i in guilty else level for i, level in enumerate(enforced.invariant_values))
+    tried |= {(i, level.chart) for i, level in _taken(enforced.invariant_values) if i in guilty}
+    chosen = _Choice(enforced.integrals, [state, ahead], retained, sorted(guilty), tried)
     notes = []
     for i in sorted(guilty):
-        integral = held.integrals.found[i]
+        integral = enforced.integrals.found[i]
         what = (
-            f"is held no longer; {_kept(integral)}" if chosen.levels[i] is None else "is held in another form"
+            f"is held no longer; {_kept(integral)}"
+            if chosen.invariant_values[i] is None
+            else "is held in another form"
         )
         notes.append(f"from t = {state.t:.9g} the integral {integral.text} {what}")
-    return dataclasses.replace(held, levels=chosen.levels), tuple(notes), tried
+    return dataclasses.replace(enforced, invariant_values=chosen.invariant_values), tuple(notes), tried
 
 
 def _kept(integral: FirstIntegral) -> str:
@@ -312,12 +320,12 @@ def _kept(integral: FirstIntegral) -> str:
     return f"{rows} it to the tolerance"
 
 
-def _taken(levels: Levels) -> Iterator[tuple[int, Level]]:
-    return ((i, level) for i, level in enumerate(levels) if level is not None)
+def _taken(invariant_values: InvariantValues) -> Iterator[tuple[int, InvariantValue]]:
+    return ((i, level) for i, level in enumerate(invariant_values) if level is not None)
 
 
 class _Choice:
-    """The levels of all integrals through a state, those that are `kept` as they are.
+    """The levels of all integrals through a state, those that are `retained` as they are.
 
     A level goes through the first of `states`, and its chart serves at all of them. wanted: the integrals to be
     held; tried: charts that are passed over; reasons: why an integral is not held, empty where it is, or follows
@@ -328,7 +336,7 @@ class _Choice:
         self,
         found: Integrals,
         states: Sequence[State],
-        kept: Levels,
+        retained: InvariantValues,
         wanted: Sequence[int],
         tried: Tried = frozenset(),
     ) -> None:
@@ -336,8 +344,10 @@ class _Choice:
         self._charts = [
             [c for c in range(len(f.charts)) if (i, c) not in tried] for i, f in enumerate(found.found)
         ]
-        self.levels = kept
-        self.reasons = ["" if level else "no form of it without poles or jumps is known" for level in kept]
+        self.invariant_values = retained
+        self.reasons = [
+            "" if level else "no form of it without poles or jumps is known" for level in retained
+        ]
         wanted = [i for i in wanted if self._charts[i]]
         if not wanted:
             return
@@ -354,7 +364,7 @@ class _Choice:
         best = [(i, self._forms[0].level(i, self._charts[i][0])) for i in wanted]
         if any(forms.fault(i, level) for forms in self._forms for i, level in best):
             return False
-        if any(forms.dependent([*_taken(self.levels), *best]) for forms in self._forms):
+        if any(forms.dependent([*_taken(self.invariant_values), *best]) for forms in self._forms):
             return False
         for i, level in best:
             self._take(i, level)
@@ -366,15 +376,15 @@ class _Choice:
             level = self._forms[0].level(i, chart)
             why = next(filter(None, (forms.fault(i, level) for forms in self._forms)), "")
             if not why:
-                taken = [*_taken(self.levels), (i, level)]
+                taken = [*_taken(self.invariant_values), (i, level)]
                 if not any(i in forms.dependent(taken) for forms in self._forms):
                     self._take(i, level)
                     return
                 why = DEPENDS
             self.reasons[i] = f"{why} at the start"
 
-    def _take(self, i: int, level: Level) -> None:
-        self.levels = (*self.levels[:i], level, *self.levels[i + 1 :])
+    def _take(self, i: int, level: InvariantValue) -> None:
+        self.invariant_values = (*self.invariant_values[:i], level, *self.invariant_values[i + 1 :])
         self.reasons[i] = ""
 
     def _follows(self, i: int) -> bool:
@@ -388,7 +398,10 @@ class _Choice:
             if q is None:
                 return False
             forms = self._found.at(dataclasses.replace(state, q=q))
-            charts = [*((j, level.chart) for j, level in _taken(self.levels)), (i, self._charts[i][0])]
+            charts = [
+                *((j, level.chart) for j, level in _taken(self.invariant_values)),
+                (i, self._charts[i][0]),
+            ]
             if i not in forms.dependent((j, forms.level(j, chart)) for j, chart in charts):
                 return False
         return True

@@ -37,7 +37,7 @@ class Interpolation(Protocol):
 
 
 def line_at(numeric: NumericSystem) -> ca.Function:
-    """line_at(t, y, p) -> t, the row of the table, the figures of `account`, W and a sum of them all."""
+    """line_at(t, y, p) -> t, the row of the table, the figures of `statistics`, W and a sum of them all."""
     size, parameters = step_end.sizes_of(numeric)
     t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
     _, row, figures = numeric.record.call([t, y, p], *INLINED)

@@ -35,7 +35,7 @@ class StepEndParameters:
     """A step of so many roundings of the time may hold a jump."""
     negligible: float = 1e-9
     """The part of a speed that is nothing there."""
-    held: float = 1e-6
+    enforced: float = 1e-6
     """Positions that are this part of what the forces would make of them in a step are none."""
     balanced: float = 1e-14
     """The rounding of such forces, as a part of them."""
@@ -72,18 +72,18 @@ class StepInputs(NamedTuple):
 
 
 class StepEnd(NamedTuple):
-    """The state on the constraints and its derivative (2n + 1,) each, the outcome of `NumericSystem.land`, and error,
-    moved, error of W (3,) as in `method.Method.step`."""
+    """The state on the constraints and its derivative (2n + 1,) each, the status of `NumericSystem.project`, and
+    error, moved, error of W (3,) as in `method.Method.step`."""
 
-    landed: ca.MX
+    projected: ca.MX
     k_new: ca.MX
-    outcome: ca.MX
+    status: ca.MX
     judged: ca.MX
 
     def outputs(self, hidden: ca.MX | float, stages: Sequence[ca.MX]) -> list[ca.MX]:
         """The results of a step as in `method.Method.step`."""
-        account = ca.vertcat(self.judged[:2], hidden, self.outcome, self.judged[2])
-        return [self.landed, self.k_new, account, *stages]
+        statistics = ca.vertcat(self.judged[:2], hidden, self.status, self.judged[2])
+        return [self.projected, self.k_new, statistics, *stages]
 
 
 def inputs(numeric: NumericSystem) -> StepInputs:
@@ -104,31 +104,31 @@ def ended(
 ) -> StepEnd:
     """The end of a step that has come to `new`, with estimates of its error over h, (2n + 1,) each."""
     t, h, y, k, tolerance, p = step
-    landed, k_new, outcome, sizes = numeric.land(t + h, new, p)
+    projected, k_new, status, sizes = numeric.project(t + h, new, p)
     # Rows are left by a part of the velocities; where these are the rounding of forces that hold all at the origin, by
     # no more than that.
     q, v, a = (sizes[numeric.n + i] for i in range(3))
     tiny = tolerances.PARAMETERS.tiny
-    part = ca.if_else(q < PARAMETERS.held * h * h * a, v / (v + PARAMETERS.held * h * a + tiny), 1)
-    outcome = ca.vertcat(part * outcome[0], outcome[1:])
+    part = ca.if_else(q < PARAMETERS.enforced * h * h * a, v / (v + PARAMETERS.enforced * h * a + tiny), 1)
+    status = ca.vertcat(part * status[0], status[1:])
     # The doubles around t may be so far apart that the state is not known better.
     near_t = PARAMETERS.time_rounding * ca.fabs(t + h) if numeric.has_time else 0.0
     noise = near_t * _within(near_t, h, (y, k, k_new)) * ca.fabs(k_new - k) if numeric.has_time else 0.0 * k
-    noise = noise + _amplified(numeric.n, outcome[1], sizes, h)
+    noise = noise + _amplified(numeric.n, status[1], sizes, h)
     # Rows that move are where they are at one of these times.
     blur = near_t * ca.fabs(k_new)
     form = y.numel(), len(estimates), combined
     judge = _judge(ca.SX, *form) if y.numel() <= PARAMETERS.written_out else _judge(ca.MX, *form)
     return StepEnd(
-        landed, k_new, outcome, judge(y, new, landed, h, sizes, tolerance, noise, blur, *estimates)
+        projected, k_new, status, judge(y, new, projected, h, sizes, tolerance, noise, blur, *estimates)
     )
 
 
-def _amplified(n: int, clearance: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
+def _amplified(n: int, smallest_angle: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
     """The rounding of a step (2n + 1,) on rows that are nearly dependent, nothing where they are not: their
     forces are known no better, however short it is."""
     units, a = sizes[:n], sizes[n + 2]
-    delta = ca.sqrt(clearance + tolerances.PARAMETERS.tiny)
+    delta = ca.sqrt(smallest_angle + tolerances.PARAMETERS.tiny)
     gained = ca.if_else(delta < PARAMETERS.close, PARAMETERS.amplified / delta**3, 0.0) * h * a
     return gained * ca.vertcat(h * units, units, 0)
 
@@ -147,18 +147,20 @@ def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX])
 
 
 def _judge(sort: type[Expression], size: int, count: int, combined: Combined) -> ca.Function:
-    """judge(y, new, landed, h, sizes, tolerance, noise, blur, estimates) -> (error, moved, error of W), written out for
-    a short state.
+    """judge(y, new, projected, h, sizes, tolerance, noise, blur, estimates) -> (error, moved, error of W), written out
+    for a short state.
 
     noise, blur (2n + 1,): what the rounding of t makes of the error, and of the state; of estimates there are `count`.
     """
     n = size // 2
-    y, new, landed, noise, blur = (sort.sym(name, size) for name in ("y", "new", "landed", "noise", "blur"))
+    y, new, projected, noise, blur = (
+        sort.sym(name, size) for name in ("y", "new", "projected", "noise", "blur")
+    )
     estimates: list[Expression] = [sort.sym(f"e{i}", size) for i in range(count)]
     h, sizes = sort.sym("h"), sort.sym("sizes", n + 3)
     tolerance = sort.sym("tolerance", tolerances.COUNT)
     scale = scales((y, new), h, sizes, tolerance)
-    moved = _moved(landed - new, scale + blur[: 2 * n], sizes)
+    moved = _moved(projected - new, scale + blur[: 2 * n], sizes)
     # The energy at hand: what has been done up to here, or that of the motion; and what rounding makes of rest.
     energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
     rounded = PARAMETERS.time_rounding * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
@@ -166,7 +168,7 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
         tolerance[0] * energy + rounded + tolerances.PARAMETERS.tiny
     )
     error = combined(h, *(_largest(estimate, scale + noise[: 2 * n]) for estimate in estimates))
-    inputs: list[Expression] = [y, new, landed, h, sizes, tolerance, noise, blur]
+    inputs: list[Expression] = [y, new, projected, h, sizes, tolerance, noise, blur]
     inputs += estimates
     return ca.Function("judge", inputs, [ca.vertcat(error, moved, of_work)])
 
@@ -184,7 +186,7 @@ def scales(
     # The rounding of forces that balance is no error of the step, whether the rows hold the system at the origin, where
     # no size of q covers it, or at rest elsewhere, where no speed does.
     forced = ca.fmax(a, resting)
-    is_held, is_resting = q < PARAMETERS.held * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
+    is_held, is_resting = q < PARAMETERS.enforced * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
     # What rounding pushes comes back in the time in which the forces would have moved it by its size.
     lasting = ca.if_else(
         is_held, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.PARAMETERS.tiny))), 0)

@@ -31,7 +31,7 @@ MOST_PANELS = 2048
 # this small a part of the panel's own work, it is rounding.
 GAIN, SMALL = 4.0, 1e-6
 # Times are rounded, and what W' does in a panel is seen at times that far off; W' itself is rounded too.
-TIME_ROUNDING, ROUNDING = 2**-50, 1e-15
+TIME_ROUNDOFF, POWER_ROUNDOFF = 2**-50, 1e-15
 # Roundings by which states and times are moved to see the rounding of W', where its terms cancel.
 SHAKEN = 2**-51
 # W is not known where it is off by more than this part of the energy, or by so many tolerances of a step.
@@ -69,32 +69,32 @@ class Work:
 
 
 def within(
-    land: BoundFunction, span: tuple[float, float, float], y: Floats, states: Callable[[Floats], Floats]
+    project: BoundFunction, span: tuple[float, float, float], y: Floats, states: Callable[[Floats], Floats]
 ) -> Work | None:
     """W within an ordinary step from y, beginning at y[-1]; None where it is not found.
 
-    land: `NumericSystem.land` on arrays (t, y, p) of its own; span: t, h and the relative tolerance of a step;
+    project: `NumericSystem.project` on arrays (t, y, p) of its own; span: t, h and the relative tolerance of a step;
     states(x (k,)) -> the dense output at fractions of the step (k, 2n + 1).
     """
     t, h, rtol = span
     n = y.size // 2
 
-    def landed(times: Floats, places: Floats) -> tuple[Floats, float] | None:
+    def projected(times: Floats, places: Floats) -> tuple[Floats, float] | None:
         found, energy = np.empty(times.size), 0.0
         for i, (at, state) in enumerate(zip(times.tolist(), places, strict=True)):
-            rate = collocation.landed(land, at, state)
+            rate = collocation.projected(project, at, state)
             if rate is None:
                 return None
             found[i] = rate[-1]
-            energy = max(energy, float(land.results[3][n + 1]) ** 2)
+            energy = max(energy, float(project.results[3][n + 1]) ** 2)
         return found, energy
 
     def powers(times: Floats) -> tuple[Floats, float] | None:
-        return landed(times, states((times - t) / h))
+        return projected(times, states((times - t) / h))
 
     def shaken(times: Floats) -> tuple[Floats, float] | None:
         signs = np.where(np.arange(2 * n + 1) % 2, -SHAKEN, SHAKEN)
-        return landed(times + SHAKEN * (abs(t) + h), states((times - t) / h) * (1 + signs))
+        return projected(times + SHAKEN * (abs(t) + h), states((times - t) / h) * (1 + signs))
 
     return WorkIntegral(powers, rtol, shaken).over(t, h, float(y[-1]))
 
@@ -152,7 +152,10 @@ class WorkIntegral:
         error = max(error, abs(float(second.state(1.0)[0]) - (at_end - at_middle)))
         powers = np.concatenate([first.slopes, second.slopes])
         largest = float(np.abs(powers).max())
-        seen = TIME_ROUNDING * (abs(whole.t) + whole.h) * float(np.ptp(powers)) + ROUNDING * whole.h * largest
+        seen = (
+            TIME_ROUNDOFF * (abs(whole.t) + whole.h) * float(np.ptp(powers))
+            + POWER_ROUNDOFF * whole.h * largest
+        )
         seen += self._rounding * whole.h
         is_stalled = error > panel.error / GAIN and error < SMALL * whole.h * largest
         is_done = error <= seen or is_stalled

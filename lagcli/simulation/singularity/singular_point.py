@@ -21,7 +21,7 @@ MOST_ROWS = 1500
 LOST = 1e-5
 # Where branches meet, the part of f that has no gradient left vanishes like the square of the error of the position;
 # where they only come close it is the square of their distance.
-ROUNDING, ERRORS = 1e-13, 10.0
+GAP_ROUNDOFF, ERRORS = 1e-13, 10.0
 STRONG_STEPS = 3
 # Of rows that are close to dependent ones those with this part of the largest weight are named.
 PART = 1e-2
@@ -34,54 +34,54 @@ def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> Ra
 
     before: a state of the same motion at which rows have their lengths; rtol: relative error of positions.
     """
-    kept = list(numeric.selection.kept)
-    whole = [i for i in kept if i < numeric.whole.size1_out(0)]
-    if len(kept) > MOST_ROWS:
-        return RankDrop(there.t, 1, tuple(kept))
+    independent = list(numeric.selection.independent)
+    whole = [i for i in independent if i < numeric.holonomic.size1_out(0)]
+    if len(independent) > MOST_ROWS:
+        return RankDrop(there.t, 1, tuple(independent))
     metric = metric_at(numeric, before)
-    lengths = LocalRows(metric.whitened(_rows(numeric, before)[kept, :])).divisors
+    lengths = LocalRows(metric.whitened(_rows(numeric, before)[independent, :])).divisors
     q = there.q.copy()
     # f over the lengths of rows in the metric is a length in it.
     size = metric.length(q) or 1.0
-    unit = ca.mtimes(ca.diag(ca.DM(1 / lengths)), metric.whitened(_rows(numeric, there)[kept, :]))
+    unit = ca.mtimes(ca.diag(ca.DM(1 / lengths)), metric.whitened(_rows(numeric, there)[independent, :]))
     squares, left = np.linalg.eigh(np.array(ca.densify(ca.mtimes(unit, unit.T))))
     strong = squares > LOST**2
     if strong.all():
         return None
     lost, other = left[:, ~strong], left[: len(whole), strong]
     for _ in range(STRONG_STEPS):
-        f = np.array(numeric.whole(there.t, q, there.p)[0]).ravel()[whole] / lengths[: len(whole)]
+        f = np.array(numeric.holonomic(there.t, q, there.p)[0]).ravel()[whole] / lengths[: len(whole)]
         # Newton's steps along what is not lost leave what the lost rows say.
         stresses = left[:, strong] @ ((other.T @ f) / squares[strong])
         q = q - metric.unwhitened(np.array(ca.mtimes(unit.T, ca.DM(stresses))).ravel())
     gap = float(np.abs(lost[: len(whole)].T @ f).max(initial=0.0))
-    if gap > size * max(ROUNDING, (ERRORS * rtol) ** 2):
+    if gap > size * max(GAP_ROUNDOFF, (ERRORS * rtol) ** 2):
         return None
     weights = np.abs(lost).max(axis=1)
     taking_part = np.flatnonzero(weights > max(WEIGHT, LOST) * weights.max())
-    return RankDrop(there.t, int(lost.shape[1]), tuple(kept[i] for i in taking_part))
+    return RankDrop(there.t, int(lost.shape[1]), tuple(independent[i] for i in taking_part))
 
 
 def closest(numeric: NumericSystem, state: State, is_alone: bool) -> tuple[int, ...]:
     """The independent rows that are closest to dependent ones at a state; is_alone: one row is, which vanishes."""
-    kept = list(numeric.selection.kept)
-    rows = MetricRows(_rows(numeric, state)[kept, :], metric_at(numeric, state))
+    independent = list(numeric.selection.independent)
+    rows = MetricRows(_rows(numeric, state)[independent, :], metric_at(numeric, state))
     if is_alone:
-        return (kept[int(np.argmin(rows.lengths))],)
+        return (independent[int(np.argmin(rows.lengths))],)
     if rows.is_large:
         weights = np.abs(rows.weakest)
     else:
         weights = np.abs(np.linalg.svd(rows.dense)[0][:, -1])
-    return tuple(kept[i] for i in np.flatnonzero(weights > PART * weights.max()))
+    return tuple(independent[i] for i in np.flatnonzero(weights > PART * weights.max()))
 
 
 def apart(numeric: NumericSystem, state: State) -> float | None:
     """The ratio of the largest inertia to the least, where the independent rows are so in themselves and only the mass
     metric brings them close to dependent ones; None where they are close to dependent ones without it."""
-    kept = list(numeric.selection.kept)
-    if len(kept) > MOST_ROWS:
+    independent = list(numeric.selection.independent)
+    if len(independent) > MOST_ROWS:
         return None
-    rows = _rows(numeric, state)[kept, :]
+    rows = _rows(numeric, state)[independent, :]
     unit = np.array(ca.densify(rows)) / LocalRows(rows).divisors[:, None]
     inertias = np.array(numeric.inertia(state.t, state.q, state.v, state.p)).diagonal()
     if not (np.isfinite(unit).all() and np.isfinite(inertias).all() and inertias.min() > 0):
@@ -95,7 +95,7 @@ def departed(numeric: NumericSystem, state: State, limit: float) -> tuple[int, .
     """A row left out that a state violates by more than this part of its sizes, after the rows it followed from;
     none where all of them still follow."""
     B, b = numeric.rows(state.t, state.q, state.v, state.p)
-    rows, f = LocalRows(B), np.array(numeric.whole(state.t, state.q, state.p)[0]).ravel()
+    rows, f = LocalRows(B), np.array(numeric.holonomic(state.t, state.q, state.p)[0]).ravel()
     off = (
         np.abs(rows.times(state.v) + np.array(b).ravel())
         / rows.divisors
@@ -103,7 +103,7 @@ def departed(numeric: NumericSystem, state: State, limit: float) -> tuple[int, .
     )
     places = np.abs(f) / rows.divisors[: f.size] / (np.abs(state.q).max(initial=0.0) or 1.0)
     off[: f.size] = np.maximum(off[: f.size], places)
-    for row, *others in numeric.selection.circuits:
+    for row, *others in numeric.selection.dependencies:
         if off[row] > limit:
             return (*others, row)
     return ()

@@ -57,13 +57,13 @@ class MonitorParameters:
 
 PARAMETERS = MonitorParameters()
 WIDE = math.sin(PARAMETERS.narrow) ** 2
-# Places in the outcome of `land`.
-CLEARANCE, LEAST = 1, 2
+# Places in the outcome of `project`.
+SMALLEST_ANGLE, SMALLEST_DIAGONAL = 1, 2
 STANDING = -1  # in place of them, at a start at which rows are dependent
 
 
 class Prediction(NamedTuple):
-    """An instant, which number of the outcome of `land` goes to zero there, how large its root was, the angle (or the
+    """An instant, which number of the status of `project` goes to zero there, how large its root was, the angle (or the
     part of that) that is left, and the length of the last step."""
 
     instant: float
@@ -105,10 +105,10 @@ NEVER = Prediction(math.inf, 0)
 
 
 class SingularityMonitor:
-    """Foresees when rows become dependent: where the clearance, or the least row, goes to zero in a line."""
+    """Foresees when rows become dependent: where the smallest angle, or the least row, goes to zero in a line."""
 
     def __init__(self, state: tuple[float, ...] = ()) -> None:
-        # Of the last step: t, clearance and least, and the largest of the latter so far; then what was foreseen:
+        # Of the last step: t, smallest angle and least, and the largest of the latter so far; then what was foreseen:
         # instant, place, most, angle, step.
         self.state = state
 
@@ -124,30 +124,30 @@ class SingularityMonitor:
         return found
 
     @property
-    def nearness(self) -> tuple[float, bool]:
+    def rank_margin(self) -> tuple[float, bool]:
         """The distance of rows from dependent ones after the last step, as an angle or a part of the length of the one
         that vanishes, and whether it is the latter."""
         if not self.state:
             return 1.0, False
-        _, clearance, least, largest = self.state[:4]
-        alone = math.sqrt(least / largest) if largest > 0 else 1.0
-        return min(math.sqrt(clearance), alone), alone < math.sqrt(clearance)
+        _, smallest_angle, smallest_diagonal, largest = self.state[:4]
+        alone = math.sqrt(smallest_diagonal / largest) if largest > 0 else 1.0
+        return min(math.sqrt(smallest_angle), alone), alone < math.sqrt(smallest_angle)
 
-    def foreseen(self, t: float, clearance: float, least: float) -> Prediction:
+    def predicted(self, t: float, smallest_angle: float, smallest_diagonal: float) -> Prediction:
         """The instant, or infinity. To be asked once after each step."""
-        if not (clearance >= 0.0 <= least < math.inf):
+        if not (smallest_angle >= 0.0 <= smallest_diagonal < math.inf):
             return NEVER
         before = self.state
-        largest = before[3] if before and before[3] > least else least
-        self.state = t, clearance, least, largest
+        largest = before[3] if before and before[3] > smallest_diagonal else smallest_diagonal
+        self.state = t, smallest_angle, smallest_diagonal, largest
         if not before or t <= before[0]:
             return NEVER
         found = NEVER
         # Most steps of most runs ask for no more than this.
-        if clearance < before[CLEARANCE] and clearance < WIDE:
-            found = _instant(before, t, clearance, CLEARANCE, 1.0)
-        if least < before[LEAST] and least < WIDE * largest:
-            found = min(found, _instant(before, t, least, LEAST, largest))
+        if smallest_angle < before[SMALLEST_ANGLE] and smallest_angle < WIDE:
+            found = _instant(before, t, smallest_angle, SMALLEST_ANGLE, 1.0)
+        if smallest_diagonal < before[SMALLEST_DIAGONAL] and smallest_diagonal < WIDE * largest:
+            found = min(found, _instant(before, t, smallest_diagonal, SMALLEST_DIAGONAL, largest))
         if found is not NEVER:
             self.state = (*self.state, *map(float, found))
         return found
@@ -176,10 +176,10 @@ def is_dip(square: Callable[[float], float], now: float, ahead: float) -> bool:
         curve = np.polyfit(np.array(lowest) / ahead, [found[h] / now for h in lowest], 2)
         if not curve[0] > 0.0:
             break  # it falls no more, or not yet
-        least = min(max(-curve[1] / (2 * curve[0]), 0.0), PARAMETERS.farthest) * ahead
-        if min(abs(least - h) for h in found) < PARAMETERS.apart * ahead:
+        smallest_diagonal = min(max(-curve[1] / (2 * curve[0]), 0.0), PARAMETERS.farthest) * ahead
+        if min(abs(smallest_diagonal - h) for h in found) < PARAMETERS.apart * ahead:
             break
-        found[least] = square(least)
+        found[smallest_diagonal] = square(smallest_diagonal)
     return _all_above(found.values(), now)
 
 

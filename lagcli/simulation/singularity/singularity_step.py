@@ -24,7 +24,7 @@ from lagcli.linear.metric_rows import MetricRows
 from lagcli.simulation.run_state.incident import RankDrop
 from lagcli.simulation.scheme import collocation
 from lagcli.simulation.singularity import singular_point
-from lagcli.simulation.singularity.singularity_monitor import CLEARANCE, Prediction
+from lagcli.simulation.singularity.singularity_monitor import SMALLEST_ANGLE, Prediction
 from lagcli.start.initial import State, metric_at
 
 Floats = npt.NDArray[np.float64]
@@ -60,20 +60,20 @@ class SingularStepParameters:
     too_close: float = 0.03
     """The angle (rad) below which a step begins so close that all places are tried."""
     far: tuple[float, float] = (0.15, 0.3)
-    """Points beside the instant, as parts of twice the time up to it, where the clearance is read first."""
+    """Points beside the instant, as parts of twice the time up to it, where the smallest angle is read first."""
     close: tuple[float, float] = (0.02, 0.04)
     """The same closer by, about the zero that the first have found."""
     closest: tuple[float, float] = (0.001, 0.002)
     """The same once more, where rows can be followed so close: what a cubic leaves out falls with the fourth power.
     Without it `test_a_contact_whose_multiplier_has_a_pole_opens_there` fails."""
     bent: float = 0.1
-    """The clearance is a line through zero there, but for this part.
+    """The smallest angle is a line through zero there, but for this part.
     At 0.001 `test_a_crossing_soon_after_the_start` fails."""
     zero_steps: int = 6
     """Newton's steps for the zero of a cubic that is nearly a line: each doubles the digits, from one or more.
     No test of crossings fails at 1."""
     along_step: tuple[float, ...] = (0.02, 0.2, 0.4, 0.6, 0.8, 0.9)
-    """Parts of the time to the instant where the clearance must fall, and rise again after it."""
+    """Parts of the time to the instant where the smallest angle must fall, and rise again after it."""
     halvings: int = 30
     """A step from a singular start is halved at most so often.
     No test of crossings fails at 1."""
@@ -134,14 +134,14 @@ class Crossing:
 
 
 def across(
-    numeric: NumericSystem, land: BoundFunction, here: Point, foreseen: Prediction
+    numeric: NumericSystem, project: BoundFunction, here: Point, predicted: Prediction
 ) -> Crossing | Selection | None:
     """The step across what is foreseen, or other independent rows to go on with, or None: an ordinary step goes on.
 
-    land: `NumericSystem.land` on arrays (t, y, p) of its own. Other rows are taken where those at hand become
+    project: `NumericSystem.project` on arrays (t, y, p) of its own. Other rows are taken where those at hand become
     dependent and others do not.
     """
-    found = _passage(land, here, foreseen)
+    found = _passage(project, here, predicted)
     if found is None:
         return _others(numeric, here.state(here.t, here.y))
     there = here.state(found.instant, found.middle)
@@ -152,12 +152,12 @@ def across(
     return Crossing(found, loss) if loss is not None else None
 
 
-def away(numeric: NumericSystem, land: BoundFunction, here: Point, h: float) -> Crossing | None:
+def away(numeric: NumericSystem, project: BoundFunction, here: Point, h: float) -> Crossing | None:
     """The first step, of length h or shorter, from a singular configuration along the branch that the velocities
     choose; None where no smooth motion has them."""
     start = here.state(here.t, here.y)
     for _ in range(PARAMETERS.halvings):
-        found = _start(land, here, h)
+        found = _start(project, here, h)
         if found is not None:
             loss = singular_point.loss(
                 numeric, here.state(here.t + h, found.step.state(1.0)), start, here.tolerance[0]
@@ -172,77 +172,77 @@ def away(numeric: NumericSystem, land: BoundFunction, here: Point, h: float) -> 
 
 def _others(numeric: NumericSystem, state: State) -> Selection | None:
     """Other independent rows, where those at hand are close to dependent ones at a state and others are not."""
-    if not numeric.selection.circuits or numeric.closed_rows:
+    if not numeric.selection.dependencies or numeric.closed_rows:
         return None
     rows = MetricRows(numeric.rows(state.t, state.q, state.v, state.p)[0], metric_at(numeric, state))
-    return independent_rows.elsewhere(numeric.selection, rows, numeric.whole.size1_out(0))
+    return independent_rows.elsewhere(numeric.selection, rows, numeric.holonomic.size1_out(0))
 
 
-def _passage(land: BoundFunction, here: Point, foreseen: Prediction) -> SingularStep | None:
+def _passage(project: BoundFunction, here: Point, predicted: Prediction) -> SingularStep | None:
     """The step across the instant, or None where there is none that is right to the tolerance.
 
     A step that begins close to the instant is long beyond it, for rounding is amplified close to it.
     """
-    for part in PARAMETERS.places if foreseen.angle < PARAMETERS.too_close else PARAMETERS.places[:1]:
-        found = _placed(land, here, foreseen, part)
+    for part in PARAMETERS.places if predicted.angle < PARAMETERS.too_close else PARAMETERS.places[:1]:
+        found = _placed(project, here, predicted, part)
         if found is not None:
             return found
     return None
 
 
-def _placed(land: BoundFunction, here: Point, foreseen: Prediction, part: float) -> SingularStep | None:
+def _placed(project: BoundFunction, here: Point, predicted: Prediction, part: float) -> SingularStep | None:
     """The step with the instant at this part of it, where no node is near."""
     t, y, k, tolerance = here.t, here.y, here.k, here.tolerance
-    instant, rtol = foreseen.instant, tolerance[0]
+    instant, rtol = predicted.instant, tolerance[0]
     step = collocation.rising(t, y, (instant - t) / part, k)
     for _ in range(PARAMETERS.most_centerings):
         h = (instant - t) / part
         if not t + h / 64 > t:
             return None
-        better = collocation.improved(land, step, h, PARAMETERS.nodes, rtol)
+        better = collocation.improved(project, step, h, PARAMETERS.nodes, rtol)
         if better is None:
             return None
         step = better
-        found = _instant(land, step, foreseen._replace(instant=instant), 2 * part * h)
+        found = _instant(project, step, predicted._replace(instant=instant), 2 * part * h)
         if found is None:
             return None
         if abs(found[0] - instant) <= PARAMETERS.centered * part * h:
-            if not _is_only_one(land, step, foreseen.place, found[0]):
+            if not _is_only_one(project, step, predicted.place, found[0]):
                 return None
-            fewer = collocation.improved(land, step, h, PARAMETERS.fewer_nodes, rtol)
-            delta = found[1] * h * collocation.closest(PARAMETERS.nodes, part) / foreseen.most
-            agree = fewer is not None and _agree(land, (step, fewer), tolerance, delta)
+            fewer = collocation.improved(project, step, h, PARAMETERS.fewer_nodes, rtol)
+            delta = found[1] * h * collocation.closest(PARAMETERS.nodes, part) / predicted.most
+            agree = fewer is not None and _agree(project, (step, fewer), tolerance, delta)
             return SingularStep(step, found[0]) if agree else None
         instant = found[0]
     return None
 
 
-def _start(land: BoundFunction, here: Point, h: float) -> SingularStep | None:
+def _start(project: BoundFunction, here: Point, h: float) -> SingularStep | None:
     """A step from a start at which rows are dependent, or None where h is too long or no motion goes on smoothly."""
     t, y, tolerance = here.t, here.y, here.tolerance
     n = y.size // 2
     guess = collocation.rising(t, y, h, np.concatenate([y[n : 2 * n], np.zeros(n + 1)]))
     step, fewer = (
-        collocation.improved(land, guess, h, count, tolerance[0])
+        collocation.improved(project, guess, h, count, tolerance[0])
         for count in (PARAMETERS.nodes, PARAMETERS.fewer_nodes)
     )
     if step is None or fewer is None:
         return None
-    delta = _root(land, step, CLEARANCE, t + h * collocation.first(PARAMETERS.nodes))
-    return SingularStep(step, t) if delta > 0 and _agree(land, (step, fewer), tolerance, delta) else None
+    delta = _root(project, step, SMALLEST_ANGLE, t + h * collocation.first(PARAMETERS.nodes))
+    return SingularStep(step, t) if delta > 0 and _agree(project, (step, fewer), tolerance, delta) else None
 
 
 def _agree(
-    land: BoundFunction, steps: tuple[collocation.Step, collocation.Step], tolerance: Floats, delta: float
+    project: BoundFunction, steps: tuple[collocation.Step, collocation.Step], tolerance: Floats, delta: float
 ) -> bool:
     """True if two steps agree to the tolerance, or to rounding at a distance delta from dependent rows."""
     step = steps[0]
     new, other = (each.state(1.0)[:-1] for each in steps)
     rtol, atol = tolerance[:2]
     own = np.maximum(np.abs(step.y[:-1]), np.abs(new))
-    collocation.landed(land, step.t + step.h, step.state(1.0))
+    collocation.projected(project, step.t + step.h, step.state(1.0))
     n = new.size // 2
-    sizes = collocation.sizes_of(land.results[3])[:-1]
+    sizes = collocation.sizes_of(project.results[3])[:-1]
     # Rounding of positions shows in velocities, the more the shorter the step.
     sizes[n:] = np.maximum(sizes[n:], sizes[:n] / step.h)
     rounding = min(PARAMETERS.worst, max(PARAMETERS.roundoff, PARAMETERS.amplified_roundoff / delta**3))
@@ -251,32 +251,32 @@ def _agree(
 
 
 def _instant(
-    land: BoundFunction, step: collocation.Step, guess: Prediction, width: float
+    project: BoundFunction, step: collocation.Step, guess: Prediction, width: float
 ) -> tuple[float, float] | None:
-    """The instant at which the clearance vanishes within a width around a guess, and the slope of its root there; None
-    where it does not vanish in a line."""
+    """The instant at which the smallest angle vanishes within a width around a guess, and the slope of its root there;
+    None where it does not vanish in a line."""
     instant = guess.instant
     for offsets in (PARAMETERS.far, PARAMETERS.close):
-        looked = _beside(land, step, guess.place, instant, np.array(offsets) * width)
+        looked = _beside(project, step, guess.place, instant, np.array(offsets) * width)
         if looked is None:
             return None
         taus, roots, zero, slope = looked
         instant += zero
     if np.any(np.abs(roots - abs(slope) * np.abs(taus - zero)) > PARAMETERS.bent * roots):
         return None
-    looked = _beside(land, step, guess.place, instant, np.array(PARAMETERS.closest) * width)
+    looked = _beside(project, step, guess.place, instant, np.array(PARAMETERS.closest) * width)
     if looked is not None:
         instant += looked[2]
     return instant, abs(slope)
 
 
 def _beside(
-    land: BoundFunction, step: collocation.Step, place: int, instant: float, offsets: Floats
+    project: BoundFunction, step: collocation.Step, place: int, instant: float, offsets: Floats
 ) -> tuple[Floats, Floats, float, float] | None:
-    """Times beside an instant (4,), roots of the clearance there, and the zero between them with its slope; None where
-    there is none."""
+    """Times beside an instant (4,), roots of the smallest angle there, and the zero between them with its slope;
+    None where there is none."""
     taus = np.concatenate([-offsets[::-1], offsets])
-    roots = np.array([_root(land, step, place, instant + tau) for tau in taus])
+    roots = np.array([_root(project, step, place, instant + tau) for tau in taus])
     signed = roots * np.sign(-taus)
     if not (np.isfinite(roots).all() and signed[1] > 0 > signed[2]):
         return None
@@ -308,17 +308,17 @@ def _zero(x: Floats, y: Floats) -> tuple[float, float]:
     return zero, slope
 
 
-def _is_only_one(land: BoundFunction, step: collocation.Step, place: int, instant: float) -> bool:
-    """True if the clearance falls to the instant all the way and rises all the way after it: there is no other."""
+def _is_only_one(project: BoundFunction, step: collocation.Step, place: int, instant: float) -> bool:
+    """True if the smallest angle falls to the instant all the way and rises all the way after it: there is no other."""
     for begin, end in ((step.t, instant), (step.t + step.h, instant)):
-        roots = [_root(land, step, place, begin + x * (end - begin)) for x in PARAMETERS.along_step]
+        roots = [_root(project, step, place, begin + x * (end - begin)) for x in PARAMETERS.along_step]
         if not all(after < before for before, after in itertools.pairwise(roots)):
             return False
     return True
 
 
-def _root(land: BoundFunction, step: collocation.Step, place: int, at: float) -> float:
-    """The root of the clearance on the surface at a time in a step."""
-    if collocation.landed(land, at, step.state((at - step.t) / step.h)) is None:
+def _root(project: BoundFunction, step: collocation.Step, place: int, at: float) -> float:
+    """The root of the smallest angle on the surface at a time in a step."""
+    if collocation.projected(project, at, step.state((at - step.t) / step.h)) is None:
         return math.nan
-    return math.sqrt(max(0.0, land.results[2][place]))
+    return math.sqrt(max(0.0, project.results[2][place]))

@@ -10,7 +10,7 @@ from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
 
 # A last interval shorter than this part of the step is rounding, and no interval.
-ROUNDING = 1e-9
+GRID_ROUNDOFF = 1e-9
 # Where t stands in a function together with coordinates, nothing is known beforehand, and there are as many witnesses
 # for each row.
 MORE = 4
@@ -18,7 +18,7 @@ MORE = 4
 # this part of their distance.
 LEAST, SHIFT = 2, 0.37
 # Closer to the begin of a step than so many roundings of the time there is no witness.
-ASIDE = 2**14
+OFFSET = 2**14
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Grid:
 
     def after(self, t: float) -> int:
         """The first row that stands after t, by more than rounding."""
-        return self.first(math.nextafter(t + ROUNDING * self.step, math.inf))
+        return self.first(math.nextafter(t + GRID_ROUNDOFF * self.step, math.inf))
 
     def first(self, t: float) -> int:
         """The first row at t or after it; `count` where there is none."""
@@ -68,7 +68,7 @@ def grid(settings: Simulation) -> Grid:
         return Grid(start, end, duration / (settings.samples - 1), settings.samples)
     step = settings.output_step
     whole = math.floor(duration / step * (1 + 1e-12))
-    divides = abs(whole * step - duration) <= ROUNDING * step
+    divides = abs(whole * step - duration) <= GRID_ROUNDOFF * step
     return Grid(start, end, step, whole + (1 if divides and whole else 2))
 
 
@@ -95,7 +95,7 @@ class Witnesses:
         grid, parts = self._grid, self._parts
         if not parts or not grid.step:
             return
-        after = t + ASIDE * math.ulp(t)
+        after = t + OFFSET * math.ulp(t)
         row = max(0, grid.first(after) - 1)
         while (begin := grid.time(row)) < reached:
             length = min(grid.time(row + 1), grid.end) - begin

@@ -117,12 +117,12 @@ def put_in_passage(run: Stepper, across: SingularStep, at: float) -> None:
     """Write the line at a time within the step; close to the instant it is the limit from both sides."""
     rows, step, tau = run.rows, across.step, at - across.instant
     if abs(tau) > PARAMETERS.window * across.width:
-        _put_aside(run, at, step)
+        _put_scratch(run, at, step)
         return
     taus = beside(across.width, across.is_start)
     lines = []
     for other in taus:
-        _put_aside(run, across.instant + other, step)
+        _put_scratch(run, across.instant + other, step)
         lines.append(rows.line.copy())
     found = np.array(lines)
     rows.line[:] = interpolated(taus, found, tau)
@@ -130,8 +130,8 @@ def put_in_passage(run: Stepper, across: SingularStep, at: float) -> None:
     rows.line[0] = rows.at[0] = run.origin + at
 
 
-def _put_aside(run: Stepper, at: float, step: collocation.Step) -> None:
+def _put_scratch(run: Stepper, at: float, step: collocation.Step) -> None:
     rows = run.rows
     rows.at[0] = run.origin + at
-    rows.aside.arguments[1][:] = step.state((at - step.t) / step.h)
-    rows.aside.trigger()
+    rows.scratch.arguments[1][:] = step.state((at - step.t) / step.h)
+    rows.scratch.trigger()

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 States = Callable[[Floats], Floats]
 
-# A landed state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
-LANDING = 1e-9
-# A step of this error is right, and so are rows that are independent: where it does not land, integrals may be the
+# A projected state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
+MOST_RESIDUAL = 1e-9
+# A step of this error is right, and so are rows that are independent: where its projection fails, integrals may be the
 # reason.
 CERTAIN = 1e-6
 # A step in which rows have been dependent unseen counts as one of this error, which halves it; down to this part of
@@ -87,7 +87,7 @@ class Stepper:
 
     def __init__(
         self,
-        held: EnforcedInvariants,
+        enforced: EnforcedInvariants,
         state: RunState,
         settings: Simulation,
         grid: Grid,
@@ -95,36 +95,36 @@ class Stepper:
         is_again: bool = False,
     ) -> None:
         self.origin, self.grid = state.origin, grid
-        resting = step_tolerance.resting_forces(held.integrals.system, held.functions.numeric)
+        resting = step_tolerance.resting_forces(enforced.integrals.system, enforced.functions.numeric)
         self.tolerance = step_tolerance.of_steps(settings, resting.acceleration, resting.blurred)
         self.method = method.of(settings)
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
         self._witnesses = Witnesses(grid, timed, is_again)
         # A run counts its turns in numbers of its own.
-        held = dataclasses.replace(held, p=held.p.copy())
-        self._turns = Turns(held.integrals.system)
-        self._turns.resume(held.p, state.turns)
+        enforced = dataclasses.replace(enforced, p=enforced.p.copy())
+        self._turns = Turns(enforced.integrals.system)
+        self._turns.resume(enforced.p, state.turns)
         self.t, self.row_time = state.t, math.inf
-        self._bind(held, state.y, state.k)
+        self._bind(enforced, state.y, state.k)
         self.control = StepController(self.method.order, state.step, state.pace_from)
         self.found = FoundStep(state.t)
         figures = state.figures if math.isfinite(state.row) else None
         counted = {name: getattr(state, name) for name in COUNTED}
-        self.account = RunStatistics(figures=figures, **counted)
+        self.statistics = RunStatistics(figures=figures, **counted)
         self.contacts = state.contacts
-        self.account.deepest, self.account.resting = state.contacts.deepest, resting.energy
+        self.statistics.deepest, self.statistics.resting = state.contacts.deepest, resting.energy
         self.watch = SingularityMonitor(state.watch)
-        self.foreseen = self.watch.again()
+        self.predicted = self.watch.again()
         # The state before the last step that is what a longer run would have taken; None where that is the last.
         self._undisturbed: RunState | None = None
         self.settle()
 
-    def bind(self, held: EnforcedInvariants) -> None:
+    def bind(self, enforced: EnforcedInvariants) -> None:
         """Step with other functions from where the run stands."""
-        self._bind(held, self.bound.y, self.bound.k)
+        self._bind(enforced, self.bound.y, self.bound.k)
 
-    def _bind(self, held: EnforcedInvariants, y: Floats, k: Floats) -> None:
-        self.bound = BoundStep(held, self.method, y.copy(), self.tolerance)
+    def _bind(self, enforced: EnforcedInvariants, y: Floats, k: Floats) -> None:
+        self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
         self.bound.t[0], self.bound.k[:] = self.t, k
 
@@ -134,31 +134,31 @@ class Stepper:
 
     def _here(self) -> RunState:
         bound, control = self.bound, self.control
-        held, watched, contacts, counted = self._settled
+        enforced, watched, contacts, counted = self._settled
         return RunState(
             t=bound.t[0],
             y=bound.y.copy(),
             k=bound.k.copy(),
             step=control.step,
             pace_from=control.pace_from,
-            selection=held.integrals.selection,
-            levels=held.levels,
+            selection=enforced.integrals.selection,
+            invariant_values=enforced.invariant_values,
             watch=watched,
             origin=self.origin,
-            turns=self._turns.of(bound.held.p),
+            turns=self._turns.of(bound.enforced.p),
             contacts=contacts,
             **dict(zip(COUNTED, counted, strict=True)),
         )
 
     def settle(self) -> None:
         """Keep what belongs to the state from which the next step is tried."""
-        self._settled = self.bound.held, self.watch.state, self.contacts, _counted(self.account)
+        self._settled = self.bound.enforced, self.watch.state, self.contacts, _counted(self.statistics)
         self.tried: invariants.Tried = NONE_TRIED
 
     def state_at(self, t: float, y: Floats) -> State:
         """A state of the motion as others take it, its time not counted from `origin`."""
         n = y.size // 2
-        return State(self.origin + t, y[:n], y[n : 2 * n], self.bound.held.p)
+        return State(self.origin + t, y[:n], y[n : 2 * n], self.bound.enforced.p)
 
     def advance(self, beyond: bool = False) -> None:
         """Find an acceptable step from the current state.
@@ -182,7 +182,7 @@ class Stepper:
             if is_cut:
                 reached, taken = end, end - t
             error, smaller = self._try(reached, taken)
-            outcome = self.bound.outcome
+            status = self.bound.status
             if not smaller:
                 if is_cut or not last:
                     break
@@ -190,20 +190,20 @@ class Stepper:
                 self._undisturbed = self._undisturbed or self._here()
                 h = shorter
                 continue
-            self.account.rejected += 1
-            if self.bound.held.is_any and error != UNSEEN and outcome[0] < CERTAIN and self._let_go(last):
+            self.statistics.rejected += 1
+            if self.bound.enforced.is_any and error != UNSEEN and status[0] < CERTAIN and self._let_go(last):
                 continue
             grow = 1.0
             if t + smaller / 64 == t:
-                raise self._no_step(error, outcome[3])
+                raise self._no_step(error, status[3])
             if is_cut:
                 shorter = smaller
             else:
                 h = smaller
-        self.foreseen = self.watch.foreseen(reached, outcome[4], outcome[5])
-        self.account.steps += 1
+        self.predicted = self.watch.predicted(reached, status[4], status[5])
+        self.statistics.steps += 1
         found = self.found
-        if outcome[7] > step_tolerance.COARSE_WORK and self.account.is_balanced:
+        if status[7] > step_tolerance.COARSE_WORK and self.statistics.is_balanced:
             self.find_work(taken)
         found.is_open, found.is_jump, found.reached, found.taken = True, False, reached, taken
         grown = self.control.grown(taken, error, grow)
@@ -213,8 +213,8 @@ class Stepper:
     def _lengths(self, t: float) -> tuple[float, float]:
         """The length of a step to be tried from t, and what it would be without the timetable."""
         wished = self.control.step
-        if self.foreseen is not NEVER:
-            wished = self.foreseen.shortened(t, wished)
+        if self.predicted is not NEVER:
+            wished = self.predicted.shortened(t, wished)
         return self.timetable.shortened(t, wished) if self.timetable.is_any else wished, wished
 
     def _try(self, reached: float, taken: float) -> tuple[float, float]:
@@ -228,18 +228,18 @@ class Stepper:
         is_witnessed = self.rows.defect is not None
         has_stages = self.found.keeps_stages or self.row_time < reached or is_witnessed
         (bound.staged if has_stages else bound.step).trigger()
-        self.account.evaluations += self.method.evaluations
-        scheme_error, moved, hidden, residual, _, _, everything, _ = bound.outcome
-        landed, error = residual <= LANDING, max(scheme_error, moved)
+        self.statistics.evaluations += self.method.evaluations
+        scheme_error, moved, hidden, residual, _, _, everything, _ = bound.status
+        projected, error = residual <= MOST_RESIDUAL, max(scheme_error, moved)
         if hidden < 0.0 and taken > HIDING * self.control.step:
             error = max(error, HIDDEN)
-        if error < 1.0 and landed and math.isfinite(everything):
+        if error < 1.0 and projected and math.isfinite(everything):
             if not is_witnessed:
                 return error, 0.0
             unseen = self._unseen(reached, taken)
             return (error, 0.0) if unseen == math.inf else (UNSEEN, unseen - self.t)
         # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
-        is_known = math.isfinite(error) and error >= 1.0 and landed
+        is_known = math.isfinite(error) and error >= 1.0 and projected
         return error, self.control.smaller(taken, error, is_known)
 
     def _unseen(self, reached: float, taken: float) -> float:
@@ -250,7 +250,7 @@ class Stepper:
             self.make_dense()
             rows.at[0], rows.x[0] = self.origin + at, (at - self.t) / taken
             defect.trigger()
-            self.account.evaluations += 1
+            self.statistics.evaluations += 1
             if defect.results[0][0] > FORGIVEN:
                 return at
         return math.inf
@@ -262,10 +262,12 @@ class Stepper:
         self.make_dense()
         span = self.t, taken, self.tolerance[0]
         begin, coefficients = bound.y[:, None], self.rows.dense.results[0][:, :, None]
-        work = _work(bound.aside, span, bound.y, lambda x: self.method.interpolated(begin, coefficients, x).T)
-        self.count_aside()
+        work = _work(
+            bound.scratch, span, bound.y, lambda x: self.method.interpolated(begin, coefficients, x).T
+        )
+        self.count_scratch()
         if work is None:
-            self.account.doubt()
+            self.statistics.doubt()
         else:
             bound.new[-1] = work.end
         self.found.work = work
@@ -274,25 +276,25 @@ class Stepper:
         """Make the dense output of the step, once."""
         if not self.found.has_dense:
             self.rows.dense.trigger()
-            self.account.evaluations += self.method.dense_evaluations
+            self.statistics.evaluations += self.method.dense_evaluations
             self.found.has_dense = True
 
-    def count_aside(self) -> None:
+    def count_scratch(self) -> None:
         """Count the evaluations that were made beside the step."""
-        self.account.evaluations += self.bound.aside.used
-        self.bound.aside.used = 0
+        self.statistics.evaluations += self.bound.scratch.used
+        self.bound.scratch.used = 0
 
     def _let_go(self, is_last: bool) -> bool:
-        """After a step that did not land though it is right: leave the integrals that are the reason, if any."""
+        """After a step whose projection failed though it is right: leave the integrals that are the reason, if any."""
         bound, t, h = self.bound, self.t, self.bound.h[0]
-        plain = bound.held.plain.functions.scheme(self.method)
+        plain = bound.enforced.plain.functions.scheme(self.method)
         y, k = bound.y, bound.k
-        arguments = [np.array([t]), np.array([h]), y, k, self.tolerance, bound.held.p]
+        arguments = [np.array([t]), np.array([h]), y, k, self.tolerance, bound.enforced.p]
         step = BoundFunction(plain.step, arguments, wanted=3)
         step.trigger()
-        self.account.evaluations += self.method.evaluations
+        self.statistics.evaluations += self.method.evaluations
         new, _, (error, moved, _, residual, _, _, everything, _) = step.results
-        if not (max(error, moved) < 1.0 and residual <= LANDING and math.isfinite(everything)):
+        if not (max(error, moved) < 1.0 and residual <= MOST_RESIDUAL and math.isfinite(everything)):
             return False
         if is_last:
             # A longer run may be in another place when it comes to this.
@@ -304,9 +306,9 @@ class Stepper:
         """Leave the integrals that do not lead to a state ahead, or take other charts of them."""
         bound = self.bound
         here, ahead = self.state_at(self.t, bound.y), self.state_at(reached, new)
-        held, notes, self.tried = invariants.let_go(bound.held, here, ahead, self.tried)
-        self.account.notes += notes
-        self.bind(held)
+        enforced, notes, self.tried = invariants.let_go(bound.enforced, here, ahead, self.tried)
+        self.statistics.notes += notes
+        self.bind(enforced)
 
     def accept(self) -> None:
         """Go to the end of the step that was found."""
@@ -325,7 +327,7 @@ class Stepper:
             self._count_turns()
         self.tell_within()
         self.settle()
-        if self.account.steps % LENGTH.pace == 0 and not was_still:
+        if self.statistics.steps % LENGTH.pace == 0 and not was_still:
             end = self.grid.end
             advanced = control.lags(self.t, end)
             if advanced is not None:
@@ -334,7 +336,7 @@ class Stepper:
                 if self._is_before_pole():
                     raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
                 here = self.state_at(self.t, bound.y)
-                raise stop_diagnosis.hopeless(bound.held, here, LENGTH.pace, advanced, end - self.t)
+                raise stop_diagnosis.hopeless(bound.enforced, here, LENGTH.pace, advanced, end - self.t)
 
     def tell_within(self) -> None:
         """Tell of the incidents within the step that was found, up to its end and that of the run."""
@@ -342,12 +344,12 @@ class Stepper:
         last = self.origin + min(self.found.reached, self.grid.end)
         for incident in sorted(found, key=lambda incident: incident.t):
             if incident.t <= last:
-                self.account.add(incident)
+                self.statistics.add(incident)
 
     def _count_turns(self) -> None:
         bound = self.bound
-        p, n = bound.held.p, bound.y.size // 2
-        self.account.notes += self._turns.settle(self.origin + self.t, bound.y[:n], p)
+        p, n = bound.enforced.p, bound.y.size // 2
+        self.statistics.notes += self._turns.settle(self.origin + self.t, bound.y[:n], p)
         bound.p[: p.size] = p
 
     def _no_step(self, error: float, residual: float) -> StepFailure:
@@ -357,9 +359,9 @@ class Stepper:
         here, ahead = self.state_at(self.t, bound.y), self.state_at(self.t + bound.h[0], bound.new)
         if self._is_before_pole():
             return StepFailure(stop_diagnosis.POLE, NOT_FINITE)
-        is_soon = self.foreseen.instant - self.t < stop_diagnosis.SOON * (grid.end - grid.start)
-        known = residual, here, ahead, *self.watch.nearness, is_soon, self.origin + self.contacts.last
-        return stop_diagnosis.no_step(bound.held, stop_diagnosis.Rejection(error, *known), LANDING)
+        is_soon = self.predicted.instant - self.t < stop_diagnosis.SOON * (grid.end - grid.start)
+        known = residual, here, ahead, *self.watch.rank_margin, is_soon, self.origin + self.contacts.last
+        return stop_diagnosis.no_step(bound.enforced, stop_diagnosis.Rejection(error, *known), MOST_RESIDUAL)
 
     def _is_before_pole(self) -> bool:
         """True if a function of t ahead is the reason: y' grows without bound towards its switch."""
@@ -372,12 +374,12 @@ class Stepper:
         # At the distance from it, three times and nine times as far.
         times = (ahead - part * (ahead - t) for part in (1.0, 3.0, 9.0))
         rates = [np.array(bound.numeric.rhs(at, bound.y, bound.p)).ravel() for at in times]
-        self.account.evaluations += len(rates)
+        self.statistics.evaluations += len(rates)
         return stop_diagnosis.is_pole(rates)
 
 
-def _work(land: BoundFunction, span: tuple[float, float, float], y: Floats, states: States) -> Work | None:
+def _work(project: BoundFunction, span: tuple[float, float, float], y: Floats, states: States) -> Work | None:
     """W within a step, as of `work_integral.within`."""
     from lagcli.simulation.scheme import work_integral
 
-    return work_integral.within(land, span, y, states)
+    return work_integral.within(project, span, y, states)

@@ -60,16 +60,16 @@ class Rejection(NamedTuple):
     residual: float
     here: initial.State
     ahead: initial.State
-    nearness: float
+    rank_margin: float
     is_alone: bool
     is_soon: bool
     last: float
 
 
-def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepFailure:
-    """Why no step can be taken; landing: the residual of a step that has landed."""
-    system, numeric, here = held.integrals.system, held.functions.numeric, tried.here
-    is_near, is_alone = tried.nearness < DEPENDENT, tried.is_alone
+def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float) -> StepFailure:
+    """Why no step can be taken; landing: the residual of a step that was projected."""
+    system, numeric, here = enforced.integrals.system, enforced.functions.numeric, tried.here
+    is_near, is_alone = tried.rank_margin < DEPENDENT, tried.is_alone
     apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
     if is_near and tried.is_soon and apart is None:
         told = _named(system, singular_point.closest(numeric, here, is_alone))
@@ -82,7 +82,7 @@ def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepF
             f" position, or a cusp{behind})",
             SINGULAR,
         )
-    jump = _jump(held, here)
+    jump = _jump(enforced, here)
     if jump:
         return StepFailure(jump, NO_SOLUTION)
     # Loaded here, with all that decides contacts: few runs stop.
@@ -96,7 +96,7 @@ def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepF
             " the edge round, as `sqrt(x**2 + w**2)` in place of `abs(x)`)",
             CONTACT,
         )
-    if apart is not None and tried.nearness < WEIGHED:
+    if apart is not None and tried.rank_margin < WEIGHED:
         told = f"inertias that differ by a factor of {apart:.0e} amplify rounding"
         return StepFailure(f"{BELOW_ROUNDING}: {told}", TOO_SMALL)
     if not math.isfinite(tried.error) or not math.isfinite(tried.residual):
@@ -105,8 +105,8 @@ def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepF
             " or a function of the model has a pole",
             NOT_FINITE,
         )
-    if tried.residual > landing:
-        parting = singular_point.departed(numeric, tried.ahead, landing)
+    if tried.residual > most_residual:
+        parting = singular_point.departed(numeric, tried.ahead, most_residual)
         if parting:
             told = _named(system, parting)
             return StepFailure(
@@ -117,10 +117,10 @@ def no_step(held: EnforcedInvariants, tried: Rejection, landing: float) -> StepF
 
 
 def hopeless(
-    held: EnforcedInvariants, here: initial.State, steps: int, advanced: float, left: float
+    enforced: EnforcedInvariants, here: initial.State, steps: int, advanced: float, left: float
 ) -> StepFailure:
     """Why the last steps advanced by so little that the run would not end in any time one can wait."""
-    jump = _jump(held, here)
+    jump = _jump(enforced, here)
     return StepFailure(
         jump
         or f"the last {steps} steps advanced by {advanced:.2g}, so that the run would need"
@@ -130,14 +130,14 @@ def hopeless(
     )
 
 
-def impact(held: EnforcedInvariants, here: initial.State, beyond: initial.State) -> StepFailure:
+def impact(enforced: EnforcedInvariants, here: initial.State, beyond: initial.State) -> StepFailure:
     """Why the motion does not go on beyond a switch, where velocities would have to jump."""
-    jump = _jump(held, here)
+    jump = _jump(enforced, here)
     if not jump:
-        if wall := _wall(held, here, beyond):
+        if wall := _wall(enforced, here, beyond):
             return StepFailure(f"the wall of the closed contact `{wall}` jumps there", CONTACT)
-        rows = _violated(held.functions.numeric, beyond)
-        named = _named(held.integrals.system, rows)
+        rows = _violated(enforced.functions.numeric, beyond)
+        named = _named(enforced.integrals.system, rows)
         jump = f"the rows {named} make velocities jump there: an impact, which the equations of motion do not describe"
     return StepFailure(jump, NO_SOLUTION)
 
@@ -150,9 +150,9 @@ def _violated(numeric: NumericSystem, state: initial.State) -> tuple[int, ...]:
     return tuple(np.flatnonzero(off > 0.5 * off.max(initial=0.0)).tolist())
 
 
-def _wall(held: EnforcedInvariants, here: initial.State, beyond: initial.State) -> str:
+def _wall(enforced: EnforcedInvariants, here: initial.State, beyond: initial.State) -> str:
     """The closed contact whose gap changes most between two times at one place; none where nothing changes."""
-    numeric, system = held.functions.numeric, held.integrals.system
+    numeric, system = enforced.functions.numeric, enforced.integrals.system
     closed = [i - len(system.rows.rows) for i in numeric.closed_rows]
     if not closed:
         return ""
@@ -186,8 +186,8 @@ def row_not_finite(columns: tuple[str, ...], column: int, t: float) -> StepFailu
     return StepFailure(f"{what} is not finite at t = {t:.9g}", NOT_FINITE)
 
 
-def _jump(held: EnforcedInvariants, here: initial.State) -> str:
-    system, numeric = held.integrals.system, held.plain.functions.numeric
+def _jump(enforced: EnforcedInvariants, here: initial.State) -> str:
+    system, numeric = enforced.integrals.system, enforced.plain.functions.numeric
     open_ = numeric.selection.opened(len(system.rows.rows))
     return stop_reasons.reason(
         system, numeric if numeric.selection == open_ else numeric.keeping(open_), here
@@ -196,4 +196,4 @@ def _jump(held: EnforcedInvariants, here: initial.State) -> str:
 
 def _named(system: System, rows: tuple[int, ...]) -> str:
     names = [row.name for row in system.multiplier_rows]
-    return ", ".join(f"`{names[i]}`" for i in rows[: initial.MOST_TOLD])
+    return ", ".join(f"`{names[i]}`" for i in rows[: initial.MOST_LISTED])

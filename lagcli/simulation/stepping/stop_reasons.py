@@ -151,7 +151,7 @@ def _along(state: State, reach: float, duration: float) -> tuple[State, ...]:
 def _rows(numeric: NumericSystem, place: State) -> Floats:
     """f (C,), zero of differential rows, then B u of two directions u, and b: (4 C,)."""
     B, b = numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)
-    f, rows = np.array(numeric.whole(place.t, place.q, place.p)[0]).ravel(), LocalRows(B)
+    f, rows = np.array(numeric.holonomic(place.t, place.q, place.p)[0]).ravel(), LocalRows(B)
     random = np.random.default_rng(0)
     ways = [rows.times(random.standard_normal(place.q.size)) for _ in range(2)]
     return np.concatenate([f, np.zeros(rows.count - f.size), *ways, np.array(b).ravel()])
@@ -160,7 +160,7 @@ def _rows(numeric: NumericSystem, place: State) -> Floats:
 def _rounding(numeric: NumericSystem, place: State) -> Floats:
     """The values that rounding may leave of f, and zero for the gradients, (4 C,)."""
     norms = LocalRows(numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)[0]).norms
-    s, size = numeric.whole.size1_out(0), float(np.abs(place.q).max(initial=0.0))
+    s, size = numeric.holonomic.size1_out(0), float(np.abs(place.q).max(initial=0.0))
     floor = np.zeros((4, norms.size))
     floor[0, :s] = PARAMETERS.rounded * np.nan_to_num(norms[:s], posinf=0.0) * size
     return floor.ravel()

@@ -26,7 +26,7 @@ Floats = npt.NDArray[np.float64]
 # it is halved, but not more often than this, and the less often the more there is to evaluate.
 ROWS, MOST_HALVINGS = 1024, 14
 # Pieces that are kept for the next run of the same model.
-MOST_KEPT = 16
+MOST_CACHED = 16
 # Cells of a piece at a time, and values in all of them.
 MOST_CELLS, MOST_VALUES = 2**12, 2**21
 # A cell that holds a switch is halved down to neighbouring doubles. Rounding alone may fill more of them than RUN:
@@ -34,7 +34,7 @@ MOST_CELLS, MOST_VALUES = 2**12, 2**21
 RUN, FINE = 16, 2.0**-30
 # Steps keep this many roundings of the time away from a switch, and states stand still across no more than STILL. Near
 # t = 0 the part GRAIN of a piece takes the place of a rounding.
-ASIDE, STILL, GRAIN = 4, 256, 2.0**-62
+OFFSET, STILL, GRAIN = 4, 256, 2.0**-62
 # A cell is halved until no function changes by more than this part of its range in it, down to a part of the piece.
 CHANGE, SHORTEST = 0.25, 2.0**-36
 # Between stations a function goes up and down by this part of its range in all, and by that of a cell. A step passes
@@ -159,13 +159,13 @@ class Timetable:
     def _found(self, begin: float, high: float) -> tuple[list[SwitchSpan] | None, list[float] | None]:
         """The switches and stations between two times, kept for the next run; None where there is too much."""
         assert self._functions is not None
-        kept, span = self._functions.kept, (begin, high)
-        found: tuple[list[SwitchSpan] | None, list[float] | None] | None = kept.get((*span, self._piece))
+        cached, span = self._functions.cached, (begin, high)
+        found: tuple[list[SwitchSpan] | None, list[float] | None] | None = cached.get((*span, self._piece))
         if found is None:
             switches = _switches(self._functions, span, GRAIN * self._piece)
             found = switches, _stations(self._functions, self._functions.waves, span)
-            if len(kept) < MOST_KEPT:
-                kept[*span, self._piece] = found
+            if len(cached) < MOST_CACHED:
+                cached[*span, self._piece] = found
         return found
 
     def _add(self, switches: list[SwitchSpan], stations: list[float]) -> None:
@@ -188,12 +188,12 @@ def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float)
         if left.size * functions.size > MOST_VALUES:
             return None
         values = functions.values((left, right), functions.switches)
-        held = np.zeros(left.size, dtype=bool)
+        enforced = np.zeros(left.size, dtype=bool)
         for a, b in values:
             # What is zero all over a cell switches at its ends, if anywhere.
             zero = (a <= 0.0) & (b >= 0.0) & ~((a == 0.0) & (b == 0.0))
-            held |= np.atleast_2d(zero).any(axis=0)
-        left, right = left[held], right[held]
+            enforced |= np.atleast_2d(zero).any(axis=0)
+        left, right = left[enforced], right[enforced]
         whole = (right - left <= grain) | (right <= np.nextafter(left, np.inf))
         if whole.all():
             break
@@ -230,11 +230,11 @@ def _joined(cells: list[tuple[float, float]] | list[SwitchSpan], grain: float) -
     """Cells as switches, with some roundings aside; those that nearly touch as one."""
     found: list[SwitchSpan] = []
     for a, b in sorted(cells):
-        aside = ASIDE * max(math.ulp(max(abs(a), abs(b))), grain) if grain else 0.0
-        if found and a - 4 * aside <= found[-1].after:
-            found[-1] = SwitchSpan(found[-1].before, max(found[-1].after, b + aside))
+        offset = OFFSET * max(math.ulp(max(abs(a), abs(b))), grain) if grain else 0.0
+        if found and a - 4 * offset <= found[-1].after:
+            found[-1] = SwitchSpan(found[-1].before, max(found[-1].after, b + offset))
         else:
-            found.append(SwitchSpan(a - aside, b + aside))
+            found.append(SwitchSpan(a - offset, b + offset))
     return found
 
 
