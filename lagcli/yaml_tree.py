@@ -21,6 +21,7 @@ from typing import Literal
 import yaml
 
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen_value
 
 MAX_BYTES = 32 * 2**20  # of a file: somebody else's may be endless
 MAX_DEPTH = 16  # levels: a model needs five
@@ -38,7 +39,7 @@ NOT_TEXT = yaml.reader.Reader.NON_PRINTABLE
 _Loader: type = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Text:
     """The whole text of a file with its name, able to locate an offset.
 

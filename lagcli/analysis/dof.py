@@ -21,6 +21,7 @@ from lagcli.analysis.classification.verdict import Classification
 from lagcli.analysis.codimension import Codimension
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
+from lagcli.frozen import frozen_value
 from lagcli.linear import generic_direction, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.start import initial, sample_points
@@ -38,7 +39,7 @@ TIP, TURN = 2e-12, 0.1
 SEED = 20061
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class DofCount:
     """The count. Where it is undecided, `configuration_dof` is None, `reason` says why, and `bounds` holds it.
 
@@ -87,7 +88,7 @@ class DofCount:
         }
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class _Ranks:
     """Ranks of the rows that count as holonomic and of all rows, over points on the surface and beside it."""
 
@@ -105,7 +106,7 @@ class _Ranks:
         return max(r.high for r in self.of_holonomic), max(r.high for r in self.everything)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Examined:
     """The count, what is known of the surface of the holonomic rows, points of it, the start first, and the verdicts,
     without those that such a surface leaves open."""

@@ -10,6 +10,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen
 
 if TYPE_CHECKING:
     # Most models have no differential rows, and load nothing that judges them.
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from lagcli.start.initial import State
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class ExaminedStart:
     """A state where a run can begin, how it was moved there, if it was, the independent rows, whether they are
     dependent there and not nearby, and the first integrals and hidden conditions of its rows."""

@@ -18,6 +18,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen_value
 from lagcli.linear import rank
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
@@ -28,7 +29,7 @@ AHEAD = (0.05, 0.02, 0.005)
 LATER = 0.01  # of the duration: how far other points move on in time
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class StartSelection:
     """The rows a run is stepped with, and whether they are dependent at its very start, a singular configuration."""
 

@@ -6,15 +6,16 @@ program prints the same thing; what a code means at length stands in `catalogue`
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Iterable, Iterator
 from typing import Literal
 
+from lagcli.frozen import frozen_value
+
 Severity = Literal["error", "warning", "note"]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Location:
     """A stretch of one line of a file. `line` and `column` count from 1, in characters."""
 
@@ -25,7 +26,7 @@ class Location:
     source_line: str = ""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Diagnostic:
     """One thing to say: a stable code, a sentence, where, and what may help."""
 

@@ -7,7 +7,6 @@ Dense rows are chosen by Gram-Schmidt (twice, for rounding).
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
 
 import casadi as ca
@@ -15,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
+from lagcli.frozen import frozen
 from lagcli.linear import rank
 from lagcli.linear.metric_rows import MetricRows
 
@@ -33,7 +33,7 @@ BETTER = 4.0
 MOST_LISTED, MOST_NAMED = 6, 20
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Dependence:
     """Independent rows (r,) and the `rest` (k,), whose unit rows are `weights` (k, r) @ the unit independent rows."""
 

@@ -11,6 +11,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.frozen import frozen
+
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Places = npt.NDArray[np.intp]
@@ -116,7 +118,7 @@ class Metric:
         return float(np.sqrt(max(0.0, square)))
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class _Entries:
     """Entries of a sparse matrix, all (z,)."""
 
@@ -129,7 +131,7 @@ class _Entries:
         return _Entries(self.row[places], self.column[places], self.value[places])
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class _MassBlock:
     """Free coordinates that are coupled, by their places (k,), and the lower factor of M over them (k, k)."""
 

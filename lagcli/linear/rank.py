@@ -6,11 +6,10 @@ a row is scaled nor on units of mass.
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.frozen import frozen
 from lagcli.linear import metric_rows
 from lagcli.linear.metric_rows import MetricRows
 
@@ -24,7 +23,7 @@ LARGE, SMALL = 3e-6, 1e-7
 WEIGHT = 1e-6
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Rank:
     """The rank lies between `low` and `high`; `dependences` are the left null vectors beyond `low` (d, C).
 

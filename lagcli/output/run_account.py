@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
+from lagcli.frozen import frozen_value
 from lagcli.model import settings
 from lagcli.model.model import Simulation
 from lagcli.output.tables import provenance
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 INTERRUPTED, NOT_WRITTEN = "interrupted", "not-written"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Stopped:
     """Why a run ended before its end: the time reached, a sentence, and its code for `lagcli explain`."""
 
@@ -39,7 +40,7 @@ class Outcome:
     stopped: Stopped | None = None
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Stats:
     """The account of a run, the object of `--stats`.
 

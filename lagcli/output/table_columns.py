@@ -3,7 +3,6 @@ beside those that every table of its model has."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.frozen import frozen
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.model import Model
 from lagcli.output.tables import incident_table
@@ -160,7 +160,7 @@ class GeneralizedForces:
         return np.asarray(np.array(found)[self._rows].T)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class RunColumns:
     """incidents: the columns of the table of incidents; by_name: those that are given only where they are asked for by
     name, `Q.theta`; forces: their values."""

@@ -10,6 +10,7 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions, size_limits, time_functions
 from lagcli.equations.system import System
 from lagcli.expression.tree import ExpressionError
+from lagcli.frozen import frozen
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Parameter
 from lagcli.simulation.run import run_start
@@ -69,7 +70,7 @@ class CachedFunctions:
         return known[1]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class RunPlan:
     """A run that is asked for, from a consistent start.
 

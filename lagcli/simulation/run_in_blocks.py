@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
+from lagcli.frozen import frozen
 from lagcli.model.model import Simulation
 from lagcli.simulation.run.loop import Run
 from lagcli.simulation.run_state.between_steps import RunState
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class RunReport:
     """The account of a run at the time t reached.
 
@@ -62,7 +62,7 @@ class RunReport:
     accuracy: Accuracy | None
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class RunBlock:
     """Rows (k, columns) as they are handed out, maybe none, and the incidents that came with them."""
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen_value
 from lagcli.linear import rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial, projection
@@ -50,7 +51,7 @@ def briefly() -> Iterator[None]:
         _is_brief.reset(token)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Assembly:
     """A consistent state and how far it lies from the declared one, in the mass-weighted norm."""
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.frozen import frozen_value
 from lagcli.model import model as nouns
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ MOVE_ROUNDOFF = 1e-13
 MOST_LISTED = 6
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Move:
     """A coordinate or velocity that was changed, in the units of the model."""
 
@@ -33,7 +33,7 @@ class Move:
         return f"{self.name} from {self.old:.6g} to {self.new:.6g}"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Moves:
     """The changes an assembly made: moved and moved_velocity as of `Assembly`; all coordinates and velocities it
     changed, in their order."""

@@ -5,7 +5,6 @@ A search without success proves nothing; it says what was tried and the least th
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ import numpy.typing as npt
 from lagcli import progress
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.frozen import frozen_value
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
@@ -39,7 +39,7 @@ IPOPT_EACH = 5
 SEED = 20061
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class ConfigurationResult:
     """The best that a search for some rows has reached, and from how many starts it went out."""
 

@@ -13,6 +13,7 @@ from lagcli import progress
 from lagcli.compiled import NumericSystem
 from lagcli.equations import row_parameters, size_limits
 from lagcli.equations.system import System
+from lagcli.frozen import frozen
 from lagcli.start import initial
 from lagcli.start.initial import State
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class ConsistentStart:
     """A state where a run can begin, and how it was moved there, if it was."""
 

@@ -12,6 +12,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen
 from lagcli.linear import generic_direction
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows
@@ -44,7 +45,7 @@ class State:
     p: Floats
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Residuals:
     """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed.
 

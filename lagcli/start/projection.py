@@ -15,6 +15,7 @@ import numpy.typing as npt
 from lagcli import progress
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.position_rows import PositionRows
+from lagcli.frozen import frozen
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial
@@ -69,7 +70,7 @@ class ProjectionParameters:
 PARAMETERS = ProjectionParameters()
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Reached:
     """The end of a descent: q (n,), and |f_i| / |B_i| of each row there; whether it is on the surface."""
 

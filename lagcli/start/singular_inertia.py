@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.frozen import frozen_value
 from lagcli.linear.metric_rows import Sparse
 
 Floats = npt.NDArray[np.float64]
@@ -28,7 +28,7 @@ NEGATIVE = 1e-9
 _SINGULAR_PLACE = "start away from a singular place (the centre of polar, the pole of spherical coordinates)"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Fault:
     """A code, a sentence, the coordinate at which to show it, and what to do."""
 

@@ -14,16 +14,14 @@ from typing import TYPE_CHECKING
 from lagcli.analysis.classification.known_integrals import Orbit
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
+from lagcli.frozen import frozen_value
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
     from lagcli.analysis.numeric_flag import NumericFlag
 
 
-import dataclasses
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class CoupledGroup:
     """Numbers of coupled rows: the differential ones, and the holonomic ones that share coordinates with them."""
 

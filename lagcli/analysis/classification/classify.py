@@ -24,6 +24,7 @@ from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.expression import parser
+from lagcli.frozen import frozen_value
 from lagcli.model import family, settings
 from lagcli.model import model as nouns
 from lagcli.start import assembly, initial, sample_points
@@ -33,7 +34,7 @@ MOST = 30  # rounds of conditions that demand others
 AGAIN = "the hidden conditions of the rows have no end that algebra sees"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Classified:
     """A case with all conditions that its rows demand among its holonomic rows, and its classification."""
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING
 
+from lagcli.frozen import frozen_value
 from lagcli.model.invariant import FirstIntegral
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Integrals = tuple[FirstIntegral, ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Orbit:
     """Rows by their numbers, and places to which motions from the start come, as far as these rows see them."""
 
@@ -23,7 +23,7 @@ class Orbit:
     places: tuple[State, ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class KnownIntegrals:
     """First integrals of the differential rows, notes on those that are not known, the hidden conditions, and where
     motions from the start were followed."""

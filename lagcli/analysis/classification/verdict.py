@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Literal
 
+from lagcli.frozen import frozen_value
 from lagcli.model import model as nouns
 from lagcli.model.invariant import FirstIntegral
 
@@ -16,7 +17,7 @@ Kind = Literal[
 Proof = Literal["symbolic", "numeric", "none"]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Verdict:
     """The proved facts of one row. `integral` and `integrating_factor` are texts in the model's notation."""
 
@@ -29,7 +30,7 @@ class Verdict:
     proof: Proof
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Condition:
     """A hidden holonomic condition g = 0 that rows demand by g dt = 0; `text` is g in the model's notation."""
 
@@ -45,7 +46,7 @@ class HiddenConditionsError(Exception):
         self.conditions = conditions
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class JointVerdict:
     """The derived flag of coupled differential rows, beyond the df of the holonomic rows they meet.
 
@@ -78,7 +79,7 @@ class JointVerdict:
         return bool(self.flag)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Classification:
     """Verdicts of the differential rows in their order, and of the groups they fall into."""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
+from lagcli.frozen import frozen_value
 from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.start import initial
@@ -28,7 +29,7 @@ MOST_DEPENDENCIES = 3000
 LATER = (0.001, 0.01)  # of the duration: soon, so that no other law has come to its end by then
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Codimension:
     """The rank of the holonomic rows at a state, and the codimension of their surface around it, None if unproved.
 
@@ -50,7 +51,7 @@ class Codimension:
     notes: tuple[str, ...] = ()
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class _Set:
     """Rows that share coordinates, their rank and codimension, and those among them that are dependent."""
 
@@ -62,7 +63,7 @@ class _Set:
     follow: Rows
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class _Case:
     """A system at a state, and the later times at which rows are looked at again."""
 

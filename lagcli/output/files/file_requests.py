@@ -6,7 +6,6 @@ Looked at before any work. The functions raise `write_guard.BadRequest`, with th
 
 from __future__ import annotations
 
-import dataclasses
 import errno
 import os
 import pathlib
@@ -16,13 +15,14 @@ import unicodedata
 from collections.abc import Iterable, Iterator
 from typing import TextIO
 
+from lagcli.frozen import frozen_value
 from lagcli.output.files import atomic_file, formats, write_guard
 from lagcli.output.files.write_guard import BadRequest
 
 IGNORING_CASE = ("win32", "darwin")  # platforms whose file systems usually take `A` and `a` for one name
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class File:
     """A file with the option that names it.
 

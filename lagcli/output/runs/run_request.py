@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import pathlib
 from collections.abc import Iterator
 
+from lagcli.frozen import frozen
 from lagcli.model import settings
 from lagcli.output.files import atomic_file, file_requests, formats
 from lagcli.output.files.write_guard import BadRequest
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class RunRequest:
     """The files that a run goes into, and what is told of it: options of `simulate` besides the settings of the run.
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.frozen import frozen_value
 from lagcli.output.files import atomic_file, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.tables import cell_text, sinks, table_format
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class TablePlan:
     """A table that a run shall write.
 
@@ -76,7 +77,7 @@ class TablePlan:
         return block if not self.words else np.ascontiguousarray(block[:, kept]), texts
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class RowsBefore:
     """Rows of the run that is resumed, which the same table begins with: their file, and the time they go up to."""
 

@@ -15,6 +15,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen
 from lagcli.model.invariant import FirstIntegral
 from lagcli.output import run_account, table_columns
 from lagcli.output.run_account import Outcome, Stats, Stopped
@@ -37,7 +38,7 @@ Floats = npt.NDArray[np.float64]
 Integrals = tuple[FirstIntegral, ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class PreparedRun:
     """All that a run goes with.
 

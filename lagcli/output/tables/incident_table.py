@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
 import operator
@@ -15,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.errors import diagnostics
+from lagcli.frozen import frozen, frozen_value
 from lagcli.model.model import Model
 from lagcli.simulation.run_state.incident import KINDS, Incident
 
@@ -27,7 +27,7 @@ HEAD = ("t", *TEXTS)
 IMPULSE, BEFORE, AFTER = "impulse.", "before.", "after."
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class IncidentColumns:
     """The columns of the table of incidents of a model.
 
@@ -77,7 +77,7 @@ def columns(model: Model, columns: Sequence[str]) -> IncidentColumns:
     return IncidentColumns(tuple(names), positions, velocities)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class IncidentRow:
     """An incident of `run.events`, by the names of constraints, positions and velocities.
 

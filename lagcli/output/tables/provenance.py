@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from lagcli import __version__
+from lagcli.frozen import frozen_value
 from lagcli.model import dimension_facts, settings
 from lagcli.model.dimension_facts import DimensionFacts
 from lagcli.model.model import Model, Units, Vector3
@@ -13,7 +14,7 @@ from lagcli.model.model import Model, Units, Vector3
 MOST_POWER = 99  # of a length: more is no dimension
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class TableFacts:
     """The facts behind the columns of a table.
 
@@ -79,7 +80,7 @@ def _names(told: object) -> frozenset[str]:
     )
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Provenance:
     """The origin of a table; equal runs have equal ones.
 

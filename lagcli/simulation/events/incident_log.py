@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.frozen import frozen
 from lagcli.simulation.run_state.incident import Incident, Kind
 from lagcli.simulation.scheme import line_functions
 from lagcli.simulation.stepping.stepper import Stepper
@@ -14,7 +13,7 @@ from lagcli.simulation.stepping.stepper import Stepper
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class InstantLines:
     """Lines of the table before and after an instant, and the impulses of all constraints at it (C + K,)."""
 

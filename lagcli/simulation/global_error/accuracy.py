@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
+
+from lagcli.frozen import frozen_value
 
 KINDS = ("r", "v", "lambda", "R")
 _NAMES = ("positions", "velocities", "multipliers", "R")
@@ -12,7 +13,7 @@ _NAMES = ("positions", "velocities", "multipliers", "R")
 SURE = 3
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Accuracy:
     """The estimate at the last row, t; four numbers each, in the order of `KINDS`.
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations.time_functions import TimeFunctions
+from lagcli.frozen import frozen
 from lagcli.model.model import Simulation
 from lagcli.simulation.run.loop import Run
 from lagcli.simulation.run.row_writer import RowWriter, TableRows
@@ -27,7 +28,7 @@ Floats = npt.NDArray[np.float64]
 FIRST = 0.1
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class RunStart:
     """A consistent start, q and v (n,); is_singular: the rows are dependent there and not nearby; part: of the usual
     first step, with which the run begins; is_again: it repeats another run and must not miss what that one may."""

@@ -6,7 +6,6 @@ all numbers together by a sum: a checkpoint is a file like any other, and may be
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import os
@@ -15,6 +14,7 @@ from collections.abc import Iterator
 from lagcli import __version__
 from lagcli.equations import system
 from lagcli.errors.diagnostics import printable
+from lagcli.frozen import frozen, frozen_value
 from lagcli.model import settings
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Vector3
@@ -31,7 +31,7 @@ class CheckpointError(ValueError):
     """A file that is no checkpoint, or one that this run cannot go on from."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Identity:
     """The data that must agree for a run to go on: the text of the model, all that `--set` may change, the settings.
 
@@ -49,7 +49,7 @@ class Identity:
     max_step: float | None = None
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class CheckpointTable:
     """The table a run was writing into a file: where it is, seen from the folder of the checkpoint; step: between its
     rows; count, checksum: of those that were written; has_event_rows: with rows of the instants of incidents."""
@@ -61,7 +61,7 @@ class CheckpointTable:
     has_event_rows: bool = False
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Checkpoint:
     """A run, and whose; integrals: those that were found of its differential rows when it began; table: where its rows
     went, where that is a file; events: the same of its incidents."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
+
+from lagcli.frozen import frozen, frozen_value
 
 Floats = npt.NDArray[np.float64]
 
@@ -15,7 +16,7 @@ Kind = Literal["impact", "accumulation", "contact", "release", "event", "crossin
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Incident:
     """An impact, contact, release or event of one name at an instant t, not counted from the origin of the run.
 
@@ -33,7 +34,7 @@ class Incident:
     after: Floats
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class RankDrop:
     """At a time t the rank of the rows drops by `number`; participants: the rows that become dependent."""
 
@@ -42,7 +43,7 @@ class RankDrop:
     participants: tuple[int, ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Tally:
     """Numbers of incidents up to some state.
 

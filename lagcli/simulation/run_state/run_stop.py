@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from lagcli.frozen import frozen_value
 
 # Why a run stops, as codes for `lagcli explain`.
 SINGULAR, NO_SOLUTION = "singular-constraints", "no-solution-beyond"
@@ -10,7 +10,7 @@ NOT_FINITE, TOO_SMALL = "not-finite", "step-too-small"
 CONTACT = "contact-undecided"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Stop:
     """Why a run ended before its end: the time reached, a sentence, and one of the codes of `catalogue.stops`."""
 

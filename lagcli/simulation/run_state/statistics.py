@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.frozen import frozen_value
 from lagcli.simulation.run_state.incident import NONE, Incident, RankDrop, Tally
 
 Floats = npt.NDArray[np.float64]
@@ -21,7 +22,7 @@ ENERGY_ROUNDOFF = 1e-10
 LAST_DIGITS = 16 * 2.0**-52
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Figures:
     """Extremes over the rows of a run, each of which is a float; energies in the model's unit.
 

@@ -21,6 +21,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions
 from lagcli.equations.system import System
+from lagcli.frozen import frozen
 from lagcli.linear import generic_direction, independent_rows, metric_rows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
@@ -228,7 +229,7 @@ class _Forms:
         return dependent
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class EnforcedInvariants:
     """The integrals that a run holds: a level of each of the integrals, or None where its velocity row alone keeps it.
 

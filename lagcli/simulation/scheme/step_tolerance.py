@@ -9,14 +9,13 @@ rounding is what is left, and no error of a step.
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
+from lagcli.frozen import frozen_value
 from lagcli.linear import generic_direction
 from lagcli.model.model import Simulation
 from lagcli.start import initial
@@ -89,7 +88,7 @@ def sentence(settings: Simulation) -> str:
     return f"rtol {settings.rtol:g}, atol {settings.atol:g}"
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class RestingForces:
     """acceleration: that the largest term of h would make, in the units of `parts.Sizes`, 0 where the forces do not
     balance within h; energy: of the forces over the size of q; blurred: acceleration by the rounding of forces that

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
 
 from lagcli.equations.time_functions import TimeFunctions
+from lagcli.frozen import frozen_value
 from lagcli.model.model import Simulation
 
 # A last interval shorter than this part of the step is rounding, and no interval.
@@ -21,7 +21,7 @@ LEAST, SHIFT = 2, 0.37
 OFFSET = 2**14
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@frozen_value
 class Grid:
     """Rows at start + i step for i < count - 1, and at the end exactly."""
 
