@@ -41,4 +41,9 @@ class PositionRows:
 
     def matrix(self, entries: Floats) -> ca.DM:
         """B (s, n), sparse."""
-        return ca.DM(self._pattern, ca.DM(entries))
+        return in_places(self._pattern, entries)
+
+
+def in_places(pattern: ca.Sparsity, entries: Floats) -> ca.DM:
+    """The sparse matrix with these entries, column by column."""
+    return ca.DM(pattern, ca.DM(entries))

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import NumericSystem
+from lagcli.compiled import NumericSystem, position_rows
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows, metric_rows, rank
@@ -132,15 +132,21 @@ class BoundarySurface(projection.Surface):
         state = search.state
         super().__init__(search.numeric, state.t, state.p, search.metric)
         self._search, self._active = search, active
+        pattern = search.numeric.contacts.sparsity_out(1)
+        self._gradients = pattern.sub(active, list(range(pattern.size2())))[0]
 
-    def rows(self, q: Floats) -> tuple[Floats, Sparse]:
-        """f (s,) and g of the constraints, and their gradients, sparse."""
-        f, B = super().rows(q)
+    def values(self, q: Floats) -> tuple[Floats, Floats]:
+        """f (s,) and g of the constraints, and the entries of their gradients."""
+        f, entries = super().values(q)
         state = self._search.state
         g, G = self._search.numeric.contacts(state.t, q, state.v, state.p)[:2]
-        return np.concatenate([f, np.array(g).ravel()[self._active]]), metric_rows.stacked(
-            B, G[self._active, :]
-        )
+        own = np.array(G[self._active, :].nonzeros(), dtype=float)
+        return np.concatenate([f, np.array(g).ravel()[self._active]]), np.concatenate([entries, own])
+
+    def matrix(self, entries: Floats) -> Sparse:
+        """The gradients of f and of g of the constraints, sparse."""
+        equalities, own = np.split(entries, [entries.size - self._gradients.nnz()])
+        return metric_rows.stacked(super().matrix(equalities), position_rows.in_places(self._gradients, own))
 
 
 def nearest(search: Search, q: Floats) -> Floats:

@@ -96,8 +96,16 @@ class Surface:
 
     def rows(self, q: Floats) -> tuple[Floats, Sparse]:
         """f (s,) and B (s, n), sparse."""
-        f, entries = self._rows.values(q)
-        return f, self._rows.matrix(entries)
+        f, entries = self.values(q)
+        return f, self.matrix(entries)
+
+    def values(self, q: Floats) -> tuple[Floats, Floats]:
+        """f (s,) and the entries of B at q (n,), which `matrix` puts in their places."""
+        return self._rows.values(q)
+
+    def matrix(self, entries: Floats) -> Sparse:
+        """B (s, n), sparse."""
+        return self._rows.matrix(entries)
 
     @cached_property
     def _rows(self) -> PositionRows:
@@ -112,8 +120,8 @@ class Surface:
         """
         damping = 0.0
         passed = np.inf
-        f, entries = self._rows.values(q)
-        B = self._rows.matrix(entries)
+        f, entries = self.values(q)
+        B = self.matrix(entries)
         best = self._reached(q, f, B)
         for taken in range(PARAMETERS.most_steps):
             progress.require_time()
@@ -127,7 +135,7 @@ class Surface:
                 passed = before
             for _ in range(PARAMETERS.most_halvings):
                 step = rows.correction(f, damping)
-                after, entries = self._rows.values(q + step)
+                after, entries = self.values(q + step)
                 length = (
                     float(np.linalg.norm(after / rows.lengths)) if _are_finite(after, entries) else np.inf
                 )
@@ -136,7 +144,7 @@ class Surface:
                 damping = max(PARAMETERS.stronger * damping, PARAMETERS.first_damping)
             else:
                 break
-            q, f, B = q + step, after, self._rows.matrix(entries)
+            q, f, B = q + step, after, self.matrix(entries)
             damping = damping / PARAMETERS.weaker if damping > PARAMETERS.last_damping else 0.0
             here = self._reached(q, f, B)
             best = here if to_the_end or here.is_on or here.worst <= best.worst else best
@@ -174,10 +182,10 @@ class Surface:
                 residual <= PARAMETERS.squared * before or before <= PARAMETERS.converged * size
             ):
                 return q
-            f, entries = self._rows.values(q)
+            f, entries = self.values(q)
             if not _are_finite(f, entries):
                 return None
-            q = q + MetricRows(self._rows.matrix(entries), self._metric).correction(f)
+            q = q + MetricRows(self.matrix(entries), self._metric).correction(f)
             before, residual = residual, self.residual(q)
         return None
 
